@@ -1,0 +1,196 @@
+"""Procrustes alignment of point sets: rigid or similarity, weighted, batched, blind to NaN.
+
+A point that is NaN in either set, or whose weight is zero, takes no part. Directions are in the
+names: ``R_target_from_source`` turns a vector in the axes of ``source`` into those of ``target``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+MIN_POINTS = 3
+"""Fewer points than this leave a rotation undetermined; such an alignment is all NaN."""
+
+MAD_TO_SIGMA = 1.4826
+"""Median absolute deviation to standard deviation, for a normal distribution."""
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """A similarity (or, with ``scale`` 1, rigid) transform, with any leading axes.
+
+    ``x_target = scale * R_target_from_source @ x_source + t_target``.
+    """
+
+    R_target_from_source: Array  # (..., 3, 3)
+    t_target: Array  # (..., 3), units of the points
+    scale: Array  # (...,)
+
+    def apply(self, points: ArrayLike) -> Array:
+        """Points (..., N, 3) of the source, in the axes of the target."""
+        x = np.asarray(points, dtype=np.float64)
+        rotated = x @ np.swapaxes(self.R_target_from_source, -1, -2)
+        return self.scale[..., None, None] * rotated + self.t_target[..., None, :]
+
+
+@dataclass(frozen=True)
+class RobustAlignment:
+    """One transform for a whole motion, with what it left over."""
+
+    alignment: Alignment
+    residual: Array  # (...,) distance of each aligned point to its target, NaN where unseen
+    weights: Array  # (...,) final robust weight in [0, 1], 0 where unseen
+    rms: float  # weighted root-mean-square residual, units of the points
+    converged: bool
+    status: str
+
+
+def procrustes(
+    source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None, *, scale: bool = False
+) -> Alignment:
+    """Least-squares alignment of ``source`` onto ``target`` (Kabsch 1976, Umeyama 1991).
+
+    Args:
+        source, target: (..., N, 3) points; leading axes broadcast.
+        weights: (..., N) non-negative, or None for equal weights.
+        scale: also solve a positive scale (similarity); otherwise the scale is 1 (rigid).
+
+    Returns:
+        Alignment over the leading axes; NaN where fewer than three points are usable. Collinear
+        points leave a turn about their line free: one of the equally good rotations is returned.
+
+    Raises:
+        ValueError: last axis not 3, different numbers of points, or a negative weight.
+    """
+    x, y, w = _usable(source, target, weights)
+    total = w.sum(axis=-1)
+    enough = (w > 0).sum(axis=-1) >= MIN_POINTS
+    unit = w / np.where(total > 0, total, 1.0)[..., None]
+
+    mean_x = np.einsum("...n,...nc->...c", unit, x)
+    mean_y = np.einsum("...n,...nc->...c", unit, y)
+    x = x - mean_x[..., None, :]
+    y = y - mean_y[..., None, :]
+    covariance = np.einsum("...n,...nr,...nc->...rc", unit, y, x)
+    U, singular, Vt = np.linalg.svd(covariance)
+    sign = np.ones_like(singular)
+    sign[..., 2] = np.where(np.linalg.det(U) * np.linalg.det(Vt) < 0, -1.0, 1.0)
+    R = (U * sign[..., None, :]) @ Vt
+    s = np.ones(total.shape)
+    if scale:
+        spread = np.einsum("...n,...nc,...nc->...", unit, x, x)
+        s = (singular * sign).sum(axis=-1) / np.where(spread > 0, spread, np.nan)
+    t = mean_y - s[..., None] * np.einsum("...rc,...c->...r", R, mean_x)
+    return Alignment(
+        np.where(enough[..., None, None], R, np.nan),
+        np.where(enough[..., None], t, np.nan),
+        np.where(enough, s, np.nan),
+    )
+
+
+def rigid(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None) -> Alignment:
+    """Best rotation and translation of ``source`` onto ``target``; see `procrustes`."""
+    return procrustes(source, target, weights, scale=False)
+
+
+def similarity(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None) -> Alignment:
+    """Best rotation, translation and scale of ``source`` onto ``target``; see `procrustes`."""
+    return procrustes(source, target, weights, scale=True)
+
+
+def align_motion(
+    source: ArrayLike,
+    target: ArrayLike,
+    weights: ArrayLike | None = None,
+    *,
+    scale: bool = False,
+    sigma: float | None = None,
+    iterations: int = 50,
+    tolerance: float = 1e-9,
+) -> RobustAlignment:
+    """ONE robust transform that lays a whole motion onto another (initial cameras, section 3.2).
+
+    Iteratively reweighted least squares. It starts from least absolute residuals, which a large
+    minority of bad frames cannot capture, and ends on the Geman-McClure weights
+    ``(sigma^2 / (sigma^2 + r^2))^2``.
+
+    Args:
+        source, target: (..., 3), of equal shape: root paths (T, 3) or motions (T, J, 3). A path
+            that hardly moves, or moves on a line, does not fix a rotation: pass joints then.
+        weights: (...,) trust of each point, or None.
+        scale: solve a scale too.
+        sigma: residual, in units of the points, at which a point counts a quarter; None reads it
+            from the residuals (three robust standard deviations, again at every step).
+        iterations: at most so many steps in each of the two phases.
+        tolerance: stop when no weight moves by more than this.
+
+    Raises:
+        ValueError: shapes differ, fewer than three usable points, or sigma not positive.
+    """
+    x, y = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
+    if x.shape != y.shape:
+        raise ValueError(f"source and target must have one shape, got {x.shape} and {y.shape}")
+    if sigma is not None and not sigma > 0:
+        raise ValueError(f"sigma must be positive, got {sigma}")
+    shape = x.shape[:-1]
+    flat_weights = None if weights is None else np.broadcast_to(weights, shape).reshape(-1)
+    x, y, trust = _usable(x.reshape(-1, 3), y.reshape(-1, 3), flat_weights)
+    seen = trust > 0
+    if seen.sum() < MIN_POINTS:
+        raise ValueError(f"need {MIN_POINTS} points seen in both motions, got {int(seen.sum())}")
+
+    robust = np.ones(len(x))
+    extent = float(np.ptp(y[seen], axis=0).max())
+    floor = max(1e-9 * extent, 1e-15)
+    for _ in range(iterations):
+        residual = _residual(procrustes(x, y, trust * robust, scale=scale), x, y)
+        least = max(float(np.median(residual[seen])) * 1e-2, floor)
+        last, robust = robust, least / np.maximum(residual, least)
+        if np.abs(robust - last)[seen].max() < tolerance:
+            break
+    moved = np.inf
+    for _ in range(iterations):
+        residual = _residual(procrustes(x, y, trust * robust, scale=scale), x, y)
+        width = sigma or max(3 * MAD_TO_SIGMA * float(np.median(residual[seen])), floor)
+        last, robust = robust, (width**2 / (width**2 + residual**2)) ** 2
+        moved = float(np.abs(robust - last)[seen].max())
+        if moved < tolerance:
+            break
+    alignment = procrustes(x, y, trust * robust, scale=scale)
+    residual = _residual(alignment, x, y)
+    total = trust * robust
+    converged = bool(moved < max(tolerance, 1e-3))
+    return RobustAlignment(
+        alignment,
+        np.where(seen, residual, np.nan).reshape(shape),
+        np.where(seen, robust, 0.0).reshape(shape),
+        float(np.sqrt((total * residual**2).sum() / total.sum())),
+        converged,
+        "converged" if converged else f"weights still moved by {moved:.2g} at the last step",
+    )
+
+
+def _usable(
+    source: ArrayLike, target: ArrayLike, weights: ArrayLike | None
+) -> tuple[Array, Array, Array]:
+    """Both point sets with zeros for NaN, and weights that are zero there."""
+    x, y = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
+    if x.shape[-1:] != (3,) or y.shape[-1:] != (3,) or x.shape[-2:] != y.shape[-2:]:
+        raise ValueError(f"points must be (..., N, 3) with one N, got {x.shape} and {y.shape}")
+    x, y = np.broadcast_arrays(x, y)
+    seen = np.isfinite(x).all(axis=-1) & np.isfinite(y).all(axis=-1)
+    w = np.ones(seen.shape) if weights is None else np.broadcast_to(weights, seen.shape)
+    w = np.where(seen & np.isfinite(w), w, 0.0)
+    if (w < 0).any():
+        raise ValueError(f"weights must not be negative, got {w.min()}")
+    return np.where(seen[..., None], x, 0.0), np.where(seen[..., None], y, 0.0), w
+
+
+def _residual(alignment: Alignment, x: Array, y: Array) -> Array:
+    distance: Array = np.linalg.norm(alignment.apply(x) - y, axis=-1)
+    return distance
