@@ -1,0 +1,146 @@
+"""Robust means of rotations and of vectors: a camera from many noisy guesses of it.
+
+A camera's rotation relative to the reference camera is seen once per matched frame, as the
+difference of two root orientations; many of those are wrong (mismatched frames, flipped
+monocular fits), so the mean has to ignore what disagrees.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RotationMean:
+    """``R`` (3, 3); ``weights`` (N,) final robust weights; ``angles_deg`` (N,) to ``R``."""
+
+    R: Array
+    weights: Array
+    angles_deg: Array
+    status: str
+
+
+@dataclass(frozen=True)
+class VectorMean:
+    """``mean`` (D,); ``weights`` (N,) final robust weights; ``distances`` (N,) to ``mean``."""
+
+    mean: Array
+    weights: Array
+    distances: Array
+    status: str
+
+
+def nearest_rotation(M: Array) -> Array:
+    """The rotation (..., 3, 3) nearest to matrices (..., 3, 3) in the Frobenius norm."""
+    U, _, Vt = np.linalg.svd(M)
+    sign = np.linalg.det(U @ Vt)
+    U = U.copy()
+    U[..., :, 2] *= sign[..., None]
+    return U @ Vt
+
+
+def angle_deg(R_a: Array, R_b: Array) -> Array:
+    """Angle (...) in degrees between rotations (..., 3, 3); exact near 0 and near 180."""
+    relative = np.swapaxes(R_a, -1, -2) @ R_b
+    shape = relative.shape[:-2]
+    angles = Rotation.from_matrix(relative.reshape(-1, 3, 3)).magnitude()
+    return np.rad2deg(angles).reshape(shape)
+
+
+def geman_mcclure_weight(residual: Array, scale: float) -> Array:
+    """IRLS weight of ``rho(r) = r^2 / (1 + r^2/scale^2)``: 1 at 0, 1/4 at ``scale``, 0 far away."""
+    return 1.0 / (1.0 + (residual / scale) ** 2) ** 2
+
+
+def mean_rotation(
+    R: Array,
+    weights: Array | None = None,
+    *,
+    scale_deg: float = 10.0,
+    iterations: int = 50,
+) -> RotationMean:
+    """Geman-McClure mean of rotations (N, 3, 3), with prior weights (N,).
+
+    Starts at the projected entrywise median (Lee and Civera, "Robust single rotation averaging",
+    2020), then reweights chordal means. The scale starts at the median angle and shrinks to
+    ``scale_deg``, so that the basin is wide first. Rotations with NaN weigh nothing.
+    """
+    R = np.asarray(R, dtype=np.float64)
+    if R.ndim != 3 or R.shape[1:] != (3, 3):
+        raise ValueError(f"R: expected rotations of shape (N, 3, 3), got {R.shape}")
+    prior, valid = _prior(weights, np.isfinite(R.sum(axis=(1, 2))))
+    if not valid.any():
+        nowhere = np.full(len(R), np.nan)
+        return RotationMean(np.eye(3), np.zeros(len(R)), nowhere, "no valid rotation to average")
+    used, share = R[valid], prior[valid]
+    mean = nearest_rotation(_weighted_median(used, share))
+    scale = max(scale_deg, float(np.median(angle_deg(used, mean))))
+    robust, status = share, f"not settled after {iterations} iterations"
+    for _ in range(iterations):
+        robust = share * geman_mcclure_weight(angle_deg(used, mean), scale)
+        new = nearest_rotation(np.einsum("n,nij->ij", robust, used))
+        moved = float(angle_deg(mean, new))
+        mean = new
+        if moved < 1e-6 and scale == scale_deg:
+            status = "converged"
+            break
+        scale = max(scale_deg, 0.7 * scale)
+    angles, final = np.full(len(R), np.nan), np.zeros(len(R))
+    angles[valid], final[valid] = angle_deg(used, mean), robust
+    return RotationMean(mean, final, angles, status)
+
+
+def mean_vector(
+    x: Array, weights: Array | None = None, *, scale: float, iterations: int = 50
+) -> VectorMean:
+    """Geman-McClure mean of vectors (N, D), with prior weights (N,); ``scale`` in their unit.
+
+    Starts at the coordinatewise median and shrinks the scale like `mean_rotation`.
+    """
+    x = np.asarray(x, dtype=np.float64)
+    if x.ndim != 2:
+        raise ValueError(f"x: expected vectors of shape (N, D), got {x.shape}")
+    prior, valid = _prior(weights, np.isfinite(x.sum(axis=1)))
+    if not valid.any():
+        nowhere = np.full(len(x), np.nan)
+        return VectorMean(np.zeros(x.shape[1]), np.zeros(len(x)), nowhere, "no vector to average")
+    used, share = x[valid], prior[valid]
+    mean = _weighted_median(used, share)
+    width = max(scale, float(np.median(np.linalg.norm(used - mean, axis=1))))
+    robust, status = share, f"not settled after {iterations} iterations"
+    for _ in range(iterations):
+        robust = share * geman_mcclure_weight(np.linalg.norm(used - mean, axis=1), width)
+        new = (robust @ used) / robust.sum()
+        moved = float(np.linalg.norm(new - mean))
+        mean = new
+        if moved < 1e-9 * max(1.0, scale) and width == scale:
+            status = "converged"
+            break
+        width = max(scale, 0.7 * width)
+    distances, final = np.full(len(x), np.nan), np.zeros(len(x))
+    distances[valid], final[valid] = np.linalg.norm(used - mean, axis=1), robust
+    return VectorMean(mean, final, distances, status)
+
+
+def _prior(weights: Array | None, finite: NDArray[np.bool_]) -> tuple[Array, NDArray[np.bool_]]:
+    """Given weights or ones, and which entries have both a value and a positive weight."""
+    prior = np.ones(len(finite)) if weights is None else np.asarray(weights, dtype=np.float64)
+    if prior.shape != finite.shape:
+        raise ValueError(f"weights: expected shape {finite.shape}, got {prior.shape}")
+    return prior, finite & (prior > 0)
+
+
+def _weighted_median(values: Array, weights: Array) -> Array:
+    """Lower weighted median over the first axis of (N, ...), entry by entry."""
+    flat = values.reshape(len(values), -1)
+    order = np.argsort(flat, axis=0, kind="stable")
+    cumulated = np.cumsum(weights[order], axis=0)
+    row = np.argmax(cumulated >= 0.5 * cumulated[-1], axis=0)
+    median = np.take_along_axis(flat, order, axis=0)[row, np.arange(flat.shape[1])]
+    return median.reshape(values.shape[1:])
