@@ -1,0 +1,64 @@
+# imocap: the manual.
+#
+#   make all ACTION=yoga   from nothing to the motion and its report (installs first, when needed)
+#   make test              the whole test suite
+#   make check             lint, format, types, import order, tests
+#   make bench             the benchmark
+#   make baseline          write the benchmark's numbers as the new baseline
+#   make clean             remove what was built (.venv, caches); actions/ and artifacts/ stay
+#
+# ACTION is a name below actions/ (or a built-in one: yoga), or a path to a folder with an action.yaml.
+
+ACTION ?= yoga
+VENV   := .venv
+BIN    := $(VENV)/bin
+STAMP  := $(VENV)/.installed
+FIT    := import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))
+PYTHON ?= $(shell for p in python3 python3.11 python3.12 python3.13 python3.14 python; do \
+            $$p -c '$(FIT)' >/dev/null 2>&1 && { echo $$p; break; }; done)
+# One thread a test worker: two workers with two threads each fight over two cores.
+PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto
+
+.DEFAULT_GOAL := help
+.PHONY: help setup all test check lint format bench baseline clean
+
+help:
+	@sed -n 's/^#   \{0,1\}//p' Makefile
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml constraints.txt
+	@test -n "$(PYTHON)" || { echo "imocap needs Python 3.11 or newer with venv and pip;" \
+	  "found: $$(python3 --version 2>&1). Install one, or name it: make $(MAKECMDGOALS) PYTHON=/path/to/python3.11"; exit 1; }
+	@test -x $(BIN)/python || { echo "imocap: making $(VENV) with $$($(PYTHON) --version)"; $(PYTHON) -m venv $(VENV); }
+	@echo "imocap: installing (once; minutes on a fresh machine)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $@
+
+all: $(STAMP)
+	@$(BIN)/imocap run '$(ACTION)'
+
+test: $(STAMP)
+	@$(PYTEST)
+
+lint: $(STAMP)
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+	@$(BIN)/lint-imports
+	@$(BIN)/mypy
+
+check: lint test
+
+format: $(STAMP)
+	@$(BIN)/ruff format .
+	@$(BIN)/ruff check --fix .
+
+bench: $(STAMP)
+	@$(BIN)/imocap benchmark all
+
+baseline: $(STAMP)
+	@$(BIN)/imocap benchmark all --write-baseline
+
+clean:
+	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
