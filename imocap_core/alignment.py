@@ -183,7 +183,7 @@ def _usable(
     if x.shape[-1:] != (3,) or y.shape[-1:] != (3,) or x.shape[-2:] != y.shape[-2:]:
         raise ValueError(f"points must be (..., N, 3) with one N, got {x.shape} and {y.shape}")
     x, y = np.broadcast_arrays(x, y)
-    seen = np.isfinite(x).all(axis=-1) & np.isfinite(y).all(axis=-1)
+    seen = np.asarray(np.isfinite(x).all(axis=-1) & np.isfinite(y).all(axis=-1))
     w = np.ones(seen.shape) if weights is None else np.broadcast_to(weights, seen.shape)
     w = np.where(seen & np.isfinite(w), w, 0.0)
     if (w < 0).any():

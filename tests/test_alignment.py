@@ -85,7 +85,8 @@ def test_two_points_give_nan_not_a_guess(rng: np.random.Generator) -> None:
     y[1, :3] = np.nan
     found = rigid(x, y)
     assert np.isfinite(found.t_target[0]).all()
-    assert np.isnan(found.t_target[1]).all() and np.isnan(found.R_target_from_source[1]).all()
+    assert np.isnan(found.t_target[1]).all()
+    assert np.isnan(found.R_target_from_source[1]).all()
 
 
 def test_misuse_is_named(rng: np.random.Generator) -> None:
@@ -108,7 +109,7 @@ def test_motion_alignment_survives_a_third_of_bad_frames(
     source = source + rng.normal(scale=0.4, size=(1, 24, 3))
     R, t, s = _rotation(rng), rng.normal(size=3), 1.3 if scale else 1.0
     target = s * source @ R.T + t + rng.normal(scale=0.01, size=source.shape)
-    target[::3] = rng.normal(scale=2.0, size=target[::3].shape) + [3, 0, 0]
+    target[::3] = rng.normal(scale=2.0, size=target[::3].shape) + 3.0
     target[10:14, 2] = np.nan
     found = align_motion(source, target, scale=scale)
     angle = Rotation.from_matrix(found.alignment.R_target_from_source @ R.T).magnitude()
@@ -134,4 +135,5 @@ def test_motion_alignment_of_equal_motions_is_exact(rng: np.random.Generator) ->
     path = rng.normal(size=(30, 3))
     found = align_motion(path, path)
     np.testing.assert_allclose(found.alignment.R_target_from_source, np.eye(3), atol=1e-12)
-    assert found.rms < 1e-9 and found.converged
+    assert found.rms < 1e-9
+    assert found.converged

@@ -1,0 +1,1 @@
+"""One function a metric; `docs/metrics.md` says in words what each of them means."""

@@ -1,0 +1,88 @@
+"""Synchronisation errors on maps that can be worked by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from imocap_core.metrics.sync import (
+    false_match_share,
+    matched_share,
+    offset_frames,
+    sync_error_frames,
+    sync_error_ms,
+    sync_error_pct,
+    sync_error_released_pct,
+    sync_errors,
+    sync_median_error_frames,
+    true_reference_frame,
+)
+
+# The reference shows phases 0, 10, ..., 100 in its source frames 5, 6, ..., 15.
+REFERENCE_FRAMES = np.arange(5, 16)
+REFERENCE_PHASE = 10.0 * np.arange(11)
+
+
+def _errors(matched: list[float], phase: list[float]):
+    return sync_errors(matched, phase, REFERENCE_FRAMES, REFERENCE_PHASE, phase_end=200.0)
+
+
+def test_true_position_interpolates_and_has_no_counterpart_outside() -> None:
+    found = true_reference_frame([-1, 0, 25, 100, 101], REFERENCE_FRAMES, REFERENCE_PHASE)
+    np.testing.assert_array_equal(found, [np.nan, 5, 7.5, 15, np.nan])
+
+
+def test_errors_by_hand() -> None:
+    # Phases 20 and 35 lie at reference frames 7 and 8.5; matched at 8 and 8: off by 1 and 0.5
+    # frames, by 10 and 5 of 200 in phase.
+    errors = _errors([8, 8], [20, 35])
+    np.testing.assert_allclose(errors.frames, [1, 0.5])
+    assert sync_error_pct(errors) == pytest.approx(3.75)
+    assert sync_error_released_pct(errors) == pytest.approx(5.0)  # 20 alone is a reference phase
+    assert sync_error_frames(errors) == pytest.approx(0.75)
+    assert sync_median_error_frames(errors) == pytest.approx(0.75)
+    assert sync_error_ms(errors, reference_fps=25) == pytest.approx(30)
+
+
+def test_the_true_map_has_no_error() -> None:
+    phase = np.linspace(3, 97, 40)
+    errors = _errors(list(true_reference_frame(phase, REFERENCE_FRAMES, REFERENCE_PHASE)), phase)
+    assert sync_error_pct(errors) == pytest.approx(0, abs=1e-12)
+    assert sync_error_frames(errors) == pytest.approx(0, abs=1e-12)
+    assert matched_share(errors) == 1
+    assert np.isnan(sync_error_released_pct(errors))  # no frame of one falls on one of the other
+
+
+def test_frames_without_counterpart_do_not_enter_the_mean() -> None:
+    errors = _errors([5, 7, np.nan, 15, np.nan], [-30, 20, 30, 140, 150])
+    assert sync_error_frames(errors) == pytest.approx(0)
+    assert matched_share(errors) == pytest.approx(1 / 2)  # of phases 20 and 30
+    assert false_match_share(errors) == pytest.approx(2 / 3)  # of phases -30, 140 and 150
+
+
+def test_percentage_does_not_see_the_unit_of_phase() -> None:
+    a = sync_errors([8, 8], [20, 35], REFERENCE_FRAMES, REFERENCE_PHASE, 100)
+    b = sync_errors([8, 8], [0.2, 0.35], REFERENCE_FRAMES, REFERENCE_PHASE / 100, 1)
+    assert sync_error_pct(a) == pytest.approx(sync_error_pct(b))
+
+
+def test_nothing_matched_is_nan_not_zero() -> None:
+    errors = _errors([np.nan, np.nan], [20, 35])
+    assert np.isnan(sync_error_pct(errors))
+    assert np.isnan(sync_median_error_frames(errors))
+    assert matched_share(errors) == 0
+    assert np.isnan(false_match_share(errors))
+
+
+def test_offset_by_hand() -> None:
+    assert offset_frames([3, 4, 5.5, np.nan], [1, 2, 3, 4]) == pytest.approx(2)
+    assert np.isnan(offset_frames([np.nan], [1]))
+
+
+def test_misuse_is_named() -> None:
+    with pytest.raises(ValueError, match="phase that rises"):
+        sync_errors([1], [1], [0, 1, 2], [0, 2, 1], 1)
+    with pytest.raises(ValueError, match="phase_end must be positive"):
+        sync_errors([1], [1], [0, 1], [0, 1], 0)
+    with pytest.raises(ValueError, match=r"both be \(T,\)"):
+        sync_errors([1, 2], [1], [0, 1], [0, 1], 1)

@@ -1,0 +1,78 @@
+"""Root paths and standing feet, by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from imocap_core.metrics.trajectory import (
+    foot_sliding_mm_s,
+    root_path_aligned_error_mm,
+    root_path_error_mm,
+    standing_feet,
+)
+
+
+@pytest.fixture
+def path() -> np.ndarray:
+    return np.cumsum(np.random.default_rng(1).normal(scale=0.1, size=(50, 3)), axis=0)
+
+
+def test_path_error_by_hand() -> None:
+    # True path 0, 1 m; predicted 0, 2 m: with centroids together each end is 0.5 m off.
+    true, predicted = np.zeros((2, 3)), np.zeros((2, 3))
+    true[1, 2], predicted[1, 2] = 1, 2
+    assert root_path_error_mm(predicted + 7, true) == pytest.approx(500)
+
+
+def test_path_error_forgives_an_offset_only(path: np.ndarray) -> None:
+    R = Rotation.from_euler("y", 20, degrees=True).as_matrix()
+    assert root_path_error_mm(path + np.array([1, 2, 3]), path) == pytest.approx(0, abs=1e-9)
+    assert root_path_error_mm(1.5 * path, path) > 50
+    assert root_path_error_mm(path @ R.T, path) > 50
+    assert root_path_aligned_error_mm(1.5 * path @ R.T - 4, path) == pytest.approx(0, abs=1e-9)
+
+
+def test_unseen_frames_are_left_out(path: np.ndarray) -> None:
+    holed = path + 1
+    holed[5:9] = np.nan
+    assert root_path_error_mm(holed, path) == pytest.approx(0, abs=1e-9)
+    assert np.isnan(root_path_error_mm(path * np.nan, path))
+    assert np.isnan(root_path_aligned_error_mm(path * np.nan, path))
+
+
+def test_sliding_by_hand() -> None:
+    # The left foot stands all along and is predicted to creep 2 mm a frame at 25 frames a second;
+    # the right foot strides through the air.
+    true = np.zeros((10, 2, 3))
+    true[:, 1, 0] = 0.1 * np.arange(10)
+    predicted = true.copy()
+    predicted[:, 0, 2] += 0.002 * np.arange(10)
+    standing = standing_feet(true, fps=25)
+    np.testing.assert_array_equal(standing, np.tile([True, False], (10, 1)))
+    assert foot_sliding_mm_s(predicted, standing, 25) == pytest.approx(50)
+    assert foot_sliding_mm_s(true, standing, 25) == pytest.approx(0)
+    assert np.isnan(foot_sliding_mm_s(true, np.zeros((10, 2), bool), 25))
+
+
+def test_the_foot_s_own_motion_does_not_count_as_sliding() -> None:
+    true = np.zeros((6, 1, 3))
+    true[:, 0, 0] = 0.003 * np.arange(6)  # rolls slowly, still "standing"
+    standing = standing_feet(true, fps=30)
+    assert standing.all()
+    assert foot_sliding_mm_s(true, standing, 30) == pytest.approx(90)
+    assert foot_sliding_mm_s(true, standing, 30, moving=true) == pytest.approx(0)
+
+
+def test_an_unseen_foot_is_not_known_to_stand() -> None:
+    true = np.zeros((5, 1, 3))
+    true[2] = np.nan
+    np.testing.assert_array_equal(standing_feet(true, 30)[:, 0], [True, False, False, False, True])
+
+
+def test_misuse_is_named(path: np.ndarray) -> None:
+    with pytest.raises(ValueError, match=r"\(T, 3\)"):
+        root_path_error_mm(path, path[1:])
+    with pytest.raises(ValueError, match="standing must be"):
+        foot_sliding_mm_s(np.zeros((5, 2, 3)), np.ones((5, 1), bool), 30)
