@@ -1,0 +1,174 @@
+"""Keypoints as levers: joints and surface points without ever skinning the surface.
+
+A point that is a mix of joints and skinned vertices, with weights that sum to 1, is
+
+    p = root + sum_k R_world_k @ lever_k,        root = joints_rest[0] + transl
+
+where lever_k, a vector in the frame of joint k, is linear in the shape (and, where a model has
+pose blend shapes, in the entries of the local rotations). It collects what joint k carries:
+its share of the surface vertices, and its bones towards the joints below that carry the rest.
+So a layout on any number of bodies is one matrix product, and so are its derivatives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from imocap_core.body.kinematics import ancestors
+from imocap_core.body.model import Model, Posed, Shaped
+from imocap_core.body.skinning import pose_features
+
+
+@dataclass(frozen=True, eq=False)
+class Corrections:
+    """Pose blend shapes of the U vertices that a layout uses.
+
+    directions (U, 3, 9 (J - 1)); shares (K, U): weight of each vertex in each point;
+    weights (U, J): skinning weights of these vertices.
+    """
+
+    directions: Tensor
+    shares: Tensor
+    weights: Tensor
+
+
+@dataclass(frozen=True, eq=False)
+class PointSet:
+    """K named points on one model.
+
+    Attributes
+    ----------
+    names (K,). levers_template (K, J, 3) metres, levers_shapedirs (K, J, 3, B).
+    moved_by (K, J) bool: whether the rotation of a joint moves the point.
+    below (J, J): below[k, j] is 1 where joint j is k or hangs below it, else 0.
+    """
+
+    names: tuple[str, ...]
+    levers_template: Tensor
+    levers_shapedirs: Tensor
+    moved_by: Tensor
+    below: Tensor
+    corrections: Corrections | None = None
+
+    def levers(self, shaped: Shaped) -> Tensor:
+        """(..., K, J, 3) for a shape, before pose blend shapes."""
+        count = shaped.coefficients.shape[-1]
+        directions = self.levers_shapedirs[..., :count]
+        offsets = shaped.coefficients @ directions.flatten(0, -2).T
+        return self.levers_template + offsets.unflatten(-1, self.levers_template.shape)
+
+
+def make_points(
+    model: Model,
+    names: Sequence[str],
+    joint_shares: Sequence[Mapping[int, float]],
+    vertex_shares: Sequence[Mapping[int, float]],
+) -> PointSet:
+    """Points from their mixes: for each point, weights of joints and weights of vertices.
+
+    Raises ValueError for a point whose weights do not sum to 1 (it would not move with the body).
+    """
+    joints, vertices = (
+        _table(joint_shares, len(model.parents)),
+        sorted({v for shares in vertex_shares for v in shares}),
+    )
+    shares = torch.zeros(len(names), len(vertices), dtype=torch.float64)
+    for row, mix in enumerate(vertex_shares):
+        for vertex, share in mix.items():
+            shares[row, vertices.index(vertex)] += share
+    total = joints.sum(1) + shares.sum(1)
+    wrong = [
+        name for name, value in zip(names, total.tolist(), strict=True) if abs(value - 1) > 1e-6
+    ]
+    if wrong:
+        raise ValueError(f"points {wrong}: the weights of each point must sum to 1")
+    return _build(model, tuple(names), joints.to(model.v_template), shares, vertices)
+
+
+def _table(rows: Sequence[Mapping[int, float]], width: int) -> Tensor:
+    table = torch.zeros(len(rows), width, dtype=torch.float64)
+    for row, mix in enumerate(rows):
+        for column, share in mix.items():
+            table[row, column] += share
+    return table
+
+
+def _build(
+    model: Model, names: tuple[str, ...], joint_shares: Tensor, shares: Tensor, vertices: list[int]
+) -> PointSet:
+    weights = model.weights[vertices]  # (U, J)
+    shares = shares.to(weights)
+    own = joint_shares + shares @ weights  # (K, J): how much of the point each bone carries
+    chain = ancestors(model.parents).to(weights)
+    below = own @ chain  # (K, J): how much is carried by a joint or by what hangs below it
+    carried = torch.einsum("ku,uj->kuj", shares, weights)
+
+    def levers(vertex: Tensor, joint: Tensor) -> Tensor:
+        """vertex (U, 3, n), joint (J, 3, n) -> (K, J, 3, n)."""
+        lever = torch.einsum("kuj,ucn->kjcn", carried, vertex)
+        lever = lever - (shares @ weights)[..., None, None] * joint
+        for child, parent in enumerate(model.parents[1:], start=1):
+            bone = joint[child] - joint[parent]
+            lever[:, parent] += below[:, child, None, None] * bone
+        return lever
+
+    corrections = None
+    if model.posedirs is not None and vertices:
+        corrections = Corrections(model.posedirs[vertices], shares, weights)
+    return PointSet(
+        names,
+        levers(model.v_template[vertices][..., None], model.joints_template[..., None])[..., 0],
+        levers(model.shapedirs[vertices], model.joints_shapedirs),
+        _moved_by(model.parents, joint_shares, shares @ weights),
+        chain.T,
+        corrections,
+    )
+
+
+def _moved_by(parents: Sequence[int], joint_shares: Tensor, skinned: Tensor) -> Tensor:
+    """(K, J) bool. A joint moves with the joints above it; a skinned vertex also with its own."""
+    chain = ancestors(parents).to(joint_shares)
+    strictly_above = chain - torch.eye(len(parents), dtype=chain.dtype, device=chain.device)
+    return (joint_shares.abs() @ strictly_above + skinned.abs() @ chain) > 0
+
+
+def posed_levers(posed: Posed, points: PointSet) -> Tensor:
+    """Levers (..., K, J, 3) with the pose blend shapes of this pose added."""
+    levers = points.levers(posed.shaped)
+    if points.corrections is None:
+        return levers
+    c = points.corrections
+    offsets = pose_features(posed.R_local) @ c.directions.flatten(0, 1).T
+    return levers + torch.einsum(
+        "ku,uj,...uc->...kjc", c.shares, c.weights, offsets.unflatten(-1, (-1, 3))
+    )
+
+
+def rows_of(R_world: Tensor) -> Tensor:
+    """World rotations (..., J, 3, 3) side by side: (..., 3, 3 J), ready to multiply levers."""
+    return R_world.transpose(-3, -2).flatten(-2)
+
+
+def turn(rows: Tensor, columns: Tensor) -> Tensor:
+    """Matrix product (..., 3, 3 J) @ (..., 3 J, Q), as few and as large products as possible.
+
+    Poses that share one shape (columns broadcast along the last leading axis) are stacked into
+    one tall product instead of many small ones.
+    """
+    shared = columns.ndim > 2 and columns.shape[-3] == 1 and rows.ndim > 2
+    if not shared:
+        return rows @ columns
+    stacked = rows.flatten(-3, -2) @ columns.squeeze(-3)
+    return stacked.unflatten(-2, (-1, 3))
+
+
+def place_points(posed: Posed, points: PointSet) -> Tensor:
+    """World positions (..., K, 3) of the points, metres."""
+    columns = posed_levers(posed, points).flatten(-2).transpose(-1, -2)
+    placed = turn(rows_of(posed.R_world), columns).transpose(-1, -2)
+    root = posed.shaped.joints_rest[..., :1, :] + posed.transl[..., None, :]
+    return placed + root

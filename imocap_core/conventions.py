@@ -1,0 +1,113 @@
+"""The constants of the field: body trees, and the joints that evaluations speak of.
+
+Names are lower snake case and start with ``left_`` or ``right_`` where the body has two of them
+(left and right are the performer's own). Every layout of the project uses this vocabulary.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+# SMPL's 24 joints, in SMPL's order (Loper et al., SIGGRAPH Asia 2015).
+SMPL_JOINTS: tuple[str, ...] = (
+    "pelvis",
+    "left_hip",
+    "right_hip",
+    "spine1",
+    "left_knee",
+    "right_knee",
+    "spine2",
+    "left_ankle",
+    "right_ankle",
+    "spine3",
+    "left_foot",
+    "right_foot",
+    "neck",
+    "left_collar",
+    "right_collar",
+    "head",
+    "left_shoulder",
+    "right_shoulder",
+    "left_elbow",
+    "right_elbow",
+    "left_wrist",
+    "right_wrist",
+    "left_hand",
+    "right_hand",
+)
+SMPL_PARENTS: tuple[int, ...] = (
+    *(-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8),
+    *(9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21),
+)
+
+_FINGERS = ("index", "middle", "pinky", "ring", "thumb")  # SMPL+H's order (Romero et al., 2017)
+
+
+def _hand(side: str) -> tuple[str, ...]:
+    return tuple(f"{side}_{finger}{knuckle}" for finger in _FINGERS for knuckle in (1, 2, 3))
+
+
+# SMPL+H's 52 joints: SMPL's first 22, then 15 of the left hand and 15 of the right.
+SMPLH_JOINTS: tuple[str, ...] = (*SMPL_JOINTS[:22], *_hand("left"), *_hand("right"))
+SMPLH_PARENTS: tuple[int, ...] = (
+    *SMPL_PARENTS[:22],
+    *((20, 22, 23, 20, 25, 26, 20, 28, 29, 20, 31, 32, 20, 34, 35)),
+    *((21, 37, 38, 21, 40, 41, 21, 43, 44, 21, 46, 47, 21, 49, 50)),
+)
+
+# SMPL-X's 55 joints put the jaw and the eyes between the body and the hands (Pavlakos et al., 2019)
+SMPLX_JOINTS: tuple[str, ...] = (
+    *SMPL_JOINTS[:22],
+    "jaw",
+    "left_eye",
+    "right_eye",
+    *SMPLH_JOINTS[22:],
+)
+SMPLX_PARENTS: tuple[int, ...] = (
+    *SMPL_PARENTS[:22],
+    *(15, 15, 15),
+    *(parent if parent < 22 else parent + 3 for parent in SMPLH_PARENTS[22:]),
+)
+
+# The evaluation joints (docs/paper.md): the 12 of the authors' tables, then two common supersets.
+# Each is the name of an SMPL joint, or of a point that `body.Model.points` knows.
+EVAL_12: tuple[str, ...] = (
+    "right_ankle",
+    "right_knee",
+    "right_hip",
+    "left_hip",
+    "left_knee",
+    "left_ankle",
+    "right_wrist",
+    "right_elbow",
+    "right_shoulder",
+    "left_shoulder",
+    "left_elbow",
+    "left_wrist",
+)
+EVAL_14: tuple[str, ...] = (*EVAL_12, "neck", "head")
+EVAL_17: tuple[str, ...] = (*EVAL_12, "pelvis", "spine2", "neck", "nose", "head")
+
+
+def swap_side(name: str) -> str:
+    """The name of the mirror twin: left_knee -> right_knee; names without a side stay."""
+    if name.startswith("left_"):
+        return "right_" + name.removeprefix("left_")
+    if name.startswith("right_"):
+        return "left_" + name.removeprefix("right_")
+    return name
+
+
+def mirror_indices(names: Sequence[str]) -> tuple[int, ...]:
+    """For each name the index of its mirror twin (its own index when it has none)."""
+    index = {name: i for i, name in enumerate(names)}
+    return tuple(index.get(swap_side(name), i) for i, name in enumerate(names))
+
+
+def left_right_pairs(names: Sequence[str]) -> tuple[tuple[int, int], ...]:
+    """Index pairs (left, right) of a list of names."""
+    return tuple(
+        (i, j)
+        for i, j in enumerate(mirror_indices(names))
+        if i != j and names[i].startswith("left_")
+    )

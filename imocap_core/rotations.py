@@ -1,0 +1,197 @@
+"""Rotations in three dimensions, in torch: batched over any leading axes, differentiable.
+
+A rotation is a 3x3 matrix wherever it is worked with. Axis-angle vectors (radians), unit
+quaternions (w, x, y, z) and the 6D form are representations at the edges. A *right local
+increment* of R is a vector delta with ``R <- R @ exp(delta)``; solvers step with these.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+_SMALL_RAD2 = 1e-4  # below this squared angle, series are exact to round-off and never divide by 0
+
+
+def hat(vector: Tensor) -> Tensor:
+    """Cross-product matrix: ``hat(a) @ b == cross(a, b)``. (..., 3) -> (..., 3, 3)."""
+    x, y, z = vector.unbind(-1)
+    zero = torch.zeros_like(x)
+    rows = torch.stack((zero, -z, y, z, zero, -x, -y, x, zero), dim=-1)
+    return rows.unflatten(-1, (3, 3))
+
+
+def exp(axis_angle: Tensor) -> Tensor:
+    """Axis-angle (..., 3), radians, to rotation matrices (..., 3, 3): Rodrigues' formula.
+
+    Values and first derivatives are exact at zero too (series below 0.01 rad).
+    """
+    angle2 = (axis_angle * axis_angle).sum(-1)[..., None, None]
+    small = angle2 < _SMALL_RAD2
+    safe2 = torch.where(small, torch.ones_like(angle2), angle2)
+    angle = safe2.sqrt()
+    sine = torch.where(small, 1 - angle2 / 6 + angle2**2 / 120, torch.sin(angle) / angle)
+    cosine = torch.where(
+        small,
+        0.5 - angle2 / 24 + angle2**2 / 720,
+        2 * torch.sin(angle / 2) ** 2 / safe2,  # (1 - cos) / angle^2 without cancellation
+    )
+    outer = axis_angle[..., :, None] * axis_angle[..., None, :]
+    identity = torch.eye(3, dtype=axis_angle.dtype, device=axis_angle.device)
+    return identity + sine * hat(axis_angle) + cosine * (outer - angle2 * identity)
+
+
+def log(rotation: Tensor) -> Tensor:
+    """Rotation matrices (..., 3, 3) to axis-angle (..., 3), radians, of angle at most pi.
+
+    Goes through the quaternion, so it is accurate near 0 and near pi alike. At exactly pi the
+    axis' sign is arbitrary: use `nearest_branch` to follow a path.
+    """
+    return quaternion_to_axis_angle(matrix_to_quaternion(rotation))
+
+
+def matrix_to_quaternion(rotation: Tensor) -> Tensor:
+    """Rotation matrices (..., 3, 3) to unit quaternions (..., 4) as w, x, y, z with w >= 0.
+
+    Of the four quaternion rows that the matrix offers, the one divided by the largest
+    component is taken (Shepperd 1978), so no division is ever by a small number.
+    """
+    m00, m01, m02, m10, m11, m12, m20, m21, m22 = rotation.flatten(-2).unbind(-1)
+    rows = torch.stack(
+        (
+            torch.stack((1 + m00 + m11 + m22, m21 - m12, m02 - m20, m10 - m01), -1),
+            torch.stack((m21 - m12, 1 + m00 - m11 - m22, m01 + m10, m02 + m20), -1),
+            torch.stack((m02 - m20, m01 + m10, 1 - m00 + m11 - m22, m12 + m21), -1),
+            torch.stack((m10 - m01, m02 + m20, m12 + m21, 1 - m00 - m11 + m22), -1),
+        ),
+        dim=-2,
+    )
+    best = rows.diagonal(dim1=-2, dim2=-1).argmax(-1)
+    index = best[..., None, None].expand(*best.shape, 1, 4)
+    quaternion = rows.gather(-2, index).squeeze(-2)
+    quaternion = quaternion / quaternion.norm(dim=-1, keepdim=True)
+    return torch.where(quaternion[..., :1] < 0, -quaternion, quaternion)
+
+
+def quaternion_to_matrix(quaternion: Tensor) -> Tensor:
+    """Quaternions (..., 4) as w, x, y, z, of any non-zero length, to matrices (..., 3, 3)."""
+    w, x, y, z = (quaternion / quaternion.norm(dim=-1, keepdim=True)).unbind(-1)
+    entries = (
+        1 - 2 * (y * y + z * z),
+        2 * (x * y - w * z),
+        2 * (x * z + w * y),
+        2 * (x * y + w * z),
+        1 - 2 * (x * x + z * z),
+        2 * (y * z - w * x),
+        2 * (x * z - w * y),
+        2 * (y * z + w * x),
+        1 - 2 * (x * x + y * y),
+    )
+    return torch.stack(entries, dim=-1).unflatten(-1, (3, 3))
+
+
+def quaternion_to_axis_angle(quaternion: Tensor) -> Tensor:
+    """Unit quaternions (..., 4) as w, x, y, z to axis-angle (..., 3), radians, at most pi long."""
+    quaternion = torch.where(quaternion[..., :1] < 0, -quaternion, quaternion)
+    w, vector = quaternion[..., :1], quaternion[..., 1:]
+    sine2 = (vector * vector).sum(-1, keepdim=True)
+    small = sine2 < _SMALL_RAD2**2
+    sine = torch.where(small, torch.ones_like(sine2), sine2).sqrt()
+    scale = torch.where(small, (2 - 2 * sine2 / (3 * w * w)) / w, 2 * torch.atan2(sine, w) / sine)
+    return scale * vector
+
+
+def matrix_to_6d(rotation: Tensor) -> Tensor:
+    """First two COLUMNS of the matrix, (..., 3, 3) -> (..., 6): Zhou et al., CVPR 2019."""
+    return torch.cat((rotation[..., :, 0], rotation[..., :, 1]), dim=-1)
+
+
+def matrix_from_6d(sixd: Tensor) -> Tensor:
+    """Any two independent 3-vectors (..., 6) to a rotation (..., 3, 3) by Gram-Schmidt."""
+    first = torch.nn.functional.normalize(sixd[..., :3], dim=-1)
+    second = sixd[..., 3:] - (first * sixd[..., 3:]).sum(-1, keepdim=True) * first
+    second = torch.nn.functional.normalize(second, dim=-1)
+    return torch.stack((first, second, torch.linalg.cross(first, second, dim=-1)), dim=-1)
+
+
+def geodesic_angle(a: Tensor, b: Tensor) -> Tensor:
+    """Angle in radians, 0 to pi, of the rotation from a to b. (..., 3, 3) twice -> (...).
+
+    By sine and cosine together: accurate at both ends, where ``arccos`` loses half the digits.
+    """
+    relative = a.transpose(-1, -2) @ b
+    skew = relative - relative.transpose(-1, -2)
+    twice_sine = (skew * skew).sum((-2, -1)).div(2).sqrt()
+    twice_cosine = relative.diagonal(dim1=-2, dim2=-1).sum(-1) - 1
+    return torch.atan2(twice_sine, twice_cosine)
+
+
+def nearest_branch(axis_angle: Tensor, reference: Tensor) -> Tensor:
+    """The same rotation, written as the axis-angle vector nearest to `reference`.
+
+    A rotation has the vectors ``(angle + 2 pi k) axis``, k any integer; (..., 3) twice -> (..., 3).
+    The identity, which has no axis, takes the reference's.
+    """
+    angle = axis_angle.norm(dim=-1, keepdim=True)
+    tiny = angle < 1e-12
+    reference_angle = reference.norm(dim=-1, keepdim=True)
+    fallback = reference / reference_angle.clamp_min(1e-12)
+    axis = torch.where(tiny, fallback, axis_angle / angle.clamp_min(1e-12))
+    along = (axis * reference).sum(-1, keepdim=True)
+    turns = torch.round((along - angle) / (2 * math.pi))
+    return torch.where(turns == 0, axis_angle, (angle + 2 * math.pi * turns) * axis)
+
+
+def unwrap(axis_angle: Tensor) -> Tensor:
+    """A path of axis-angle vectors (T, ..., 3), each on the branch nearest to the one before."""
+    path = [axis_angle[0]]
+    for vector in axis_angle[1:]:
+        path.append(nearest_branch(vector, path[-1]))
+    return torch.stack(path)
+
+
+def project(matrix: Tensor) -> Tensor:
+    """Nearest rotation (Frobenius norm) to any 3x3 matrices (..., 3, 3), by SVD (Kabsch)."""
+    u, _, vt = torch.linalg.svd(matrix)
+    sign = torch.linalg.det(u @ vt)
+    flip = torch.stack((torch.ones_like(sign), torch.ones_like(sign), sign), dim=-1)
+    return (u * flip[..., None, :]) @ vt
+
+
+def mean(rotation: Tensor, weights: Tensor | None = None, dim: int = 0) -> Tensor:
+    """Weighted chordal mean over a leading axis: argmin over R of sum w |R - R_i|_F^2.
+
+    Parameters
+    ----------
+    rotation: (..., 3, 3); `dim` counts its leading axes only (0 is the first; -1 the last one).
+    weights: non-negative, broadcast against the leading axes; None means equal. Where all
+        weights are zero the result is the identity, never NaN.
+    """
+    leading = rotation.shape[:-2]
+    axis = dim % len(leading)
+    if weights is None:
+        weights = torch.ones((), dtype=rotation.dtype, device=rotation.device)
+    weights = weights.to(rotation).expand(leading)
+    total = (weights[..., None, None] * rotation).sum(axis)
+    empty = (weights.sum(axis) <= 0)[..., None, None]
+    identity = torch.eye(3, dtype=rotation.dtype, device=rotation.device)
+    return project(torch.where(empty, identity, total))
+
+
+def right_jacobian(axis_angle: Tensor) -> Tensor:
+    """Jr with ``exp(a + d) ~ exp(a) @ exp(Jr d)``: (..., 3) -> (..., 3, 3).
+
+    Turns derivatives by right local increments into derivatives by axis-angle:
+    ``d x / d a = (d x / d delta) @ Jr``.
+    """
+    angle2 = (axis_angle * axis_angle).sum(-1)[..., None, None]
+    small = angle2 < _SMALL_RAD2
+    safe2 = torch.where(small, torch.ones_like(angle2), angle2)
+    angle = safe2.sqrt()
+    first = torch.where(small, 0.5 - angle2 / 24, 2 * torch.sin(angle / 2) ** 2 / safe2)
+    second = torch.where(small, 1 / 6 - angle2 / 120, (angle - torch.sin(angle)) / (safe2 * angle))
+    cross = hat(axis_angle)
+    identity = torch.eye(3, dtype=axis_angle.dtype, device=axis_angle.device)
+    return identity - first * cross + second * (cross @ cross)

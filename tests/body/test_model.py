@@ -1,0 +1,135 @@
+"""Laws of the stages: agreement with the slow twin, broadcasting, and the derivatives."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from imocap_core.body import Model, PointSet, keypoints_with_jacobian, make_points
+from imocap_core.rotations import exp, right_jacobian
+from tests.body.bodies import made_body, rodrigues_naive, skin_naive
+
+
+def points_of(model: Model) -> PointSet:
+    """A joint, a vertex, a mix of joints, and a mix of both."""
+    return make_points(
+        model,
+        ("joint", "vertex", "joints", "mix"),
+        ({3: 1.0}, {}, {2: 0.3, 6: 0.7}, {0: 0.5}),
+        ({}, {7: 1.0}, {}, {1: 0.2, 9: 0.3}),
+    )
+
+
+def pose_of(
+    rng: np.random.Generator, *leading: int, joints: int = 7
+) -> tuple[torch.Tensor, torch.Tensor]:
+    return torch.as_tensor(rng.normal(size=(*leading, joints, 3))), torch.as_tensor(
+        rng.normal(size=(*leading, 3))
+    )
+
+
+@pytest.mark.parametrize("pose_blend", [False, True])
+@pytest.mark.parametrize(("dtype", "bound_m"), [(torch.float64, 1e-10), (torch.float32, 1e-5)])
+def test_agrees_with_the_published_formulas(
+    pose_blend: bool, dtype: torch.dtype, bound_m: float
+) -> None:
+    rng = np.random.default_rng(0)
+    model = made_body(rng, pose_blend=pose_blend, dtype=dtype)
+    theta, transl = pose_of(rng)
+    betas = rng.normal(size=10)
+    rotations = np.stack([rodrigues_naive(a) for a in theta.numpy()])
+    vertices, joints = skin_naive(model, betas, rotations, transl.numpy())
+    posed = model.shape(torch.as_tensor(betas, dtype=dtype)).pose(
+        exp(theta.to(dtype)), transl.to(dtype)
+    )
+    assert np.abs(posed.mesh().vertices.numpy() - vertices).max() < bound_m
+    assert np.abs(posed.joints.numpy() - joints).max() < bound_m
+    mixed = 0.5 * joints[0] + 0.2 * vertices[1] + 0.3 * vertices[9]
+    expected = np.stack([joints[3], vertices[7], 0.3 * joints[2] + 0.7 * joints[6], mixed])
+    assert np.abs(posed.keypoints(points_of(model)).numpy() - expected).max() < bound_m
+
+
+@pytest.mark.parametrize("pose_blend", [False, True])
+@pytest.mark.parametrize("betas_leading", [(), (1,), (2, 1), (1, 5), (2, 5)])
+def test_leading_axes_broadcast(pose_blend: bool, betas_leading: tuple[int, ...]) -> None:
+    rng = np.random.default_rng(1)
+    model = made_body(rng, pose_blend=pose_blend)
+    points = points_of(model)
+    theta, transl = pose_of(rng, 2, 5)
+    betas = torch.as_tensor(rng.normal(size=(*betas_leading, 10)))
+    shaped = model.shape(betas)
+    xyz, d_pose, d_shape = keypoints_with_jacobian(shaped, points, exp(theta), transl)
+    posed = shaped.pose(exp(theta), transl)
+    every = betas.expand(2, 5, 10)
+    for v in range(2):
+        for t in range(5):
+            alone = model.shape(every[v, t])
+            single = keypoints_with_jacobian(alone, points, exp(theta[v, t]), transl[v, t])
+            for many, one in zip((xyz, d_pose, d_shape), single, strict=True):
+                torch.testing.assert_close(many[v, t], one)
+            pose = alone.pose(exp(theta[v, t]), transl[v, t])
+            torch.testing.assert_close(posed.joints[v, t], pose.joints)
+            torch.testing.assert_close(posed.mesh().vertices[v, t], pose.mesh().vertices)
+            torch.testing.assert_close(posed.keypoints(points)[v, t], single[0])
+
+
+@pytest.mark.parametrize("pose_blend", [False, True])
+def test_derivatives_equal_finite_differences(pose_blend: bool) -> None:
+    rng = np.random.default_rng(2)
+    model = made_body(rng, pose_blend=pose_blend)
+    points = points_of(model)
+    theta, transl = pose_of(rng)
+    rotations, betas = exp(theta), torch.as_tensor(rng.normal(size=10))
+    _, d_pose, d_shape = keypoints_with_jacobian(model.shape(betas), points, rotations, transl)
+
+    def place(delta: torch.Tensor, shift: torch.Tensor) -> torch.Tensor:
+        moved = rotations @ exp(delta.view(7, 3))
+        return model.shape(betas + shift).pose(moved, transl).keypoints(points)
+
+    def difference(column: int, pose: bool) -> torch.Tensor:
+        step = torch.zeros(21 if pose else 10, dtype=torch.float64)
+        step[column] = 1e-6
+        still = torch.zeros(10 if pose else 21, dtype=torch.float64)
+        ahead = place(step, still) if pose else place(still, step)
+        behind = place(-step, still) if pose else place(still, -step)
+        return (ahead - behind) / 2e-6
+
+    for column in range(21):
+        torch.testing.assert_close(d_pose[..., column], difference(column, True), atol=1e-8, rtol=0)
+    for column in range(10):
+        torch.testing.assert_close(
+            d_shape[..., column], difference(column, False), atol=1e-8, rtol=0
+        )
+
+
+@pytest.mark.parametrize("pose_blend", [False, True])
+def test_derivatives_equal_automatic_ones_in_axis_angle(pose_blend: bool) -> None:
+    rng = np.random.default_rng(3)
+    model = made_body(rng, pose_blend=pose_blend)
+    points = points_of(model)
+    theta, transl = pose_of(rng)
+    betas = torch.as_tensor(rng.normal(size=10))
+    _, d_pose, d_shape = keypoints_with_jacobian(model.shape(betas), points, exp(theta), transl)
+
+    def place(theta: torch.Tensor, betas: torch.Tensor) -> torch.Tensor:
+        return model.shape(betas).pose(exp(theta), transl).keypoints(points)
+
+    by_theta, by_betas = torch.autograd.functional.jacobian(place, (theta, betas))
+    d_theta = torch.einsum("kcji,jia->kcja", d_pose.unflatten(-1, (7, 3)), right_jacobian(theta))
+    torch.testing.assert_close(d_theta, by_theta, atol=1e-12, rtol=1e-12)
+    torch.testing.assert_close(d_shape, by_betas, atol=1e-12, rtol=1e-12)
+
+
+def test_a_point_that_would_not_move_with_the_body_is_refused() -> None:
+    model = made_body(np.random.default_rng(4))
+    with pytest.raises(ValueError, match="sum to 1"):
+        make_points(model, ("half",), ({0: 0.5},), ({},))
+
+
+def test_misuse_says_what_was_expected() -> None:
+    model = made_body(np.random.default_rng(5))
+    with pytest.raises(ValueError, match="at most 10"):
+        model.shape(torch.zeros(11, dtype=torch.float64))
+    with pytest.raises(ValueError, match=r"expected \(\.\.\., 7, 3, 3\)"):
+        model.shape(torch.zeros(10, dtype=torch.float64)).pose(torch.eye(3), torch.zeros(3))
