@@ -1,0 +1,1 @@
+"""What the stages share: the action, the graph, keys, the runner. Nothing here computes."""

@@ -1,0 +1,40 @@
+"""What each artifact holds, one file a stage; `base` checks arrays at the door."""
+
+from imocap_core.artifacts.schemas.base import Artifact, Floats, Floats32, Ints, Shape, Value
+from imocap_core.artifacts.schemas.camera_motion import CameraMotion, VideoCameraMotion
+from imocap_core.artifacts.schemas.evaluate import Evaluate, Table
+from imocap_core.artifacts.schemas.keypoints import Keypoints, VideoKeypoints
+from imocap_core.artifacts.schemas.motion import (
+    Camera,
+    Hypothesis,
+    InitialSmpl,
+    SmplBa,
+    VideoMotion,
+)
+from imocap_core.artifacts.schemas.refine_sync import RefineSync, Round
+from imocap_core.artifacts.schemas.sync import Sync, SyncMap, SyncSummary
+
+__all__ = [
+    "Artifact",
+    "Camera",
+    "CameraMotion",
+    "Evaluate",
+    "Floats",
+    "Floats32",
+    "Hypothesis",
+    "InitialSmpl",
+    "Ints",
+    "Keypoints",
+    "RefineSync",
+    "Round",
+    "Shape",
+    "SmplBa",
+    "Sync",
+    "SyncMap",
+    "SyncSummary",
+    "Table",
+    "Value",
+    "VideoCameraMotion",
+    "VideoKeypoints",
+    "VideoMotion",
+]

@@ -1,0 +1,28 @@
+"""What `camera_motion` makes: how each camera turned, keypoints warped into its first frame."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from imocap_core.artifacts.schemas.base import Artifact, Floats, Ints, Shape, Value
+
+
+class VideoCameraMotion(Value):
+    """One camera. "first" is the first used frame of its video."""
+
+    id: str
+    K: Annotated[Floats, Shape(3, 3)]
+    focal_source: Literal["given", "rotation", "assumed"]
+    motion: Literal["static", "rotating", "translating", "unknown"]
+    note: str
+    residual_px: float  # how far the homographies are from a pure rotation's K R K^-1
+    H_first_from_frame: Annotated[Floats, Shape("T", 3, 3)]
+    R_first_from_frame: Annotated[Floats, Shape("T", 3, 3)]
+    inliers: Annotated[Ints, Shape("T")]
+    xy_first_px: Annotated[Floats, Shape("T", "K", 2)]  # keypoints warped into the first frame
+
+
+class CameraMotion(Artifact):
+    """The cameras' own motion, one entry per video, in the order of the keypoints."""
+
+    videos: list[VideoCameraMotion]

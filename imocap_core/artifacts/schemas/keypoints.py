@@ -1,0 +1,40 @@
+"""What `keypoints` makes: the performer's 2D joints in every used frame of every video."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import model_validator
+
+from imocap_core.artifacts.schemas.base import Artifact, Floats, Ints, Shape, Value, unique
+
+
+class VideoKeypoints(Value):
+    """One video's detections. A joint that was not seen is NaN with confidence 0."""
+
+    id: str
+    fps: float
+    size: tuple[int, int]  # width, height
+    layout: str  # which joints: body25, body25b, coco17, ...
+    video: str | None  # as written in action.yaml, relative to its folder
+    focal_px: float | None  # given by the user; None when unknown
+    initial: str | None
+    initial_format: str | None
+    frames: Annotated[Ints, Shape("T")]  # source frame numbers
+    xy_px: Annotated[Floats, Shape("T", "K", 2)]
+    confidence: Annotated[Floats, Shape("T", "K")]
+    person_box_px: Annotated[Floats, Shape("T", 4)]  # x0 y0 x1 y1, NaN when unseen
+    tracks_found: int  # people followed before the performer was chosen
+    presence: float  # share of frames in which the performer was found
+    note: str
+
+
+class Keypoints(Artifact):
+    """2D joints, one entry per video, in the order of action.yaml."""
+
+    videos: list[VideoKeypoints]
+
+    @model_validator(mode="after")
+    def _ids(self) -> Keypoints:
+        unique([v.id for v in self.videos])
+        return self

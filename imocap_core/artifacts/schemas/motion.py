@@ -1,0 +1,63 @@
+"""Body motion and cameras, as `initial_smpl` and `smpl_ba` make them."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from imocap_core.artifacts.schemas.base import Artifact, Floats, Ints, Shape, Value
+
+
+class VideoMotion(Value):
+    """SMPL parameters for every used frame, in the axes of this video's first-frame camera."""
+
+    id: str
+    frames: Annotated[Ints, Shape("T")]  # source frame numbers
+    theta: Annotated[Floats, Shape("T", 72)]  # axis-angle radians, joint 0 about the pelvis
+    betas: Annotated[Floats, Shape(10)]
+    trans: Annotated[Floats, Shape("T", 3)]  # metres, as in smplx
+    joints: Annotated[Floats, Shape("T", 24, 3)]  # metres
+    reprojection_px: Annotated[Floats, Shape("T")]
+
+
+class Camera(Value):
+    """x_cam = R x_world + t; the world is the first-frame camera of the reference video."""
+
+    id: str
+    K: Annotated[Floats, Shape(3, 3)]
+    R: Annotated[Floats, Shape(3, 3)]
+    t: Annotated[Floats, Shape(3)]  # metres
+
+
+class Hypothesis(Value):
+    """One starting point of the monocular fit of one video."""
+
+    video: str
+    name: str
+    cost: float
+    chosen: bool
+    note: str
+
+
+class InitialSmpl(Artifact):
+    """The monocular start: what each video alone says about its performer."""
+
+    model: str
+    model_digest: str
+    videos: list[VideoMotion]
+    source: dict[str, str]  # video id -> joints_npz | smpl_npz | monocular
+    hypotheses: list[Hypothesis] = Field(default_factory=list)
+
+
+class SmplBa(Artifact):
+    """Motion and cameras solved over all videos (Eq. 8)."""
+
+    reference: str
+    model: str
+    model_digest: str
+    videos: list[VideoMotion]
+    cameras: list[Camera]
+    objective: list[float]  # after each iteration
+    terms: dict[str, list[float]]  # the objective's terms, each after each iteration
+    status: str

@@ -1,0 +1,191 @@
+"""What to capture: an action's folder and its action.yaml."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from stages.harness.errors import WorkFailed, WrongUse
+
+FILE_NAME = "action.yaml"
+DETECT = "detect"
+
+DetectionFormat = Literal[
+    "openpose",
+    "alphapose",
+    "mmpose",
+    "coco",
+    "mediapipe",
+    "halpe26",
+    "wholebody",
+    "cpn_npz",
+    "npz",
+]
+Layout = Literal[
+    "body25",
+    "body25b",
+    "coco17",
+    "coco18",
+    "halpe26",
+    "wholebody133",
+    "h36m17",
+    "mediapipe33",
+]
+InitialFormat = Literal[
+    "smpl_npz", "joints_npz", "hmr2", "wham", "gvhmr", "vibe", "mediapipe_world"
+]
+Id = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")]
+Positive = Annotated[float, Field(gt=0)]
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class Declaration(BaseModel):
+    """One video as action.yaml declares it; paths are relative to the action's folder."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    id: Id
+    video: str | None = None
+    keypoints: str | None = None
+    format: DetectionFormat | None = None
+    layout: Layout | None = None
+    fps: Positive | None = None
+    size: tuple[Annotated[int, Field(gt=0)], Annotated[int, Field(gt=0)]] | None = None
+    frames: tuple[Annotated[int, Field(ge=0)], int] | None = None
+    focal_px: Positive | None = None
+    initial: str | None = None
+    initial_format: InitialFormat | None = None
+
+    @model_validator(mode="after")
+    def _complete(self) -> Declaration:
+        faults = []
+        if self.frames is not None and self.frames[1] <= self.frames[0]:
+            faults.append(f"frames {list(self.frames)} are empty: expected [first, one past last]")
+        if self.video is None and (self.keypoints is None or self.keypoints == DETECT):
+            faults.append("needs a video, or keypoints with fps and size")
+        if self.keypoints not in (None, DETECT):
+            faults += [
+                f"keypoints are given, so {name} must be too"
+                for name in ("format", "layout")
+                if getattr(self, name) is None
+            ]
+        if self.video is None and (self.fps is None or self.size is None):
+            faults.append("without a video, fps and size must be given")
+        if self.initial is not None and self.initial_format is None:
+            faults.append("initial is given, so initial_format must be too")
+        if faults:
+            raise ValueError("; ".join(faults))
+        return self
+
+
+class _ActionFile(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: Id
+    videos: list[Declaration] = Field(min_length=1)
+    truth: str | None = None
+    params: dict[str, Any] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _unique_ids(self) -> _ActionFile:
+        ids = [v.id for v in self.videos]
+        twice = sorted({i for i in ids if ids.count(i) > 1})
+        if twice:
+            raise ValueError(f"video ids must be unique, got twice: {', '.join(twice)}")
+        return self
+
+
+@dataclass(frozen=True)
+class Action:
+    """A validated action.yaml and the folder that its paths are relative to."""
+
+    folder: Path
+    name: str
+    videos: tuple[Declaration, ...]
+    truth: str | None = None
+    params: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def file(self) -> Path:
+        """The action.yaml itself."""
+        return self.folder / FILE_NAME
+
+
+def find_action(name_or_path: str, root: Path) -> Path:
+    """The folder of an action, by name below root/actions or by path.
+
+    WrongUse when there is none; the message lists the actions there are.
+    """
+    named = root / "actions" / name_or_path
+    for folder in (named, Path(name_or_path)):
+        if folder.name == FILE_NAME:
+            folder = folder.parent
+        if (folder / FILE_NAME).is_file():
+            return folder
+    known = sorted(p.parent.name for p in (root / "actions").glob(f"*/{FILE_NAME}"))
+    here = f"There are: {', '.join(known)}." if known else "There are none yet."
+    raise WrongUse(
+        f"no action {name_or_path!r}: neither {named / FILE_NAME} nor "
+        f"{Path(name_or_path) / FILE_NAME} exists. {here} "
+        f"Make one with: imocap init NAME VIDEO..."
+    )
+
+
+def read_action(folder: Path) -> Action:
+    """Read and check folder/action.yaml. WorkFailed names every fault in it at once."""
+    file = folder / FILE_NAME
+    parsed = parse(_ActionFile, load_yaml(file), str(file))
+    return Action(
+        folder=folder.resolve(),
+        name=parsed.name,
+        videos=tuple(parsed.videos),
+        truth=parsed.truth,
+        params=parsed.params,
+    )
+
+
+def load_yaml(file: Path) -> Any:
+    """The content of a YAML file; WorkFailed with the line when it is not YAML."""
+    import yaml
+
+    try:
+        return yaml.safe_load(file.read_text(encoding="utf-8"))
+    except yaml.YAMLError as error:
+        raise WorkFailed(f"{file} is not YAML: {' '.join(str(error).split())}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise WorkFailed(f"cannot read {file}: {error}") from None
+
+
+def parse(model: type[Model], data: Any, file: str) -> Model:
+    """`data` as `model`; WorkFailed with one line a fault: file, field, expected, got."""
+    if not isinstance(data, dict):
+        raise WorkFailed(f"{file}: expected fields like 'name: value', got {_short(data)}")
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        raise WorkFailed(explain_faults(error, file)) from None
+
+
+def explain_faults(error: ValidationError, file: str) -> str:
+    """Every fault of a validation in one line each: file, field, expected, got."""
+    lines = []
+    for fault in error.errors(include_url=False):
+        where = ".".join(map(str, fault["loc"])) or "(whole file)"
+        said = fault["msg"].removeprefix("Value error, ")
+        if fault["type"] == "missing":
+            lines.append(f"{file}: {where}: is missing")
+        elif fault["type"] == "extra_forbidden":
+            lines.append(f"{file}: {where}: is no known field")
+        elif fault["type"] == "value_error":
+            lines.append(f"{file}: {where}: {said}")
+        else:
+            lines.append(f"{file}: {where}: {said}, got {_short(fault['input'])}")
+    return "\n".join(lines)
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
