@@ -29,14 +29,23 @@ def mpjpe_scaled_mm(predicted_m: ArrayLike, true_m: ArrayLike) -> float:
 
     The authors' released evaluation does this, so it stands beside the paper's 66.53 mm.
     """
-    predicted, true = _paired(predicted_m, true_m)
-    return mpjpe_mm(predicted * _norm_ratio(predicted, true)[..., None, None], true)
+    return mpjpe_mm(scaled_to_truth(predicted_m, true_m), true_m)
 
 
 def pa_mpjpe_mm(predicted_m: ArrayLike, true_m: ArrayLike) -> float:
     """MPJPE after a similarity Procrustes alignment of each frame (P-MPJPE)."""
     predicted, true = _paired(predicted_m, true_m)
     return mpjpe_mm(similarity(predicted, true).apply(predicted), true)
+
+
+def scaled_to_truth(predicted_m: ArrayLike, true_m: ArrayLike) -> Array:
+    """Each frame of the prediction times |true|_F / |predicted|_F, over the joints both have."""
+    predicted, true = _paired(predicted_m, true_m)
+    seen = np.asarray(np.isfinite(predicted + true).all(axis=-1))
+    squares = [np.where(seen[..., None], x, 0.0) ** 2 for x in (true, predicted)]
+    of_true, of_predicted = (square.sum(axis=(-1, -2)) for square in squares)
+    ratio = np.sqrt(of_true / np.where(of_predicted > 0, of_predicted, np.nan))
+    return predicted * ratio[:, None, None]
 
 
 def joint_errors_mm(predicted_m: ArrayLike, true_m: ArrayLike) -> Array:
@@ -82,15 +91,6 @@ def _paired(predicted_m: ArrayLike, true_m: ArrayLike) -> tuple[Array, Array]:
             f"prediction and truth must both be (T, J, 3), got {predicted.shape} and {true.shape}"
         )
     return predicted, true
-
-
-def _norm_ratio(predicted: Array, true: Array) -> Array:
-    """|true|_F / |predicted|_F of each frame, over the joints that both have."""
-    seen = np.asarray(np.isfinite(predicted + true).all(axis=-1))
-    squares = [np.where(seen[..., None], x, 0.0) ** 2 for x in (true, predicted)]
-    of_true, of_predicted = (square.sum(axis=(-1, -2)) for square in squares)
-    ratio: Array = np.sqrt(of_true / np.where(of_predicted > 0, of_predicted, np.nan))
-    return ratio
 
 
 def _mean_over_frames(errors: Array) -> float:

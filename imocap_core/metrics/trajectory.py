@@ -41,7 +41,8 @@ def standing_feet(feet_m: ArrayLike, fps: float, still_m_s: float = 0.15) -> NDA
     speed = fps * np.linalg.norm(np.diff(x, axis=0), axis=-1)
     slow = speed < still_m_s  # False for NaN: an unseen foot is not known to stand
     edge = np.ones((1, *slow.shape[1:]), dtype=bool)
-    return np.concatenate([edge, slow]) & np.concatenate([slow, edge])
+    both = np.concatenate([edge, slow]) & np.concatenate([slow, edge])
+    return np.asarray(both[: len(x)])
 
 
 def foot_sliding_mm_s(

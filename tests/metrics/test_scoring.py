@@ -1,0 +1,112 @@
+"""Rows of a table: named, complete, and honest about what could not be scored."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from imocap_core.conventions import EVAL_12, SMPL_JOINTS
+from imocap_core.metrics.scoring import (
+    ALL_VIDEOS,
+    Motion,
+    Row,
+    camera_row,
+    over_videos,
+    pose_rows,
+    reprojection_rows,
+    sync_rows,
+)
+
+
+@pytest.fixture
+def joints() -> np.ndarray:
+    return np.random.default_rng(5).normal(scale=0.3, size=(8, 24, 3)) + np.array([0, 0, 4])
+
+
+def _by_metric(rows: list[Row]) -> dict[str, Row]:
+    assert len({row.metric for row in rows}) == len(rows)
+    return {row.metric: row for row in rows}
+
+
+def _motion(joints: np.ndarray, names: tuple[str, ...] = SMPL_JOINTS, start: int = 0) -> Motion:
+    return Motion(joints, names, np.arange(start, start + len(joints)))
+
+
+def test_a_perfect_result_has_no_error(joints: np.ndarray) -> None:
+    rows = _by_metric(pose_rows("final", "v1", _motion(joints), _motion(joints), fps=30))
+    assert rows["mpjpe_mm"].value == pytest.approx(0, abs=1e-9)
+    assert rows["pa_mpjpe_14_mm"].value == pytest.approx(0, abs=1e-9)
+    assert rows["root_path_error_mm"].value == pytest.approx(0, abs=1e-9)
+    assert rows["acceleration_error_m_s2"].value == pytest.approx(0, abs=1e-9)
+
+
+def test_an_unscored_metric_names_the_joint_that_lacks(joints: np.ndarray) -> None:
+    rows = _by_metric(pose_rows("final", "v1", _motion(joints), _motion(joints), fps=30))
+    assert rows["mpjpe_17_mm"].value is None
+    assert "nose" in rows["mpjpe_17_mm"].note
+    without_hip = _motion(joints[:, 2:], SMPL_JOINTS[2:])
+    rows = _by_metric(pose_rows("final", "v1", _motion(joints), without_hip, fps=30))
+    assert all(row.value is None and "left_hip" in row.note for row in rows.values())
+
+
+def test_frames_are_paired_by_number_not_by_position(joints: np.ndarray) -> None:
+    early, late = _motion(joints[:6]), _motion(joints[2:], start=2)
+    rows = _by_metric(pose_rows("final", "v1", early, late, fps=30))
+    assert rows["mpjpe_mm"].value == pytest.approx(0, abs=1e-9)
+    apart = pose_rows("final", "v1", _motion(joints), _motion(joints, start=99), fps=30)
+    assert all(row.value is None for row in apart)
+
+
+def test_twelve_joints_are_the_default_set(joints: np.ndarray) -> None:
+    off = joints.copy()
+    off[:, SMPL_JOINTS.index("head")] += 0.14  # not among the 12
+    rows = _by_metric(pose_rows("final", "v1", _motion(off), _motion(joints), fps=30))
+    assert rows["mpjpe_mm"].value == pytest.approx(0, abs=1e-9)
+    assert rows["mpjpe_14_mm"].value == pytest.approx(1000 * 0.14 * math.sqrt(3) / 14)
+    assert "head" not in EVAL_12
+
+
+def test_sync_rows_of_equal_clocks() -> None:
+    # Equal frame numbers correspond; the map is 2 frames late throughout.
+    frames = np.arange(10, 20)
+    rows = _by_metric(
+        sync_rows("final", "v2", frames + 2.0, frames, frames, np.arange(0, 40), np.arange(0, 40),
+                  phase_end=50, reference_fps=25)
+    )  # fmt: skip
+    assert rows["sync_error_frames"].value == pytest.approx(2)
+    assert rows["sync_error_ms"].value == pytest.approx(80)
+    assert rows["sync_error_pct"].value == pytest.approx(4)
+    assert rows["sync_error_released_pct"].value == pytest.approx(4)
+    assert rows["offset_frames"].value == pytest.approx(2)
+    assert rows["offset_error_frames"].value == pytest.approx(2)
+    assert rows["false_match_share"].value is None
+
+
+def test_camera_and_reprojection_rows() -> None:
+    eye = np.eye(3)
+    assert camera_row("final", "v2", eye, eye, eye, eye).value == pytest.approx(0, abs=1e-6)
+    K = np.array([[100.0, 0, 0], [0, 100, 0], [0, 0, 1]])
+    points, seen = np.array([[[0.0, 0, 1]]]), np.array([[[3.0, 4]]])
+    rows = _by_metric(reprojection_rows("final", "v1", points, K, seen, np.ones((1, 1)), 50))
+    assert rows["reprojection_px"].value == pytest.approx(5)
+    assert rows["reprojection_pct"].value == pytest.approx(10)
+    unseen = reprojection_rows("final", "v1", points, K, seen, np.zeros((1, 1)), 50)
+    assert [row.value for row in unseen] == [None, None]
+
+
+def test_summary_is_unweighted_and_says_what_is_left_out() -> None:
+    rows = [
+        Row("a", "v1", "mpjpe_mm", 10.0),
+        Row("a", "v2", "mpjpe_mm", 40.0),
+        Row("a", "v3", "mpjpe_mm", None, "no truth"),
+        Row("b", "v1", "mpjpe_mm", None, "no truth"),
+        Row("a", "v1", "offset_error_frames", 1.0),
+        Row("a", "v2", "offset_error_frames", 2.0),
+        Row("a", "v3", "offset_error_frames", 30.0),
+    ]
+    mean, none, median = over_videos(rows)
+    assert mean == Row("a", ALL_VIDEOS, "mpjpe_mm", 25.0, "2 of 3 videos scored")
+    assert none == Row("b", ALL_VIDEOS, "mpjpe_mm", None, "no truth")
+    assert median.value == 2.0
