@@ -81,7 +81,7 @@ def _motion_rows(result: str, video: str, predicted: Motion, true: Motion, fps: 
     feet, true_feet = (r[:, ankles] + o[:, None] for r, o in zip(relative, roots, strict=True))
     standing = trajectory.standing_feet(true_feet, fps)
     values = (
-        position.acceleration_error_m_s2(*relative, true.frames, fps),
+        position.acceleration_error_m_s2(relative[0], relative[1], true.frames, fps),
         trajectory.root_path_error_mm(*roots),
         trajectory.root_path_aligned_error_mm(*roots),
         trajectory.foot_sliding_mm_s(feet, standing, fps, moving=true_feet),
