@@ -1,0 +1,46 @@
+"""Where the body's keypoints and joints are for a state, with derivatives when asked."""
+
+from dataclasses import dataclass
+
+from torch import Tensor
+
+from imocap_core.body import Model, PointSet, keypoints_with_jacobian
+from imocap_core.motion.state import MotionState
+
+
+@dataclass(frozen=True)
+class Points:
+    """Positions of K points and their derivatives (None when only positions were asked for).
+
+    Attributes:
+        xyz: (B, T, K, 3) metres.
+        d_pose: (B, T, K, 3, 72) by the local increments; d_beta: (B, T, K, 3, 10).
+    """
+
+    xyz: Tensor
+    d_pose: Tensor | None = None
+    d_beta: Tensor | None = None
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body model with the keypoints of one layout and the 24 joints."""
+
+    model: Model
+    keypoints: PointSet
+    joints: PointSet
+
+    @classmethod
+    def of(cls, model: Model, layout: str) -> "Body":
+        """The model seen through the keypoints of ``layout``."""
+        return cls(model, model.points(layout), model.points("smpl24"))
+
+    def positions(self, points: PointSet, state: MotionState) -> Points:
+        """Positions only."""
+        shaped = self.model.shape(state.betas[:, None])
+        return Points(shaped.pose(state.R_local, state.trans).keypoints(points))
+
+    def derivatives(self, points: PointSet, state: MotionState) -> Points:
+        """Positions and their derivatives."""
+        shaped = self.model.shape(state.betas[:, None])
+        return Points(*keypoints_with_jacobian(shaped, points, state.R_local, state.trans))

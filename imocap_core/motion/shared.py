@@ -1,0 +1,168 @@
+"""One motion on the reference's axis, seen by every video at once.
+
+Averaging monocular fits keeps their depth errors; fitting one motion to all views' 2D removes
+them. This is bundle adjustment proper: poses, shape and cameras are unknowns of one system.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from imocap_core.camera.pnp import pnp_over_frames
+from imocap_core.motion.consensus import Cameras, pelvis
+from imocap_core.motion.kinematics import Body
+from imocap_core.motion.observations import Observation, person_size_px
+from imocap_core.motion.solver import Solution, gauss_newton
+from imocap_core.motion.state import MotionState
+from imocap_core.motion.terms import Reprojection, Term, View
+from imocap_core.motion.terms.reprojection import project
+from imocap_core.motion.timeline import Timeline, sample_keypoints
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """Every video's keypoints at the reference's frames.
+
+    Attributes:
+        xy_px: (M, N, K, 2); weight: (M, N, K) in 1/px^2, 0 where unseen; sigma_px: (M, N).
+        K: (M, 3, 3).
+    """
+
+    xy_px: Array
+    weight: Array
+    sigma_px: Array
+    K: Array
+
+
+def gather(
+    observations: Sequence[Observation], timeline: Timeline, *, noise_share: float
+) -> Evidence:
+    """Sample all keypoints at the reference's frames, sub-frame."""
+    xy, weight, sigma = [], [], []
+    for o, at, trust in zip(
+        observations, timeline.from_reference, timeline.confidence, strict=True
+    ):
+        value, confidence = sample_keypoints(o.xy_px, o.confidence, at)
+        nearest = np.clip(np.nan_to_num(at).round().astype(int), 0, len(o.xy_px) - 1)
+        noise = noise_share * person_size_px(o)[nearest]
+        xy.append(value)
+        weight.append(confidence * trust[:, None] / noise[:, None] ** 2)
+        sigma.append(noise)
+    return Evidence(
+        np.stack(xy), np.stack(weight), np.stack(sigma), np.stack([o.K for o in observations])
+    )
+
+
+def views_of(
+    evidence: Evidence, cameras: Cameras, like: Tensor, *, free: Sequence[int]
+) -> tuple[View, ...]:
+    """One view a video; the cameras in ``free`` become unknowns of the state, in that order."""
+    views = []
+    for v in range(len(evidence.xy_px)):
+        arrays = (evidence.xy_px[v], evidence.weight[v], evidence.K[v])
+        xy, weight, K = (torch.as_tensor(a).to(like)[None] for a in arrays)
+        camera = list(free).index(v) if v in free else None
+        views.append(View(xy, weight, K, cameras.R[v][None], cameras.t[v][None], camera))
+    return tuple(views)
+
+
+def refine_by_pnp(
+    body: Body,
+    state: MotionState,
+    evidence: Evidence,
+    cameras: Cameras,
+    reference: int,
+    *,
+    robust_scale: float,
+) -> Cameras:
+    """Each camera from the shared motion's 3D keypoints over all frames (PnP, "Optimization").
+
+    A camera whose PnP fails or does not lower the reprojection error keeps its place.
+    """
+    xyz = body.positions(body.keypoints, state).xyz[0].cpu().numpy()
+    R, t = cameras.R.clone(), cameras.t.clone()
+    for v in range(len(R)):
+        if v == reference or not (evidence.weight[v] > 0).any():
+            continue
+        sigma = float(np.median(evidence.sigma_px[v]))
+        found = pnp_over_frames(
+            xyz,
+            evidence.xy_px[v],
+            evidence.weight[v] * sigma**2,
+            evidence.K[v],
+            R[v].cpu().numpy(),
+            scale_px=robust_scale * sigma,
+            inlier_px=2 * robust_scale * sigma,
+        )
+        if found.ok:
+            R[v], t[v] = torch.as_tensor(found.R).to(R), torch.as_tensor(found.t).to(t)
+    return Cameras(R, t)
+
+
+def fit_shared(
+    body: Body,
+    start: MotionState,
+    evidence: Evidence,
+    cameras: Cameras,
+    reference: int,
+    terms: Sequence[Term],
+    *,
+    robust_scale: float,
+    max_steps: int,
+) -> tuple[MotionState, Cameras, Solution]:
+    """Joint Gauss-Newton over the shared motion, its shape and all cameras but the reference's.
+
+    Args:
+        start: one motion (batch of 1) in the world's axes on the reference's frames.
+        terms: regularisers.
+
+    Returns:
+        The motion, the cameras, and the solver's account.
+    """
+    free = [
+        v for v in range(len(cameras.R)) if v != reference and (evidence.weight[v] > 0).any()
+    ]
+    index = torch.tensor(free, dtype=torch.long, device=start.trans.device)
+    state = MotionState(
+        start.R_local,
+        start.trans,
+        start.betas,
+        start.valid,
+        cameras.R[index][None],
+        cameras.t[index][None],
+    )
+    views = views_of(evidence, cameras, start.trans, free=free)
+    objective_terms = [Reprojection(body, views, robust_scale), *terms]
+    solution = gauss_newton(objective_terms, state, max_steps=max_steps, relative_tolerance=1e-3)
+    state = solution.state
+    R, t = cameras.R.clone(), cameras.t.clone()
+    R[index], t[index] = state.camera_R[0], state.camera_t[0]
+    motion = MotionState.of(state.R_local, state.trans, state.betas, state.valid)
+    return motion, Cameras(R, t), solution
+
+
+def reprojection_errors_px(
+    body: Body, state: MotionState, evidence: Evidence, cameras: Cameras
+) -> Array:
+    """(M, N, K, 2) signed error of the shared motion in every view, NaN where unseen."""
+    xyz = body.positions(body.keypoints, state).xyz
+    errors = []
+    for view in views_of(evidence, cameras, state.trans, free=()):
+        pixels, _ = project(view, xyz)
+        error = torch.where(view.weight[..., None] > 0, pixels - view.xy_px, torch.nan)
+        errors.append(error[0].cpu().numpy())
+    return np.stack(errors)
+
+
+def depths_m(body: Body, state: MotionState, cameras: Cameras) -> Array:
+    """(M, N) depth of the root in every view, metres."""
+    root = pelvis(body, state)[0]
+    z = torch.einsum("mj,nj->mn", cameras.R[:, 2], root) + cameras.t[:, None, 2]
+    depth: Array = z.clamp_min(0.1).cpu().numpy()
+    return depth

@@ -1,0 +1,93 @@
+"""What the solver moves: rotations on their manifold, root paths, body shape, cameras."""
+
+from dataclasses import dataclass, fields, replace
+
+import torch
+from torch import Tensor
+
+from imocap_core.rotations import exp
+
+POSE = 72
+FRAME_UNKNOWNS = POSE + 3
+
+
+@dataclass(frozen=True)
+class MotionState:
+    """A batch of B motions of T frames, each in the axes of its own camera (or of the world).
+
+    Attributes:
+        R_local: (B, T, 24, 3, 3) joint rotations relative to the parent; joint 0 is global.
+        trans: (B, T, 3) metres, SMPL's translation.
+        betas: (B, 10) shape.
+        valid: (B, T) bool; False pads shorter motions and takes no part in anything.
+        camera_R: (B, C, 3, 3), camera_t: (B, C, 3) free cameras from the state's axes; C may be 0.
+    """
+
+    R_local: Tensor
+    trans: Tensor
+    betas: Tensor
+    valid: Tensor
+    camera_R: Tensor
+    camera_t: Tensor
+
+    @classmethod
+    def of(cls, R_local: Tensor, trans: Tensor, betas: Tensor, valid: Tensor) -> "MotionState":
+        """A state without free cameras."""
+        none = trans.new_zeros(len(trans), 0, 3)
+        return cls(R_local, trans, betas, valid, none[..., None].expand(-1, 0, 3, 3), none)
+
+    @property
+    def unknown_globals(self) -> int:
+        """How many unknowns all frames share: 10 of shape, 6 a free camera."""
+        return self.betas.shape[1] + 6 * self.camera_t.shape[1]
+
+    def camera_columns(self, camera: int) -> slice:
+        """Where a free camera's (turn, shift) stand among the globals."""
+        start = self.betas.shape[1] + 6 * camera
+        return slice(start, start + 6)
+
+    def retract(self, d_frames: Tensor, d_globals: Tensor) -> "MotionState":
+        """The state after local increments, (B, T, 75) and (B, globals).
+
+        Joints: ``R <- R exp(delta)``. Cameras: ``R <- exp(turn) R``, ``t <- t + shift``, the turn
+        about the mean of the root path, which keeps turn and shift nearly independent.
+        """
+        d_frames = torch.where(self.valid[..., None], d_frames, 0.0)
+        delta = d_frames[..., :POSE].reshape(*self.R_local.shape[:-2], 3)
+        change = d_globals[:, self.betas.shape[1] :].reshape(*self.camera_t.shape[:2], 6)
+        turned = exp(change[..., :3]) @ self.camera_R
+        before, after = (
+            torch.einsum("bcij,bj->bci", R, self.pivot()) for R in (self.camera_R, turned)
+        )
+        return replace(
+            self,
+            R_local=self.R_local @ exp(delta),
+            trans=self.trans + d_frames[..., POSE:],
+            betas=self.betas + d_globals[:, : self.betas.shape[1]],
+            camera_R=turned,
+            camera_t=self.camera_t + change[..., 3:] + before - after,
+        )
+
+    def pivot(self) -> Tensor:
+        """(B, 3) mean of the root path: the point about which cameras turn."""
+        total = self.valid.sum(1, keepdim=True).clamp_min(1)
+        return torch.where(self.valid[..., None], self.trans, 0.0).sum(1) / total
+
+    def rows(self, index: Tensor) -> "MotionState":
+        """Some motions of the batch."""
+        return MotionState(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
+
+    def choose(self, other: "MotionState", take_other: Tensor) -> "MotionState":
+        """Motion by motion, the other state where ``take_other`` (B,) is true."""
+
+        def pick(mine: Tensor, theirs: Tensor) -> Tensor:
+            return torch.where(take_other.reshape(-1, *[1] * (mine.ndim - 1)), theirs, mine)
+
+        return replace(
+            self,
+            R_local=pick(self.R_local, other.R_local),
+            trans=pick(self.trans, other.trans),
+            betas=pick(self.betas, other.betas),
+            camera_R=pick(self.camera_R, other.camera_R),
+            camera_t=pick(self.camera_t, other.camera_t),
+        )

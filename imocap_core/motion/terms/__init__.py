@@ -1,0 +1,28 @@
+"""The terms of the objective, one idea a file.
+
+A term answers two questions about a state: what it costs (B,), and what it adds to the normal
+equations. The solver adds terms up and knows nothing else of them.
+"""
+
+from imocap_core.motion.terms.base import Term
+from imocap_core.motion.terms.coupling import PathCoupling, PoseCoupling
+from imocap_core.motion.terms.evidence import JointEvidence
+from imocap_core.motion.terms.limits import HingeLimits
+from imocap_core.motion.terms.pose_prior import PosePriorTerm
+from imocap_core.motion.terms.reprojection import Reprojection, View
+from imocap_core.motion.terms.shape_prior import ShapePrior
+from imocap_core.motion.terms.smoothness import PathSmoothness, PoseSmoothness
+
+__all__ = [
+    "HingeLimits",
+    "JointEvidence",
+    "PathCoupling",
+    "PathSmoothness",
+    "PoseCoupling",
+    "PosePriorTerm",
+    "PoseSmoothness",
+    "Reprojection",
+    "ShapePrior",
+    "Term",
+    "View",
+]

@@ -1,0 +1,58 @@
+"""The coupling between videos, Eq. 8's last two terms on the manifold."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from imocap_core.motion.normal import NormalEquations
+from imocap_core.motion.state import POSE, MotionState
+from imocap_core.rotations import log
+
+
+@dataclass(frozen=True)
+class PoseCoupling:
+    """``lambda_r1 |theta - Z|^2`` with the difference taken on the rotation manifold.
+
+    Attributes:
+        target: (B, T, 24, 3, 3) the low-rank poses Z, in each motion's own axes.
+        weight: (B, T, 24) per joint, 1/rad^2; 0 leaves a joint free.
+    """
+
+    target: Tensor
+    weight: Tensor
+
+    def _residual(self, state: MotionState) -> Tensor:
+        return log(self.target.transpose(-1, -2) @ state.R_local)
+
+    def cost(self, state: MotionState) -> Tensor:
+        """(B,)."""
+        return (self.weight * self._residual(state).square().sum(-1)).sum((1, 2))
+
+    def add_to(self, normal: NormalEquations, state: MotionState) -> None:
+        """The gradient is exactly the residual (its axis is fixed by the rotation itself)."""
+        weight = self.weight[..., None].expand(*self.weight.shape, 3)
+        normal.gradient[..., :POSE] += (weight * self._residual(state)).flatten(2)
+        torch.diagonal(normal.diagonal, dim1=-2, dim2=-1)[..., :POSE] += weight.flatten(2)
+
+
+@dataclass(frozen=True)
+class PathCoupling:
+    """``lambda_r2 |gamma - Y|^2``.
+
+    Attributes:
+        target: (B, T, 3) the low-rank root paths Y in each motion's own axes, metres.
+        weight: (B, T) 1/m^2.
+    """
+
+    target: Tensor
+    weight: Tensor
+
+    def cost(self, state: MotionState) -> Tensor:
+        """(B,)."""
+        return (self.weight * (state.trans - self.target).square().sum(-1)).sum(1)
+
+    def add_to(self, normal: NormalEquations, state: MotionState) -> None:
+        """Linear."""
+        normal.gradient[..., POSE:] += self.weight[..., None] * (state.trans - self.target)
+        torch.diagonal(normal.diagonal, dim1=-2, dim2=-1)[..., POSE:] += self.weight[..., None]
