@@ -1,0 +1,96 @@
+"""Triangles to pixels: a z-buffer in plain numpy.
+
+Every triangle proposes the pixel centres in its bounding box; all triangles do so at once. That
+is fast exactly where a body mesh lives: many triangles, each a few pixels large.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+NEAR_M = 0.05
+_EDGE = -1e-9  # barycentric slack, so that a pixel centre on a shared edge belongs to somebody
+
+
+class Fragments(NamedTuple):
+    """The visible surface, one entry per covered pixel.
+
+    pixel (N,) flat index row * width + column; face (N,) index into the faces;
+    weight (N, 3) barycentric weights of that face's corners, in the image plane; depth (N,) metres.
+    """
+
+    pixel: Ints
+    face: Ints
+    weight: Floats
+    depth: Floats
+
+
+def rasterize(xy_px: Floats, depth: Floats, faces: Ints, size: tuple[int, int]) -> Fragments:
+    """Find the nearest triangle at every pixel centre of an image.
+
+    xy_px (V, 2) projected corners, pixel (0, 0) is the centre of the first pixel; depth (V,) metres
+    along the optical axis; faces (F, 3), counter-clockwise seen from outside: those facing away are
+    skipped, and so is any that reaches nearer than NEAR_M. size (width, height).
+    """
+    width, height = size
+    candidates, plane = _front_faces(xy_px, depth, faces)
+    low, high = _pixel_boxes(xy_px[faces[candidates]], size)
+    extent = np.maximum(high - low + 1, 0)
+    count = extent[:, 0] * extent[:, 1]
+
+    owner = np.repeat(np.arange(len(candidates)), count)
+    step = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    columns = extent[owner, 0]
+    x = low[owner, 0] + step % columns
+    y = low[owner, 1] + step // columns
+
+    coefficients = plane[owner]
+    weight_1 = coefficients[:, 0, 0] * x + coefficients[:, 0, 1] * y + coefficients[:, 0, 2]
+    weight_2 = coefficients[:, 1, 0] * x + coefficients[:, 1, 1] * y + coefficients[:, 1, 2]
+    weight_0 = 1.0 - weight_1 - weight_2
+    inside = (weight_0 >= _EDGE) & (weight_1 >= _EDGE) & (weight_2 >= _EDGE)
+
+    owner, weight_0, weight_1, weight_2 = (a[inside] for a in (owner, weight_0, weight_1, weight_2))
+    pixel = (y * width + x)[inside]
+    corner_closeness = 1.0 / depth[faces[candidates]]  # 1/depth is what is linear in the image
+    corners = corner_closeness[owner]
+    closeness = weight_0 * corners[:, 0] + weight_1 * corners[:, 1] + weight_2 * corners[:, 2]
+
+    nearest = np.zeros(width * height)
+    np.maximum.at(nearest, pixel, closeness)
+    winner = np.full(width * height, -1)
+    seen = np.flatnonzero(closeness == nearest[pixel])
+    winner[pixel[seen]] = seen  # on a tie the last face stays
+    covered = np.flatnonzero(winner >= 0)
+    chosen = winner[covered]
+    weight = np.stack([weight_0[chosen], weight_1[chosen], weight_2[chosen]], axis=1)
+    return Fragments(covered, candidates[owner[chosen]], weight, 1.0 / closeness[chosen])
+
+
+def _front_faces(xy_px: Floats, depth: Floats, faces: Ints) -> tuple[Ints, Floats]:
+    """Faces turned to the camera, and for each the affine map from pixel to 2nd and 3rd weight.
+
+    Returns indices (C,) and coefficients (C, 2, 3).
+    """
+    a, b, c = (xy_px[faces[:, i]] for i in range(3))
+    ab, ac = b - a, c - a
+    area = ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]  # y points down: outward faces turn clockwise
+    kept = np.flatnonzero((area < 0) & (depth[faces].min(axis=1) > NEAR_M))
+    a, ab, ac, area = a[kept], ab[kept], ac[kept], area[kept]
+    plane = np.empty((len(kept), 2, 3))
+    plane[:, 0, 0], plane[:, 0, 1] = ac[:, 1] / area, -ac[:, 0] / area
+    plane[:, 1, 0], plane[:, 1, 1] = -ab[:, 1] / area, ab[:, 0] / area
+    plane[:, :, 2] = -(plane[:, :, 0] * a[:, None, 0] + plane[:, :, 1] * a[:, None, 1])
+    return kept, plane
+
+
+def _pixel_boxes(triangles: Floats, size: tuple[int, int]) -> tuple[Ints, Ints]:
+    """First and last pixel (inclusive) of each triangle's box within the image, (C, 2) each."""
+    limit = np.array(size) - 1
+    low = np.clip(np.ceil(triangles.min(axis=1)), 0, limit + 1).astype(np.int64)
+    high = np.clip(np.floor(triangles.max(axis=1)), -1, limit).astype(np.int64)
+    return low, high

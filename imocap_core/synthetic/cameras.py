@@ -1,0 +1,106 @@
+"""Cameras that film a performance: fixed, or turning about a fixed centre to follow it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+
+from imocap_core.camera.projection import intrinsics
+from imocap_core.synthetic.yoga import Floats
+
+_FOLLOW_S = 0.35  # how slowly the operator follows
+_WANDER_KNOT_S = 1.2
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """Where a camera stands and how it is held. World: z up; the performer faces -y at the origin.
+
+    azimuth_deg: 0 in front of the performer, 90 at the performer's left. focal_per_width: focal
+    length over image width. aim_height_m: what a fixed camera looks at. follow: 0 for a tripod,
+    else the share of the performer's movement that the operator follows. wander_deg: unsteadiness
+    of a turning camera (standard deviation of pan and tilt). roll_deg: how crooked it is held.
+    """
+
+    azimuth_deg: float
+    distance_m: float
+    height_m: float
+    focal_per_width: float
+    aim_height_m: float = 0.95
+    follow: float = 0.0
+    wander_deg: float = 0.0
+    roll_deg: float = 0.0
+
+
+@dataclass(frozen=True)
+class FilmCamera:
+    """K (3, 3), R_cam_from_world (T, 3, 3), t (T, 3): one camera over a clip of T frames."""
+
+    K: Floats
+    R_cam_from_world: Floats
+    t: Floats
+
+    @property
+    def centre(self) -> Floats:
+        """The centre (3,) in the world, the same in every frame."""
+        return -self.R_cam_from_world[0].T @ self.t[0]
+
+
+# Four sides, near and wide to far and narrow, from the knee's height to above the head.
+YOGA_VIEWPOINTS: tuple[Viewpoint, ...] = (
+    Viewpoint(38.0, 4.3, 1.25, 0.84, roll_deg=0.6),
+    Viewpoint(118.0, 3.6, 0.85, 0.76, follow=0.75, wander_deg=1.6, roll_deg=-1.2),
+    Viewpoint(214.0, 6.2, 2.1, 1.22, roll_deg=0.3),
+    Viewpoint(303.0, 4.9, 1.6, 1.06, follow=0.75, wander_deg=1.3, roll_deg=1.0),
+)
+
+
+def film(
+    view: Viewpoint, path: Floats, fps: float, size: tuple[int, int], rng: np.random.Generator
+) -> FilmCamera:
+    """Aim a camera at a performer whose pelvis moves along path (T, 3), world metres."""
+    frames = len(path)
+    middle = np.append(np.median(path[:, :2], axis=0), view.aim_height_m)
+    azimuth = np.deg2rad(view.azimuth_deg)
+    outward = np.array([np.sin(azimuth), -np.cos(azimuth), 0.0])
+    centre = middle * (1, 1, 0) + view.distance_m * outward + (0, 0, view.height_m)
+    slow = gaussian_filter1d(path, _FOLLOW_S * fps, axis=0, mode="nearest")
+    target = middle + view.follow * (slow - middle)
+    shake = _wander(frames, fps, view.wander_deg, rng)
+    R = np.stack(
+        [
+            look_at(centre, aim, view.roll_deg + s[2], s[:2])
+            for aim, s in zip(target, shake, strict=True)
+        ]
+    )
+    return FilmCamera(intrinsics(view.focal_per_width * size[0], size), R, -(R @ centre))
+
+
+def look_at(centre: Floats, target: Floats, roll_deg: float, turn_deg: Floats) -> Floats:
+    """R_cam_from_world (3, 3) of a camera that looks at a target with the world's z upright.
+
+    roll_deg about the optical axis, then turn_deg = (pan, tilt) away from the target.
+    """
+    forward = (target - centre) / np.linalg.norm(target - centre)
+    right = np.cross(forward, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    upright = np.stack([right, np.cross(forward, right), forward])
+    pan, tilt, roll = np.deg2rad([*turn_deg, roll_deg])
+    about_y = np.array([[np.cos(pan), 0, -np.sin(pan)], [0, 1, 0], [np.sin(pan), 0, np.cos(pan)]])
+    about_x = np.array(
+        [[1, 0, 0], [0, np.cos(tilt), np.sin(tilt)], [0, -np.sin(tilt), np.cos(tilt)]]
+    )
+    about_z = np.array(
+        [[np.cos(roll), np.sin(roll), 0], [-np.sin(roll), np.cos(roll), 0], [0, 0, 1]]
+    )
+    result: Floats = about_z @ about_x @ about_y @ upright
+    return result
+
+
+def _wander(frames: int, fps: float, sigma_deg: float, rng: np.random.Generator) -> Floats:
+    """Smooth random pan, tilt and (a quarter as much) roll, degrees (frames, 3)."""
+    knots = max(4, round(frames / fps / _WANDER_KNOT_S) + 2)
+    values = rng.normal(0.0, sigma_deg, (knots, 3)) * (1.0, 1.0, 0.25)
+    curve: Floats = CubicSpline(np.linspace(0, frames - 1, knots), values)(np.arange(frames))
+    return curve

@@ -1,0 +1,44 @@
+"""The body that performs: its kinematics for the choreography, its colors for the picture."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+
+from imocap_core.body import PointSet, Shaped, keypoints_with_jacobian
+from imocap_core.synthetic.contact import Forward
+from imocap_core.synthetic.yoga import Floats
+
+# RGB by part of the body; the parts are those of the free body's faces
+_PALETTE: dict[str, tuple[int, int, int]] = {
+    "skin": (214, 165, 137),
+    "hair": (58, 40, 30),
+    "eyes": (235, 232, 228),
+    "shirt": (196, 62, 58),
+    "trousers": (44, 52, 84),
+    "shoes": (232, 228, 220),
+}
+
+
+def joint_forward(shaped: Shaped, points: PointSet) -> Forward:
+    """Kinematics as contact.plant wants them: numpy, pelvis position instead of translation.
+
+    points: the 24 joints ("smpl24") of the shaped body, whose coefficients are (n,).
+    """
+    root = shaped.joints_rest[0]
+
+    def forward(R_local: Floats, pelvis: Floats) -> tuple[Floats, Floats]:
+        transl = torch.as_tensor(pelvis, dtype=root.dtype) - root
+        rotations = torch.as_tensor(R_local, dtype=root.dtype)
+        xyz, d_pose, _ = keypoints_with_jacobian(shaped, points, rotations, transl)
+        return xyz.numpy(), d_pose.numpy()
+
+    return forward
+
+
+def outfit(face_parts: np.ndarray, part_names: Sequence[str], rng: np.random.Generator) -> Floats:
+    """RGB (F, 3) of every face: the palette, its clothes tinted by chance."""
+    colors = np.array([_PALETTE[name] for name in part_names], dtype=np.float64)
+    clothes = [i for i, name in enumerate(part_names) if name in ("shirt", "trousers", "shoes")]
+    colors[clothes] = np.clip(colors[clothes] + rng.normal(0, 30, (len(clothes), 3)), 15, 245)
+    return colors[face_parts]

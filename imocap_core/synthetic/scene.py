@@ -1,0 +1,176 @@
+"""A textured room and its picture from a turning camera.
+
+A camera that only turns sees one fixed pattern of rays: the room is ray-cast once onto a plate wide
+enough for all frames, and every frame is a homography of that plate, K R_t R_plate^T K_plate^-1.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from imocap_core.synthetic import textures
+from imocap_core.synthetic.cameras import FilmCamera
+from imocap_core.synthetic.textures import PX_PER_M, Image
+from imocap_core.synthetic.yoga import Floats
+
+_PLATE_MARGIN_PX = 4
+_SHADOW_CELL_M = 0.04
+_SHADOW_HALF_M = 1.9
+_SHADOW_SLANT = np.array([0.22, -0.18])  # metres on the floor per metre of height
+_SUPERSAMPLE = 2
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A textured rectangle: world = corner + column / PX_PER_M * along + row / PX_PER_M * down."""
+
+    texture: Image
+    corner: Floats
+    along: Floats
+    down: Floats
+
+
+@dataclass(frozen=True)
+class Plate:
+    """The room as seen by one wide pinhole camera that shares the film camera's centre."""
+
+    image: Image
+    K: Floats
+    R_plate_from_world: Floats
+
+
+def room(kind: int, azimuth_deg: float, rng: np.random.Generator) -> list[Surface]:
+    """Floor with a yoga mat, back wall and two side walls, as seen from an azimuth (cameras.py).
+
+    kind 0 to 3: brick loft, tiled salon, wooden gym, garden.
+    """
+    azimuth = np.deg2rad(azimuth_deg)
+    back = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])  # away from the camera
+    right = np.array([back[1], -back[0], 0.0])
+    up = np.array([0.0, 0.0, 1.0])
+    depth, half, front, high = rng.uniform(2.3, 3.2), rng.uniform(3.6, 4.6), 7.5, 4.2
+    floor_shape = (int((front + depth) * PX_PER_M), int(2 * half * PX_PER_M))
+    wall_shape = (int(high * PX_PER_M), int(2 * half * PX_PER_M))
+    side_shape = (int(high * PX_PER_M), int((front + depth) * PX_PER_M))
+    floor, walls = _materials(kind, floor_shape, [wall_shape, side_shape, side_shape], rng)
+    far_left = depth * back - half * right
+    far_right = depth * back + half * right
+    return [
+        Surface(floor, far_left, right, -back),
+        Surface(walls[0], far_left + high * up, right, -up),
+        Surface(walls[1], far_left - (depth + front) * back + high * up, back, -up),
+        Surface(walls[2], far_right + high * up, -back, -up),
+        _mat(rng),
+    ]
+
+
+def _materials(
+    kind: int, floor: tuple[int, int], walls: list[tuple[int, int]], rng: np.random.Generator
+) -> tuple[Image, list[Image]]:
+    if kind == 0:
+        ground = textures.planks(floor, 22, (150, 112, 78), rng)
+        sides = [textures.bricks(w, (16, 40), (158, 84, 66), (178, 170, 160), rng) for w in walls]
+        return ground, [textures.hang_pictures(side, 6, rng) for side in sides]
+    if kind == 1:
+        ground = textures.checks(floor, 60, ((208, 202, 190), (96, 104, 112)), rng)
+        sides = [
+            textures.tinted(textures.noise(w, 30, 5, rng), (122, 148, 140), 0.3) for w in walls
+        ]
+        return ground, [textures.hang_pictures(side, 9, rng) for side in sides]
+    if kind == 2:
+        ground = textures.tinted(textures.noise(floor, 12, 4, rng), (92, 108, 138), 0.5)
+        sides = [textures.planks(w, 30, (196, 168, 122), rng) for w in walls]
+        return ground, [textures.hang_pictures(side, 5, rng) for side in sides]
+    ground = textures.tinted(textures.noise(floor, 18, 5, rng), (88, 122, 62), 0.6)
+    sides = [textures.bricks(w, (34, 62), (150, 146, 136), (96, 100, 92), rng, 0.3) for w in walls]
+    return ground, [textures.hang_pictures(side, 4, rng) for side in sides]
+
+
+def _mat(rng: np.random.Generator) -> Surface:
+    """A yoga mat under the performer, a hair above the floor."""
+    length, width = 2.2, 0.75
+    shape = (int(length * PX_PER_M), int(width * PX_PER_M))
+    color = (int(rng.integers(60, 120)), int(rng.integers(60, 110)), int(rng.integers(110, 170)))
+    weave = textures.tinted(textures.noise(shape, 5, 2, rng), color, 0.25)
+    cv2.rectangle(weave, (6, 6), (shape[1] - 7, shape[0] - 7), (210, 205, 195), 2)
+    corner = np.array([-width / 2, 1.3, 0.004])
+    return Surface(weave, corner, np.array([1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0]))
+
+
+def render_plate(surfaces: list[Surface], camera: FilmCamera, size: tuple[int, int]) -> Plate:
+    """Ray-cast the room once, wide enough for every frame of the camera."""
+    middle = camera.R_cam_from_world[len(camera.R_cam_from_world) // 2]
+    width, height = size
+    corners = np.array([[0, 0, 1], [width, 0, 1], [0, height, 1], [width, height, 1.0]])
+    to_plate = (
+        camera.K @ middle @ np.swapaxes(camera.R_cam_from_world, 1, 2) @ np.linalg.inv(camera.K)
+    )
+    seen = np.einsum("tij,cj->tci", to_plate, corners)
+    seen = seen[..., :2] / seen[..., 2:]
+    low = np.floor(seen.min(axis=(0, 1))) - _PLATE_MARGIN_PX
+    high = np.ceil(seen.max(axis=(0, 1))) + _PLATE_MARGIN_PX
+    shift = np.array([[1.0, 0.0, -low[0]], [0.0, 1.0, -low[1]], [0.0, 0.0, 1.0]])
+    K = shift @ camera.K
+    plate_size = (int(high[0] - low[0]), int(high[1] - low[1]))
+    return Plate(_raycast(surfaces, K, middle, camera.centre, plate_size), K, middle)
+
+
+def _raycast(
+    surfaces: list[Surface], K: Floats, R: Floats, centre: Floats, size: tuple[int, int]
+) -> Image:
+    """RGB picture (height, width, 3) of textured rectangles from a pinhole at `centre`."""
+    fine = (size[0] * _SUPERSAMPLE, size[1] * _SUPERSAMPLE)
+    x = (np.arange(fine[0]) + 0.5) / _SUPERSAMPLE - 0.5
+    y = (np.arange(fine[1]) + 0.5) / _SUPERSAMPLE - 0.5
+    pixels = np.stack([*np.meshgrid(x, y), np.ones(fine[::-1])], axis=-1)
+    directions = pixels @ (np.linalg.inv(K).T @ R)
+    image = np.full((fine[1], fine[0], 3), (188, 196, 204), np.uint8)
+    nearest = np.full(fine[::-1], np.inf)
+    for surface in surfaces:
+        normal = np.cross(surface.along, surface.down)
+        slope = directions @ normal
+        slope[np.abs(slope) < 1e-9] = 1e-9
+        distance = ((surface.corner - centre) @ normal) / slope
+        hit = centre - surface.corner + distance[..., None] * directions
+        column = hit @ surface.along * PX_PER_M
+        row = hit @ surface.down * PX_PER_M
+        high, wide = surface.texture.shape[:2]
+        on = (distance > 0) & (distance < nearest)
+        on &= (column >= 0) & (column < wide - 1) & (row >= 0) & (row < high - 1)
+        sampled = cv2.remap(
+            surface.texture, column.astype(np.float32), row.astype(np.float32), cv2.INTER_LINEAR
+        )
+        image[on] = sampled[on]
+        nearest[on] = distance[on]
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def backdrop(plate: Plate, K: Floats, R_cam_from_world: Floats, size: tuple[int, int]) -> Image:
+    """The room in one frame of the film."""
+    H = K @ R_cam_from_world @ plate.R_plate_from_world.T @ np.linalg.inv(plate.K)
+    return np.asarray(cv2.warpPerspective(plate.image, H, size, flags=cv2.INTER_LINEAR), np.uint8)
+
+
+def cast_shadow(
+    image: Image, vertices: Floats, K: Floats, R_cam_from_world: Floats, t: Floats
+) -> Image:
+    """Darken the floor below a body (vertices (V, 3), world): softer where the body is high."""
+    cells = int(2 * _SHADOW_HALF_M / _SHADOW_CELL_M)
+    middle = np.median(vertices[:, :2], axis=0)
+    fallen = vertices[:, :2] + vertices[:, 2:] * _SHADOW_SLANT
+    place = ((fallen - middle + _SHADOW_HALF_M) / _SHADOW_CELL_M).astype(int)
+    inside = ((place >= 0) & (place < cells)).all(axis=1)
+    low = vertices[:, 2] < 0.25
+    light = np.ones((cells, cells), np.float32)
+    for part, sigma, depth in ((inside & low, 1.2, 0.5), (inside & ~low, 3.0, 0.4)):
+        covered = np.zeros((cells, cells), np.float32)
+        covered[place[part, 1], place[part, 0]] = 1.0
+        light *= 1.0 - depth * cv2.GaussianBlur(covered, (0, 0), sigma)
+    floor_from_cell = np.eye(3)
+    floor_from_cell[:2, :2] *= _SHADOW_CELL_M
+    floor_from_cell[:2, 2] = middle - _SHADOW_HALF_M + 0.5 * _SHADOW_CELL_M
+    H = K @ np.column_stack([R_cam_from_world[:, 0], R_cam_from_world[:, 1], t]) @ floor_from_cell
+    size = (image.shape[1], image.shape[0])
+    factor = cv2.warpPerspective(light, H, size, borderMode=cv2.BORDER_CONSTANT, borderValue=1.0)
+    return np.rint(image * factor[..., None]).astype(np.uint8)
