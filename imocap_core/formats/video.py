@@ -1,0 +1,133 @@
+"""Video files: what they hold, their frames one by one, and H.264 out. Through PyAV (FFmpeg)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+from av.video.stream import VideoStream
+from numpy.typing import NDArray
+
+Picture = NDArray[np.uint8]
+
+
+@dataclass(frozen=True)
+class VideoInfo:
+    """``fps`` frames a second, ``size`` (width, height) as shown, ``frame_count`` frames."""
+
+    fps: float
+    size: tuple[int, int]
+    frame_count: int
+
+
+def probe(path: Path) -> VideoInfo:
+    """What a video file holds. ValueError when it is no readable video."""
+    with _open(path) as container:
+        stream = _video_stream(container, path)
+        rate = stream.average_rate or stream.guessed_rate
+        if not rate:
+            raise ValueError(f"{path}: has no frame rate; convert it to a constant one first")
+        size = _shown_size(next(_decoded(container, stream, path), None), path)
+        count = stream.frames
+    return VideoInfo(float(rate), size, count or sum(1 for _ in read_gray(path, scale=0.05)))
+
+
+def read_rgb(path: Path, first: int = 0, stop: int | None = None) -> Iterator[tuple[int, Picture]]:
+    """(frame number, picture (height, width, 3) RGB) for frames first to stop - 1, in order."""
+    for number, frame in _frames(path, first, stop):
+        yield number, _upright(np.asarray(frame.to_ndarray(format="rgb24"), np.uint8), frame)
+
+
+def read_gray(
+    path: Path, first: int = 0, stop: int | None = None, *, scale: float = 1.0
+) -> Iterator[tuple[int, Picture]]:
+    """(frame number, grey picture) for frames first to stop - 1, resized by ``scale``.
+
+    The picture is (round(scale * height), round(scale * width)).
+    """
+    for number, frame in _frames(path, first, stop):
+        small = frame.reformat(
+            width=max(1, round(scale * frame.width)),
+            height=max(1, round(scale * frame.height)),
+            format="gray",
+            interpolation="AREA",
+        )
+        yield number, _upright(np.asarray(small.to_ndarray(), np.uint8), frame)
+
+
+def write_h264(
+    path: Path, frames: Iterable[Picture], fps: float, *, crf: int = 20, preset: str = "veryfast"
+) -> int:
+    """Write RGB frames (height, width, 3) uint8 as an mp4; returns how many.
+
+    One thread and no encoder stamps: the same frames give the same bytes. Odd sizes lose their
+    last row or column, which H.264 in 4:2:0 cannot hold.
+    """
+    count = 0
+    with av.open(str(path), "w", format="mp4", options={"fflags": "+bitexact"}) as container:
+        stream: Any = container.add_stream("libx264", rate=Fraction(fps).limit_denominator(1001))
+        stream.pix_fmt = "yuv420p"
+        stream.options = {"crf": str(crf), "preset": preset, "threads": "1", "flags": "+bitexact"}
+        for picture in frames:
+            if count == 0:
+                stream.height, stream.width = (2 * (side // 2) for side in picture.shape[:2])
+            even = np.ascontiguousarray(picture[: stream.height, : stream.width])
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(even, format="rgb24")))
+            count += 1
+        if count == 0:
+            raise ValueError(f"{path}: expected at least one frame to write, got none")
+        container.mux(stream.encode())
+    return count
+
+
+def _open(path: Path) -> Any:
+    if not path.is_file():
+        raise ValueError(f"{path}: there is no such video file; check `video` in action.yaml")
+    try:
+        return av.open(str(path))
+    except (av.FFmpegError, OSError) as error:
+        raise ValueError(f"{path}: is not a readable video ({error}); re-encode it") from None
+
+
+def _video_stream(container: Any, path: Path) -> VideoStream:
+    if not container.streams.video:
+        raise ValueError(f"{path}: holds no video stream; expected a video, got audio or data only")
+    stream: VideoStream = container.streams.video[0]
+    stream.thread_type = "AUTO"
+    return stream
+
+
+def _decoded(container: Any, stream: VideoStream, path: Path) -> Iterator[av.VideoFrame]:
+    try:
+        yield from container.decode(stream)
+    except (av.FFmpegError, OSError) as error:
+        raise ValueError(f"{path}: broken while decoding ({error}); re-encode it") from None
+
+
+def _frames(path: Path, first: int, stop: int | None) -> Iterator[tuple[int, av.VideoFrame]]:
+    """Frames are counted while decoding: seeking is not exact in every format."""
+    with _open(path) as container:
+        stream = _video_stream(container, path)
+        for number, frame in enumerate(_decoded(container, stream, path)):
+            if stop is not None and number >= stop:
+                return
+            if number >= first:
+                yield number, frame
+
+
+def _upright(picture: Picture, frame: av.VideoFrame) -> Picture:
+    """Phones store sideways pictures with a rotation note; detectors see them upright."""
+    turns = round(frame.rotation / 90)
+    return np.ascontiguousarray(np.rot90(picture, turns)) if turns % 4 else picture
+
+
+def _shown_size(frame: av.VideoFrame | None, path: Path) -> tuple[int, int]:
+    if frame is None:
+        raise ValueError(f"{path}: holds no frames; expected a video, got an empty stream")
+    sideways = round(frame.rotation / 90) % 2
+    return (frame.height, frame.width) if sideways else (frame.width, frame.height)
