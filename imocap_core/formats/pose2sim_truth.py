@@ -1,7 +1,7 @@
 """A calibrated rig's answer as truth: calibration.npz and trc_reference.npz beside action.yaml.
 
 The pair comes from a Pose2Sim project: cameras that ran together, and a triangulation of their
-detections. ``calibration.npz``: ``K`` (C, 3, 3), ``R`` (C, 3, 3), ``t`` (C, 3) camera from world and
+detections. ``calibration.npz``: ``K`` (C, 3, 3), ``R`` (C, 3, 3), ``t`` (C, 3) camera from world,
 ``cams`` (C,) video ids. ``trc_reference.npz``: ``xyz_zup_m`` (F, J, 3) metres in that world, row =
 source frame number, ``names`` (J,). Frames correspond when their numbers are equal, so the phase of
 a frame is its number. Lens distortion (below a pixel here) is left out.
@@ -46,14 +46,17 @@ def read_pose2sim_truth(folder: Path, used_frames: Mapping[str, NDArray[np.int64
     R = numbers(calibration, "R", ("C", 3, 3), file)
     K = numbers(calibration, "K", (len(R), 3, 3), file)
     t = numbers(calibration, "t", (len(R), 3), file)
-    row = {camera: i for i, camera in enumerate(names(calibration, "cams", len(R), file))}
+    cameras = {
+        camera: (K[i], R[i], t[i])
+        for i, camera in enumerate(names(calibration, "cams", len(R), file))
+    }
     videos = {}
     for video, frames in used_frames.items():
         covered = (frames >= 0) & (frames < len(xyz_m))
         joints = np.full((len(frames), *xyz_m.shape[1:]), np.nan)
         joints[covered] = xyz_m[frames[covered]]
-        camera = (K[row[video]], R[row[video]], t[row[video]]) if video in row else (None,) * 3
-        videos[video] = VideoTruth(joints, joint_names, *camera, frames.astype(np.float64))
+        own = cameras.get(video, (None, None, None))
+        videos[video] = VideoTruth(joints, joint_names, *own, frames.astype(np.float64))
     return Truth(videos, float(len(xyz_m) - 1))
 
 

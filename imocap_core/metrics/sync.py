@@ -6,7 +6,9 @@ is given in its source frame numbers, fractional between frames.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise, permutations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -124,6 +126,35 @@ def matched_share(errors: SyncErrors) -> float:
 def false_match_share(errors: SyncErrors) -> float:
     """Share of the frames without a true counterpart that the method matches all the same."""
     return _share(errors.matched, ~errors.has_truth)
+
+
+def cycle_residual_frames(relaxed: ArrayLike, lengths: Sequence[int]) -> float:
+    """How far frames land from where they started, after going round the videos; needs no truth.
+
+    Each frame goes to its most alike frame of a second video, on to a third, and back (with two
+    videos: there and back), by the strongest entry of each row.
+
+    Args:
+        relaxed: (N, N) affinity over the frames of all videos together. lengths: frames of each.
+
+    Returns:
+        Median over frames and cycles of |end - start|, in frames; NaN for a single video.
+    """
+    matrix = np.asarray(relaxed)
+    if matrix.shape != (sum(lengths),) * 2:
+        raise ValueError(f"relaxed must be ({sum(lengths)},) * 2 for {lengths}: {matrix.shape}")
+    ends = np.cumsum(lengths)
+    rows = [slice(end - length, end) for end, length in zip(ends, lengths, strict=True)]
+    videos = range(len(lengths))
+    step = {(i, j): matrix[rows[i], rows[j]].argmax(axis=1) for i, j in permutations(videos, 2)}
+    round_trips = permutations(videos, 3) if len(lengths) > 2 else permutations(videos, 2)
+    moved = []
+    for first, second, *third in round_trips:
+        at = step[first, second]
+        for here, there in pairwise((second, *third, first)):
+            at = step[here, there][at]
+        moved.append(np.abs(at - np.arange(lengths[first])))
+    return float(np.median(np.concatenate(moved))) if moved else float("nan")
 
 
 def _reference(frames: ArrayLike, phase: ArrayLike) -> tuple[Array, Array]:

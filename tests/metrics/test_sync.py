@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from imocap_core.metrics.sync import (
+    SyncErrors,
+    cycle_residual_frames,
     false_match_share,
     matched_share,
     offset_frames,
@@ -23,7 +26,7 @@ REFERENCE_FRAMES = np.arange(5, 16)
 REFERENCE_PHASE = 10.0 * np.arange(11)
 
 
-def _errors(matched: list[float], phase: list[float]):
+def _errors(matched: ArrayLike, phase: ArrayLike) -> SyncErrors:
     return sync_errors(matched, phase, REFERENCE_FRAMES, REFERENCE_PHASE, phase_end=200.0)
 
 
@@ -46,7 +49,7 @@ def test_errors_by_hand() -> None:
 
 def test_the_true_map_has_no_error() -> None:
     phase = np.linspace(3, 97, 40)
-    errors = _errors(list(true_reference_frame(phase, REFERENCE_FRAMES, REFERENCE_PHASE)), phase)
+    errors = _errors(true_reference_frame(phase, REFERENCE_FRAMES, REFERENCE_PHASE), phase)
     assert sync_error_pct(errors) == pytest.approx(0, abs=1e-12)
     assert sync_error_frames(errors) == pytest.approx(0, abs=1e-12)
     assert matched_share(errors) == 1
@@ -77,6 +80,24 @@ def test_nothing_matched_is_nan_not_zero() -> None:
 def test_offset_by_hand() -> None:
     assert offset_frames([3, 4, 5.5, np.nan], [1, 2, 3, 4]) == pytest.approx(2)
     assert np.isnan(offset_frames([np.nan], [1]))
+
+
+@pytest.mark.parametrize("lengths", [[6, 6], [6, 6, 6], [6, 6, 6, 6]])
+def test_consistent_maps_come_back_to_where_they_started(lengths: list[int]) -> None:
+    videos = len(lengths)
+    assert cycle_residual_frames(np.tile(np.eye(6), (videos, videos)), lengths) == 0
+    assert np.isnan(cycle_residual_frames(np.eye(6), [6]))
+
+
+def test_cycle_residual_by_hand() -> None:
+    # There: frame t to t + 1 (the last stays); back: t to t. So all but one of the frames that
+    # start in either video come back one too far, the other comes back at once.
+    there = np.eye(6, k=1)
+    there[5, 5] = 1
+    matrix = np.block([[np.eye(6), there], [np.eye(6), np.eye(6)]])
+    assert cycle_residual_frames(matrix, [6, 6]) == 1
+    with pytest.raises(ValueError, match="relaxed must be"):
+        cycle_residual_frames(matrix, [6, 5])
 
 
 def test_misuse_is_named() -> None:
