@@ -1,0 +1,210 @@
+"""Artifacts as MCAP files: one JSON header, one protobuf message an array, side files attached.
+
+The content digest is taken over the decoded messages, never over the file: compressed bytes differ
+between releases of zstandard. Everything in the file is covered by a checksum, and every way in
+which reading can fail is one error, ArtifactCorrupt, whose cure is to compute the artifact again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import struct
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+from google.protobuf.message import DecodeError
+from mcap.exceptions import McapError
+from mcap.records import Attachment, Channel, DataEnd, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader
+from mcap.writer import CompressionType, Writer
+from pydantic import BaseModel, ValidationError
+from zstandard import ZstdError
+
+from imocap_core.artifacts import ndarray
+from imocap_core.artifacts.schemas.base import Artifact
+
+LIBRARY = "imocap artifact 1"  # fixed: a file says what it holds, not who wrote it when
+LOG_TIME = 0
+HEADER, PROVENANCE = "/header", "imocap.provenance"
+SCHEMA_PREFIX = "imocap."
+REFERENCE = "$array"
+FOOTER = struct.Struct("<BQQQI8s")  # opcode, length, summary start, its offsets, CRC, magic
+READER_ERRORS = (
+    McapError,
+    ZstdError,
+    DecodeError,
+    struct.error,
+    ArithmeticError,
+    LookupError,
+    MemoryError,
+    OSError,
+    TypeError,
+    ValueError,
+)
+
+Kind = TypeVar("Kind", bound=Artifact)
+
+
+class ArtifactCorrupt(Exception):
+    """The file can't be read back whole; the artifact must be computed again."""
+
+
+@dataclass(frozen=True)
+class Content:
+    """What a file holds, decoded and checked by its checksums, not yet validated."""
+
+    schema: str  # the artifact's class
+    header: bytes  # canonical JSON; arrays are {"$array": name}
+    arrays: dict[str, npt.NDArray]
+    provenance: dict[str, str] = field(default_factory=dict)  # how it was made; not content
+    files: dict[str, bytes] = field(default_factory=dict)  # side files; not content
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of schema, header and arrays."""
+        sha = hashlib.sha256()
+        for part in (self.schema.encode(), self.header):
+            sha.update(struct.pack("<Q", len(part)))
+            sha.update(part)
+        for name in sorted(self.arrays):
+            array = self.arrays[name]
+            sha.update(f"{name}\0{array.dtype.name}\0{array.shape}\0".encode())
+            sha.update(np.ascontiguousarray(array).data)
+        return sha.hexdigest()
+
+
+def pack(artifact: Artifact) -> Content:
+    """Split an artifact into its header and its arrays (named by their path in the header)."""
+    arrays: dict[str, npt.NDArray] = {}
+    header = _without_arrays(artifact, "", arrays)
+    text = json.dumps(header, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return Content(type(artifact).__name__, text.encode(), arrays)
+
+
+def unpack(content: Content, kind: type[Kind]) -> Kind:
+    """The artifact, validated by its schema. ArtifactCorrupt when it does not fit `kind`."""
+    if content.schema != kind.__name__:
+        raise ArtifactCorrupt(f"holds a {content.schema}, expected a {kind.__name__}")
+    try:
+        data = _with_arrays(json.loads(content.header), content.arrays)
+        return kind.model_validate(data)
+    except (ValidationError, KeyError, ValueError) as error:
+        raise ArtifactCorrupt(f"does not fit the schema {kind.__name__}: {error}") from error
+
+
+def write(stream: BinaryIO, content: Content, json_schema: Mapping[str, Any]) -> None:
+    """Write a file that any MCAP reader can list: the header's schema travels with it."""
+    writer = Writer(stream, compression=CompressionType.ZSTD, enable_data_crcs=True)
+    writer.start(profile="", library=LIBRARY)
+    schema_text = json.dumps(json_schema, sort_keys=True).encode()
+    header_schema = writer.register_schema(
+        name=SCHEMA_PREFIX + content.schema, encoding="jsonschema", data=schema_text
+    )
+    array_schema = writer.register_schema(
+        name=ndarray.NAME, encoding="protobuf", data=ndarray.descriptor_set()
+    )
+    messages = [(HEADER, "json", header_schema, content.header)]
+    messages += [
+        ("/" + name, "protobuf", array_schema, ndarray.to_bytes(name, content.arrays[name]))
+        for name in sorted(content.arrays)
+    ]
+    for topic, encoding, schema, data in messages:
+        channel = writer.register_channel(topic=topic, message_encoding=encoding, schema_id=schema)
+        writer.add_message(channel, log_time=LOG_TIME, publish_time=LOG_TIME, data=data)
+    for name in sorted(content.files):
+        writer.add_attachment(
+            LOG_TIME, LOG_TIME, name, "application/octet-stream", content.files[name]
+        )
+    writer.add_metadata(PROVENANCE, dict(sorted(content.provenance.items())))
+    writer.finish()
+
+
+def read(file: Path) -> Content:
+    """Read a file back, every byte of it checked. ArtifactCorrupt for whatever is wrong with it."""
+    try:
+        data = file.read_bytes()
+        _check_summary(data)
+        return _collect(data)
+    except ArtifactCorrupt as error:
+        raise ArtifactCorrupt(f"{file}: {error}") from None
+    except READER_ERRORS as error:
+        raise ArtifactCorrupt(f"{file}: {type(error).__name__}: {error}") from error
+
+
+def _check_summary(data: bytes) -> None:
+    """The summary's CRC, which the MCAP reader leaves to its callers."""
+    footer = data[-FOOTER.size :]
+    _, _, start, _, expected, _ = FOOTER.unpack(footer)
+    if zlib.crc32(footer[:25], zlib.crc32(data[start : -FOOTER.size])) != expected:
+        raise ArtifactCorrupt("the summary does not match its checksum")
+
+
+def _collect(data: bytes) -> Content:
+    """One pass over the records up to the end of the data section, whose CRC must be there."""
+    schemas: dict[int, str] = {}
+    topics: dict[int, tuple[str, int]] = {}
+    header, kind = b"", ""
+    arrays: dict[str, npt.NDArray] = {}
+    provenance: dict[str, str] = {}
+    files: dict[str, bytes] = {}
+    whole = False
+    for record in StreamReader(BytesIO(data), validate_crcs=True).records:
+        if whole:
+            continue  # the summary repeats schemas and channels
+        if isinstance(record, Schema):
+            schemas[record.id] = record.name
+        elif isinstance(record, Channel):
+            topics[record.id] = (record.topic, record.schema_id)
+        elif isinstance(record, Message) and topics[record.channel_id][0] == HEADER:
+            header = record.data
+            kind = schemas[topics[record.channel_id][1]].removeprefix(SCHEMA_PREFIX)
+        elif isinstance(record, Message):
+            name, array = ndarray.from_bytes(record.data)
+            arrays[name] = array
+        elif isinstance(record, Attachment):
+            files[record.name] = record.data
+        elif isinstance(record, Metadata):
+            provenance = record.metadata
+        elif isinstance(record, DataEnd):
+            whole = record.data_section_crc != 0
+    if not whole or not header:
+        raise ArtifactCorrupt("ends before its data section does")
+    return Content(kind, header, arrays, provenance, files)
+
+
+def _without_arrays(value: Any, path: str, arrays: dict[str, npt.NDArray]) -> Any:
+    """JSON of a value; arrays move to `arrays` and leave {"$array": path} behind."""
+    if isinstance(value, np.ndarray):
+        assert path not in arrays, f"two arrays are named {path}"
+        arrays[path] = value
+        return {REFERENCE: path}
+    if isinstance(value, BaseModel):
+        value = {name: getattr(value, name) for name in type(value).model_fields}
+    inside = f"{path}/" if path else ""
+    if isinstance(value, dict):
+        return {k: _without_arrays(v, f"{inside}{k}", arrays) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_without_arrays(v, f"{inside}{i}", arrays) for i, v in enumerate(value)]
+    if isinstance(value, float) and not math.isfinite(value):
+        return {math.inf: "Infinity", -math.inf: "-Infinity"}.get(value, "NaN")
+    return value
+
+
+def _with_arrays(value: Any, arrays: Mapping[str, npt.NDArray]) -> Any:
+    """The inverse of `_without_arrays`, up to what the schema's types say."""
+    if isinstance(value, dict):
+        if value.keys() == {REFERENCE}:
+            return arrays[value[REFERENCE]]
+        return {k: _with_arrays(v, arrays) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_with_arrays(v, arrays) for v in value]
+    return value

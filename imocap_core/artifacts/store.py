@@ -1,0 +1,181 @@
+"""Where artifacts lie: the current one of each stage, and every older one by its key.
+
+    artifacts/
+      <action>/<stage>.mcap      the current artifact
+      <action>/report/           the side files of the stage that made some
+      .cache/<stage>/<key>.mcap  every result ever made, so that going back costs nothing
+
+Files appear whole or not at all (written aside, synced, renamed); the current artifact is a hard
+link to its cached one where the file system has links.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, TypeVar
+
+from imocap_core.artifacts import codec
+from imocap_core.artifacts.codec import ArtifactCorrupt, Content
+from imocap_core.artifacts.lock import exclusive
+from imocap_core.artifacts.schemas.base import Artifact
+
+Kind = TypeVar("Kind", bound=Artifact)
+KEY = "key"
+REPORT = "report"
+
+
+@dataclass(frozen=True)
+class Stored:
+    """An artifact in the store, read back and checked, not yet validated by its schema."""
+
+    file: Path
+    content: Content
+
+    @property
+    def schema(self) -> str:
+        """The artifact's class name."""
+        return self.content.schema
+
+    @property
+    def digest(self) -> str:
+        """Digest of what it holds (not of the file)."""
+        return self.content.digest
+
+    @property
+    def key(self) -> str:
+        """The stage key it was made under."""
+        return self.content.provenance.get(KEY, "")
+
+    def decode(self, kind: type[Kind]) -> Kind:
+        """The artifact itself. ArtifactCorrupt when it does not fit `kind`."""
+        return codec.unpack(self.content, kind)
+
+
+@dataclass(frozen=True)
+class Store:
+    """The artifacts below one folder."""
+
+    folder: Path
+
+    def current(self, action: str, stage: str) -> Path:
+        """Where a stage's current artifact lies."""
+        return self.folder / action / f"{stage}.mcap"
+
+    def cached(self, stage: str, key: str) -> Path:
+        """Where a result lies for good."""
+        return self.folder / ".cache" / stage / f"{key}.mcap"
+
+    def load(self, action: str, stage: str) -> Stored | None:
+        """The current artifact, whatever key it was made under; None when there is none.
+
+        ArtifactCorrupt when it can't be read back.
+        """
+        file = self.current(action, stage)
+        return Stored(file, codec.read(file)) if file.is_file() else None
+
+    def find(self, action: str, stage: str, key: str) -> Stored | None:
+        """The result made under `key`; None when there is none or it can't be read back."""
+        for file in (self.current(action, stage), self.cached(stage, key)):
+            with suppress(ArtifactCorrupt):
+                if file.is_file() and (stored := Stored(file, codec.read(file))).key == key:
+                    return stored
+        return None
+
+    def put(
+        self,
+        stage: str,
+        key: str,
+        artifact: Artifact,
+        provenance: Mapping[str, str],
+        files: Mapping[str, bytes],
+    ) -> Stored:
+        """Keep a result under its key, with a note of how it was made and its side files."""
+        packed = codec.pack(artifact)
+        content = Content(
+            packed.schema, packed.header, packed.arrays, {**provenance, KEY: key}, dict(files)
+        )
+        file = self.cached(stage, key)
+        with _appearing(file) as stream:
+            codec.write(stream, content, type(artifact).model_json_schema())
+        return Stored(file, content)
+
+    def publish(self, action: str, stage: str, stored: Stored) -> None:
+        """Make a result the current one of its stage, its side files the action's report."""
+        target = self.current(action, stage)
+        if stored.file != target:
+            _link(stored.file, target)
+        if stored.content.files and not _same_files(target.parent / REPORT, stored.content.files):
+            _replace_folder(target.parent / REPORT, stored.content.files)
+
+    def lock(self, action: str, waiting: Callable[[], None]) -> AbstractContextManager[None]:
+        """Hold an action for one run; a second run calls `waiting` once and then waits."""
+        return exclusive(self.folder / action / ".lock", waiting)
+
+
+@contextmanager
+def _appearing(file: Path) -> Iterator[BinaryIO]:
+    """A stream whose content becomes `file` at once, or never."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(prefix=".", suffix=".part", dir=file.parent)
+    try:
+        with os.fdopen(handle, "w+b") as stream:
+            yield stream
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.chmod(name, 0o644)
+        os.replace(name, file)
+        _sync_folder(file.parent)
+    finally:
+        with suppress(FileNotFoundError):
+            os.unlink(name)
+
+
+def _sync_folder(folder: Path) -> None:
+    if os.name == "posix":
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+def _link(source: Path, target: Path) -> None:
+    """Let `target` be the same file as `source`, or a copy where links are not to be had."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    aside = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        os.link(source, aside)
+        os.replace(aside, target)
+    except OSError:
+        with _appearing(target) as stream, source.open("rb") as original:
+            shutil.copyfileobj(original, stream)
+    finally:
+        aside.unlink(missing_ok=True)  # renaming onto a link of the same file leaves it behind
+
+
+def _same_files(folder: Path, files: Mapping[str, bytes]) -> bool:
+    """Whether every side file lies there in full (its size says so)."""
+    paths = {name: folder / name for name in files}
+    return all(p.is_file() and p.stat().st_size == len(files[n]) for n, p in paths.items())
+
+
+def _replace_folder(folder: Path, files: Mapping[str, bytes]) -> None:
+    fresh = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
+    old = fresh.with_name(fresh.name + "-old")
+    try:
+        fresh.chmod(0o755)
+        for name, data in files.items():
+            (fresh / name).parent.mkdir(parents=True, exist_ok=True)
+            (fresh / name).write_bytes(data)
+        if folder.exists():
+            os.replace(folder, old)
+        os.replace(fresh, folder)
+    finally:
+        for leftover in (fresh, old):
+            shutil.rmtree(leftover, ignore_errors=True)
