@@ -1,6 +1,8 @@
 """Body models as immutable values: Model -> Shaped -> Posed -> Mesh, keypoints, derivatives."""
 
+from imocap_core.body.free import load_free_body
 from imocap_core.body.jacobian import keypoints_with_jacobian
+from imocap_core.body.layouts import layout_names, layouts
 from imocap_core.body.model import Mesh, Model, Posed, Shaped
 from imocap_core.body.points import PointSet, make_points
 
@@ -11,5 +13,8 @@ __all__ = [
     "Posed",
     "Shaped",
     "keypoints_with_jacobian",
+    "layout_names",
+    "layouts",
+    "load_free_body",
     "make_points",
 ]

@@ -42,7 +42,9 @@ class PointSet:
 
     Attributes
     ----------
-    names (K,). levers_template (K, J, 3) metres, levers_shapedirs (K, J, 3, B).
+    names (K,). columns (K,): which columns of the layout they are, 0 to K - 1 unless the layout has
+        keypoints that the body cannot provide: compare with ``xy[..., list(columns), :]``.
+    levers_template (K, J, 3) metres, levers_shapedirs (K, J, 3, B).
     moved_by (K, J) bool: whether the rotation of a joint moves the point.
     below (J, J): below[k, j] is 1 where joint j is k or hangs below it, else 0.
     """
@@ -52,6 +54,7 @@ class PointSet:
     levers_shapedirs: Tensor
     moved_by: Tensor
     below: Tensor
+    columns: tuple[int, ...]
     corrections: Corrections | None = None
 
     def levers(self, shaped: Shaped) -> Tensor:
@@ -125,6 +128,7 @@ def _build(
         levers(model.shapedirs[vertices], model.joints_shapedirs),
         _moved_by(model.parents, joint_shares, shares @ weights),
         chain.T,
+        tuple(range(len(names))),
         corrections,
     )
 

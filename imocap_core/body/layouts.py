@@ -1,0 +1,102 @@
+"""Keypoint layouts of detectors and data sets on any body: the table is data/layouts.toml."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from importlib import resources
+from typing import Any
+
+from imocap_core.body.model import Model
+from imocap_core.body.points import PointSet, make_points
+from imocap_core.conventions import EVAL_12, EVAL_14, EVAL_17, SMPL_JOINTS, SMPLH_JOINTS
+
+_UNMAPPED = re.compile(r"^\((\w+)\) \* (\d+)$")
+_FIXED: dict[str, tuple[str, ...]] = {
+    "smpl24": SMPL_JOINTS,
+    "smplh52": SMPLH_JOINTS,
+    "eval12": EVAL_12,
+    "eval14": EVAL_14,
+    "eval17": EVAL_17,
+}
+
+
+@dataclass(frozen=True)
+class Keypoint:
+    """One column of a layout: the detector's name, and the point it sits at (None: unmapped)."""
+
+    name: str
+    point: str | None
+
+
+def layouts() -> tuple[str, ...]:
+    """The names of all layouts."""
+    return (*_table()["layouts"], *_FIXED)
+
+
+def layout_names(layout: str) -> tuple[str, ...]:
+    """All K keypoint names of a layout in the detector's order, unmapped ones included."""
+    return tuple(keypoint.name for keypoint in layout_keypoints(layout))
+
+
+@lru_cache(maxsize=64)
+def layout_keypoints(layout: str) -> tuple[Keypoint, ...]:
+    """The columns of a layout. ValueError lists the known layouts when there is no such one."""
+    if layout not in layouts():
+        raise ValueError(f"layout {layout!r} is not known; known are: {', '.join(layouts())}")
+    return tuple(_expand(layout))
+
+
+def layout_points(model: Model, layout: str) -> PointSet:
+    """A layout on a body. What the body cannot provide is left out: see `PointSet.columns`."""
+    found = [
+        (column, keypoint.name, mix)
+        for column, keypoint in enumerate(layout_keypoints(layout))
+        if keypoint.point is not None and (mix := _locate(model, keypoint.point)) is not None
+    ]
+    if not found:
+        raise ValueError(f"layout {layout}: body model {model.name} has none of its keypoints")
+    columns, names, mixes = zip(*found, strict=True)
+    points = make_points(model, names, [mix[0] for mix in mixes], [mix[1] for mix in mixes])
+    return replace(points, columns=columns)
+
+
+@lru_cache(maxsize=1)
+def _table() -> dict[str, Any]:
+    source = resources.files("imocap_core.body") / "data" / "layouts.toml"
+    return tomllib.loads(source.read_text(encoding="utf-8"))
+
+
+def _expand(layout: str) -> Iterator[Keypoint]:
+    if layout in _FIXED:
+        yield from (Keypoint(name, name) for name in _FIXED[layout])
+        return
+    for entry in _table()["layouts"][layout]:
+        if entry.startswith("@"):
+            yield from _expand(entry[1:])
+        elif unmapped := _UNMAPPED.match(entry):
+            yield from (Keypoint(f"{unmapped[1]}{i}", None) for i in range(int(unmapped[2])))
+        else:
+            name, _, point = entry.partition(" = ")
+            yield Keypoint(name, point or name)
+
+
+Mixes = tuple[Mapping[int, float], Mapping[int, float]]
+
+
+def _locate(model: Model, point: str) -> Mixes | None:
+    """A point as (mix of joints, mix of vertices), or None when the body does not have it."""
+    by_name = [{"joints": {point: 1.0}}, {"landmarks": {point: 1.0}}]
+    alternatives: Sequence[dict[str, dict[str, float]]] = _table()["points"].get(point, by_name)
+    for mix in alternatives:
+        joints, landmarks = mix.get("joints", {}), mix.get("landmarks", {})
+        if set(joints) <= set(model.joint_names) and set(landmarks) <= set(model.landmarks):
+            vertices: dict[int, float] = {}
+            for name, share in landmarks.items():
+                for vertex, weight in model.landmarks[name]:
+                    vertices[vertex] = vertices.get(vertex, 0.0) + share * weight
+            return {model.joint_names.index(n): w for n, w in joints.items()}, vertices
+    return None

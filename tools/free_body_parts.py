@@ -1,0 +1,144 @@
+"""Named points on the free body's surface, and which part of a dressed person each face shows."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from free_body_rig import JOINTS_24, JOINTS_52, Rig, _owner
+
+Array = NDArray[np.float64]
+MIX = 8  # vertices of a landmark that is not a vertex itself
+
+# MakeHuman's vertex groups (mpfb2, basemesh_vertex_groups.json, CC0).
+EYES = {"left": (14598, 14669), "right": (14670, 14741)}
+SIDES = (("left", ".L", 1.0), ("right", ".R", -1.0))
+
+
+def bone_vertices(rig: Rig, *prefixes: str, least: float = 0.5) -> NDArray[np.int64]:
+    """Vertices that mostly follow the bones of these prefixes."""
+    columns = [i for i, name in enumerate(rig.names) if name.startswith(prefixes)]
+    return np.flatnonzero(rig.weights[:, columns].sum(1) > least)
+
+
+def landmarks(
+    mean: Array, directions: Array, rig: Rig, joints: Array, coefficients: Array
+) -> dict[str, NDArray[np.generic]]:
+    """landmark_names (L,), landmark_vertices (L, 8), landmark_weights (L, 8), rows sum to 1."""
+    found: dict[str, tuple[NDArray[np.int64], Array]] = {}
+
+    def vertex(name: str, candidates: NDArray[np.int64], score: Array) -> None:
+        best = candidates[np.argmax(score)]
+        found[name] = np.array([best]), np.ones(1)
+
+    head = _head_vertices(rig)
+    middle = head[np.abs(mean[head, 0]) < 0.01]
+    vertex("nose", middle, mean[middle, 2])
+    vertex("head_top", middle, mean[middle, 1])
+    nose = mean[found["nose"][0][0]]
+    for word, side, sign in SIDES:
+        _face(mean, rig, head, nose, word, sign, vertex)
+        _foot(mean, rig, word, side, sign, vertex)
+        _fingertips(mean, rig, word, side, vertex)
+    for joint in range(22, 52):  # knuckles, for bodies without finger joints
+        found[JOINTS_52.names[joint]] = _mix(mean, directions, joints[:, joint], coefficients)
+    vertices = np.zeros((len(found), MIX), dtype=np.uint16)
+    weights = np.zeros((len(found), MIX), dtype=np.float32)
+    for row, (index, share) in enumerate(found.values()):
+        vertices[row, : len(index)] = index
+        weights[row, : len(index)] = share
+    return {
+        "landmark_names": np.array(list(found)),
+        "landmark_vertices": vertices,
+        "landmark_weights": weights,
+    }
+
+
+def _head_vertices(rig: Rig) -> NDArray[np.int64]:
+    owners = [i for i, name in enumerate(rig.names)
+              if JOINTS_24.names[_owner(JOINTS_24, name)] == "head"]
+    skin = rig.base < 13380  # MakeHuman's own body group; above it eyes, teeth, tongue
+    return np.flatnonzero((rig.weights[:, owners].sum(1) > 0.7) & skin)
+
+
+def _face(mean, rig, head, nose, word, sign, vertex) -> None:  # type: ignore[no-untyped-def]
+    first, last = EYES[word]
+    ball = np.flatnonzero((rig.base >= first) & (rig.base <= last))
+    vertex(f"{word}_eye", ball, mean[ball, 2])
+    eye = mean[ball].mean(0)
+    front = head[mean[head, 2] > eye[2] - 0.03]
+
+    def near(name: str, x: float, y: float) -> None:
+        vertex(name, front, -np.hypot(mean[front, 0] - sign * x, mean[front, 1] - y))
+
+    near(f"{word}_eye_inner", abs(eye[0]) - 0.015, eye[1])
+    near(f"{word}_eye_outer", abs(eye[0]) + 0.015, eye[1])
+    near(f"{word}_mouth", 0.024, nose[1] - 0.04)
+    flap = head[np.argsort(-sign * mean[head, 0])[:60]]
+    centre = mean[flap].mean(0)
+    vertex(f"{word}_ear", flap, -((mean[flap] - centre) ** 2).sum(1))
+
+
+def _foot(mean, rig, word, side, sign, vertex) -> None:  # type: ignore[no-untyped-def]
+    for name, toe in (("big_toe", 1), ("small_toe", 5)):
+        tip = bone_vertices(rig, *(f"toe{toe}-{k}{side}" for k in (1, 2, 3)))
+        vertex(f"{word}_{name}", tip, mean[tip, 2])
+    foot = bone_vertices(rig, f"foot{side}", f"lowerleg02{side}")
+    low = foot[mean[foot, 1] < mean[foot, 1].min() + 0.03]
+    vertex(f"{word}_heel", low, -mean[low, 2])
+
+
+def _fingertips(mean, rig, word, side, vertex) -> None:  # type: ignore[no-untyped-def]
+    for finger, number in (("thumb", 1), ("index", 2), ("middle", 3), ("ring", 4), ("pinky", 5)):
+        tip = bone_vertices(rig, f"finger{number}-3{side}")
+        root = mean[bone_vertices(rig, f"finger{number}-1{side}")].mean(0)
+        vertex(f"{word}_{finger}_tip", tip, ((mean[tip] - root) ** 2).sum(1))
+
+
+def _mix(
+    mean: Array, directions: Array, joint: Array, coefficients: Array
+) -> tuple[NDArray[np.int64], Array]:
+    """The 8 nearest vertices, weighted to follow a joint (S, 3) over the shape space."""
+    design = np.concatenate([np.ones((len(coefficients), 1)), coefficients], axis=1)
+    wanted = np.linalg.lstsq(design, joint, rcond=None)[0]
+    near = np.argsort(((mean - wanted[0]) ** 2).sum(1))[:MIX]
+    rows = np.concatenate([100 * np.ones((1, MIX)), mean[near].T, 0.1 * np.eye(MIX) * 0.02])
+    values = np.concatenate([[100], wanted[0], np.full(MIX, 0.1 * 0.02 / MIX)])
+    share = np.linalg.lstsq(rows, values, rcond=None)[0]
+    return near, share / share.sum()
+
+
+def face_parts(mean: Array, rig: Rig, joints: Array) -> NDArray[np.uint8]:
+    """(F,) 0 skin, 1 hair, 2 shirt, 3 trousers, 4 shoes, by where a face lies in the T pose."""
+    at = {name: joints[j] for j, name in enumerate(JOINTS_24.names)}
+    owner = np.array([_owner(JOINTS_24, name) for name in rig.names])
+    dominant = owner[rig.weights.argmax(1)]
+    names = np.array(JOINTS_24.names)[dominant]
+    head = np.zeros(len(mean), bool)
+    head[_head_vertices(rig)] = True
+    x, y, z = np.abs(mean[:, 0]), mean[:, 1], mean[:, 2]
+    part = np.zeros(len(mean), dtype=np.uint8)
+    leg = np.isin(names, ["left_hip", "right_hip", "left_knee", "right_knee", "left_ankle",
+                          "right_ankle", "left_foot", "right_foot"])
+    torso = np.isin(names, ["pelvis", "spine1", "spine2", "spine3", "left_collar", "right_collar",
+                            "neck", "left_shoulder", "right_shoulder"])
+    waist = at["pelvis"][1] + 0.02
+    sleeve = at["left_shoulder"][0] + 0.55 * (at["left_elbow"][0] - at["left_shoulder"][0])
+    collar = at["neck"][1] + 0.1 * (z - at["neck"][2]) / 0.1 * -0.35
+    part[torso & (y >= waist) & (x < sleeve) & (y < collar + 0.01)] = 2
+    part[(leg | torso) & (y < waist)] = 3
+    part[leg & (y >= waist)] = 3
+    part[leg & (y < at["left_ankle"][1] + 0.015)] = 4
+    part[head & _hair(mean, head)] = 1
+    corners = part[rig.faces]
+    return np.sort(corners, axis=1)[:, 1]  # what two of three corners agree on
+
+
+def _hair(mean: Array, head: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Above a slope from the hairline on the forehead down to the nape, ears left out."""
+    top = mean[head][:, 1].max()
+    front, back = mean[head][:, 2].max(), mean[head][:, 2].min()
+    depth = (front - mean[:, 2]) / (front - back)  # 0 at the nose, 1 at the back of the head
+    line = np.interp(depth, [0.0, 0.2, 0.45, 0.6, 1.0], [0.055, 0.06, 0.11, 0.14, 0.17])
+    ear = np.abs(mean[:, 0]) > 0.93 * np.abs(mean[head][:, 0]).max()
+    return (mean[:, 1] > top - line) & ~ear
