@@ -124,7 +124,7 @@ def follow(people: Sequence[Array], max_gap: int) -> list[_Track]:
     tracks: list[_Track] = []
     for frame, found in enumerate(people):
         alive = [t for t in tracks if frame - t.frames[-1] <= max_gap]
-        taken = _assign(alive, found, frame)
+        found, taken = merge_parts(found, _assign(alive, found, frame), alive, frame)
         for person, pose in enumerate(found):
             if person in taken:
                 alive[taken[person]].add(frame, pose)
@@ -133,6 +133,31 @@ def follow(people: Sequence[Array], max_gap: int) -> list[_Track]:
                 started.add(frame, pose)
                 tracks.append(started)
     return tracks
+
+
+def merge_parts(
+    found: Array, taken: dict[int, int], tracks: Sequence[_Track], frame: int
+) -> tuple[Array, dict[int, int]]:
+    """People and assignments of a frame, with bodies that the detector cut in two made whole.
+
+    A person nobody claims is the rest of a claimed one if both share (almost) no joint and it lies
+    where that one's track expects these joints.
+    """
+    found, rest = found.copy(), set()
+    for part in (i for i in range(len(found)) if i not in taken):
+        for person, k in taken.items():
+            shared = (found[part][:, 2] > 0) & (found[person][:, 2] > 0)
+            expected = _predict(tracks[k], frame)
+            known = (found[part][:, 2] > 0) & (expected[:, 2] > 0)
+            if shared.sum() <= 2 and known.sum() >= 3:
+                offset = np.linalg.norm(found[part][known, :2] - expected[known, :2], axis=1)
+                if np.median(offset) < GATE * _size(expected):
+                    missing = found[person][:, 2] <= 0
+                    found[person][missing] = found[part][missing]
+                    rest.add(part)
+                    break
+    kept = [i for i in range(len(found)) if i not in rest]
+    return found[kept], {kept.index(person): k for person, k in taken.items()}
 
 
 def join_tracks(tracks: list[_Track], max_gap: int) -> list[_Track]:
