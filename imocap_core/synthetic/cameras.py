@@ -50,9 +50,9 @@ class FilmCamera:
 # Four sides, near and wide to far and narrow, from the knee's height to above the head.
 YOGA_VIEWPOINTS: tuple[Viewpoint, ...] = (
     Viewpoint(38.0, 4.3, 1.25, 0.84, roll_deg=0.6),
-    Viewpoint(118.0, 3.6, 0.85, 0.76, follow=0.75, wander_deg=1.6, roll_deg=-1.2),
+    Viewpoint(118.0, 3.6, 0.85, 0.76, follow=0.75, wander_deg=2.2, roll_deg=-1.2),
     Viewpoint(214.0, 6.2, 2.1, 1.22, roll_deg=0.3),
-    Viewpoint(303.0, 4.9, 1.6, 1.06, follow=0.75, wander_deg=1.3, roll_deg=1.0),
+    Viewpoint(303.0, 4.9, 1.6, 1.06, follow=0.75, wander_deg=2.0, roll_deg=1.0),
 )
 
 

@@ -15,7 +15,12 @@ from scipy.spatial.transform import Rotation
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.synthetic.yoga import Floats, Key
 
-# (R_local (N, 24, 3, 3), pelvis (N, 3)) -> joints (N, 24, 3) and their derivatives (N, 24, 3, 72)
+# the joints, then points of the soles that are kept out of the floor; P of them
+SOLES = ("left_big_toe", "left_small_toe", "left_heel")
+SOLES += tuple(name.replace("left", "right") for name in SOLES)
+POINTS: tuple[str, ...] = SMPL_JOINTS + SOLES
+
+# (R_local (N, 24, 3, 3), pelvis (N, 3)) -> POINTS (N, P, 3) and their derivatives (N, P, 3, 72)
 # by right local increments of the rotations
 Forward = Callable[[Floats, Floats], tuple[Floats, Floats]]
 Place = tuple[str, str]  # (side, "front" | "back" | "return" | "hands")
@@ -38,7 +43,8 @@ _FADE_DECADES = 4.0  # by how much before it is gone
 # how far a joint centre is from the skin below it, in contact poses
 _CLEARANCE_M = {"pelvis": 0.10, "spine1": 0.11, "spine2": 0.12, "spine3": 0.13, "neck": 0.09}
 _CLEARANCE_M |= {"head": 0.12, "hip": 0.09, "knee": 0.06, "shoulder": 0.08, "elbow": 0.05}
-_CLEARANCE_M |= {"collar": 0.09, "ankle": 0.05, "wrist": 0.045, "hand": 0.025}
+_CLEARANCE_M |= {"collar": 0.09, "ankle": 0.05, "foot": 0.02, "wrist": 0.045, "hand": 0.025}
+_CLEARANCE_M |= {"big_toe": 0.005, "small_toe": 0.005, "heel": 0.0}
 
 # how many degrees about (x, y, z) a joint gives way before it costs 1
 _GIVE_DEG = {"pelvis": (8, 4, 4), "spine1": (8, 4, 4), "spine2": (8, 4, 4), "spine3": (8, 4, 4)}
@@ -53,13 +59,15 @@ _GIVE_DEG |= {
 _GIVE_HIPS_M = (0.06, 0.20, 0.20)
 
 
-def _per_joint(table: Mapping[str, object]) -> Floats:
-    return np.array([table[name.split("_")[-1]] for name in SMPL_JOINTS], dtype=np.float64)
+def _per_name(table: Mapping[str, object], names: Sequence[str]) -> Floats:
+    """Rows of a table for names with or without their side."""
+    sideless = [name.removeprefix("left_").removeprefix("right_") for name in names]
+    return np.array([table[name] for name in sideless], dtype=np.float64)
 
 
 @dataclass(frozen=True)
 class Targets:
-    """Where joints should be. position, weight (N, 24, 3); weight in 1/m, 0 = free."""
+    """Where points should be. position, weight (N, P, 3); weight in 1/m, 0 = free."""
 
     position: Floats
     weight: Floats
@@ -86,12 +94,12 @@ def floor_plan(joints_rest: Floats, sole_height: float) -> dict[Place, Floats]:
 def contact_targets(
     keys: Sequence[Key], plan: Mapping[Place, Floats], joints_rest: Floats, time_s: Floats
 ) -> Targets:
-    """Targets of all joints at times (N,): feet stand or step in an arc, palms plant and lift.
+    """Targets of all points at times (N,): feet stand or step in an arc, palms plant and lift.
 
     A foot on its way between two places is led along an arc; soles that are flat before and after
     stay flat; contacts that begin or end fade within the interval.
     """
-    position, weight = (np.zeros((len(time_s), len(SMPL_JOINTS), 3)) for _ in range(2))
+    position, weight = (np.zeros((len(time_s), len(POINTS), 3)) for _ in range(2))
     key_times = np.array([key.time_s for key in keys])
     before = np.clip(np.searchsorted(key_times, time_s, side="right") - 1, 0, len(keys) - 2)
     share = (time_s - key_times[before]) / (key_times[before + 1] - key_times[before])
@@ -150,15 +158,15 @@ def plant(forward: Forward, guess: Floats, hips: Floats, targets: Targets) -> tu
     guess (N, 24, 3, 3) local rotations; hips (N, 3) pelvis positions. Returns the same two,
     corrected, after a fixed number of Gauss-Newton steps (each frame has its own 75 unknowns).
     """
-    frames, joints = guess.shape[:2]
-    give = np.concatenate([np.deg2rad(_per_joint(_GIVE_DEG)).ravel(), _GIVE_HIPS_M])
+    frames = len(guess)
+    give = np.concatenate([np.deg2rad(_per_name(_GIVE_DEG, SMPL_JOINTS)).ravel(), _GIVE_HIPS_M])
     prior = np.diag(1.0 / give**2)
-    clearance = _per_joint(_CLEARANCE_M | {"foot": 0.02})
+    clearance = _per_name(_CLEARANCE_M, POINTS)
     rotations, pelvis = guess, hips
     for iteration in range(_ITERATIONS):
         firmness = 10 ** (-_GENTLE_DECADES * max(0.0, 1 - iteration / _GENTLE))
         xyz, d_pose = forward(rotations, pelvis)
-        by_hips = np.broadcast_to(np.eye(3), (frames, joints, 3, 3))
+        by_hips = np.broadcast_to(np.eye(3), (*xyz.shape, 3))
         jacobian = np.concatenate([d_pose, by_hips], axis=-1)
         weight = targets.weight.copy()
         miss = weight * (xyz - targets.position)

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from imocap_core.body import PointSet, Shaped, keypoints_with_jacobian
-from imocap_core.synthetic.contact import Forward
+from imocap_core.body import Shaped, keypoints_with_jacobian
+from imocap_core.synthetic.contact import SOLES, Forward
 from imocap_core.synthetic.yoga import Floats
 
 # RGB by part of the body; the parts are those of the free body's faces
@@ -20,18 +20,24 @@ _PALETTE: dict[str, tuple[int, int, int]] = {
 }
 
 
-def joint_forward(shaped: Shaped, points: PointSet) -> Forward:
+def contact_forward(shaped: Shaped) -> Forward:
     """Kinematics as contact.plant wants them: numpy, pelvis position instead of translation.
 
-    points: the 24 joints ("smpl24") of the shaped body, whose coefficients are (n,).
+    shaped: a body with coefficients (n,).
     """
     root = shaped.joints_rest[0]
+    joints, surface = shaped.model.points("smpl24"), shaped.model.points("body25")
+    soles = [surface.names.index(name) for name in SOLES]
 
     def forward(R_local: Floats, pelvis: Floats) -> tuple[Floats, Floats]:
         transl = torch.as_tensor(pelvis, dtype=root.dtype) - root
         rotations = torch.as_tensor(R_local, dtype=root.dtype)
-        xyz, d_pose, _ = keypoints_with_jacobian(shaped, points, rotations, transl)
-        return xyz.numpy(), d_pose.numpy()
+        xyz, d_pose, _ = keypoints_with_jacobian(shaped, joints, rotations, transl)
+        sole_xyz, sole_d_pose, _ = keypoints_with_jacobian(shaped, surface, rotations, transl)
+        return (
+            np.concatenate([xyz.numpy(), sole_xyz.numpy()[:, soles]], axis=1),
+            np.concatenate([d_pose.numpy(), sole_d_pose.numpy()[:, soles]], axis=1),
+        )
 
     return forward
 

@@ -11,7 +11,7 @@ from imocap_core.camera.projection import camera_from_world, project_camera
 from imocap_core.render import draw_mesh
 from imocap_core.synthetic.cameras import YOGA_VIEWPOINTS, FilmCamera, film
 from imocap_core.synthetic.detector import Detections, detect, strangers
-from imocap_core.synthetic.performer import joint_forward, outfit
+from imocap_core.synthetic.performer import contact_forward, outfit
 from imocap_core.synthetic.scene import backdrop, cast_shadow, render_plate, room
 from imocap_core.synthetic.textures import Image
 from imocap_core.synthetic.variation import Clip, Performance, perform
@@ -65,7 +65,7 @@ def yoga_take(seed: int, index: int, shaped: Shaped) -> Take:
     )
     joints_rest = shaped.joints_rest.numpy()
     sole_height = float(shaped.vertices_rest[:, 1].min())
-    forward = joint_forward(shaped, shaped.model.points("smpl24"))
+    forward = contact_forward(shaped)
     performance = perform(SUN_SALUTATION, clip, forward, joints_rest, sole_height, motion_rng)
     transl = performance.pelvis - joints_rest[0]
     posed = shaped.pose(torch.as_tensor(performance.R_local), torch.as_tensor(transl))
