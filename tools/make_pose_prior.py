@@ -54,7 +54,9 @@ CORRESPONDENCE = {
 }
 COMPONENTS = 12
 FLOOR_RAD = 0.08  # spread added to every direction of every component
-CHUNK = 120  # frames fitted as one motion
+CHUNK = 60  # frames fitted as one motion
+BATCH = 32  # motions fitted side by side
+LONGEST = 180  # frames used of each clip
 
 
 def rest_prior() -> PosePrior:
@@ -74,11 +76,11 @@ def fit_clips(clips: list[np.ndarray], names: list[str]) -> list[np.ndarray]:
     pieces = [c[s : s + CHUNK] for c in clips for s in range(0, len(c), CHUNK)]
     owner = [i for i, c in enumerate(clips) for s in range(0, len(c), CHUNK)]
     fitted: list[list[np.ndarray]] = [[] for _ in clips]
-    for first in range(0, len(pieces), 8):
-        batch = pieces[first : first + 8]
-        for index, theta in zip(owner[first : first + 8], fit_batch(body, batch, names), strict=True):
+    for first in range(0, len(pieces), BATCH):
+        batch = pieces[first : first + BATCH]
+        for index, theta in zip(owner[first : first + BATCH], fit_batch(body, batch, names), strict=True):
             fitted[index].append(theta)
-        print(f"fitted {min(first + 8, len(pieces))} of {len(pieces)} pieces", flush=True)
+        print(f"fitted {min(first + BATCH, len(pieces))} of {len(pieces)} pieces", flush=True)
     return [np.concatenate(parts) for parts in fitted]
 
 
@@ -103,10 +105,10 @@ def fit_batch(body: Body, batch: list[np.ndarray], names: list[str]) -> list[np.
         PosePriorTerm(rest_prior(), 0.05),
         ShapePrior(1.0),
         HingeLimits(100.0),
-        PoseSmoothness(0.1 * ones, 30.0 * ones),
+        PoseSmoothness(10.0 * ones, 0.0 * ones),
         PathSmoothness(1.0, 0.0),
     ]
-    solution = gauss_newton(terms, state, max_steps=30, relative_tolerance=3e-3)
+    solution = gauss_newton(terms, state, max_steps=20, relative_tolerance=3e-3)
     xyz = body.positions(body.joints, solution.state).xyz
     residual = terms[0]._residual(xyz).norm(dim=-1) * (weight > 5000)  # type: ignore[attr-defined]
     print(f"  {solution.status}; limb joints missed by {1000 * residual.sum() / (residual > 0).sum():.1f} mm")
@@ -179,7 +181,8 @@ def main() -> None:
     arguments = parser.parse_args()
     with np.load(arguments.train) as stored:
         names = [str(n) for n in stored["names"]]
-        clips = [stored[k].astype(float) for k in stored.files if k.startswith("clip_") and k != "clip_ids"]
+        keys = [k for k in stored.files if k.startswith("clip_") and k != "clip_ids"]
+        clips = [stored[k][:LONGEST].astype(float) for k in keys]
     articulations = fit_clips(clips, names)
     both = articulations + [mirrored(a) for a in articulations]
     x = np.concatenate(both).reshape(-1, 69)[::2]

@@ -79,3 +79,14 @@ def coupling_terms(
         PoseCoupling(targets.R_local, pose),
         PathCoupling(targets.pelvis - rest[:, None], targets.trust * path_weight),
     ]
+
+
+def to_own_time(on_axis: Tensor, timeline: Timeline, state: MotionState) -> Tensor:
+    """(M, N, J) on the reference's axis to (M, T, J) at each video's frames (nearest)."""
+    out = on_axis.new_zeros(*state.valid.shape, on_axis.shape[-1])
+    for v, at in enumerate(timeline.to_reference):
+        known = np.isfinite(at)
+        nearest = np.clip(np.nan_to_num(at).round().astype(int), 0, on_axis.shape[1] - 1)
+        index = torch.as_tensor(nearest, device=on_axis.device)
+        out[v, : len(at)] = on_axis[v, index] * torch.as_tensor(known).to(on_axis)[:, None]
+    return out

@@ -16,7 +16,8 @@ from imocap_core.camera.pnp import pnp_over_frames
 from imocap_core.motion.consensus import Cameras, pelvis
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.observations import Observation, person_size_px
-from imocap_core.motion.solver import Solution, gauss_newton
+from imocap_core.motion.scene import JointOptions, solve
+from imocap_core.motion.solver import Solution
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import Reprojection, Term, View
 from imocap_core.motion.terms.reprojection import project
@@ -112,9 +113,9 @@ def fit_shared(
     cameras: Cameras,
     reference: int,
     terms: Sequence[Term],
+    options: JointOptions,
     *,
     robust_scale: float,
-    max_steps: int,
 ) -> tuple[MotionState, Cameras, Solution]:
     """Joint Gauss-Newton over the shared motion, its shape and all cameras but the reference's.
 
@@ -139,7 +140,7 @@ def fit_shared(
     )
     views = views_of(evidence, cameras, start.trans, free=free)
     objective_terms = [Reprojection(body, views, robust_scale), *terms]
-    solution = gauss_newton(objective_terms, state, max_steps=max_steps, relative_tolerance=1e-3)
+    solution = solve(objective_terms, state, options, one_body=False)
     state = solution.state
     R, t = cameras.R.clone(), cameras.t.clone()
     R[index], t[index] = state.camera_R[0], state.camera_t[0]

@@ -68,6 +68,27 @@ def lifted_starts(
     return starts
 
 
+def start_at_joints(body: Body, R_local: Tensor, observation: Observation) -> Start:
+    """A start from known rotations: depth from how large the body appears (weak perspective)."""
+    confidence = without_jumps(observation)
+    posed = body.model.shape(R_local.new_zeros(1, 10)).pose(
+        R_local, R_local.new_zeros(len(R_local), 3)
+    )
+    points = posed.keypoints(body.keypoints)[..., :2]
+    xy = torch.as_tensor(np.nan_to_num(observation.xy_px)).to(R_local)
+    weight = torch.as_tensor(confidence).to(R_local)
+    share = (weight / weight.sum(1, keepdim=True).clamp_min(1e-9))[..., None]
+    p, w = points - (share * points).sum(1, keepdim=True), xy - (share * xy).sum(1, keepdim=True)
+    scale = (share * p * w).sum((1, 2)) / (share * p.square()).sum((1, 2)).clamp_min(1e-9)
+    seen = ((weight > 0).sum(1) >= 4) & (scale > 0)
+    keys = seen.nonzero()[:, 0].cpu().numpy()
+    if len(keys) == 0:
+        raise ValueError("no frame shows enough keypoints to place the body")
+    scale = _interpolate(scale[keys].log()[:, None], keys, len(scale)).exp()[:, 0]
+    depth = float(observation.K[0, 0]) / scale
+    return Start(R_local, place(body, R_local, observation, confidence, depth), 0.0)
+
+
 def place(
     body: Body, R_local: Tensor, observation: Observation, confidence: np.ndarray, depth: Tensor
 ) -> Tensor:

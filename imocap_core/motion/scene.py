@@ -1,0 +1,117 @@
+"""What SMPL-BA works on, how it proceeds, and what it returns."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+
+from imocap_core.motion.adam import adam
+from imocap_core.motion.consensus import Cameras
+from imocap_core.motion.kinematics import Body
+from imocap_core.motion.monocular import FitWeights, evidence_term, regularisers
+from imocap_core.motion.observations import Observation, own_view
+from imocap_core.motion.prior import PosePrior
+from imocap_core.motion.solver import Solution, gauss_newton
+from imocap_core.motion.state import MotionState
+from imocap_core.motion.terms import Reprojection, Term
+from imocap_core.motion.timeline import Timeline
+
+Progress = Callable[[str], None]
+ADAM_STEPS_PER_NEWTON_STEP = 25
+
+
+@dataclass(frozen=True)
+class JointOptions:
+    """How SMPL-BA proceeds (pipeline.yaml, group ``motion``).
+
+    Attributes:
+        objective: "shared", "paper" or "single"; solver: "gauss_newton" or "adam".
+        rank: s of Eq. 4 and 5; rounds: alternations of Eq. 8.
+        coupling_rad, coupling_path_m: differences between videos that cost 1 (lambda_r1, r2).
+        agreement_rad: a joint further than this from the other videos stops following them.
+        correlation_s: deviations between performances are counted once per this time.
+        max_steps: Gauss-Newton steps of each solve.
+    """
+
+    objective: str
+    solver: str
+    rank: int
+    rounds: int
+    coupling_rad: float
+    coupling_path_m: float
+    agreement_rad: float
+    correlation_s: float
+    max_steps: int
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything that stays fixed while SMPL-BA runs.
+
+    Attributes:
+        confidences: per video (T_v,) trust in each frame's correspondence.
+        reference: index of the video whose camera is the world.
+    """
+
+    body: Body
+    prior: PosePrior
+    observations: Sequence[Observation]
+    timeline: Timeline
+    confidences: list[NDArray[np.float64]]
+    reference: int
+    weights: FitWeights
+
+    @property
+    def fps(self) -> float:
+        """Frame rate of the reference."""
+        return self.observations[self.reference].fps
+
+
+@dataclass(frozen=True)
+class JointMotion:
+    """What SMPL-BA returns.
+
+    Attributes:
+        state: every video's motion in its own camera's axes (batch of M).
+        cameras: from the world, which is the reference's camera axes.
+        shared: the motion common to all on the reference's axis (batch of 1), world axes.
+        costs: the objective after each solve; status: a sentence.
+        misfit: mean robust reprojection cost a keypoint of the motion common to all videos: how
+            well the correspondences explain every image at once. Lower is better.
+    """
+
+    state: MotionState
+    cameras: Cameras
+    shared: MotionState
+    costs: list[float]
+    status: str
+    misfit: float
+
+
+def solve(
+    terms: Sequence[Term], state: MotionState, options: JointOptions, *, one_body: bool
+) -> Solution:
+    """Minimise with the solver of choice."""
+    if options.solver == "adam":
+        steps = options.max_steps * ADAM_STEPS_PER_NEWTON_STEP
+        return adam(terms, state, max_steps=steps, shared_globals=one_body)
+    return gauss_newton(
+        terms,
+        state,
+        max_steps=options.max_steps,
+        relative_tolerance=1e-3,
+        shared_globals=one_body,
+    )
+
+
+def own_terms(scene: Scene, like: Tensor) -> list[Term]:
+    """Every video's own image evidence and regularisers."""
+    weights = scene.weights
+    view = own_view(scene.observations, like, noise_share=weights.noise_share)
+    return [
+        Reprojection(scene.body, (view,), weights.robust_scale),
+        *regularisers(scene.prior, weights, scene.fps),
+        *evidence_term(scene.body, scene.observations, like, weights),
+    ]
