@@ -19,7 +19,7 @@ from stages.harness.errors import WorkFailed
 from stages.harness.keys import Recipe, differences, recipe
 from stages.harness.pipeline import Pipeline, Settings
 from stages.harness.source import module_name
-from stages.harness.stage import Context, Inputs
+from stages.harness.stage import Context, Inputs, Progress
 
 Run = Callable[[Context, Inputs, Any], Artifact]
 
@@ -35,6 +35,9 @@ class Display(Protocol):
 
     def finished(self, outcome: Outcome) -> None:
         """A stage has its artifact."""
+
+    def made_demo(self, name: str, folder: Path) -> None:
+        """A built-in action has been made."""
 
     def waiting(self) -> None:
         """Another run of the same action is at work."""
@@ -152,8 +155,8 @@ def _call(run_stage: Run, context: Context, inputs: Inputs, params: Visible) -> 
         artifact = run_stage(context, inputs, params)
     except (ValueError, OSError, ArtifactCorrupt) as error:
         raise WorkFailed(f"{context.stage}: {error}") from error
-    except (WorkFailed, KeyboardInterrupt):
-        raise
+    except KeyboardInterrupt:
+        raise WorkFailed("stopped; what was finished is kept, run again to continue") from None
     except Exception as error:
         raise WorkFailed(
             f"{context.stage} broke ({type(error).__name__}: {error}). This is a fault of the "

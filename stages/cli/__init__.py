@@ -1,0 +1,47 @@
+"""The command line: `imocap`, `python -m stages`, and every stage script on its own."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Sequence
+
+GLOBAL_WITH_VALUE, GLOBAL_FLAGS = ("--root",), ("--traceback",)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command. 0 done, 1 the work failed, 2 wrong use; a sentence instead of a traceback.
+
+    `arguments` (by default none) stand before those of the process.
+    """
+    from stages.cli.app import app
+    from stages.harness.errors import WorkFailed, WrongUse
+
+    words = hoisted([*(arguments or []), *sys.argv[1:]])
+    try:
+        app(args=words, prog_name="imocap")
+    except SystemExit as done:
+        return done.code if isinstance(done.code, int) else 0
+    except (WorkFailed, WrongUse) as error:
+        if "--traceback" in words:
+            traceback.print_exc()
+        sys.stderr.write(f"imocap: {error}\n")
+        return 1 if isinstance(error, WorkFailed) else 2
+    return 0
+
+
+def hoisted(words: list[str]) -> list[str]:
+    """The options that hold for every command moved to the front, wherever they stood."""
+    front: list[str] = []
+    rest: list[str] = []
+    waiting = iter(words)
+    for word in waiting:
+        if word == "--":
+            rest += [word, *waiting]
+        elif word in GLOBAL_WITH_VALUE:
+            front += [word, *([value] if (value := next(waiting, None)) is not None else [])]
+        elif word in GLOBAL_FLAGS or word.startswith(tuple(f"{g}=" for g in GLOBAL_WITH_VALUE)):
+            front.append(word)
+        else:
+            rest.append(word)
+    return front + rest

@@ -1,0 +1,212 @@
+"""The commands, each a few lines: find the action, call the harness, say what happened."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+from rich.console import Console
+
+from stages.cli.show import Terminal, reasons
+from stages.harness import runner
+from stages.harness.errors import WorkFailed, WrongUse
+from stages.harness.runner import Job, Outcome
+from stages.harness.workspace import Workspace
+
+app = typer.Typer(
+    name="imocap",
+    help="Motion capture from several unsynchronised, uncalibrated videos.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+console = Console(highlight=False, soft_wrap=True)
+
+ActionName = Annotated[str, typer.Argument(help="A name below actions/, or an action's folder.")]
+StageName = Annotated[str, typer.Argument(help="A stage of pipeline.yaml.")]
+Force = Annotated[bool, typer.Option("--force", help="Run even what is cached.")]
+Sets = Annotated[
+    list[str], typer.Option("--set", metavar="GROUP.NAME=VALUE", help="A one-off parameter.")
+]
+
+
+@app.callback()
+def _everywhere(
+    context: typer.Context,
+    root: Annotated[
+        Path, typer.Option("--root", help="Folder with actions/ and artifacts/.")
+    ] = Path(),
+    traceback: Annotated[
+        bool, typer.Option("--traceback", help="Show where an error came from.")
+    ] = False,
+) -> None:
+    if not root.is_dir():
+        raise WrongUse(f"--root {root}: there is no such folder")
+    context.obj = Workspace(root)
+
+
+def _workspace(context: typer.Context) -> Workspace:
+    found = context.obj
+    assert isinstance(found, Workspace)
+    return found
+
+
+@app.command("run")
+def run_command(
+    context: typer.Context,
+    action: ActionName,
+    force: Force = False,
+    sets: Sets = [],  # noqa: B006
+    until: Annotated[str | None, typer.Option(help="Stop after this stage.")] = None,
+) -> None:
+    """Run every stage of an action that has changed, to its report."""
+    with Terminal(console) as display:
+        began = time.perf_counter()
+        job = _workspace(context).ready_job(action, sets, display)
+        stages = list(job.pipeline.stages) if until is None else _upstream(job, until)
+        outcomes = runner.run(job, display, stages, frozenset(stages if force else []))
+    console.print(_summary(job, outcomes, time.perf_counter() - began))
+
+
+@app.command("stage")
+def stage_command(
+    context: typer.Context,
+    name: StageName,
+    action: ActionName,
+    force: Force = False,
+    sets: Sets = [],  # noqa: B006
+) -> None:
+    """Run one stage (and what it needs, where that is not cached)."""
+    with Terminal(console) as display:
+        began = time.perf_counter()
+        job = _workspace(context).ready_job(action, sets, display)
+        outcomes = runner.run(job, display, _upstream(job, name), frozenset([name] * force))
+    console.print(_summary(job, outcomes, time.perf_counter() - began))
+
+
+@app.command()
+def status(context: typer.Context, action: ActionName, sets: Sets = []) -> None:  # noqa: B006
+    """What is cached, what would run, and why."""
+    job = _workspace(context).job(action, sets)
+    for standing in runner.standings(job):
+        if standing.stored is not None:
+            said = f"[dim]cached     {standing.stored.digest[:12]}[/]"
+        else:
+            said = f"would run  {_plain(reasons(standing.why))}"
+        console.print(f"{standing.stage:<14} {said}")
+
+
+@app.command()
+def explain(context: typer.Context, action: ActionName, stage: StageName, sets: Sets = []) -> None:  # noqa: B006
+    """Everything that a stage's result depends on, and what has changed since it was made."""
+    job = _workspace(context).job(action, sets)
+    _upstream(job, stage)
+    done = {}
+    for standing in runner.standings(job):
+        if standing.stage == stage:
+            break
+        if standing.stored is not None:
+            done[standing.stage] = standing.stored
+    console.print(f"{stage}: {standing.state}")
+    for why in standing.why:
+        console.print(f"  because {_plain(why)}")
+    missing = [name for name in job.pipeline.stages[stage].inputs if name not in done]
+    if missing:
+        return
+    recipe = job.recipe(stage, done)
+    console.print(f"key     {recipe.key}\nseed    {recipe.seed}")
+    for title, leaves in (("input", recipe.inputs), ("read", recipe.reads), ("code", recipe.code)):
+        for name, digest in leaves.items():
+            console.print(f"{title:<7} {digest[:12]}  {_plain(name)}")
+    for group, values in recipe.params.items():
+        for name, value in values.items():
+            console.print(f"param   {group}.{name} = {_plain(str(value))}")
+
+
+@app.command()
+def init(
+    context: typer.Context,
+    name: Annotated[str, typer.Argument(help="A name for the action.")],
+    videos: Annotated[list[Path], typer.Argument(help="Video files of one action.")],
+) -> None:
+    """Make actions/NAME/action.yaml for some videos."""
+    from stages.cli.init import write_action
+
+    console.print(_plain(write_action(_workspace(context).root, name, videos)))
+
+
+@app.command()
+def export(
+    context: typer.Context,
+    action: ActionName,
+    out: Annotated[Path, typer.Option(help="Folder to write to.")],
+    format: Annotated[Literal["npz"], typer.Option(help="What to write.")] = "npz",
+    up: Annotated[
+        Literal["y", "z"] | None, typer.Option(help="Level the world by the ground, this axis up.")
+    ] = None,
+) -> None:
+    """Write the motion, the cameras and the correspondences for other programs."""
+    from stages.cli.export import export_npz
+
+    job = _workspace(context).job(action, [])
+    for file in export_npz(job.store, job.action.name, out, up):
+        console.print(_plain(str(file)))
+
+
+@app.command()
+def view(context: typer.Context, action: ActionName) -> None:
+    """Say where the report of an action is."""
+    job = _workspace(context).job(action, [])
+    report = _report(job)
+    if report is None:
+        raise WorkFailed(f"{action} has no report yet; make one with: imocap run {action}")
+    console.print(
+        f"The report of {job.action.name} is {_plain(str(report))}; open it in a browser."
+    )
+
+
+@app.command()
+def doctor(context: typer.Context) -> None:
+    """Check that everything the program needs is there and works."""
+    from stages.cli.doctor import examine
+
+    faults = 0
+    for finding in examine(_workspace(context)):
+        faults += not finding.well
+        console.print(
+            f"{'[green]ok[/]  ' if finding.well else '[red]bad[/] '} {_plain(finding.said)}"
+        )
+    if faults:
+        raise WorkFailed(f"{faults} of the checks above failed")
+
+
+def _upstream(job: Job, stage: str) -> list[str]:
+    if stage not in job.pipeline.stages:
+        raise WrongUse(f"no stage {stage!r}; there are: {', '.join(job.pipeline.stages)}")
+    return job.pipeline.upstream(stage)
+
+
+def _summary(job: Job, outcomes: list[Outcome], seconds: float) -> str:
+    made = [outcome.stage for outcome in outcomes if outcome.how == "made"]
+    count = len(outcomes)
+    how = f"{len(made)} made, {count - len(made)} cached" if made else "every one cached"
+    where = _report(job)
+    end = f" Report: {where}" if where and outcomes[-1].stored.content.files else ""
+    return _plain(f"{job.action.name}: {count} stages, {how}, {seconds:.1f} s.{end}")
+
+
+def _report(job: Job) -> Path | None:
+    folder = job.store.current(job.action.name, "report").with_suffix("")
+    for name in ("index.html", "report.html", "index.md", "report.md"):
+        if (folder / name).is_file():
+            return folder / name
+    return folder if folder.is_dir() else None
+
+
+def _plain(text: str) -> str:
+    from rich.markup import escape
+
+    return escape(text)

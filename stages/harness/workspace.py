@@ -1,0 +1,82 @@
+"""The folder one works in: actions/ and artifacts/ below it, and the pipeline.yaml in force."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from imocap_core.artifacts.store import Store
+from stages.harness import demos
+from stages.harness.action import DETECT, FILE_NAME, Action, find_action, read_action
+from stages.harness.errors import WorkFailed
+from stages.harness.pipeline import FILE_NAME as PIPELINE
+from stages.harness.pipeline import Pipeline, read_pipeline, settings
+from stages.harness.runner import Display, Job
+from stages.harness.source import PROJECT
+from stages.params import Params
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """Everything that is found by where one stands."""
+
+    root: Path
+
+    @property
+    def store(self) -> Store:
+        """The artifacts of this folder."""
+        return Store(self.root / "artifacts")
+
+    def pipeline_file(self) -> Path:
+        """This folder's own pipeline.yaml, else the checkout's, else the one that is installed."""
+        places = (self.root / PIPELINE, PROJECT / PIPELINE, PROJECT / "stages" / PIPELINE)
+        for place in places:
+            if place.is_file():
+                return place
+        raise WorkFailed(f"found no {PIPELINE}, neither in {self.root} nor beside the program")
+
+    def pipeline(self) -> Pipeline[Params]:
+        """The graph in force."""
+        return read_pipeline(self.pipeline_file(), Params)
+
+    def job(self, action: str, sets: list[str]) -> Job:
+        """An action (by name or path) with its settings, its files not yet looked at."""
+        found = read_action(find_action(action, self.root))
+        pipeline = self.pipeline()
+        chosen = settings(pipeline, found.params, found.file, sets)
+        return Job(pipeline, self.store, found, chosen)
+
+    def ready_job(self, action: str, sets: list[str], display: Display) -> Job:
+        """The same for running: a built-in action is made first, and every file must be there."""
+        if action in demos.BUILT_IN:
+            folder = self.root / "actions" / action
+            with self.store.lock(action, display.waiting):
+                demos.ensure(action, folder, self.pipeline().seed, display)
+        job = self.job(action, sets)
+        check_files(job.action)
+        return job
+
+
+def check_files(action: Action) -> None:
+    """WorkFailed, in one sentence a fault, when something that the action names is not there."""
+    blind = [v.id for v in action.videos if v.keypoints in (None, DETECT)]
+    if blind:
+        one = len(blind) == 1
+        raise WorkFailed(
+            f"{action.file}: {'video' if one else 'videos'} {', '.join(blind)} "
+            f"{'has' if one else 'have'} no keypoints, and this version does not detect people "
+            f"itself: run a 2D pose detector (OpenPose, for example) on {'it' if one else 'them'} "
+            f"and name its output with keypoints, format and layout in {FILE_NAME}"
+        )
+    named = [
+        (f"videos.{i}.{field}", given)
+        for i, video in enumerate(action.videos)
+        for field in ("video", "keypoints", "initial")
+        if (given := getattr(video, field)) is not None
+    ]
+    named += [("truth", action.truth)] if action.truth is not None else []
+    missing = [(field, given) for field, given in named if not (action.folder / given).exists()]
+    if missing:
+        raise WorkFailed(
+            "\n".join(f"{action.file}: {f}: there is no {action.folder / g}" for f, g in missing)
+        )
