@@ -23,30 +23,60 @@ class Group(BaseModel):
 
 class KeypointsParams(Group):
     min_confidence: Share  # detections below it count as missing
+    max_gap_s: Positive  # a person unseen for longer begins a new track
 
 
 class CameraMotionParams(Group):
+    working_size_px: Count  # pictures are made smaller until their larger side is this
     max_features: Count
     min_inliers: Count
-    reprojection_threshold_px: Positive
+    reprojection_threshold_px: Positive  # pixels of the smaller pictures
+    assumed_focal_factor: Positive  # focal length / larger side, where nothing tells it
 
 
 class InitialSmplParams(Group):
-    max_iterations: Count
+    library_poses: Count  # poses drawn from the prior that 2D keypoints are matched against
+    library_directions: Count  # sides from which each is seen
+    candidates: Count  # kept a frame
+    stride_s: Positive  # time between matched frames
+    match_sigma: Positive  # keypoint misfit, share of the keypoints' spread
+    step_m_s: Positive  # joint speed that costs 1 on the path
+    starts: Count  # different starts that are fitted; the best is kept
+    max_steps: Count
 
 
 class SyncParams(Group):
     method: Literal["als", "svt", "softmap", "none", "auto"]  # cycle consistency
 
 
+class FitParams(Group):
+    noise_share: Positive  # keypoint noise (one standard deviation), share of the person's size
+    robust_scale_sigma: Positive  # Geman-McClure scale in standard deviations
+    pose_prior: NonNegative
+    shape_prior: NonNegative
+    limits: NonNegative
+    velocity: NonNegative  # lambda_t of Eq. 7, relative to the speeds of real motion
+    acceleration: NonNegative
+    path_velocity_m_s: Positive  # root speed that costs 1
+    path_acceleration_m_s2: Positive
+    evidence_mm: Positive  # standard deviation of a monocular estimator's 3D joints
+
+
 class MotionParams(Group):
+    objective: Literal["shared", "paper", "single"]
     solver: Literal["gauss_newton", "adam"]
     rank: Count  # s of Eq. 4 and 5
-    max_iterations: Count
+    rounds: Count  # alternations of Eq. 8 (objective paper)
+    coupling_rad: Positive  # difference of a joint between videos that costs 1 (lambda_r1)
+    coupling_path_m: Positive  # difference of the root path that costs 1 (lambda_r2)
+    agreement_rad: Positive  # a joint further from the other videos stops following them
+    correlation_s: NonNegative  # deviations of a performance are counted once per this time
+    max_steps: Count
 
 
 class RefineParams(Group):
     max_rounds: Annotated[int, Field(ge=0)]
+    settled_frames: NonNegative  # mean movement of the correspondences that ends the loop
 
 
 class EvaluateParams(Group):
@@ -59,6 +89,7 @@ class Params(Group):
     keypoints: KeypointsParams
     camera_motion: CameraMotionParams
     initial_smpl: InitialSmplParams
+    fit: FitParams
     sync: SyncParams
     motion: MotionParams
     refine: RefineParams

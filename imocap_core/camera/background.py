@@ -105,6 +105,19 @@ def chain(matches: list[Matches], key_from_frame: Array) -> Array:
     return first
 
 
+def rescaled(match: Matches, scale: float) -> Matches:
+    """``match`` of pictures that were made smaller by ``scale``, in pixels of the full pictures."""
+    offset = 0.5 / scale - 0.5  # pixel (0, 0) is the middle of the first pixel
+    full = np.array([[1 / scale, 0.0, offset], [0.0, 1 / scale, offset], [0.0, 0.0, 1.0]])
+    return Matches(
+        match.key,
+        full @ match.H_key_from_frame @ np.linalg.inv(full),
+        warp(full, match.xy_key),
+        warp(full, match.xy_frame),
+        match.inlier,
+    )
+
+
 def filled_boxes(box_px: Array) -> Array:
     """Boxes (T, 4) with gaps filled in linearly; NaN everywhere when there is no box at all."""
     boxes = np.array(box_px, dtype=np.float64)

@@ -1,0 +1,81 @@
+"""camera_motion: how each camera turned, and the keypoints as its first frame would see them."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from imocap_core.artifacts.schemas import (
+    CameraMotion,
+    Keypoints,
+    VideoCameraMotion,
+    VideoKeypoints,
+)
+from imocap_core.camera.background import rescaled, track_background
+from imocap_core.camera.projection import warp
+from imocap_core.camera.turning import Turning, camera_turning, standing_still
+from imocap_core.formats.video import read_gray
+from stages.harness.stage import Context, Inputs, main
+from stages.params import CameraMotionParams, Params
+
+
+def run(ctx: Context, inputs: Inputs, params: Params) -> CameraMotion:
+    """Look at the background of every video, several videos at a time."""
+    videos = inputs.get(Keypoints).videos
+    paths = [ctx.video(video.id) for video in videos]
+    ctx.progress(0.0, f"following the background of {len(videos)} videos")
+    # threads suffice: decoding, optical flow and robust fitting all run outside Python's lock
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        found = list(pool.map(_motion_of, videos, paths, [params.camera_motion] * len(videos)))
+    return CameraMotion(videos=found)
+
+
+def _motion_of(
+    video: VideoKeypoints, path: Path | None, params: CameraMotionParams
+) -> VideoCameraMotion:
+    if path is None:
+        factor = params.assumed_focal_factor
+        turning = standing_still(len(video.frames), video.size, video.focal_px, factor)
+    else:
+        turning = _look(video, path, params)
+    return VideoCameraMotion(
+        id=video.id,
+        K=turning.K,
+        focal_source=turning.focal_source,
+        motion=turning.motion,
+        note=turning.note,
+        residual_px=turning.residual_px,
+        H_first_from_frame=turning.H_first_from_frame,
+        R_first_from_frame=turning.R_first_from_frame,
+        inliers=turning.inliers,
+        xy_first_px=warp(turning.H_first_from_frame[:, None], video.xy_px),
+    )
+
+
+def _look(video: VideoKeypoints, path: Path, params: CameraMotionParams) -> Turning:
+    scale = min(1.0, params.working_size_px / max(video.size))
+    first, last = int(video.frames[0]), int(video.frames[-1])
+    small = track_background(
+        (picture for _, picture in read_gray(path, first, last + 1, scale=scale)),
+        (video.person_box_px + 0.5) * scale - 0.5,
+        max_features=params.max_features,
+        min_inliers=params.min_inliers,
+        threshold_px=params.reprojection_threshold_px,
+    )
+    if len(small) != len(video.frames):
+        raise ValueError(
+            f"{path}: expected frames {first} to {last}, the video ends after {len(small)} of "
+            "them; change `frames` in action.yaml or re-encode the video"
+        )
+    return camera_turning(
+        [rescaled(match, scale) for match in small],
+        video.size,
+        video.focal_px,
+        assumed_focal_factor=params.assumed_focal_factor,
+        threshold_px=params.reprojection_threshold_px / scale,
+    )
+
+
+if __name__ == "__main__":
+    raise SystemExit(main("camera_motion"))

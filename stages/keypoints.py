@@ -1,0 +1,108 @@
+"""keypoints: the performer's 2D joints in every used frame of every video."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
+from imocap_core.camera.tracking import choose_performer
+from imocap_core.formats.openpose import Detections, read_openpose
+from imocap_core.formats.video import VideoInfo, probe
+from stages.harness.action import Declaration
+from stages.harness.stage import Context, Inputs, main
+from stages.params import KeypointsParams, Params
+
+
+def run(ctx: Context, inputs: Inputs, params: Params) -> Keypoints:
+    """Read the detections, follow everybody, keep the performer."""
+    declarations = ctx.declarations()
+    _all_have_keypoints(declarations, ctx)
+    videos = []
+    for number, declared in enumerate(declarations):
+        ctx.progress(number / len(declarations), f"following people in {declared.id}")
+        videos.append(_performer_of(declared, ctx, params.keypoints))
+    return Keypoints(videos=videos)
+
+
+def _all_have_keypoints(declarations: tuple[Declaration, ...], ctx: Context) -> None:
+    """One sentence for everything that is missing."""
+    without = [v.id for v in declarations if ctx.detections(v.id) is None]
+    if without:
+        raise ValueError(
+            f"{ctx.action_file()}: no 2D keypoints for {', '.join(without)}: run a detector such "
+            "as OpenPose on the video and name its folder of JSON files in `keypoints`, with "
+            "`format: openpose` and its `layout`"
+        )
+    unread = [f"{v.id} ({v.format})" for v in declarations if v.format != "openpose"]
+    if unread:
+        raise ValueError(
+            f"{ctx.action_file()}: format: expected openpose, got {', '.join(unread)}; "
+            "convert these detections to OpenPose's JSON, one file a frame"
+        )
+
+
+def _performer_of(declared: Declaration, ctx: Context, params: KeypointsParams) -> VideoKeypoints:
+    folder, video = ctx.detections(declared.id), ctx.video(declared.id)
+    assert folder is not None
+    assert declared.layout is not None
+    found = read_openpose(folder, declared.layout)
+    info = _video_info(declared, found, video)
+    frames = _used_frames(declared, info.frame_count, ctx.action_file())
+    people_of = dict(zip(found.frames.tolist(), found.people, strict=True))
+    nobody = np.zeros((0, *found.people[0].shape[1:]))
+    performer = choose_performer(
+        [people_of.get(int(frame), nobody) for frame in frames],
+        info.size,
+        info.fps,
+        min_confidence=params.min_confidence,
+        max_gap_s=params.max_gap_s,
+    )
+    if performer.tracks_found == 0:
+        raise ValueError(
+            f"{folder}: expected a person in frames {frames[0]} to {frames[-1]}, found nobody with "
+            f"joints above confidence {params.min_confidence}; check the detections of "
+            f"{declared.id} and its `frames` in action.yaml"
+        )
+    return VideoKeypoints(
+        id=declared.id,
+        fps=info.fps,
+        size=info.size,
+        layout=declared.layout,
+        video=declared.video,
+        focal_px=declared.focal_px,
+        initial=declared.initial,
+        initial_format=declared.initial_format,
+        frames=frames,
+        xy_px=performer.xy_px,
+        confidence=performer.confidence,
+        person_box_px=performer.box_px,
+        tracks_found=performer.tracks_found,
+        presence=performer.presence,
+        note=performer.note,
+    )
+
+
+def _video_info(declared: Declaration, found: Detections, video: Path | None) -> VideoInfo:
+    """From the video when there is one, else as declared."""
+    if video is not None:
+        return probe(video)
+    assert declared.fps is not None
+    assert declared.size is not None
+    return VideoInfo(declared.fps, declared.size, int(found.frames[-1]) + 1)
+
+
+def _used_frames(declared: Declaration, count: int, file: Path) -> np.ndarray:
+    """Source frame numbers (T,)."""
+    first, stop = declared.frames or (0, count)
+    if stop > count:
+        raise ValueError(
+            f"{file}: videos.{declared.id}.frames: expected at most [0, {count}], as the clip has "
+            f"{count} frames, got [{first}, {stop}]"
+        )
+    return np.arange(first, stop, dtype=np.int64)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main("keypoints"))
