@@ -20,7 +20,7 @@ class Viewpoint:
     azimuth_deg: 0 in front of the performer, 90 at the performer's left. focal_per_width: focal
     length over image width. aim_height_m: what a fixed camera looks at. follow: 0 for a tripod,
     else the share of the performer's movement that the operator follows. wander_deg: unsteadiness
-    of a turning camera (standard deviation of pan and tilt). roll_deg: how crooked it is held.
+    of a turning camera (standard deviation of its pan). roll_deg: how crooked it is held.
     """
 
     azimuth_deg: float
@@ -49,10 +49,10 @@ class FilmCamera:
 
 # Four sides, near and wide to far and narrow, from the knee's height to above the head.
 YOGA_VIEWPOINTS: tuple[Viewpoint, ...] = (
-    Viewpoint(38.0, 4.3, 1.25, 0.84, roll_deg=0.6),
-    Viewpoint(118.0, 3.6, 0.85, 0.76, follow=0.75, wander_deg=2.2, roll_deg=-1.2),
-    Viewpoint(214.0, 6.2, 2.1, 1.22, roll_deg=0.3),
-    Viewpoint(303.0, 4.9, 1.6, 1.06, follow=0.75, wander_deg=2.0, roll_deg=1.0),
+    Viewpoint(38.0, 4.3, 1.25, 1.02, roll_deg=0.6),
+    Viewpoint(118.0, 3.6, 0.85, 0.76, follow=0.75, wander_deg=2.8, roll_deg=-1.2),
+    Viewpoint(214.0, 6.2, 2.1, 1.4, roll_deg=0.3),
+    Viewpoint(303.0, 4.9, 1.6, 1.06, follow=0.75, wander_deg=2.6, roll_deg=1.0),
 )
 
 
@@ -99,8 +99,8 @@ def look_at(centre: Floats, target: Floats, roll_deg: float, turn_deg: Floats) -
 
 
 def _wander(frames: int, fps: float, sigma_deg: float, rng: np.random.Generator) -> Floats:
-    """Smooth random pan, tilt and (a quarter as much) roll, degrees (frames, 3)."""
+    """Smooth random pan, less tilt and little roll, degrees (frames, 3)."""
     knots = max(4, round(frames / fps / _WANDER_KNOT_S) + 2)
-    values = rng.normal(0.0, sigma_deg, (knots, 3)) * (1.0, 1.0, 0.25)
+    values = sigma_deg * np.clip(rng.normal(size=(knots, 3)), -2, 2) * (1.0, 0.4, 0.2)
     curve: Floats = CubicSpline(np.linspace(0, frames - 1, knots), values)(np.arange(frames))
     return curve

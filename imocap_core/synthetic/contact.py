@@ -15,10 +15,11 @@ from scipy.spatial.transform import Rotation
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.synthetic.yoga import Floats, Key
 
-# the joints, then points of the soles that are kept out of the floor; P of them
-SOLES = ("left_big_toe", "left_small_toe", "left_heel")
-SOLES += tuple(name.replace("left", "right") for name in SOLES)
-POINTS: tuple[str, ...] = SMPL_JOINTS + SOLES
+# the joints, then points of the skin that are kept out of the floor; P of them
+_SKIN_M = {"big_toe": 0.008, "small_toe": 0.008, "heel": 0.004}  # and how far above they stay
+_SKIN_M |= {"middle_tip": 0.008, "thumb_tip": 0.008, "index1": 0.015, "pinky1": 0.015}
+SKIN: tuple[str, ...] = tuple(f"{side}_{name}" for side in ("left", "right") for name in _SKIN_M)
+POINTS: tuple[str, ...] = SMPL_JOINTS + SKIN
 
 # (R_local (N, 24, 3, 3), pelvis (N, 3)) -> POINTS (N, P, 3) and their derivatives (N, P, 3, 72)
 # by right local increments of the rotations
@@ -32,6 +33,8 @@ _HAND_HALF_WIDTH_M = 0.19
 _FOOT_HALF_WIDTH_M = 0.09
 _STRIDE_M = 1.22  # from the planted wrists back to the balls of the rear feet
 _STEP_LIFT_M = 0.10
+_ROLL_LIFT_M = 0.07  # of a foot that rolls over its toes
+_ROLL_DEG = 30.0
 _FIRM = 1 / 0.003  # weight of a planted joint: off by 3 mm costs 1
 _FLOOR = 1 / 0.004
 _ITERATIONS = 16
@@ -43,8 +46,7 @@ _FADE_DECADES = 4.0  # by how much before it is gone
 # how far a joint centre is from the skin below it, in contact poses
 _CLEARANCE_M = {"pelvis": 0.10, "spine1": 0.11, "spine2": 0.12, "spine3": 0.13, "neck": 0.09}
 _CLEARANCE_M |= {"head": 0.12, "hip": 0.09, "knee": 0.06, "shoulder": 0.08, "elbow": 0.05}
-_CLEARANCE_M |= {"collar": 0.09, "ankle": 0.05, "foot": 0.02, "wrist": 0.045, "hand": 0.025}
-_CLEARANCE_M |= {"big_toe": 0.005, "small_toe": 0.005, "heel": 0.0}
+_CLEARANCE_M |= {"collar": 0.09, "ankle": 0.05, "foot": 0.02, "wrist": 0.06, "hand": 0.035}
 
 # how many degrees about (x, y, z) a joint gives way before it costs 1
 _GIVE_DEG = {"pelvis": (8, 4, 4), "spine1": (8, 4, 4), "spine2": (8, 4, 4), "spine3": (8, 4, 4)}
@@ -59,7 +61,7 @@ _GIVE_DEG |= {
 _GIVE_HIPS_M = (0.06, 0.20, 0.20)
 
 
-def _per_name(table: Mapping[str, object], names: Sequence[str]) -> Floats:
+def per_name(table: Mapping[str, object], names: Sequence[str]) -> Floats:
     """Rows of a table for names with or without their side."""
     sideless = [name.removeprefix("left_").removeprefix("right_") for name in names]
     return np.array([table[name] for name in sideless], dtype=np.float64)
@@ -111,9 +113,12 @@ def contact_targets(
         legs = [getattr(key, side) for key in keys]
         places = np.array([plan[side, leg.place] for leg in legs])
         start, end = places[before], places[before + 1]
-        moving = np.linalg.norm(end - start, axis=1, keepdims=True) > 1e-9
+        stepping = np.linalg.norm(end - start, axis=1, keepdims=True) > 1e-9
+        toes = np.array([leg.toes for leg in legs])
+        rolling = np.abs(toes[before + 1] - toes[before])[:, None] > _ROLL_DEG
+        lift = np.where(stepping, _STEP_LIFT_M, _ROLL_LIFT_M * rolling)
         position[:, ball] = start + (end - start) * _smooth(share)
-        position[:, ball, 1:2] += _STEP_LIFT_M * moving * np.sin(np.pi * share) ** 2
+        position[:, ball, 1:2] += lift * np.sin(np.pi * share) ** 2
         weight[:, ball] = _FIRM
 
         heel = joints_rest[ankle] - joints_rest[ball]
@@ -159,9 +164,9 @@ def plant(forward: Forward, guess: Floats, hips: Floats, targets: Targets) -> tu
     corrected, after a fixed number of Gauss-Newton steps (each frame has its own 75 unknowns).
     """
     frames = len(guess)
-    give = np.concatenate([np.deg2rad(_per_name(_GIVE_DEG, SMPL_JOINTS)).ravel(), _GIVE_HIPS_M])
+    give = np.concatenate([np.deg2rad(per_name(_GIVE_DEG, SMPL_JOINTS)).ravel(), _GIVE_HIPS_M])
     prior = np.diag(1.0 / give**2)
-    clearance = _per_name(_CLEARANCE_M, POINTS)
+    clearance = per_name(_CLEARANCE_M | _SKIN_M, POINTS)
     rotations, pelvis = guess, hips
     for iteration in range(_ITERATIONS):
         firmness = 10 ** (-_GENTLE_DECADES * max(0.0, 1 - iteration / _GENTLE))

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
-from imocap_core.body import Shaped, keypoints_with_jacobian
-from imocap_core.synthetic.contact import SOLES, Forward
+from imocap_core.body import Shaped, keypoints_with_jacobian, make_points
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.synthetic.contact import POINTS, SKIN, Forward
 from imocap_core.synthetic.yoga import Floats
 
 # RGB by part of the body; the parts are those of the free body's faces
@@ -26,18 +27,19 @@ def contact_forward(shaped: Shaped) -> Forward:
     shaped: a body with coefficients (n,).
     """
     root = shaped.joints_rest[0]
-    joints, surface = shaped.model.points("smpl24"), shaped.model.points("body25")
-    soles = [surface.names.index(name) for name in SOLES]
+    model = shaped.model
+    joints = [{index: 1.0} for index in range(len(SMPL_JOINTS))]
+    skin = [dict(model.landmarks[name]) for name in SKIN]
+    nothing: dict[int, float] = {}
+    points = make_points(
+        model, POINTS, joints + [nothing] * len(skin), [nothing] * len(joints) + skin
+    )
 
     def forward(R_local: Floats, pelvis: Floats) -> tuple[Floats, Floats]:
         transl = torch.as_tensor(pelvis, dtype=root.dtype) - root
         rotations = torch.as_tensor(R_local, dtype=root.dtype)
-        xyz, d_pose, _ = keypoints_with_jacobian(shaped, joints, rotations, transl)
-        sole_xyz, sole_d_pose, _ = keypoints_with_jacobian(shaped, surface, rotations, transl)
-        return (
-            np.concatenate([xyz.numpy(), sole_xyz.numpy()[:, soles]], axis=1),
-            np.concatenate([d_pose.numpy(), sole_d_pose.numpy()[:, soles]], axis=1),
-        )
+        xyz, d_pose, _ = keypoints_with_jacobian(shaped, points, rotations, transl)
+        return xyz.numpy(), d_pose.numpy()
 
     return forward
 

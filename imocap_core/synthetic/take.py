@@ -29,7 +29,7 @@ YOGA_CLIPS: tuple[Clip, ...] = (
 )
 _SENSOR_NOISE = 2.0  # grey levels
 _SKIN_CHUNK = 16  # frames skinned together
-_BETA_SPREAD = 0.7
+_BETA_SPREAD = 0.5
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,14 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.synthetic.contact import Forward, Place, contact_targets, floor_plan, plant
+from imocap_core.synthetic.contact import (
+    Forward,
+    Place,
+    contact_targets,
+    floor_plan,
+    per_name,
+    plant,
+)
 from imocap_core.synthetic.yoga import Floats, Key, local_rotations
 
 PHASE_PER_S = 30.0  # phase counts frames of the choreography at its own pace
@@ -109,7 +116,7 @@ def _vary(keys: Sequence[Key], rng: np.random.Generator) -> tuple[Floats, Floats
 
     Half of the variance is the performance's style, the same at every key.
     """
-    spread = np.deg2rad([_SPREAD_DEG[name.split("_")[-1]] for name in SMPL_JOINTS])
+    spread = np.deg2rad(per_name(_SPREAD_DEG, SMPL_JOINTS))
     style = rng.normal(size=spread.shape)
     moment = rng.normal(size=(len(keys), *spread.shape))
     departure = spread * (style + moment) / np.sqrt(2.0)

@@ -1,0 +1,20 @@
+"""One performer and the four takes of a seed, made once for all tests of this folder."""
+
+import pytest
+import torch
+
+from imocap_core.body import Shaped, load_free_body
+from imocap_core.synthetic.take import YOGA_CLIPS, Take, draw_betas, yoga_take
+
+SEED = 3
+
+
+@pytest.fixture(scope="session")
+def shaped() -> Shaped:
+    model = load_free_body(dtype=torch.float64)
+    return model.shape(torch.as_tensor(draw_betas(SEED, model.num_betas)))
+
+
+@pytest.fixture(scope="session")
+def takes(shaped: Shaped) -> list[Take]:
+    return [yoga_take(SEED, index, shaped) for index in range(len(YOGA_CLIPS))]

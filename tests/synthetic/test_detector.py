@@ -1,0 +1,105 @@
+"""The simulated detector errs as often and as far as it says."""
+
+import numpy as np
+import pytest
+
+from imocap_core.camera.projection import project
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.synthetic.detector import DetectorErrors, detect, strangers
+
+NAMES = (
+    "nose",
+    "left_wrist",
+    "right_wrist",
+    "left_elbow",
+    "right_elbow",
+    "left_knee",
+    "right_knee",
+)
+FRAMES = 4000
+
+
+def still(height_px: float = 300.0):
+    """A person who does not move: true keypoints (T, K, 2), heights (T,)."""
+    figure = np.array([[50, 0], [0, 40], [100, 40], [20, 30], [80, 30], [40, 90], [60, 90.0]])
+    return np.tile(figure, (FRAMES, 1, 1)), np.full(FRAMES, height_px)
+
+
+def only(**kinds: float) -> DetectorErrors:
+    quiet = {"noise": 1e-9, "outlier_rate": 0.0, "miss_rate": 0.0, "swap_rate": 0.0}
+    return DetectorErrors(**(quiet | kinds))
+
+
+def test_noise_has_the_stated_size_and_half_of_it_persists():
+    truth, height = still()
+    errors = only(noise=4 / 600)
+    found = detect(truth, height, NAMES, 30.0, np.random.default_rng(0), errors)
+    noise = found.xy_px - truth
+    assert noise.std() == pytest.approx(2.0, rel=0.15)
+    lagged = (noise[3:] * noise[:-3]).mean() / (noise**2).mean()
+    rho = np.exp(-1 / (errors.persistence_s * 30))
+    assert lagged == pytest.approx(0.5 * rho**3, abs=0.06)
+
+
+def test_noise_scales_with_the_person():
+    errors = only(noise=4 / 600)
+    sizes = []
+    for height_px in (100.0, 400.0):
+        truth, height = still(height_px)
+        found = detect(truth, height, NAMES, 30.0, np.random.default_rng(1), errors)
+        sizes.append((found.xy_px - truth).std())
+    assert sizes[1] / sizes[0] == pytest.approx(4.0)
+
+
+def test_misses_outliers_and_swaps_come_at_their_rates():
+    truth, height = still()
+    rng = np.random.default_rng(2)
+    missed = detect(truth, height, NAMES, 30.0, rng, only(miss_rate=0.02))
+    gone = missed.confidence == 0
+    assert gone.mean() == pytest.approx(0.02, abs=0.004)
+    assert (missed.xy_px[gone] == 0).all()
+    outliers = detect(truth, height, NAMES, 30.0, rng, only(outlier_rate=0.02))
+    assert (np.abs(outliers.xy_px - truth).max(axis=-1) > 1).mean() == pytest.approx(
+        0.02, abs=0.004
+    )
+    swapped = detect(truth, height, NAMES, 30.0, rng, only(swap_rate=0.007)).xy_px
+    arms = np.abs(swapped[:, 1] - truth[:, 2]).max(axis=-1) < 1
+    assert 0.002 < arms.mean() < 0.016
+    assert (np.abs(swapped[arms][:, 3] - truth[arms][:, 4]) < 1).all()  # the elbow goes along
+
+
+def test_confidence_reflects_error_but_imperfectly():
+    truth, height = still()
+    found = detect(truth, height, NAMES, 30.0, np.random.default_rng(3))
+    known = found.confidence > 0
+    error = np.linalg.norm(found.xy_px - truth, axis=-1)[known]
+    ranks = np.corrcoef(error.argsort().argsort(), found.confidence[known].argsort().argsort())
+    assert -0.9 < ranks[0, 1] < -0.2
+    assert (found.confidence[known] <= 1).all()
+
+
+def test_strangers_are_rare_brief_and_never_absent():
+    truth, height = still()
+    performer = detect(truth, height, NAMES, 30.0, np.random.default_rng(4))
+    for seed in range(4):
+        seen = [
+            s is not None for s in strangers(performer, (640, 360), np.random.default_rng(seed))
+        ]
+        assert 1 <= sum(seen) < 0.03 * FRAMES
+
+
+def test_detections_of_a_take_lie_within_noise_of_the_projected_truth(takes):
+    """Truth joints through K, R_t, t reproduce the detector's wrists, knees and ankles."""
+    for take in takes:
+        names = ("left_wrist", "right_wrist", "left_knee", "right_knee", "left_ankle")
+        xy = project(
+            take.joints[:, [SMPL_JOINTS.index(n) for n in names]],
+            take.camera.K,
+            take.camera.R_cam_from_world,
+            take.camera.t[:, None],
+        )
+        columns = [7, 4, 13, 10, 14]  # the same in BODY_25's order
+        known = take.detections.confidence[:, columns] > 0
+        error = np.linalg.norm(take.detections.xy_px[:, columns] - xy, axis=-1)[known]
+        assert 0.5 < np.median(error) < 4.0
+        assert np.median(np.linalg.norm(take.xy_px[:, columns] - xy, axis=-1)) < 2.5
