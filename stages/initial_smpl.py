@@ -1,0 +1,127 @@
+"""initial_smpl: what each video alone says about the motion (section 3.2, "Initialization").
+
+Where a monocular estimator's result is given it is the start (and, as 3D joints, evidence);
+otherwise the 2D keypoints are matched against a library of poses seen from all sides. Either way
+the start is refined by minimising the reprojection error.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+
+from imocap_core.artifacts.schemas import CameraMotion, Hypothesis, InitialSmpl, Keypoints
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.formats.joints_npz import read_joints_npz
+from imocap_core.formats.smpl_npz import read_smpl_npz
+from imocap_core.motion.kinematics import Body
+from imocap_core.motion.library import Library, make_library
+from imocap_core.motion.monocular import fit_monocular
+from imocap_core.motion.observations import Observation
+from imocap_core.motion.prior import load_pose_prior
+from imocap_core.motion.starts import (
+    LiftingOptions,
+    Start,
+    fit_rotations_to_joints,
+    lifted_starts,
+    start_at_joints,
+)
+from imocap_core.rotations import exp
+from stages.harness.stage import Context, Inputs, main
+from stages.motion_values import body_for, motions_of, observations_of, weights_of
+from stages.params import Params
+
+
+def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
+    """A motion for every video by itself."""
+    keypoints, cameras = inputs.get(Keypoints), inputs.get(CameraMotion)
+    body, prior = body_for(keypoints), load_pose_prior()
+    given = {v.id: _given(ctx, v.id, v.initial_format, v.frames) for v in keypoints.videos}
+    joints = {k: g for k, g in given.items() if isinstance(g, np.ndarray)}
+    observations = observations_of(body, keypoints, cameras, joints)
+    lifting = params.initial_smpl
+    ctx.progress(0.05, "looking for starts")
+    library = make_library(
+        body, prior, ctx.rng(), poses=lifting.library_poses, directions=lifting.library_directions
+    )
+    starts, source = [], {}
+    for video, observation in zip(keypoints.videos, observations, strict=True):
+        found = _starts(body, library, observation, given[video.id], params)
+        starts.append(found)
+        source[video.id] = (video.initial_format or "") if given[video.id] is not None else "monocular"
+        ctx.progress(0.05 + 0.35 * len(starts) / len(observations), f"starts of {video.id}")
+    fit = fit_monocular(
+        body, prior, observations, starts, weights_of(params.fit), max_steps=lifting.max_steps,
+        progress=lambda said: ctx.progress(0.5, said),
+    )  # fmt: skip
+    return InitialSmpl(
+        model=body.model.name,
+        model_digest=body.model.digest,
+        videos=motions_of(body, fit.state, observations, keypoints),
+        source=source,
+        hypotheses=[
+            Hypothesis(
+                video=video.id, name=f"start {n + 1}", cost=cost, chosen=cost == min(costs),
+                note="objective of the fit from this start",
+            )
+            for video, costs in zip(keypoints.videos, fit.costs, strict=True)
+            for n, cost in enumerate(costs)
+        ],
+    )  # fmt: skip
+
+
+def _given(
+    ctx: Context, video: str, kind: str | None, frames: np.ndarray
+) -> np.ndarray | Start | None:
+    """An estimator's joints (T, 24, 3), its SMPL motion as a start, or None."""
+    path = ctx.initial(video)
+    if path is None:
+        return None
+    if kind == "joints_npz":
+        estimate = read_joints_npz(path, frames)
+        joints = np.full((len(frames), 24, 3), np.nan)
+        for k, name in enumerate(estimate.joint_names):
+            if name in SMPL_JOINTS:
+                joints[:, SMPL_JOINTS.index(name)] = estimate.joints[:, k]
+        if np.isfinite(joints).all((0, 2)).sum() < 6:
+            raise ValueError(
+                f"{path}: joint_names: expected at least 6 of SMPL's joints "
+                f"({', '.join(SMPL_JOINTS)}), got {', '.join(estimate.joint_names)}"
+            )
+        return joints
+    if kind == "smpl_npz":
+        smpl = read_smpl_npz(path, frames)
+        R_local = exp(torch.as_tensor(smpl.theta.reshape(-1, 24, 3)))
+        R_local[:, 0] = torch.as_tensor(smpl.R) @ R_local[:, 0]
+        return Start(R_local, torch.as_tensor(smpl.trans @ smpl.R.T + smpl.t), 0.0)
+    raise ValueError(
+        f"{ctx.action_file()}: videos: {video}: initial_format: expected joints_npz or smpl_npz, "
+        f"got {kind!r}; convert the estimate to one of them"
+    )
+
+
+def _starts(
+    body: Body,
+    library: Library,
+    observation: Observation,
+    given: np.ndarray | Start | None,
+    params: Params,
+) -> list[Start]:
+    """Where the fit of one video begins."""
+    if isinstance(given, Start):
+        return [given]
+    if given is not None:
+        return [start_at_joints(body, fit_rotations_to_joints(body, library, given), observation)]
+    lifting = params.initial_smpl
+    options = LiftingOptions(
+        candidates=lifting.candidates,
+        stride_s=lifting.stride_s,
+        sigma=lifting.match_sigma,
+        step_m_s=lifting.step_m_s,
+        starts=lifting.starts,
+    )
+    return lifted_starts(body, library, observation, options)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main("initial_smpl"))

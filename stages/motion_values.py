@@ -1,0 +1,195 @@
+"""Between artifacts and the core's motion: what the three motion stages share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+
+from imocap_core.artifacts.schemas import (
+    Camera,
+    CameraMotion,
+    InitialSmpl,
+    Keypoints,
+    SmplBa,
+    SyncSummary,
+    VideoMotion,
+)
+from imocap_core.body import load_free_body
+from imocap_core.motion.joint import JointMotion, JointOptions, Scene
+from imocap_core.motion.kinematics import Body
+from imocap_core.motion.monocular import FitWeights
+from imocap_core.motion.observations import Observation, own_view, padded, validity
+from imocap_core.motion.prior import load_pose_prior
+from imocap_core.motion.state import MotionState
+from imocap_core.motion.terms.reprojection import project
+from imocap_core.motion.timeline import make_timeline
+from imocap_core.rotations import exp, log, unwrap
+from stages.params import FitParams, MotionParams
+
+LIKE = torch.zeros((), dtype=torch.float64)
+
+
+def body_for(keypoints: Keypoints) -> Body:
+    """The free body seen through every layout that the videos use."""
+    return Body.of(load_free_body(), *layouts_of(keypoints))
+
+
+def layouts_of(keypoints: Keypoints) -> list[str]:
+    """The layouts in use, each once, in order of appearance."""
+    return list(dict.fromkeys(v.layout for v in keypoints.videos))
+
+
+def observations_of(
+    body: Body,
+    keypoints: Keypoints,
+    camera_motion: CameraMotion,
+    joints: dict[str, np.ndarray] | None = None,
+) -> list[Observation]:
+    """Keypoints in the first frame's image, each video's layout in its place among all.
+
+    ``joints``: monocular 3D joints (T, 24, 3) of the videos that have them.
+    """
+    counts = dict.fromkeys(layouts_of(keypoints), 0)
+    for video in keypoints.videos:
+        counts[video.layout] = video.xy_px.shape[1]
+    first = dict(zip(counts, np.cumsum([0, *counts.values()]), strict=False))
+    found = []
+    for video, camera in zip(keypoints.videos, camera_motion.videos, strict=True):
+        frames, own = video.confidence.shape
+        xy = np.full((frames, sum(counts.values()), 2), np.nan)
+        confidence = np.zeros(xy.shape[:2])
+        place = slice(first[video.layout], first[video.layout] + own)
+        xy[:, place], confidence[:, place] = camera.xy_first_px, video.confidence
+        confidence[~np.isfinite(xy).all(-1)] = 0.0
+        known = (joints or {}).get(video.id)
+        found.append(Observation(xy, confidence, camera.K, video.fps, known))
+    return found
+
+
+def weights_of(fit: FitParams) -> FitWeights:
+    """The parameters' weights as the core's."""
+    return FitWeights(
+        noise_share=fit.noise_share,
+        robust_scale=fit.robust_scale_sigma,
+        pose_prior=fit.pose_prior,
+        shape_prior=fit.shape_prior,
+        limits=fit.limits,
+        velocity=fit.velocity,
+        acceleration=fit.acceleration,
+        path_velocity_m_s=fit.path_velocity_m_s,
+        path_acceleration_m_s2=fit.path_acceleration_m_s2,
+        evidence_mm=fit.evidence_mm,
+    )
+
+
+def options_of(motion: MotionParams) -> JointOptions:
+    """The parameters of SMPL-BA as the core's."""
+    return JointOptions(
+        objective=motion.objective,
+        solver=motion.solver,
+        rank=motion.rank,
+        rounds=motion.rounds,
+        coupling_rad=motion.coupling_rad,
+        coupling_path_m=motion.coupling_path_m,
+        agreement_rad=motion.agreement_rad,
+        correlation_s=motion.correlation_s,
+        max_steps=motion.max_steps,
+    )
+
+
+def scene_of(
+    body: Body, observations: Sequence[Observation], sync: SyncSummary, fit: FitParams
+) -> Scene:
+    """What SMPL-BA keeps fixed, for one set of correspondences."""
+    reference = sync.ids.index(sync.reference)
+    maps = [m.reference_frame for m in sync.maps]
+    trust = [m.confidence for m in sync.maps]
+    timeline = make_timeline(maps, trust, sync.lengths[reference])
+    prior = load_pose_prior()
+    return Scene(body, prior, observations, timeline, trust, reference, weights_of(fit))
+
+
+def state_of(videos: Sequence[VideoMotion]) -> MotionState:
+    """Stored motions as one padded batch."""
+    theta = padded([v.theta.reshape(-1, 24, 3) for v in videos], LIKE)
+    trans = padded([v.trans for v in videos], LIKE)
+    lengths = torch.tensor([len(v.frames) for v in videos])
+    valid = torch.arange(theta.shape[1]) < lengths[:, None]
+    betas = torch.as_tensor(np.stack([v.betas for v in videos])).to(LIKE)
+    return MotionState.of(exp(theta), trans, betas, valid)
+
+
+def motions_of(
+    body: Body, state: MotionState, observations: Sequence[Observation], keypoints: Keypoints
+) -> list[VideoMotion]:
+    """The state as stored motions, axis-angle on continuous branches."""
+    joints = body.positions(body.joints, state).xyz
+    view = own_view(observations, state.trans, noise_share=1.0)
+    pixels, _ = project(view, body.positions(body.keypoints, state).xyz)
+    error = torch.where(view.weight > 0, (pixels - view.xy_px).norm(dim=-1), torch.nan)
+    errors = torch.nanmedian(error, dim=-1).values
+    found = []
+    for v, video in enumerate(keypoints.videos):
+        used = slice(0, len(video.frames))
+        found.append(
+            VideoMotion(
+                id=video.id,
+                frames=video.frames,
+                theta=unwrap(log(state.R_local[v, used])).flatten(1).numpy(),
+                betas=state.betas[v].numpy(),
+                trans=state.trans[v, used].numpy(),
+                joints=joints[v, used].numpy(),
+                reprojection_px=errors[v, used].numpy(),
+            )
+        )
+    return found
+
+
+def smpl_ba_of(
+    body: Body,
+    motion: JointMotion,
+    observations: Sequence[Observation],
+    keypoints: Keypoints,
+    reference: str,
+) -> SmplBa:
+    """The core's joint motion as an artifact."""
+    cameras = [
+        Camera(id=video.id, K=observation.K, R=R.numpy(), t=t.numpy())
+        for video, observation, R, t in zip(
+            keypoints.videos, observations, motion.cameras.R, motion.cameras.t, strict=True
+        )
+    ]
+    return SmplBa(
+        reference=reference,
+        model=body.model.name,
+        model_digest=body.model.digest,
+        videos=motions_of(body, motion.state, observations, keypoints),
+        cameras=cameras,
+        objective=motion.costs,
+        terms={},
+        status=motion.status,
+    )
+
+
+def evidence_joints(initial: InitialSmpl) -> dict[str, np.ndarray]:
+    """Monocular 3D joints that stay evidence in SMPL-BA: those a real estimator gave."""
+    return {
+        v.id: v.joints for v in initial.videos if initial.source.get(v.id, "") == "joints_npz"
+    }
+
+
+__all__ = [
+    "body_for",
+    "evidence_joints",
+    "layouts_of",
+    "motions_of",
+    "observations_of",
+    "options_of",
+    "scene_of",
+    "smpl_ba_of",
+    "state_of",
+    "validity",
+    "weights_of",
+]

@@ -1,0 +1,36 @@
+"""smpl_ba: the motion of every video and all cameras, jointly (Eq. 8)."""
+
+from __future__ import annotations
+
+from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, SmplBa, Sync
+from imocap_core.motion.joint import recover_motion
+from stages.harness.stage import Context, Inputs, main
+from stages.motion_values import (
+    body_for,
+    evidence_joints,
+    observations_of,
+    options_of,
+    scene_of,
+    smpl_ba_of,
+    state_of,
+)
+from stages.params import Params
+
+
+def run(ctx: Context, inputs: Inputs, params: Params) -> SmplBa:
+    """One pass of SMPL-BA on the first correspondences."""
+    keypoints, initial, sync = inputs.get(Keypoints), inputs.get(InitialSmpl), inputs.get(Sync)
+    body = body_for(keypoints)
+    joints = evidence_joints(initial)
+    observations = observations_of(body, keypoints, inputs.get(CameraMotion), joints)
+    motion = recover_motion(
+        scene_of(body, observations, sync, params.fit),
+        state_of(initial.videos),
+        options_of(params.motion),
+        progress=lambda said: ctx.progress(0.5, said),
+    )
+    return smpl_ba_of(body, motion, observations, keypoints, sync.reference)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main("smpl_ba"))
