@@ -1,0 +1,28 @@
+"""Small artifacts to write and read back."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from imocap_core.artifacts.schemas import Sync, SyncMap
+
+
+@pytest.fixture
+def sync() -> Sync:
+    """Two videos of three and two frames, one frame unmatched."""
+    maps = [
+        SyncMap(id="a", reference_frame=np.arange(3.0), confidence=np.ones(3)),
+        SyncMap(id="b", reference_frame=np.array([0.5, np.nan]), confidence=np.array([0.9, 0.0])),
+    ]
+    return Sync(
+        reference="a",
+        ids=["a", "b"],
+        lengths=[3, 2],
+        maps=maps,
+        method="softmap",
+        centrality=np.array([1.0, float("inf")]),
+        status="1 frame of b is unmatched",
+        affinity=np.eye(5, dtype=np.float32),
+        relaxed=np.full((5, 5), 0.25, dtype=np.float32),
+    )

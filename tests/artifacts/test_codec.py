@@ -1,0 +1,129 @@
+"""What is written is read back, whatever happens to the file is noticed."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from mcap.reader import make_reader
+
+from imocap_core.artifacts import codec, ndarray
+from imocap_core.artifacts.codec import ArtifactCorrupt, Content
+from imocap_core.artifacts.schemas import CameraMotion, Evaluate, Sync, Table
+
+
+def write(file: Path, content: Content) -> Path:
+    with file.open("wb") as stream:
+        codec.write(stream, content, Sync.model_json_schema())
+    return file
+
+
+@pytest.fixture
+def content(sync: Sync) -> Content:
+    packed = codec.pack(sync)
+    return dataclasses.replace(
+        packed, provenance={"key": "k"}, files={"tables/a.csv": b"x,y\n", "empty": b""}
+    )
+
+
+def test_round_trip(tmp_path: Path, sync: Sync, content: Content) -> None:
+    read = codec.read(write(tmp_path / "a.mcap", content))
+    back = codec.unpack(read, Sync)
+    assert read.digest == content.digest == codec.pack(back).digest
+    assert read.provenance == content.provenance
+    assert read.files == content.files
+    np.testing.assert_array_equal(back.maps[1].reference_frame, sync.maps[1].reference_frame)
+    np.testing.assert_array_equal(back.centrality, sync.centrality)
+    assert back.affinity.dtype == np.float32
+    assert back.affinity.flags.writeable
+
+
+def test_the_same_content_gives_the_same_bytes(tmp_path: Path, content: Content) -> None:
+    one, two = (write(tmp_path / name, content).read_bytes() for name in ("a", "b"))
+    assert one == two
+
+
+def test_digest_is_of_the_content_alone(content: Content) -> None:
+    other = dataclasses.replace(content, provenance={"key": "other"}, files={})
+    assert other.digest == content.digest
+    changed = {**content.arrays, "affinity": content.arrays["affinity"] + 1e-6}
+    assert dataclasses.replace(content, arrays=changed).digest != content.digest
+    flat = {**content.arrays, "affinity": content.arrays["affinity"].reshape(25)}
+    assert dataclasses.replace(content, arrays=flat).digest != content.digest
+
+
+def test_every_flipped_byte_is_noticed(tmp_path: Path, content: Content) -> None:
+    whole = write(tmp_path / "a.mcap", content).read_bytes()
+    file = tmp_path / "b.mcap"
+    rng = np.random.default_rng(0)
+    places = rng.choice(len(whole), size=min(len(whole), 600), replace=False)
+    ends = [*range(40), *range(len(whole) - 60, len(whole))]
+    for place in {*places.tolist(), *ends}:
+        damaged = bytearray(whole)
+        damaged[place] ^= 1 << int(rng.integers(8))
+        file.write_bytes(damaged)
+        with pytest.raises(ArtifactCorrupt):
+            codec.read(file)
+
+
+def test_every_shortened_file_is_noticed(tmp_path: Path, content: Content) -> None:
+    whole = write(tmp_path / "a.mcap", content).read_bytes()
+    file = tmp_path / "b.mcap"
+    for length in range(0, len(whole), 37):
+        file.write_bytes(whole[:length])
+        with pytest.raises(ArtifactCorrupt, match=r"b\.mcap"):
+            codec.read(file)
+
+
+@given(noise=st.binary(max_size=300))
+def test_no_noise_is_an_artifact(tmp_path_factory: pytest.TempPathFactory, noise: bytes) -> None:
+    file = tmp_path_factory.mktemp("noise") / "a.mcap"
+    file.write_bytes(noise)
+    with pytest.raises(ArtifactCorrupt):
+        codec.read(file)
+
+
+def test_another_kind_is_refused(content: Content) -> None:
+    with pytest.raises(ArtifactCorrupt, match="holds a Sync, expected a CameraMotion"):
+        codec.unpack(content, CameraMotion)
+
+
+def test_numbers_that_json_has_not() -> None:
+    rows = [["a", 1.5, None], ["b", 2, True]]
+    table = Table(name="t", title="T", columns=["n", "x", "y"], rows=rows)
+    made = Evaluate(tables=[table], files=[])
+    back = codec.unpack(codec.pack(made), Evaluate)
+    assert back.tables[0].rows == rows
+
+
+def test_another_mcap_reader_sees_topics_and_schemas(tmp_path: Path, content: Content) -> None:
+    with write(tmp_path / "a.mcap", content).open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    topics = {channel.topic for channel in summary.channels.values()}
+    assert {"/header", "/affinity", "/maps/1/reference_frame"} <= topics
+    assert {s.name for s in summary.schemas.values()} == {"imocap.Sync", "imocap.NdArray"}
+
+
+@given(
+    array=arrays.arrays(
+        dtype=st.sampled_from([np.float64, np.float32, np.int64]),
+        shape=arrays.array_shapes(min_dims=0, max_dims=4, min_side=0, max_side=4),
+    )
+)
+def test_arrays_round_trip(array: np.ndarray) -> None:
+    name, back = ndarray.from_bytes(ndarray.to_bytes("a/b", array))
+    assert name == "a/b"
+    assert back.dtype == array.dtype
+    np.testing.assert_array_equal(back, array)
+
+
+def test_strided_and_big_endian_arrays_are_written_in_order() -> None:
+    array = np.arange(12.0).reshape(3, 4)
+    for same in (np.asfortranarray(array), array.astype(">f8"), np.repeat(array, 2, 1)[:, ::2]):
+        assert ndarray.to_bytes("x", same) == ndarray.to_bytes("x", array)

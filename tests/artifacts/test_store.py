@@ -1,0 +1,121 @@
+"""Files appear whole or not at all, go back for nothing, and have one writer at a time."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from imocap_core.artifacts.codec import ArtifactCorrupt
+from imocap_core.artifacts.schemas import Sync
+from imocap_core.artifacts.store import Store, Stored
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store(tmp_path / "artifacts")
+
+
+Put = Callable[..., Stored]
+
+
+@pytest.fixture
+def put(store: Store, sync: Sync) -> Put:
+    def keep(key: str, status: str = "", files: dict[str, bytes] | None = None) -> Stored:
+        artifact = sync.model_copy(update={"status": status})
+        stored = store.put("sync", key, artifact, {"seed": "7"}, files or {})
+        store.publish("yoga", "sync", stored)
+        return stored
+
+    return keep
+
+
+def test_a_result_is_found_by_its_key(store: Store, put: Put) -> None:
+    put("one", "first")
+    put("two", "second")
+    found = store.find("yoga", "sync", "one")
+    assert found is not None
+    assert found.decode(Sync).status == "first"
+    assert found.content.provenance == {"seed": "7", "key": "one"}
+    assert store.find("yoga", "sync", "three") is None
+    current = store.load("yoga", "sync")
+    assert current is not None
+    assert current.key == "two"
+
+
+def test_other_actions_share_results_but_not_the_current_one(store: Store, put: Put) -> None:
+    put("one")
+    assert store.find("dance", "sync", "one") is not None
+    assert store.load("dance", "sync") is None
+
+
+def test_a_lost_cache_is_no_loss_for_the_current_artifact(store: Store, put: Put) -> None:
+    put("one")
+    store.cached("sync", "one").unlink()
+    assert store.find("yoga", "sync", "one") is not None
+
+
+def test_a_damaged_file_is_no_result(store: Store, put: Put) -> None:
+    stored = put("one")
+    data = bytearray(stored.file.read_bytes())
+    data[len(data) // 2] ^= 4
+    stored.file.write_bytes(data)  # the current artifact is the same file
+    assert store.find("yoga", "sync", "one") is None
+    with pytest.raises(ArtifactCorrupt):
+        store.load("yoga", "sync")
+    put("one")
+    assert store.find("yoga", "sync", "one") is not None
+
+
+def test_nothing_half_written_stays(store: Store, put: Put, sync: Sync) -> None:
+    put("one")
+    with pytest.raises(AttributeError):
+        store.put("sync", "two", sync, {"bad": 1}, {})  # type: ignore[dict-item]
+    put("one")  # again, over itself
+    names = {p.name for p in store.folder.rglob("*") if p.is_file()}
+    assert names == {"one.mcap", "sync.mcap"}
+
+
+def test_side_files_become_the_report(store: Store, put: Put) -> None:
+    report = store.folder / "yoga" / "report"
+    first = put("one", files={"index.html": b"1", "figures/a.png": b"22"})
+    assert (report / "figures" / "a.png").read_bytes() == b"22"
+    put("two", files={"index.html": b"new"})
+    assert [p.name for p in report.rglob("*")] == ["index.html"]
+    store.publish("yoga", "sync", first)
+    (report / "index.html").unlink()
+    store.publish("yoga", "sync", first)
+    assert (report / "index.html").read_bytes() == b"1"
+    assert [p.name for p in report.parent.iterdir() if p.name.startswith(".report")] == []
+
+
+HOLD = """
+import sys
+from pathlib import Path
+from imocap_core.artifacts.store import Store
+with Store(Path(sys.argv[1])).lock("yoga", lambda: None):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_an_action_has_one_run_at_a_time(store: Store) -> None:
+    command = [sys.executable, "-c", HOLD, str(store.folder)]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == "held\n"
+        with store.lock("dance", lambda: pytest.fail("another action must not wait")):
+            pass
+        waited = []
+
+        def other_dies() -> None:
+            waited.append(True)
+            other.kill()
+
+        with store.lock("yoga", other_dies):
+            assert waited == [True]
