@@ -92,9 +92,12 @@ def camera_turning(
         residual = float(np.median(movement))
         return replace(still, motion="static", residual_px=residual, note="stands still" + said)
     solved = None if focal_px else solve_focal(matches, size)
-    K = intrinsics(solved, size) if solved else still.K
-    turning = replace(still, K=K, focal_source="rotation" if solved else still.focal_source)
-    return _turning(matches, turning, threshold_px, said)
+    if solved:
+        solved_start = replace(still, K=intrinsics(solved, size), focal_source="rotation")
+        turning = _turning(matches, solved_start, threshold_px, said)
+        if turning.motion == "rotating":  # else the focal length explains what is no rotation
+            return turning
+    return _turning(matches, still, threshold_px, said)
 
 
 def _turning(matches: list[Matches], start: Turning, threshold_px: float, said: str) -> Turning:

@@ -14,7 +14,8 @@ from imocap_core.formats.npz import load_arrays, names, numbers
 @dataclass(frozen=True)
 class VideoTruth:
     """One video: ``joints`` (T, J, 3) metres in the world, ``K`` (3, 3), ``R`` (3, 3) and ``t``
-    (3,) camera from world (first frame), ``phase`` (T,). None for what the file does not hold."""
+    (3,) camera from world (first frame), ``phase`` (T,), ``R_frames`` (T, 3, 3) camera from world
+    in each frame of a camera that turns. None for what the file does not hold."""
 
     joints: NDArray[np.float64] | None
     joint_names: tuple[str, ...]
@@ -22,6 +23,7 @@ class VideoTruth:
     R: NDArray[np.float64] | None
     t: NDArray[np.float64] | None
     phase: NDArray[np.float64] | None
+    R_frames: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)
@@ -53,5 +55,11 @@ def _video(arrays: dict[str, NDArray], video: str, path: Path) -> VideoTruth:
     named = own if own in arrays else "joint_names"
     joint_names = () if joints is None else names(arrays, named, joints.shape[1], path)
     return VideoTruth(
-        joints, joint_names, part("K", 3, 3), part("R", 3, 3), part("t", 3), part("phase", "T")
+        joints,
+        joint_names,
+        part("K", 3, 3),
+        part("R", 3, 3),
+        part("t", 3),
+        part("phase", "T"),
+        part("R_frames", "T", 3, 3),
     )

@@ -1,0 +1,212 @@
+"""A camera at a textured wall: turning is measured, standing still is exact, moving is flagged."""
+
+import cv2
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from imocap_core.camera.averaging import angle_deg
+from imocap_core.camera.background import (
+    background_mask,
+    chain,
+    filled_boxes,
+    overlap,
+    rescaled,
+    track_background,
+)
+from imocap_core.camera.projection import intrinsics, warp
+from imocap_core.camera.turning import camera_turning, standing_still
+
+SIZE, FOCAL = (320, 180), 280.0
+K = intrinsics(FOCAL, SIZE)
+WALL_SIZE = (1100, 600)
+K_WALL = intrinsics(FOCAL, WALL_SIZE)
+
+
+def wall(rng):
+    """A texture with detail at all scales, as a picture of a camera that looks straight ahead."""
+    width, height = WALL_SIZE
+    layers = [
+        cell**0.5
+        * cv2.resize(rng.random((height // cell, width // cell)), WALL_SIZE, interpolation=2)
+        for cell in (3, 6, 12, 24, 48)
+    ]
+    total = np.sum(layers, axis=0)
+    return (255 * (total - total.min()) / np.ptp(total)).astype(np.uint8)
+
+
+def seen(wall_picture, H_frame_from_wall, rng, noise=2.0):
+    picture = cv2.warpPerspective(wall_picture, H_frame_from_wall, SIZE, flags=cv2.INTER_CUBIC)
+    return np.clip(picture + noise * rng.normal(size=picture.shape), 0, 255).astype(np.uint8)
+
+
+def walker(t):
+    """The box of a person who crosses the picture."""
+    return np.array([60.0 + 3 * t, 40.0, 120.0 + 3 * t, 170.0])
+
+
+def with_walker(picture, t):
+    """Stripes that move with the person: features that would mislead."""
+    x0, y0, x1, y1 = walker(t).astype(int)
+    picture[y0:y1, x0:x1] = np.where((np.arange(x1 - x0) // 6) % 2, 220, 30)
+    return picture
+
+
+def turning_clip(R_frame_from_first, seed=0):
+    rng = np.random.default_rng(seed)
+    texture = wall(rng)
+    homographies = K @ R_frame_from_first @ np.linalg.inv(K_WALL)
+    pictures = [with_walker(seen(texture, H, rng), t) for t, H in enumerate(homographies)]
+    return pictures, np.stack([walker(t) for t in range(len(pictures))])
+
+
+def look(pictures, boxes, focal_px=None):
+    matches = track_background(pictures, boxes, max_features=200, min_inliers=20, threshold_px=1.5)
+    found = camera_turning(matches, SIZE, focal_px, assumed_focal_factor=1.0, threshold_px=1.5)
+    return found, matches
+
+
+def pan(degrees, tilt=0.0, frames=40):
+    """Rotations (T, 3, 3) frame from first: out to ``degrees``, beyond the overlap, and back."""
+    share = np.sin(np.pi * np.linspace(0, 1, frames))
+    angles = np.stack([degrees * share, tilt * share, 0.5 * share], axis=1)
+    return Rotation.from_euler("yxz", angles, degrees=True).as_matrix()
+
+
+def errors_deg(found, R_frame_from_first):
+    return angle_deg(found.R_first_from_frame, np.swapaxes(R_frame_from_first, 1, 2))
+
+
+@pytest.mark.parametrize(("degrees", "tilt"), [(2.0, 1.0), (12.0, 3.0), (32.0, 4.0)])
+def test_rotations_are_within_a_tenth_of_a_degree_when_the_focal_length_is_given(degrees, tilt):
+    R = pan(degrees, tilt)
+    found, _ = look(*turning_clip(R), focal_px=FOCAL)
+    assert found.motion == "rotating"
+    assert found.focal_source == "given"
+    assert np.median(errors_deg(found, R)) < 0.1
+    assert errors_deg(found, R).max() < 0.3
+
+
+def test_the_focal_length_is_solved_when_the_camera_turns_enough():
+    R = pan(14.0, 5.0)
+    found, _ = look(*turning_clip(R))
+    assert found.focal_source == "rotation"
+    assert abs(found.K[0, 0] / FOCAL - 1) < 0.04
+    assert np.median(errors_deg(found, R)) < 0.3
+
+
+def test_a_slight_turn_says_nothing_about_the_focal_length():
+    found, _ = look(*turning_clip(pan(1.5)))
+    assert found.motion == "rotating"
+    assert found.focal_source == "assumed"
+    assert found.K[0, 0] == max(SIZE)
+
+
+def test_keypoints_of_a_fixed_point_stay_in_place_after_warping():
+    R = pan(12.0, 3.0)
+    found, _ = look(*turning_clip(R))
+    spot = np.array([200.0, 90.0])
+    in_frames = warp(K @ R @ np.linalg.inv(K), spot)
+    back = warp(found.H_first_from_frame, in_frames)
+    assert np.linalg.norm(back - spot, axis=1).max() < 0.5
+
+
+def test_drift_is_gone_when_the_camera_comes_back():
+    R = pan(32.0)
+    found, matches = look(*turning_clip(R), focal_px=FOCAL)
+    assert len({match.key for match in matches}) > 1
+    assert matches[-1].key == 0
+    assert errors_deg(found, R)[-3:].max() < 0.05
+
+
+def test_a_camera_that_stands_still_is_exactly_still():
+    found, _ = look(*turning_clip(np.tile(np.eye(3), (12, 1, 1))))
+    assert found.motion == "static"
+    assert np.array_equal(found.H_first_from_frame, np.tile(np.eye(3), (12, 1, 1)))
+    assert np.array_equal(found.R_first_from_frame, np.tile(np.eye(3), (12, 1, 1)))
+
+
+def test_a_camera_that_moves_past_a_near_and_a_far_wall_is_flagged():
+    rng = np.random.default_rng(1)
+    far, near = wall(rng), wall(rng)
+    pictures = []
+    for t in range(30):
+        shift = np.array([[1.0, 0, -1.0 * t], [0, 1, 0], [0, 0, 1]])
+        quick = np.array([[1.0, 0, -5.0 * t], [0, 1, 0], [0, 0, 1]])
+        picture = seen(far, shift, rng)
+        picture[100:] = seen(near, quick, rng)[100:]
+        pictures.append(picture)
+    found, _ = look(pictures, np.full((30, 4), np.nan))
+    assert found.motion == "translating"
+    assert found.focal_source == "assumed"
+    assert "moves or zooms" in found.note
+
+
+def test_a_jump_is_found_again_by_its_features():
+    R = pan(2.0, frames=12)
+    jump = Rotation.from_euler("y", 13, degrees=True).as_matrix()
+    R[6:] = jump @ R[6:]
+    found, _ = look(*turning_clip(R), focal_px=FOCAL)
+    assert (found.inliers > 0).all()
+    assert errors_deg(found, R).max() < 0.3
+
+
+def test_a_black_clip_cannot_be_followed_and_says_so():
+    found, _ = look([np.zeros((180, 320), np.uint8)] * 5, np.full((5, 4), np.nan))
+    assert found.motion == "unknown"
+    assert "too little to follow" in found.note
+
+
+def test_one_frame_is_a_clip():
+    found, matches = look(*turning_clip(np.eye(3)[None]))
+    assert len(matches) == 1
+    assert found.motion == "static"
+
+
+def test_without_a_video_the_camera_is_unknown_and_still():
+    found = standing_still(7, SIZE, None, 1.2)
+    assert found.motion == "unknown"
+    assert found.focal_source == "assumed"
+    assert found.K[0, 0] == pytest.approx(1.2 * 320)
+    assert standing_still(7, SIZE, 500.0, 1.2).focal_source == "given"
+
+
+def test_smaller_pictures_give_the_same_answer_in_full_pixels():
+    R = pan(8.0, 2.0)
+    pictures, boxes = turning_clip(R)
+    halves = [cv2.resize(p, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for p in pictures]
+    small = track_background(
+        halves, (boxes + 0.5) * 0.5 - 0.5, max_features=200, min_inliers=20, threshold_px=1.5
+    )
+    found = camera_turning(
+        [rescaled(match, 0.5) for match in small],
+        SIZE,
+        FOCAL,
+        assumed_focal_factor=1.0,
+        threshold_px=3.0,
+    )
+    assert np.median(errors_deg(found, R)) < 0.1
+
+
+def test_chained_homographies_compose():
+    _, matches = look(*turning_clip(pan(32.0)))
+    first = chain(matches, np.stack([match.H_key_from_frame for match in matches]))
+    for t, match in enumerate(matches):
+        home = np.eye(3) if match.key == 0 else first[match.key]
+        assert np.allclose(first[t], home @ match.H_key_from_frame)
+
+
+def test_overlap_is_the_share_of_the_picture():
+    half = np.array([[1.0, 0, 160.0], [0, 1, 0], [0, 0, 1]])
+    assert overlap(np.eye(3), (180, 320)) == 1.0
+    assert overlap(half, (180, 320)) == pytest.approx(0.5, abs=0.05)
+    assert overlap(np.linalg.inv(half), (180, 320)) == pytest.approx(0.5, abs=0.05)
+
+
+def test_gaps_between_boxes_are_bridged_and_the_mask_covers_them():
+    boxes = np.array([[10.0, 10, 20, 30], [np.nan] * 4, [30, 10, 40, 30]])
+    assert filled_boxes(boxes)[1].tolist() == [20.0, 10.0, 30.0, 30.0]
+    mask = background_mask((60, 80), filled_boxes(boxes)[1])
+    assert (mask[10:31, 20:31] == 0).all()
+    assert mask[50, 70] == 255
+    assert (background_mask((60, 80), np.full(4, np.nan)) == 255).all()
