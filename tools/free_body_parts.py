@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-
 from free_body_rig import JOINTS_24, JOINTS_52, Rig, _owner
+from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 MIX = 8  # vertices of a landmark that is not a vertex itself
 
 # MakeHuman's vertex groups (mpfb2, basemesh_vertex_groups.json, CC0).
+EAR_RADIUS_M = 0.036
+IRIS_RADIUS_M = 0.007
 EYES = {"left": (14598, 14669), "right": (14670, 14741)}
 SIDES = (("left", ".L", 1.0), ("right", ".R", -1.0))
 
@@ -55,15 +56,20 @@ def landmarks(
 
 
 def _head_vertices(rig: Rig) -> NDArray[np.int64]:
-    owners = [i for i, name in enumerate(rig.names)
-              if JOINTS_24.names[_owner(JOINTS_24, name)] == "head"]
+    owners = [
+        i for i, name in enumerate(rig.names) if JOINTS_24.names[_owner(JOINTS_24, name)] == "head"
+    ]
     skin = rig.base < 13380  # MakeHuman's own body group; above it eyes, teeth, tongue
     return np.flatnonzero((rig.weights[:, owners].sum(1) > 0.7) & skin)
 
 
+def _eyeball(rig: Rig, side: str) -> NDArray[np.bool_]:
+    first, last = EYES[side]
+    return (rig.base >= first) & (rig.base <= last)
+
+
 def _face(mean, rig, head, nose, word, sign, vertex) -> None:  # type: ignore[no-untyped-def]
-    first, last = EYES[word]
-    ball = np.flatnonzero((rig.base >= first) & (rig.base <= last))
+    ball = np.flatnonzero(_eyeball(rig, word))
     vertex(f"{word}_eye", ball, mean[ball, 2])
     eye = mean[ball].mean(0)
     front = head[mean[head, 2] > eye[2] - 0.03]
@@ -108,8 +114,10 @@ def _mix(
     return near, share / share.sum()
 
 
-def face_parts(mean: Array, rig: Rig, joints: Array) -> NDArray[np.uint8]:
-    """(F,) 0 skin, 1 hair, 2 shirt, 3 trousers, 4 shoes, by where a face lies in the T pose."""
+def face_parts(
+    mean: Array, rig: Rig, joints: Array, ears: dict[str, int], eyes: dict[str, int]
+) -> NDArray[np.uint8]:
+    """(F,) 0 skin, 1 hair (and irises), 2 shirt, 3 trousers, 4 shoes, by the place in the T pose."""
     at = {name: joints[j] for j, name in enumerate(JOINTS_24.names)}
     owner = np.array([_owner(JOINTS_24, name) for name in rig.names])
     dominant = owner[rig.weights.argmax(1)]
@@ -118,27 +126,62 @@ def face_parts(mean: Array, rig: Rig, joints: Array) -> NDArray[np.uint8]:
     head[_head_vertices(rig)] = True
     x, y, z = np.abs(mean[:, 0]), mean[:, 1], mean[:, 2]
     part = np.zeros(len(mean), dtype=np.uint8)
-    leg = np.isin(names, ["left_hip", "right_hip", "left_knee", "right_knee", "left_ankle",
-                          "right_ankle", "left_foot", "right_foot"])
-    torso = np.isin(names, ["pelvis", "spine1", "spine2", "spine3", "left_collar", "right_collar",
-                            "neck", "left_shoulder", "right_shoulder"])
+    leg = np.isin(
+        names,
+        [
+            "left_hip",
+            "right_hip",
+            "left_knee",
+            "right_knee",
+            "left_ankle",
+            "right_ankle",
+            "left_foot",
+            "right_foot",
+        ],
+    )
+    torso = np.isin(
+        names,
+        [
+            "pelvis",
+            "spine1",
+            "spine2",
+            "spine3",
+            "left_collar",
+            "right_collar",
+            "neck",
+            "left_shoulder",
+            "right_shoulder",
+        ],
+    )
     waist = at["pelvis"][1] + 0.02
     sleeve = at["left_shoulder"][0] + 0.55 * (at["left_elbow"][0] - at["left_shoulder"][0])
-    collar = at["neck"][1] + 0.1 * (z - at["neck"][2]) / 0.1 * -0.35
-    part[torso & (y >= waist) & (x < sleeve) & (y < collar + 0.01)] = 2
+    collar = at["neck"][1] + 0.01 - 0.35 * (z - at["neck"][2])  # lower in front
+    part[torso & (y >= waist) & (x < sleeve) & ((y < collar) | (x > 0.065))] = 2
     part[(leg | torso) & (y < waist)] = 3
     part[leg & (y >= waist)] = 3
     part[leg & (y < at["left_ankle"][1] + 0.015)] = 4
     part[head & _hair(mean, head)] = 1
-    corners = part[rig.faces]
-    return np.sort(corners, axis=1)[:, 1]  # what two of three corners agree on
+    for side in ("left", "right"):
+        part[head & (np.linalg.norm(mean - mean[ears[side]], axis=1) < EAR_RADIUS_M)] = 0
+        pupil = mean[eyes[side]]
+        part[_eyeball(rig, side) & (np.linalg.norm(mean - pupil, axis=1) < IRIS_RADIUS_M)] = 1
+    return _per_quad(part, rig.faces)
+
+
+def _per_quad(part: NDArray[np.uint8], faces: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """Both triangles of a quad show one part, the median of its corners': seams run straight.
+
+    `faces` lists the first triangles (a, b, c) of all quads, then the second ones (a, c, d).
+    """
+    half = len(faces) // 2
+    quads = np.concatenate([faces[:half], faces[half:, 2:]], axis=1)
+    return np.tile(np.sort(part[quads], axis=1)[:, 1], 2)
 
 
 def _hair(mean: Array, head: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Above a slope from the hairline on the forehead down to the nape, ears left out."""
+    """Above a slope from the hairline on the forehead down to the nape."""
     top = mean[head][:, 1].max()
     front, back = mean[head][:, 2].max(), mean[head][:, 2].min()
     depth = (front - mean[:, 2]) / (front - back)  # 0 at the nose, 1 at the back of the head
     line = np.interp(depth, [0.0, 0.2, 0.45, 0.6, 1.0], [0.055, 0.06, 0.11, 0.14, 0.17])
-    ear = np.abs(mean[:, 0]) > 0.93 * np.abs(mean[head][:, 0]).max()
-    return (mean[:, 1] > top - line) & ~ear
+    return mean[:, 1] > top - line

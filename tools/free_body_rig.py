@@ -59,8 +59,19 @@ def _mean(*bones: str) -> Mix:
 
 
 TORSO = ("root", "pelvis.", "spine", "breast.")  # shared out by height, see `collect_weights`
-_FACE = ("head", "jaw", "special", "oris", "tongue", "levator", "eye", "orbicularis", "temporalis",
-         "oculi", "risorius")
+_FACE = (
+    "head",
+    "jaw",
+    "special",
+    "oris",
+    "tongue",
+    "levator",
+    "eye",
+    "orbicularis",
+    "temporalis",
+    "oculi",
+    "risorius",
+)
 
 _BODY: tuple[tuple[str, int, Mix, tuple[str, ...]], ...] = (
     ("pelvis", -1, {"spine05": 0.3, "spine04": 0.7}, TORSO),
@@ -73,10 +84,18 @@ _BODY: tuple[tuple[str, int, Mix, tuple[str, ...]], ...] = (
     ("left_ankle", 4, {"foot.L": 1.0}, ("foot.L",)),
     ("right_ankle", 5, {"foot.R": 1.0}, ("foot.R",)),
     ("spine3", 6, {"spine01": 1.0}, ()),
-    ("left_foot", 7, _mean(*(f"toe{k}-1.L" for k in range(1, 6))),
-     tuple(f"toe{k}-" for k in range(1, 6))),
-    ("right_foot", 8, _mean(*(f"toe{k}-1.R" for k in range(1, 6))),
-     tuple(f"toe{k}-" for k in range(1, 6))),
+    (
+        "left_foot",
+        7,
+        _mean(*(f"toe{k}-1.L" for k in range(1, 6))),
+        tuple(f"toe{k}-" for k in range(1, 6)),
+    ),
+    (
+        "right_foot",
+        8,
+        _mean(*(f"toe{k}-1.R" for k in range(1, 6))),
+        tuple(f"toe{k}-" for k in range(1, 6)),
+    ),
     ("neck", 9, {"neck01": 1.0}, ("neck01", "neck02", "neck03")),
     ("left_collar", 9, {"clavicle.L": 0.6, "shoulder01.L": 0.4}, ("clavicle.L", "shoulder01.L")),
     ("right_collar", 9, {"clavicle.R": 0.6, "shoulder01.R": 0.4}, ("clavicle.R", "shoulder01.R")),
@@ -96,7 +115,9 @@ def _hand_24(side: str, name: str, parent: int) -> tuple[str, int, Mix, tuple[st
     return (name, parent, knuckles, tuple(f"finger{k}-" for k in range(2, 6)))
 
 
-def _hand_52(side: str, word: str, wrist: int, first: int) -> list[tuple[str, int, Mix, tuple[str, ...]]]:
+def _hand_52(
+    side: str, word: str, wrist: int, first: int
+) -> list[tuple[str, int, Mix, tuple[str, ...]]]:
     rows = []
     for f, (finger, number) in enumerate(_FINGERS):
         for k in (1, 2, 3):
@@ -111,12 +132,8 @@ def _joints(rows: list[tuple[str, int, Mix, tuple[str, ...]]]) -> Joints:
     return Joints(names, parents, places, bones)
 
 
-JOINTS_24 = _joints(
-    [*_BODY, _hand_24("L", "left_hand", 20), _hand_24("R", "right_hand", 21)]
-)
-JOINTS_52 = _joints(
-    [*_BODY, *_hand_52("L", "left", 20, 22), *_hand_52("R", "right", 21, 37)]
-)
+JOINTS_24 = _joints([*_BODY, _hand_24("L", "left_hand", 20), _hand_24("R", "right_hand", 21)])
+JOINTS_52 = _joints([*_BODY, *_hand_52("L", "left", 20, 22), *_hand_52("R", "right", 21, 37)])
 
 
 def _owner(joints: Joints, bone: str) -> int:
@@ -126,7 +143,11 @@ def _owner(joints: Joints, bone: str) -> int:
         sided = joints.names[j].startswith(("left_", "right_"))
         side = ".L" if joints.names[j].startswith("left_") else ".R"
         for prefix in prefixes:
-            if bone.startswith(prefix) and len(prefix) > length and (not sided or bone.endswith(side)):
+            if (
+                bone.startswith(prefix)
+                and len(prefix) > length
+                and (not sided or bone.endswith(side))
+            ):
                 best, length = j, len(prefix)
     if best < 0:
         raise ValueError(f"bone {bone}: no joint takes it over")
@@ -161,8 +182,13 @@ def _torso_shares(height: Array, joints: Joints, places: Array) -> dict[int, Arr
     return {joint: above[i] - above[i + 1] for i, joint in enumerate(chain)}
 
 
-def _smooth(weights: Array, faces: NDArray[np.int64], mean: Array, joints: Joints, places: Array,
-            ) -> Array:
+def _smooth(
+    weights: Array,
+    faces: NDArray[np.int64],
+    mean: Array,
+    joints: Joints,
+    places: Array,
+) -> Array:
     """Diffuse weights over the surface near the large joints, where MakeHuman's are too sharp."""
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     edges = np.unique(np.sort(edges, axis=1), axis=0)
@@ -182,8 +208,15 @@ def _smooth(weights: Array, faces: NDArray[np.int64], mean: Array, joints: Joint
 
 
 SMOOTHING_STEPS = 6
-SMOOTHING_RADII_M = {"hip": 0.22, "shoulder": 0.2, "knee": 0.14, "elbow": 0.1, "collar": 0.15,
-                     "ankle": 0.08, "neck": 0.12}
+SMOOTHING_RADII_M = {
+    "hip": 0.22,
+    "shoulder": 0.15,
+    "knee": 0.14,
+    "elbow": 0.1,
+    "collar": 0.15,
+    "ankle": 0.08,
+    "neck": 0.12,
+}
 
 
 def t_pose(vertices: Array, heads: Array, rig: Rig) -> tuple[Array, Array]:

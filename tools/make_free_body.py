@@ -21,17 +21,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
-
 from free_body_parts import face_parts, landmarks
 from free_body_rig import JOINTS_24, JOINTS_52, Rig, collect_weights, t_pose
+from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
 SEED = 20201
 SAMPLES = 900
 SHAPES = 10
-JOINT_SHARE = 0.75  # of the total variance that the PCA sees: bone lengths must be among ten numbers
+LENGTH_SPREAD = 0.55  # standard deviation of each length, in full targets
+JOINT_SHARE = (
+    0.75  # of the total variance that the PCA sees: bone lengths must be among ten numbers
+)
 
 # MakeHuman's length targets, per side where they have sides; +-1 is the full target.
 LENGTHS: dict[str, tuple[str, ...]] = {
@@ -77,8 +79,8 @@ def sample_bodies(count: int, rng: np.random.Generator) -> Sampled:
     }
     changes: dict[str, Array] = {}
     for targets in LENGTHS.values():
-        amount = np.clip(rng.normal(0, 0.4, count), -1, 1)
-        changes.update({target: amount for target in targets})
+        amount = np.clip(rng.normal(0, LENGTH_SPREAD, count), -1, 1)
+        changes.update(dict.fromkeys(targets, amount))
     vertices, heads = [], []
     for first in range(0, count, 50):
         part = slice(first, first + 50)
@@ -119,7 +121,6 @@ def read_rig(source: object) -> tuple[Rig, NDArray[np.int64]]:
     place[keep] = np.arange(len(keep))
     quads = place[quads]
     faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    faces = faces[(faces[:, 0] != faces[:, 2]) & (faces[:, 1] != faces[:, 2])]
     weights = weights[keep] / weights[keep].sum(1, keepdims=True)
     base = source.base_mesh_vertex_indices.numpy()[keep]  # type: ignore[attr-defined]
     parents = tuple(int(p) for p in source.bone_parents)  # type: ignore[attr-defined]
@@ -183,6 +184,11 @@ def make(seed: int = SEED, samples: int = SAMPLES) -> dict[str, NDArray[np.gener
     regressor_24 = regress_joints(mean, directions, joints_24, coefficients)
     regressor[:22] = regressor_24[:22]
     marks = landmarks(mean, directions, rig, joints, coefficients)
+    first = dict(zip(marks["landmark_names"], marks["landmark_vertices"][:, 0], strict=True))
+    ears, eyes = (
+        {side: int(first[f"{side}_{what}"]) for side in ("left", "right")}
+        for what in ("ear", "eye")
+    )
     return {
         "v_template": mean.astype(np.float32),
         "shapedirs": directions.astype(np.float16),
@@ -194,7 +200,7 @@ def make(seed: int = SEED, samples: int = SAMPLES) -> dict[str, NDArray[np.gener
         "hands_J_regressor": regressor.astype(np.float32),
         "hands_kintree_table": JOINTS_52.kintree(),
         **marks,
-        "face_parts": face_parts(mean, rig, joints_24.mean(0)),
+        "face_parts": face_parts(mean, rig, joints_24.mean(0), ears, eyes),
         "part_names": np.array(["skin", "hair", "shirt", "trousers", "shoes"]),
     }
 
