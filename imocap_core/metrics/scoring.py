@@ -24,6 +24,32 @@ POSITION_METRICS = {
     "mpjpe_scaled_mm": position.mpjpe_scaled_mm,
     "pa_mpjpe_mm": position.pa_mpjpe_mm,
 }
+MOTION_METRICS = (
+    "acceleration_error_m_s2",
+    "root_path_error_mm",
+    "root_path_aligned_error_mm",
+    "foot_sliding_mm_s",
+)
+POSE_METRICS = (
+    *(
+        name.replace("mpjpe", f"mpjpe{suffix}")
+        for suffix, _ in JOINT_SETS
+        for name in POSITION_METRICS
+    ),
+    *MOTION_METRICS,
+)
+SYNC_METRICS = (
+    "sync_error_pct",
+    "sync_error_released_pct",
+    "sync_error_frames",
+    "sync_error_ms",
+    "sync_median_error_frames",
+    "offset_frames",
+    "offset_error_frames",
+    "matched_share",
+    "false_match_share",
+)
+NONE_MATCHED = "no matched frame has a counterpart in the reference clip"
 MEDIAN_OVER_VIDEOS = frozenset({"offset_error_frames"})
 """Metrics whose summary over videos is the median; all others take the unweighted mean."""
 
@@ -66,15 +92,9 @@ def pose_rows(result: str, video: str, predicted: Motion, true: Motion, fps: flo
 
 def _motion_rows(result: str, video: str, predicted: Motion, true: Motion, fps: float) -> list[Row]:
     """What depends on how joints move from frame to frame."""
-    names = (
-        "acceleration_error_m_s2",
-        "root_path_error_mm",
-        "root_path_aligned_error_mm",
-        "foot_sliding_mm_s",
-    )
     lack = _lack(predicted, true, EVAL_12)
     if lack:
-        return [Row(result, video, name, None, lack) for name in names]
+        return [Row(result, video, name, None, lack) for name in MOTION_METRICS]
     roots = [hip_midpoint(m.joints_m, m.names) for m in (predicted, true)]
     relative = [root_relative(m.joints_m, m.names, EVAL_12) for m in (predicted, true)]
     ankles = [EVAL_12.index("left_ankle"), EVAL_12.index("right_ankle")]
@@ -87,7 +107,7 @@ def _motion_rows(result: str, video: str, predicted: Motion, true: Motion, fps: 
         trajectory.foot_sliding_mm_s(feet, standing, fps, moving=true_feet),
     )
     why = ("no three frames in a row", "no frame has both", "too few frames", "no foot stands")
-    return [_row(result, video, *item) for item in zip(names, values, why, strict=True)]
+    return [_row(result, video, *item) for item in zip(MOTION_METRICS, values, why, strict=True)]
 
 
 def sync_rows(
@@ -107,27 +127,23 @@ def sync_rows(
     )
     true_at = sync.true_reference_frame(phase, reference_frames, reference_phase)
     offset = sync.offset_frames(matched_reference_frame, frames)
-    none_matched = "no matched frame has a counterpart in the reference clip"
-    values = (
-        ("sync_error_pct", sync.sync_error_pct(errors), none_matched),
+    pairs = (
+        (sync.sync_error_pct(errors), NONE_MATCHED),
         (
-            "sync_error_released_pct",
             sync.sync_error_released_pct(errors),
             "no frame shares its phase with a frame of the reference",
         ),
-        ("sync_error_frames", sync.sync_error_frames(errors), none_matched),
-        ("sync_error_ms", sync.sync_error_ms(errors, reference_fps), none_matched),
-        ("sync_median_error_frames", sync.sync_median_error_frames(errors), none_matched),
-        ("offset_frames", offset, "nothing is matched"),
-        (
-            "offset_error_frames",
-            abs(offset - sync.offset_frames(true_at, frames)),
-            none_matched,
-        ),
-        ("matched_share", sync.matched_share(errors), "no frame has a counterpart"),
-        ("false_match_share", sync.false_match_share(errors), "every frame has a counterpart"),
+        (sync.sync_error_frames(errors), NONE_MATCHED),
+        (sync.sync_error_ms(errors, reference_fps), NONE_MATCHED),
+        (sync.sync_median_error_frames(errors), NONE_MATCHED),
+        (offset, "nothing is matched"),
+        (abs(offset - sync.offset_frames(true_at, frames)), NONE_MATCHED),
+        (sync.matched_share(errors), "no frame has a counterpart"),
+        (sync.false_match_share(errors), "every frame has a counterpart"),
     )
-    return [_row(result, video, *item) for item in values]
+    return [
+        _row(result, video, name, *pair) for name, pair in zip(SYNC_METRICS, pairs, strict=True)
+    ]
 
 
 def camera_row(

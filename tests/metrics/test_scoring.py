@@ -10,6 +10,8 @@ import pytest
 from imocap_core.conventions import EVAL_12, SMPL_JOINTS
 from imocap_core.metrics.scoring import (
     ALL_VIDEOS,
+    POSE_METRICS,
+    SYNC_METRICS,
     Motion,
     Row,
     camera_row,
@@ -37,6 +39,7 @@ def _motion(joints: np.ndarray, names: tuple[str, ...] = SMPL_JOINTS, start: int
 def test_a_perfect_result_has_no_error(joints: np.ndarray) -> None:
     rows = _by_metric(pose_rows("final", "v1", _motion(joints), _motion(joints), fps=30))
     assert rows["mpjpe_mm"].value == pytest.approx(0, abs=1e-9)
+    assert tuple(rows) == POSE_METRICS
     assert rows["pa_mpjpe_14_mm"].value == pytest.approx(0, abs=1e-9)
     assert rows["root_path_error_mm"].value == pytest.approx(0, abs=1e-9)
     assert rows["acceleration_error_m_s2"].value == pytest.approx(0, abs=1e-9)
@@ -75,6 +78,7 @@ def test_sync_rows_of_equal_clocks() -> None:
         sync_rows("final", "v2", frames + 2.0, frames, frames, np.arange(0, 40), np.arange(0, 40),
                   phase_end=50, reference_fps=25)
     )  # fmt: skip
+    assert tuple(rows) == SYNC_METRICS
     assert rows["sync_error_frames"].value == pytest.approx(2)
     assert rows["sync_error_ms"].value == pytest.approx(80)
     assert rows["sync_error_pct"].value == pytest.approx(4)

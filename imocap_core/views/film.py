@@ -1,0 +1,140 @@
+"""Contact sheets from the real videos: a sheet for each video, and one across all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
+
+from imocap_core.artifacts.schemas import (
+    SyncMap,
+    VideoCameraMotion,
+    VideoKeypoints,
+    VideoMotion,
+)
+from imocap_core.body import Model
+from imocap_core.formats.video import read_rgb
+from imocap_core.views.bodies import surfaces
+from imocap_core.views.overlays import (
+    CELL_PX,
+    PAPER_RGB,
+    Image,
+    Window,
+    contact_sheet,
+    draw_body,
+    draw_from_the_side,
+    draw_keypoints,
+    draw_skeleton,
+    windows,
+)
+
+Array = NDArray[np.float64]
+
+COLUMNS = 6
+NEAR_FRAMES = 1.0
+"""A frame stands for a moment of the reference when its map comes at least so near."""
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One video with all that is drawn over it."""
+
+    seen: VideoKeypoints
+    camera: VideoCameraMotion
+    file: Path | None
+    layout_names: tuple[str, ...]
+    first: VideoMotion  # what this video alone says
+    last: VideoMotion  # the final answer
+    K: Array  # (3, 3) of the final answer
+
+
+def spread(count: int, columns: int = COLUMNS) -> NDArray[np.int64]:
+    """Indices of ``columns`` frames, evenly over ``count``, the very ends left out."""
+    return np.unique(
+        np.linspace(0.06 * (count - 1), 0.94 * (count - 1), columns).round().astype(int)
+    )
+
+
+def frames_at(found: SyncMap, moments: ArrayLike) -> list[int | None]:
+    """For each moment (index into the reference) the video's nearest frame, None when not near."""
+    distance = np.abs(found.reference_frame[None, :] - np.asarray(moments)[:, None])
+    distance = np.where(np.isfinite(distance), distance, np.inf)
+    nearest = distance.argmin(axis=1)
+    return [int(t) if d[t] <= NEAR_FRAMES else None for t, d in zip(nearest, distance, strict=True)]
+
+
+def read_cells(shot: Shot, frames: Sequence[int]) -> tuple[dict[int, Image], dict[int, Window]]:
+    """The person cut out of the real frames (indices into the used frames); paper without video."""
+    boxes = windows(shot.seen.person_box_px[list(frames)])
+    where = dict(zip(frames, boxes, strict=True))
+    paper: Image = np.full((CELL_PX[1], CELL_PX[0], 3), PAPER_RGB, dtype=np.uint8)
+    cells = {t: paper.copy() for t in frames}
+    if shot.file is not None:
+        index = {int(shot.seen.frames[t]): t for t in frames}
+        for number, picture in read_rgb(shot.file, min(index), max(index) + 1):
+            if number in index:
+                cells[index[number]] = where[index[number]].cut(picture)
+    return cells, where
+
+
+def video_sheet(
+    shot: Shot,
+    model: Model,
+    frames: Sequence[int],
+    cells: dict[int, Image],
+    where: dict[int, Window],
+) -> Figure:
+    """Detections, the monocular and the final body over the frames, and both from the side."""
+    faces = model.faces.numpy()
+    detected = [
+        draw_keypoints(
+            cells[t],
+            where[t].points(shot.seen.xy_px[t]),
+            shot.seen.confidence[t],
+            shot.layout_names,
+        )
+        for t in frames
+    ]
+    rows = [detected]
+    sides = []
+    for motion, K in ((shot.first, shot.camera.K), (shot.last, shot.K)):
+        over, beside = [], []
+        for t, in_first in zip(frames, surfaces(model, motion, frames), strict=True):
+            vertices = in_first @ shot.camera.R_first_from_frame[t]  # R^T x: axes of frame t
+            K_cell = where[t].camera(K)
+            over.append(draw_body(cells[t], vertices, faces, K_cell))
+            pixels_per_m = K_cell[1, 1] / float(np.median(vertices[:, 2]))
+            beside.append(draw_from_the_side(vertices, faces, pixels_per_m))
+        rows.append(over)
+        sides.append(beside)
+    return contact_sheet(
+        [*rows, *sides],
+        [
+            "detections",
+            "monocular",
+            "after loop",
+            "monocular,\nfrom the side",
+            "after loop,\nfrom the side",
+        ],
+        [f"frame {shot.seen.frames[t]}" for t in frames],
+        shot.seen.id,
+        "orange: the performer's left, blue: right; from the side: what the picture cannot show",
+    )
+
+
+def moment_cells(
+    shot: Shot, frames: Sequence[int | None], cells: dict[int, Image], where: dict[int, Window]
+) -> list[Image]:
+    """The final skeleton over the frames that stand for some moments; paper where there is none."""
+    row = []
+    for t in frames:
+        if t is None:
+            row.append(np.full((CELL_PX[1], CELL_PX[0], 3), PAPER_RGB, dtype=np.uint8))
+            continue
+        joints = shot.last.joints[t] @ shot.camera.R_first_from_frame[t]
+        row.append(draw_skeleton(cells[t], joints, where[t].camera(shot.K)))
+    return row

@@ -1,0 +1,105 @@
+"""One quiet style for every figure, and figures whose bytes do not name the day or the machine."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+INK = "#22262b"
+QUIET = "#868d96"
+GRID = "#e4e7ea"
+TRUTH = "#22262b"
+ACCENT = "#c8553d"
+
+VIDEO_COLORS = (
+    "#31689b",
+    "#d0802f",
+    "#4c9a6a",
+    "#a94f5b",
+    "#7766ab",
+    "#8c7b4f",
+    "#4d9fae",
+    "#b9709d",
+)
+RESULT_COLORS = {"monocular": "#b9c0c8", "single pass": "#85a9cc", "after loop": "#28588a"}
+
+DPI = 130
+
+_RC: dict[str, Any] = {
+    "font.family": "DejaVu Sans",
+    "font.size": 8.5,
+    "text.color": INK,
+    "axes.edgecolor": QUIET,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.7,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.titlepad": 7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "xtick.color": QUIET,
+    "ytick.color": QUIET,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "grid.color": GRID,
+    "grid.linewidth": 0.7,
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+    "lines.linewidth": 1.5,
+    "svg.hashsalt": "imocap",
+}
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """The style, for the duration of one figure; the caller's own settings stay as they were."""
+    with mpl.rc_context(_RC):  # type: ignore[arg-type]  # stubs spell out every key
+        yield
+
+
+def new_figure(width_in: float, height_in: float, *, arranged: bool = True) -> Figure:
+    """An empty figure with its own canvas: no window system, no global list of figures.
+
+    arranged: axes and titles find their places themselves.
+    """
+    layout: Literal["constrained"] | None = "constrained" if arranged else None
+    figure = Figure(figsize=(width_in, height_in), layout=layout, facecolor="white")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a PNG or JPEG without the metadata that would differ between releases."""
+    if path.suffix == ".png":
+        figure.savefig(path, dpi=DPI, metadata={"Software": None})
+    else:
+        figure.savefig(path, dpi=DPI, pil_kwargs={"quality": 88})
+
+
+def color_of(ids: Sequence[str], video: str) -> str:
+    """The colour that a video keeps in every figure of a report."""
+    return VIDEO_COLORS[list(ids).index(video) % len(VIDEO_COLORS)]
+
+
+def headline(figure: Figure, title: str, subtitle: str = "") -> None:
+    """Title at the left in ink; a quieter second line says how to read the figure."""
+    text = f"{title}\n" if subtitle else title
+    arranged = figure.get_layout_engine() is not None
+    at = {} if arranged else {"y": 1 - 0.09 / figure.get_figheight()}
+    figure.suptitle(text, x=0.012, ha="left", fontsize=11, fontweight="bold", color=INK, **at)
+    if subtitle:
+        offset = 0.31 / figure.get_figheight()  # inches below the top edge
+        figure.text(0.012, 1 - offset, subtitle, ha="left", va="top", fontsize=8.5, color=QUIET)
+
+
+def grid(axes: Axes, axis: str = "both") -> None:
+    """Thin lines behind the data."""
+    axes.grid(True, axis=axis)  # type: ignore[arg-type]

@@ -1,0 +1,212 @@
+"""Figures of synchronisation: what the matrices look like, and where the paths run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from imocap_core.artifacts.schemas import Sync, SyncSummary
+from imocap_core.views.style import (
+    ACCENT,
+    GRID,
+    INK,
+    QUIET,
+    TRUTH,
+    color_of,
+    grid,
+    headline,
+    new_figure,
+)
+
+Array = NDArray[np.float64]
+
+AFFINITY = LinearSegmentedColormap.from_list(
+    "affinity", ["#ffffff", "#d5e1ec", "#7fa3c4", "#28588a", "#122b45"]
+)
+
+
+def affinity_figure(sync: Sync, true_positions: Mapping[str, Array]) -> Figure | None:
+    """Affinity of each video to the reference, before and after cycle consistency, with the path.
+
+    Args:
+        true_positions: video id -> (T,) index into the reference's used frames, NaN without
+            counterpart; empty when the truth is not known.
+
+    Returns:
+        None when there is no second video.
+    """
+    others = [i for i in sync.ids if i != sync.reference]
+    if not others:
+        return None
+    figure = new_figure(0.9 + 2.35 * len(others), 5.6)
+    axes = figure.subplots(2, len(others), squeeze=False, sharex="col", sharey=True)
+    starts = np.concatenate([[0], np.cumsum(sync.lengths)])
+    slices = {i: slice(a, b) for i, a, b in zip(sync.ids, starts, starts[1:], strict=False)}
+    for row, (matrix, name) in enumerate(
+        [(sync.affinity, "affinity"), (sync.relaxed, f"relaxed ({sync.method})")]
+    ):
+        for column, video in enumerate(others):
+            ax = axes[row, column]
+            block = matrix[slices[video], slices[sync.reference]].T
+            _matrix(ax, block)
+            _path(ax, sync, video, true_positions.get(video))
+            if row == 0:
+                ax.set_title(video, color=color_of(sync.ids, video), fontweight="bold")
+            else:
+                ax.set_xlabel("frame of the video")
+            if column == 0:
+                ax.set_ylabel(f"{name}\nframe of {sync.reference}")
+    legend = "red: the path found" + ("; dotted: truth" if true_positions else "")
+    headline(
+        figure,
+        f"How alike are the poses of each video and {sync.reference}?",
+        f"dark = alike; {legend}",
+    )
+    return figure
+
+
+def _matrix(ax: Axes, block: NDArray[np.float32]) -> None:
+    low, high = np.quantile(block, [0.02, 0.998])
+    ax.imshow(
+        block,
+        cmap=AFFINITY,
+        vmin=low,
+        vmax=max(high, low + 1e-6),
+        origin="lower",
+        interpolation="nearest",
+        aspect="auto",
+    )
+    for spine in ax.spines.values():
+        spine.set_visible(False)
+    ax.tick_params(length=2)
+
+
+def _path(ax: Axes, sync: SyncSummary, video: str, true: Array | None) -> None:
+    found = next(m for m in sync.maps if m.id == video).reference_frame
+    frames = np.arange(len(found))
+    ax.plot(frames, found, color="white", lw=2.6, alpha=0.8, solid_capstyle="round")
+    ax.plot(frames, found, color=ACCENT, lw=1.3, solid_capstyle="round")
+    if true is not None:
+        ax.plot(frames, true, color=TRUTH, lw=1.1, ls=(0, (1, 2.2)))
+
+
+def warp_figure(
+    before: SyncSummary, after: SyncSummary, true_positions: Mapping[str, Array]
+) -> Figure | None:
+    """Each video's map into the reference, its confidence and, with truth, its error.
+
+    Args:
+        before, after: the first synchronisation and the one after the loop.
+        true_positions: as for `affinity_figure`.
+    """
+    others = [i for i in after.ids if i != after.reference]
+    if not others:
+        return None
+    heights = [3.0, 1.0, 0.8] if true_positions else [3.0, 0.8]
+    figure = new_figure(8.6, 1.0 + sum(heights) * 1.15)
+    panels = list(figure.subplots(len(heights), 1, sharex=True, height_ratios=heights))
+    for video in others:
+        _warp(panels[0], after, video, true_positions.get(video))
+        if video in true_positions:
+            _error(panels[1], before, after, video, true_positions[video])
+        found = next(m for m in after.maps if m.id == video)
+        panels[-1].plot(found.confidence, color=color_of(after.ids, video), lw=1.1)
+    panels[0].set_ylabel(f"frame of {after.reference}")
+    panels[0].legend(loc="lower right", ncols=max(1, len(others) // 4))
+    if true_positions:
+        panels[1].set_ylabel("error\n(frames)")
+        panels[1].axhline(0, color=QUIET, lw=0.7)
+        panels[1].margins(y=0.12)
+    panels[-1].set_ylabel("confidence")
+    panels[-1].set_ylim(-0.03, 1.05)
+    panels[-1].set_xlabel("frame of the video (used frames, from 0)")
+    for ax in panels:
+        grid(ax)
+        ax.margins(x=0.01)
+    dotted = "; dotted: truth; in the error, thin: before the loop" if true_positions else ""
+    headline(
+        figure,
+        f"Where does each frame lie in {after.reference}?",
+        f"pale where the confidence is low; a gap is an unmatched frame{dotted}",
+    )
+    return figure
+
+
+def _warp(ax: Axes, sync: SyncSummary, video: str, true: Array | None) -> None:
+    found = next(m for m in sync.maps if m.id == video)
+    color = color_of(sync.ids, video)
+    points = np.column_stack([np.arange(len(found.reference_frame)), found.reference_frame])
+    segments = np.stack([points[:-1], points[1:]], axis=1)
+    seen = np.isfinite(segments).all(axis=(1, 2))
+    confidence = np.nan_to_num(np.minimum(found.confidence[:-1], found.confidence[1:]))
+    ax.add_collection(
+        LineCollection(
+            list(segments[seen]), colors=color, alpha=list(0.25 + 0.75 * confidence[seen]), lw=2.0
+        )
+    )
+    ax.plot([], [], color=color, label=video)
+    ax.update_datalim(points[np.isfinite(points).all(axis=1)])
+    ax.autoscale_view()
+    if true is not None:
+        ax.plot(np.arange(len(true)), true, color=INK, lw=0.9, ls=(0, (1, 2.2)))
+
+
+def _error(ax: Axes, before: SyncSummary, after: SyncSummary, video: str, true: Array) -> None:
+    color = color_of(after.ids, video)
+    for sync, width, alpha in ((before, 0.8, 0.45), (after, 1.3, 1.0)):
+        if sync.reference == after.reference:
+            found = next(m for m in sync.maps if m.id == video).reference_frame
+            ax.plot(found - true, color=color, lw=width, alpha=alpha)
+
+
+def rounds_figure(
+    objectives: list[list[float]], costs: list[float], changes: list[float], best: int
+) -> Figure:
+    """The alternation: the objective inside each round, and how far the correspondences moved.
+
+    Args:
+        objectives: per round, the objective after each iteration.
+        costs: per round, what rounds are judged by. changes: mean movement in frames.
+        best: the round that was kept.
+    """
+    figure = new_figure(8.6, 2.9)
+    left, middle, right = figure.subplots(1, 3, width_ratios=[1.5, 1, 1])
+    at = 0
+    for i, objective in enumerate(objectives):
+        kept = i == best
+        steps = np.arange(at, at + len(objective))
+        left.plot(steps, objective, color="#28588a" if kept else "#a9bfd6", marker="o", ms=2.2)
+        left.annotate(
+            f"round {i + 1}",
+            (steps[0], objective[0]),
+            (3, 3),
+            textcoords="offset points",
+            fontsize=7,
+        )
+        at += len(objective)
+    values = [value for objective in objectives for value in objective]
+    if min(values) > 0 and max(values) > 20 * min(values):
+        left.set_yscale("log")
+    left.set_title("objective within each round")
+    left.set_xlabel("iteration")
+    rounds = np.arange(1, len(costs) + 1)
+    colors = ["#28588a" if i == best else "#c3d1df" for i in range(len(costs))]
+    middle.bar(rounds, costs, color=colors, width=0.55)
+    middle.set_title("cost of the round")
+    right.bar(rounds, changes, color=colors, width=0.55)
+    right.set_title("correspondences moved")
+    right.set_ylabel("frames")
+    for ax in (middle, right):
+        ax.set_xticks(rounds)
+        ax.set_xlabel("round")
+        ax.margins(y=0.15)
+    for ax in (left, middle, right):
+        ax.grid(True, axis="y", color=GRID)
+    headline(figure, "Does the loop settle?", "dark: the round that was kept")
+    return figure

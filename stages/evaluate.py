@@ -1,0 +1,130 @@
+"""evaluate: every answer against the truth, where there is one, and the report folder."""
+
+from __future__ import annotations
+
+from imocap_core.artifacts.schemas import (
+    CameraMotion,
+    Evaluate,
+    InitialSmpl,
+    Keypoints,
+    RefineSync,
+    SmplBa,
+    Sync,
+)
+from imocap_core.body import Model, load_free_body
+from imocap_core.formats.pose2sim_truth import has_pose2sim_truth, read_pose2sim_truth
+from imocap_core.formats.truth import Truth, read_truth
+from imocap_core.metrics.scoring import ALL_VIDEOS, Row, over_videos
+from imocap_core.views.bodies import body_points
+from imocap_core.views.film import Shot
+from imocap_core.views.gallery import draw_film, draw_numbers
+from imocap_core.views.report import Picture, write_report
+from imocap_core.views.scoreboard import Answer, cycle_row, score, true_positions
+from imocap_core.views.tables import long_table, metric_tables, video_table
+from stages.harness.stage import Context, Inputs, main
+from stages.params import Params
+
+
+def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
+    """Score the monocular start, the single pass and the loop; write tables and figures."""
+    keypoints, camera_motion = inputs.get(Keypoints), inputs.get(CameraMotion)
+    sync, refined = inputs.get(Sync), inputs.get(RefineSync)
+    truth = truth_of(ctx, keypoints)
+    answers = answers_of(inputs.get(InitialSmpl), sync, inputs.get(SmplBa), refined)
+    model = load_free_body()
+
+    ctx.progress(0.1, "scoring")
+    rows = [row for a in answers for row in score_of(a, keypoints, camera_motion, truth, model)]
+    rows += [cycle_row("single pass", sync), cycle_row("after loop", refined.sync)]
+    summary = over_videos(rows)
+    tables = [
+        *metric_tables(rows, summary),
+        video_table(keypoints, camera_motion, refined.sync),
+    ]
+    pictures: list[Picture] = []
+    if params.evaluate.figures:
+        ctx.progress(0.3, "drawing numbers")
+        positions = true_positions(refined.sync, truth)
+        pictures += draw_numbers(ctx.report, sync, refined, answers, truth, positions)
+        ctx.progress(0.6, "drawing over the videos")
+        pictures += draw_film(
+            ctx.report, shots_of(ctx, keypoints, camera_motion, answers, model), refined, model
+        )
+    every = long_table([*(row for row in rows if row.video != ALL_VIDEOS), *summary])
+    files = write_report(
+        ctx.report, ctx.action_file().parent.name, lead_of(refined), tables, every, pictures
+    )
+    return Evaluate(tables=[*tables, every], files=files)
+
+
+def truth_of(ctx: Context, keypoints: Keypoints) -> Truth | None:
+    """What action.yaml names as truth, or a calibrated rig's files beside it."""
+    named = ctx.truth()
+    if named is not None:
+        return read_truth(named, [v.id for v in keypoints.videos])
+    folder = ctx.action_file().parent
+    if has_pose2sim_truth(folder):
+        return read_pose2sim_truth(folder, {v.id: v.frames for v in keypoints.videos})
+    return None
+
+
+def answers_of(
+    initial: InitialSmpl, sync: Sync, single: SmplBa, refined: RefineSync
+) -> list[Answer]:
+    """The three answers that are compared, in the order in which they come about."""
+    return [
+        Answer("monocular", initial.videos),
+        Answer("single pass", single.videos, single.cameras, sync),
+        Answer("after loop", refined.motion.videos, refined.motion.cameras, refined.sync),
+    ]
+
+
+def score_of(
+    answer: Answer,
+    keypoints: Keypoints,
+    camera_motion: CameraMotion,
+    truth: Truth | None,
+    model: Model,
+) -> list[Row]:
+    """Every metric of one answer."""
+    intrinsics = {c.id: c.K for c in answer.cameras or camera_motion.videos}
+    points = {
+        seen.id: body_points(model, motion, seen.layout, intrinsics[seen.id])
+        for seen, motion in zip(keypoints.videos, answer.motions, strict=True)
+    }
+    xy_first_px = {c.id: c.xy_first_px for c in camera_motion.videos}
+    return score(answer, keypoints, truth, points, xy_first_px)
+
+
+def shots_of(
+    ctx: Context,
+    keypoints: Keypoints,
+    camera_motion: CameraMotion,
+    answers: list[Answer],
+    model: Model,
+) -> list[Shot]:
+    """Each video with its first and its last answer."""
+    first, last = answers[0], answers[-1]
+    return [
+        Shot(seen, camera, ctx.video(seen.id), model.points(seen.layout).names, a, b, solved.K)
+        for seen, camera, a, b, solved in zip(
+            keypoints.videos,
+            camera_motion.videos,
+            first.motions,
+            last.motions,
+            last.cameras or [],
+            strict=True,
+        )
+    ]
+
+
+def lead_of(refined: RefineSync) -> str:
+    """One sentence under the report's title."""
+    return (
+        f"{len(refined.sync.ids)} videos, reference {refined.sync.reference}; round "
+        f"{refined.best + 1} of {len(refined.rounds)} was kept. Loop: {refined.status}"
+    )
+
+
+if __name__ == "__main__":
+    raise SystemExit(main("evaluate"))

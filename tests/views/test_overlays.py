@@ -1,0 +1,92 @@
+"""What is drawn over a frame lands where it should."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from imocap_core.artifacts.schemas import SyncMap
+from imocap_core.views.film import frames_at, spread
+from imocap_core.views.overlays import (
+    CELL_PX,
+    PAPER_RGB,
+    Window,
+    draw_body,
+    draw_from_the_side,
+    draw_keypoints,
+    draw_skeleton,
+    windows,
+)
+from tests.views.made import K, Made
+
+
+def _paper() -> np.ndarray:
+    return np.full((CELL_PX[1], CELL_PX[0], 3), PAPER_RGB, dtype=np.uint8)
+
+
+def test_window_camera_and_window_points_agree() -> None:
+    window = Window(40.0, 25.0, 1.7)
+    x = np.array([0.2, -0.3, 3.0])
+    in_picture, in_cell = K @ x, window.camera(K) @ x
+    np.testing.assert_allclose(
+        window.points(in_picture[:2] / in_picture[2]), in_cell[:2] / in_cell[2]
+    )
+
+
+def test_cut_moves_pixels_as_points() -> None:
+    picture = np.zeros((240, 320, 3), dtype=np.uint8)
+    picture[118:123, 158:163] = 255
+    window = Window(100.0, 60.0, 2.0)
+    bright = np.argwhere(window.cut(picture)[:, :, 0] > 200)
+    np.testing.assert_allclose(
+        bright.mean(axis=0)[::-1], window.points(np.array([160.0, 120.0])), atol=1
+    )
+
+
+def test_windows_share_one_scale_and_bridge_unseen_frames() -> None:
+    boxes = np.array([[10.0, 10, 60, 110], [np.nan] * 4, [30.0, 10, 90, 130]])
+    found = windows(boxes)
+    assert len({w.scale for w in found}) == 1
+    assert found[1] in (found[0], found[2])
+    centre = found[0].points(np.array([35.0, 60.0]))
+    np.testing.assert_allclose(centre, np.array(CELL_PX) / 2)
+    with pytest.raises(ValueError, match="seen in none"):
+        windows(np.full((2, 4), np.nan))
+
+
+def test_a_keypoint_without_confidence_is_not_drawn() -> None:
+    xy = np.array([[50.0, 60], [100, 60], [np.nan, np.nan]])
+    drawn = draw_keypoints(_paper(), xy, np.array([1.0, 0.0, 1.0]), ["left_knee"] * 3)
+    changed = np.argwhere((drawn != _paper()).any(axis=2))
+    assert len(changed) > 0
+    assert changed[:, 1].max() < 60
+
+
+def test_body_and_skeleton_cover_the_same_place(made: Made) -> None:
+    seen, motion = made.keypoints.videos[0], made.true[0]
+    window = windows(seen.person_box_px[:1])[0]
+    from imocap_core.views.bodies import surfaces
+
+    vertices, faces = surfaces(made.model, motion, [0])[0], made.model.faces.numpy()
+    K_cell = window.camera(K)
+    body = (draw_body(_paper(), vertices, faces, K_cell) != _paper()).any(axis=2)
+    bones = (draw_skeleton(_paper(), motion.joints[0], K_cell) != _paper()).any(axis=2)
+    side = (draw_from_the_side(vertices, faces, 80.0) != _paper()).any(axis=2)
+    assert 0.03 < body.mean() < 0.5
+    assert (body & bones).sum() > 0.85 * bones.sum()
+    assert 0.01 < side.mean() < 0.5
+
+
+def test_moments_find_the_nearest_matched_frame_only() -> None:
+    found = SyncMap(
+        id="v2",
+        reference_frame=np.array([np.nan, 2.0, 3.5, 5.0]),
+        confidence=np.ones(4),
+    )
+    assert frames_at(found, np.array([0.0, 2.2, 4.4, 9.0])) == [None, 1, 3, None]
+
+
+def test_spread_is_increasing_and_inside() -> None:
+    assert (np.diff(spread(100)) > 0).all()
+    assert spread(100).min() > 0
+    assert list(spread(1)) == [0]
