@@ -121,15 +121,13 @@ def _parents_and_self(module: str) -> Iterator[str]:
 
 def _defining(base: str, name: str) -> Iterator[str]:
     """What `from base import name` runs, looking through rooms that only re-export."""
-    if _find(f"{base}.{name}") is not None:
+    exports = _reexports(base) or {}
+    if name in exports:
+        yield from _defining(*exports[name])
+    elif _find(f"{base}.{name}") is not None:
         yield from _parents_and_self(f"{base}.{name}")
-        return
-    exports = _reexports(base)
-    if exports is not None and name in exports:
-        origin, original = exports[name]
-        yield from _defining(origin, original)
-        return
-    yield from _parents_and_self(base)
+    else:
+        yield from _parents_and_self(base)
 
 
 @cache
