@@ -65,6 +65,7 @@ def _performer_of(declared: Declaration, ctx: Context, params: KeypointsParams) 
             f"joints above confidence {params.min_confidence}; check the detections of "
             f"{declared.id} and its `frames` in action.yaml"
         )
+    _must_fit_picture(performer.xy_px, info.size, folder)
     return VideoKeypoints(
         id=declared.id,
         fps=info.fps,
@@ -82,6 +83,17 @@ def _performer_of(declared: Declaration, ctx: Context, params: KeypointsParams) 
         presence=performer.presence,
         note=performer.note,
     )
+
+
+def _must_fit_picture(xy_px: np.ndarray, size: tuple[int, int], folder: Path) -> None:
+    """Detectors put points a little outside at most; pixels of another size end up far outside."""
+    seen = xy_px[np.isfinite(xy_px).all(axis=-1)] / np.array(size)
+    if ((seen < -0.1) | (seen > 1.1)).any(axis=-1).mean() > 0.3:
+        x, y = (seen.max(axis=0) * size).round().astype(int)
+        raise ValueError(
+            f"{folder}: expected pixels of a picture of {size[0]} x {size[1]}, got points out "
+            f"to ({x}, {y}); run the detector on this very video, or correct `size` in action.yaml"
+        )
 
 
 def _video_info(declared: Declaration, found: Detections, video: Path | None) -> VideoInfo:
