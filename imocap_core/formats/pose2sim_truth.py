@@ -21,6 +21,7 @@ from imocap_core.formats.truth import Truth, VideoTruth
 
 CALIBRATION = "calibration.npz"
 REFERENCE = "trc_reference.npz"
+FILES = (CALIBRATION, REFERENCE)
 
 # OpenPose puts these two on the surface, not where SMPL's joints of the same name are.
 SURFACE_POINTS = {"neck": "upper_neck", "head": "head_top"}
@@ -28,7 +29,7 @@ SURFACE_POINTS = {"neck": "upper_neck", "head": "head_top"}
 
 def has_pose2sim_truth(folder: Path) -> bool:
     """Whether an action's folder holds the pair of files."""
-    return (folder / CALIBRATION).is_file() and (folder / REFERENCE).is_file()
+    return all((folder / name).is_file() for name in FILES)
 
 
 def read_pose2sim_truth(folder: Path, used_frames: Mapping[str, NDArray[np.int64]]) -> Truth:

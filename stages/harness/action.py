@@ -113,6 +113,15 @@ class Action:
         """The action.yaml itself."""
         return self.folder / FILE_NAME
 
+    @property
+    def truth_files(self) -> tuple[str, ...]:
+        """What scoring reads: the truth named, or a calibrated rig's files in the folder."""
+        from imocap_core.formats.pose2sim_truth import FILES, has_pose2sim_truth
+
+        if self.truth is not None:
+            return (self.truth,)
+        return FILES if has_pose2sim_truth(self.folder) else ()
+
 
 def find_action(name_or_path: str, root: Path) -> Path:
     """The folder of an action, by name below root/actions or by path.

@@ -105,8 +105,8 @@ def _reads(kind: Read, action: Action) -> Iterator[tuple[str, str]]:
         yield "declarations (order)", hashlib.sha256(order.encode()).hexdigest()
         return
     if kind == "truth":
-        if action.truth is not None:
-            yield "truth", content_digest(action.folder / action.truth)
+        for name in action.truth_files:
+            yield f"truth {name}", content_digest(action.folder / name)
         return
     field = {"detections": "keypoints", "videos": "video", "initial": "initial"}[kind]
     for video in action.videos:

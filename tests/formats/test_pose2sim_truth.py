@@ -12,6 +12,7 @@ from imocap_core.formats.pose2sim_truth import (
     project_name,
     read_pose2sim_truth,
 )
+from stages.harness.action import Action
 
 
 @pytest.fixture
@@ -61,3 +62,11 @@ def test_a_wrong_field_is_named(folder: Path) -> None:
     np.savez(folder / "trc_reference.npz", names=np.array(["RHip"]))
     with pytest.raises(ValueError, match=r"trc_reference.*xyz_zup_m"):
         read_pose2sim_truth(folder, {"a": np.array([1])})
+
+
+def test_a_stage_that_scores_depends_on_both_files(folder: Path) -> None:
+    action = Action(folder, "rig", ())
+    assert action.truth_files == ("calibration.npz", "trc_reference.npz")
+    assert Action(folder, "rig", (), truth="mine.npz").truth_files == ("mine.npz",)
+    (folder / "trc_reference.npz").unlink()
+    assert not action.truth_files
