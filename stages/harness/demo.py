@@ -1,7 +1,8 @@
 """Made actions: `actions/yoga`, four videos of one sun salutation, from a seed.
 
-`python -m stages.harness.demo actions/yoga --seed 0 --sheet sheet.jpg` makes it and draws a contact
-sheet of its frames (docs/images/yoga_contact_sheet.jpg is made so, with the default seed).
+By hand, and how docs/images/yoga_contact_sheet.jpg is made:
+
+    python -m stages.harness.demo actions/yoga --sheet docs/images/yoga_contact_sheet.jpg
 """
 
 from __future__ import annotations
@@ -124,7 +125,7 @@ def demo_body(seed: int) -> Shaped:
 
 
 def _write_keypoints(folder: Path, name: str, take: Take) -> None:
-    """One OpenPose BODY_25 file a frame; the performer comes first or second by turns of fate."""
+    """One OpenPose BODY_25 file a frame; beside a stranger the performer may come second."""
     folder.mkdir(parents=True)
     for frame, stranger in enumerate(take.strangers):
         people = [_person(take.detections, frame)]
@@ -158,7 +159,8 @@ def main() -> None:
     arguments = parser.parse_args()
     make_demo("yoga", arguments.folder, arguments.seed, print)
     if arguments.sheet:
-        cv2.imwrite(str(arguments.sheet), contact_sheet(arguments.folder)[:, :, ::-1])
+        sheet = contact_sheet(arguments.folder)
+        cv2.imwrite(str(arguments.sheet), sheet[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 70])
 
 
 if __name__ == "__main__":

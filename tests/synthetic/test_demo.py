@@ -1,0 +1,130 @@
+"""The demo action on disk: what readers of actions find in it."""
+
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from imocap_core.formats.openpose import read_openpose
+from imocap_core.formats.truth import read_truth
+from imocap_core.formats.video import probe, write_h264
+from imocap_core.synthetic.take import pictures
+from stages.harness import demo
+from stages.harness.action import read_action
+
+SEED = 3
+
+
+@pytest.fixture(scope="module")
+def first_pictures(takes, shaped):
+    return [
+        list(islice(pictures(take, SEED, index, shaped), 3)) for index, take in enumerate(takes)
+    ]
+
+
+@pytest.fixture
+def quick(takes, shaped, first_pictures, monkeypatch):
+    """make_demo without spawned workers, with three pictures a video."""
+
+    class Here:
+        def __init__(self, *_, **__):
+            pass
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            pass
+
+        def submit(self, function, *args):
+            return Done(function(*args))
+
+    class Done:
+        def __init__(self, value):
+            self.value = value
+
+        def result(self):
+            return self.value
+
+    monkeypatch.setattr(demo, "ProcessPoolExecutor", Here)
+    monkeypatch.setattr(demo, "as_completed", list)
+    monkeypatch.setattr(demo, "yoga_take", lambda seed, index, body: takes[index])
+    monkeypatch.setattr(demo, "demo_body", lambda seed: shaped)
+    monkeypatch.setattr(demo, "pictures", lambda take, seed, index, body: first_pictures[index])
+
+
+def test_readers_find_what_the_takes_hold(quick, takes, tmp_path):
+    said: list[str] = []
+    demo.make_demo("yoga", tmp_path / "yoga", SEED, said.append)
+    assert len(said) == 4
+    assert [p.name for p in tmp_path.iterdir()] == ["yoga"]  # no leftovers
+
+    action = read_action(tmp_path / "yoga")
+    assert [video.id for video in action.videos] == ["v1", "v2", "v3", "v4"]
+    assert all(video.focal_px is None and video.initial is None for video in action.videos)
+    truth = read_truth(tmp_path / "yoga" / str(action.truth), ["v1", "v2", "v3", "v4"])
+    assert truth.phase_end == 180.0
+    for video, take in zip(action.videos, takes, strict=True):
+        info = probe(action.folder / str(video.video))
+        assert (info.size, info.fps) == (take.size, take.fps)
+        found = read_openpose(action.folder / str(video.keypoints), "body25")
+        assert (found.frames == np.arange(len(take.joints))).all()
+        own = truth.videos[video.id]
+        np.testing.assert_array_equal(own.joints, take.joints)
+        np.testing.assert_array_equal(own.phase, take.performance.phase)
+        np.testing.assert_array_equal(own.R, take.camera.R_cam_from_world[0])
+        for people, xy, confidence, stranger in zip(
+            found.people,
+            take.detections.xy_px,
+            take.detections.confidence,
+            take.strangers,
+            strict=True,
+        ):
+            assert len(people) == (1 if stranger is None else 2)
+            known = confidence > 0
+            gaps = [np.abs(person[known, :2] - xy[known]) for person in people]
+            assert np.nanmin([np.max(gap) for gap in gaps]) < 1e-3
+
+
+def test_the_same_seed_writes_the_same_bytes_and_replaces_what_was_there(quick, tmp_path):
+    folder = tmp_path / "yoga"
+
+    def contents() -> dict[str, bytes]:
+        return {
+            str(file.relative_to(folder)): file.read_bytes()
+            for file in folder.rglob("*")
+            if file.is_file()
+        }
+
+    demo.make_demo("yoga", folder, SEED)
+    first = contents()
+    (folder / "stale.txt").write_text("from an older run")
+    demo.make_demo("yoga", folder, SEED)
+    assert contents() == first
+    assert len(first) > 600
+
+
+def test_a_failing_run_leaves_nothing_behind(quick, tmp_path, monkeypatch):
+    def broken(*_, **__):
+        raise OSError("disk full")
+
+    monkeypatch.setattr(demo, "write_h264", broken)
+    with pytest.raises(OSError, match="disk full"):
+        demo.make_demo("yoga", tmp_path / "yoga", SEED)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_unknown_demos_are_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"expected one of yoga, got 'tennis'"):
+        demo.make_demo("tennis", tmp_path / "tennis", SEED)
+
+
+def test_the_contact_sheet_has_a_row_a_video(tmp_path):
+    (tmp_path / "videos").mkdir()
+    for index, tone in enumerate((40, 200)):
+        frames = [np.full((36, 64, 3), tone, np.uint8)] * 4
+        write_h264(tmp_path / "videos" / f"v{index}.mp4", frames, 30.0)
+    sheet = demo.contact_sheet(tmp_path)
+    assert sheet.shape == (2 * 126, 8 * 224, 3)
+    assert abs(int(sheet[10, 10, 0]) - 40) < 6
+    assert abs(int(sheet[-10, 10, 0]) - 200) < 6
