@@ -15,18 +15,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     `arguments` (by default none) stand before those of the process.
     """
     from stages.cli.app import app
-    from stages.harness.errors import WorkFailed, WrongUse
+    from stages.harness.errors import WorkFailed, WrongUse, own_fault
 
     words = hoisted([*(arguments or []), *sys.argv[1:]])
     try:
         app(args=words, prog_name="imocap")
     except SystemExit as done:
         return done.code if isinstance(done.code, int) else 0
-    except (WorkFailed, WrongUse) as error:
+    except Exception as error:
         if "--traceback" in words:
             traceback.print_exc()
-        sys.stderr.write(f"imocap: {error}\n")
-        return 1 if isinstance(error, WorkFailed) else 2
+        known = isinstance(error, (WorkFailed, WrongUse))
+        sys.stderr.write(f"imocap: {error if known else own_fault(error)}\n")
+        return 2 if isinstance(error, WrongUse) else 1
     return 0
 
 

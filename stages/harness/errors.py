@@ -9,3 +9,11 @@ class WorkFailed(Exception):
 
 class WrongUse(Exception):
     """The command was not understood or does not fit the action. Exit code 2."""
+
+
+def own_fault(error: Exception) -> str:
+    """A sentence for what should not have happened."""
+    return (
+        f"{type(error).__name__}: {error}. This is a fault of the program, not of your input: "
+        f"please report it with the output of --traceback"
+    )

@@ -15,7 +15,7 @@ from imocap_core.artifacts.codec import ArtifactCorrupt
 from imocap_core.artifacts.schemas.base import Artifact
 from imocap_core.artifacts.store import Store, Stored
 from stages.harness.action import Action
-from stages.harness.errors import WorkFailed
+from stages.harness.errors import WorkFailed, own_fault
 from stages.harness.keys import Recipe, differences, recipe
 from stages.harness.pipeline import Pipeline, Settings
 from stages.harness.source import module_name
@@ -138,31 +138,28 @@ def _make(
     spec = job.pipeline.stages[stage]
     inputs = Inputs(stage, {name: done[name] for name in spec.inputs})
     params = Visible(stage, {name: getattr(job.settings.params, name) for name in spec.params})
-    run_stage = _load(job.pipeline.script(stage))
     with tempfile.TemporaryDirectory(prefix="imocap-") as folder:
         report = Path(folder)
         context = Context(
             stage, job.settings.seed, frozenset(spec.reads), progress, report, job.action
         )
-        artifact = _call(run_stage, context, inputs, params)
+        artifact = _call(job.pipeline.script(stage), context, inputs, params)
         paths = sorted(p for p in report.rglob("*") if p.is_file())
         files = {path.relative_to(report).as_posix(): path.read_bytes() for path in paths}
     return job.store.put(stage, wanted.key, artifact, wanted.provenance(), files)
 
 
-def _call(run_stage: Run, context: Context, inputs: Inputs, params: Visible) -> Artifact:
+def _call(script: Path, context: Context, inputs: Inputs, params: Visible) -> Artifact:
+    """Run a stage's script; whatever goes wrong in it becomes one sentence."""
     try:
-        artifact = run_stage(context, inputs, params)
+        artifact = _load(script)(context, inputs, params)
+        assert isinstance(artifact, Artifact), f"returned a {type(artifact).__name__}"
     except (ValueError, OSError, ArtifactCorrupt) as error:
         raise WorkFailed(f"{context.stage}: {error}") from error
     except KeyboardInterrupt:
         raise WorkFailed("stopped; what was finished is kept, run again to continue") from None
     except Exception as error:
-        raise WorkFailed(
-            f"{context.stage} broke ({type(error).__name__}: {error}). This is a fault of the "
-            f"program, not of your input: please report it with the output of --traceback"
-        ) from error
-    assert isinstance(artifact, Artifact), f"{context.stage} returned {type(artifact).__name__}"
+        raise WorkFailed(f"{context.stage} broke: {own_fault(error)}") from error
     return artifact
 
 

@@ -152,7 +152,7 @@ def test_two_runs_of_one_action_don_t_meet(toy: Toy) -> None:
     ("how", "said"),
     [
         ("bad", "imocap: scale: keypoints/v1: expected numbers, got [nonsense]\n"),
-        ("bug", "imocap: scale broke (KeyError: 'x'). This is a fault of the program"),
+        ("bug", "imocap: scale broke: KeyError: 'x'. This is a fault of the program"),
         ("truth", "scale wants truth, which pipeline.yaml does not list under its reads"),
     ],
 )
