@@ -4,10 +4,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from imocap_core.render.rasterize import NEAR_M, Floats, Fragments, Ints, rasterize
+from imocap_core.render.arrays import Floats, Image, Ints
+from imocap_core.render.rasterize import NEAR_M, Fragments, rasterize
 from imocap_core.render.shading import Light, vertex_normals
-
-Image = NDArray[np.uint8]
 
 _MARGIN_PX = 2
 

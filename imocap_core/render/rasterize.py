@@ -7,10 +7,8 @@ is fast exactly where a body mesh lives: many triangles, each a few pixels large
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from imocap_core.render.arrays import Floats, Ints
 
 NEAR_M = 0.05
 _EDGE = -1e-9  # barycentric slack, so that a pixel centre on a shared edge belongs to somebody

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imocap_core.render.rasterize import Floats, Ints
+from imocap_core.render.arrays import Floats, Ints
 
 
 @dataclass(frozen=True)

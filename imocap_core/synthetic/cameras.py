@@ -7,7 +7,7 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from imocap_core.camera.projection import intrinsics
-from imocap_core.synthetic.yoga import Floats
+from imocap_core.render.arrays import Floats
 
 _FOLLOW_S = 0.35  # how slowly the operator follows
 _WANDER_KNOT_S = 1.2

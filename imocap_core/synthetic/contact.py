@@ -13,7 +13,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.synthetic.yoga import Floats, Key
+from imocap_core.render.arrays import Floats
+from imocap_core.synthetic.yoga import Key
 
 # the joints, then points of the skin that are kept out of the floor; P of them
 _SKIN_M = {"big_toe": 0.008, "small_toe": 0.008, "heel": 0.004}  # and how far above they stay

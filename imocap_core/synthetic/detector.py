@@ -11,7 +11,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from imocap_core.conventions import left_right_pairs
-from imocap_core.synthetic.yoga import Floats
+from imocap_core.render.arrays import Floats
 
 _ARM = ("shoulder", "elbow", "wrist")
 _LEG = ("hip", "knee", "ankle", "heel", "big_toe", "small_toe")

@@ -7,8 +7,8 @@ import torch
 
 from imocap_core.body import Shaped, keypoints_with_jacobian, make_points
 from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.render.arrays import Floats
 from imocap_core.synthetic.contact import POINTS, SKIN, Forward
-from imocap_core.synthetic.yoga import Floats
 
 # RGB by part of the body; the parts are those of the free body's faces
 _PALETTE: dict[str, tuple[int, int, int]] = {

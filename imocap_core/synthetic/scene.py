@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from imocap_core.render.arrays import Floats, Image
 from imocap_core.synthetic import textures
 from imocap_core.synthetic.cameras import FilmCamera
-from imocap_core.synthetic.textures import PX_PER_M, Image
-from imocap_core.synthetic.yoga import Floats
+from imocap_core.synthetic.textures import PX_PER_M
 
 _PLATE_MARGIN_PX = 4
 _SHADOW_CELL_M = 0.04

@@ -9,13 +9,13 @@ import torch
 from imocap_core.body import Shaped
 from imocap_core.camera.projection import camera_from_world, project_camera
 from imocap_core.render import draw_mesh
+from imocap_core.render.arrays import Floats, Image
 from imocap_core.synthetic.cameras import YOGA_VIEWPOINTS, FilmCamera, film
 from imocap_core.synthetic.detector import Detections, detect, strangers
 from imocap_core.synthetic.performer import contact_forward, outfit
 from imocap_core.synthetic.scene import backdrop, cast_shadow, render_plate, room
-from imocap_core.synthetic.textures import Image
 from imocap_core.synthetic.variation import Clip, Performance, perform
-from imocap_core.synthetic.yoga import SUN_SALUTATION, Floats
+from imocap_core.synthetic.yoga import SUN_SALUTATION
 
 SIZE = (640, 360)
 LAYOUT = "body25"

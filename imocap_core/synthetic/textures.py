@@ -2,11 +2,9 @@
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from imocap_core.synthetic.yoga import Floats
+from imocap_core.render.arrays import Floats, Image
 
-Image = NDArray[np.uint8]
 Color = tuple[int, int, int]
 
 PX_PER_M = 150

@@ -14,6 +14,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.render.arrays import Floats
 from imocap_core.synthetic.contact import (
     Forward,
     Place,
@@ -22,7 +23,7 @@ from imocap_core.synthetic.contact import (
     per_name,
     plant,
 )
-from imocap_core.synthetic.yoga import Floats, Key, local_rotations
+from imocap_core.synthetic.yoga import Key, local_rotations
 
 PHASE_PER_S = 30.0  # phase counts frames of the choreography at its own pace
 

@@ -5,15 +5,11 @@ the rest pose of the body. Angles are those of anatomy, zero in the neutral stan
 pose can be read aloud: `_rotations` alone knows how they become SMPL joints.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from imocap_core.conventions import SMPL_JOINTS
-
-Floats = NDArray[np.float64]
 
 DURATION_S = 6.0
 
@@ -58,9 +54,9 @@ class Key:
     lean: float  # pelvis to the front, 90 is horizontal
     back: float = 0.0  # spine rounded forward, over its three joints
     neck: float = 0.0  # chin to the chest
-    left: Leg = field(default_factory=Leg)
-    right: Leg = field(default_factory=Leg)
-    arms: Arms = field(default_factory=Arms)
+    left: Leg = Leg()
+    right: Leg = Leg()
+    arms: Arms = Arms()
 
 
 _HANGING = Arms(lift=75, open=5, elbow=10, wrist=60, shrug=8, planted=True)
@@ -173,7 +169,7 @@ SUN_SALUTATION: tuple[Key, ...] = (
     _low_plank(3.1),
     _upward_dog(3.5),
     _downward_dog(4.0),
-    replace(_lunge(4.5, rear="left"), name="lunge, left leg back"),
+    _lunge(4.5, rear="left"),
     _fold(4.9),
     _hinge(5.2),
     _overhead(5.52),

@@ -24,11 +24,11 @@ import yaml
 from imocap_core.body import Shaped, load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.formats.video import read_rgb, write_h264
+from imocap_core.render.arrays import Floats, Image
 from imocap_core.synthetic.detector import Detections
 from imocap_core.synthetic.take import LAYOUT, YOGA_CLIPS, Take, draw_betas, pictures, yoga_take
-from imocap_core.synthetic.textures import Image
 from imocap_core.synthetic.variation import PHASE_PER_S
-from imocap_core.synthetic.yoga import DURATION_S, Floats
+from imocap_core.synthetic.yoga import DURATION_S
 
 DEMOS = ("yoga",)
 DEFAULT_SEED = 7
