@@ -1,0 +1,167 @@
+"""Cycle consistency: clean maps stay, noise falls, and softmap is what its formula says."""
+
+import numpy as np
+import pytest
+
+from imocap_core.sync.als import als
+from imocap_core.sync.blocks import Blocks
+from imocap_core.sync.cycle import held_out_residual, relax, relax_auto, symmetric_affinity
+from imocap_core.sync.softmap import row_stochastic, softmap
+from imocap_core.sync.svt import shrink_spectrum, svt
+
+RNG = np.random.default_rng
+
+
+def permutation_scene(
+    rng: np.random.Generator, noise: float
+) -> tuple[np.ndarray, np.ndarray, Blocks]:
+    """Four videos of 20 to 28 out of 30 moments: true matches (N, N) and the same with wrong ones
+    added."""
+    moments = [np.sort(rng.choice(30, n, replace=False)) for n in (20, 24, 26, 28)]
+    blocks = Blocks(tuple(len(m) for m in moments))
+    every = np.concatenate(moments)
+    truth = (every[:, None] == every[None, :]).astype(float)
+    noisy = truth.copy()
+    for i, j in blocks.pairs():
+        block = blocks.block(noisy, i, j)
+        wrong = rng.random(len(block)) < noise
+        block[wrong] = np.roll(block[wrong], rng.integers(2, 8), axis=1)
+        blocks.block(noisy, j, i)[...] = block.T
+    return truth, noisy, blocks
+
+
+def softmap_naive(affinity: np.ndarray, blocks: Blocks) -> np.ndarray:
+    """One composition, block by block, frame by frame."""
+    M = len(blocks.lengths)
+    P = {
+        (i, j): np.asarray(blocks.block(affinity, i, j)).copy() for i in range(M) for j in range(M)
+    }
+    for i in range(M):
+        P[i, i] = np.eye(blocks.lengths[i])
+    info = {}
+    for key, p in P.items():
+        p /= p.sum(axis=1, keepdims=True)
+        entropy = -(p * np.log(np.maximum(p, 1e-30))).sum(axis=1)
+        info[key] = np.clip(1 - entropy / np.log(p.shape[1]), 1e-6, 1.0)
+    out = np.zeros((blocks.total, blocks.total))
+    for i in range(M):
+        for j in range(M):
+            new = sum(
+                np.diag(info[i, k]) @ P[i, k] @ np.diag(info[k, j]) @ P[k, j] for k in range(M)
+            )
+            new = np.eye(blocks.lengths[i]) if i == j else new
+            blocks.block(out, i, j)[...] = new / new.sum(axis=1, keepdims=True)
+    return out
+
+
+def test_softmap_is_its_formula() -> None:
+    blocks = Blocks((4, 5, 6))
+    affinity = RNG(0).random((15, 15)) + 0.01
+    found, report = softmap(affinity, blocks, rounds=1)
+    np.testing.assert_allclose(found, softmap_naive(affinity, blocks), atol=1e-5)
+    assert report.iterations == 1
+
+
+def wrong_matches(matrix: np.ndarray, truth: np.ndarray, blocks: Blocks) -> int:
+    """Frames with a counterpart whose best entry is another frame, over all pairs."""
+    count = 0
+    for i, j in blocks.pairs():
+        right = np.asarray(blocks.block(truth, i, j))
+        best = np.asarray(blocks.block(matrix, i, j)).argmax(axis=1)
+        count += int((right.any(axis=1) & (best != right.argmax(axis=1))).sum())
+    return count
+
+
+@pytest.mark.parametrize("method", ["als", "svt"])
+def test_wrong_matches_fall(method: str) -> None:
+    truth, noisy, blocks = permutation_scene(RNG(1), noise=0.25)
+    relaxed, report = relax(method, noisy, blocks, rounds=2, rng=RNG(2))
+    assert wrong_matches(noisy, truth, blocks) > 20
+    assert wrong_matches(relaxed, truth, blocks) < 0.7 * wrong_matches(noisy, truth, blocks)
+    assert report.method == method
+    assert report.status
+
+
+def test_softmap_sharpens_noisy_soft_maps() -> None:
+    rng = RNG(7)
+    phases = [np.sort(rng.random(60)) for _ in range(4)]
+    blocks = Blocks((60,) * 4)
+    every = np.concatenate(phases)
+    blurred = every[:, None] - every[None, :] + 0.04 * rng.normal(size=(240, 240))
+    maps = row_stochastic(np.exp(-0.5 * (blurred / 0.03) ** 2), blocks)
+    relaxed, _ = softmap(maps, blocks)
+
+    def error(matrix: np.ndarray) -> float:
+        found = [
+            np.asarray(blocks.block(matrix, i, j)) @ phases[j] - phases[i]
+            for i, j in blocks.pairs()
+        ]
+        return float(np.mean(np.abs(found)))
+
+    assert error(relaxed) < 0.95 * error(maps)
+
+
+@pytest.mark.parametrize("method", ["als", "svt"])
+def test_relaxed_matrix_is_symmetric_bounded_with_identity_blocks(method: str) -> None:
+    _, noisy, blocks = permutation_scene(RNG(3), noise=0.3)
+    X, report = als(noisy, blocks, rng=RNG(0)) if method == "als" else svt(noisy, blocks)
+    np.testing.assert_allclose(X, X.T, atol=1e-6)
+    assert X.min() >= 0
+    assert X.max() <= 1
+    for v, n in enumerate(blocks.lengths):
+        np.testing.assert_array_equal(blocks.block(X, v, v), np.eye(n))
+    assert report.iterations <= 50
+
+
+def test_shrinking_the_spectrum_is_soft_thresholding_of_singular_values() -> None:
+    A = RNG(4).normal(size=(9, 9))
+    A = A + A.T
+    U, s, Vt = np.linalg.svd(A)
+    np.testing.assert_allclose(
+        shrink_spectrum(A.copy(), 1.5), (U * np.maximum(s - 1.5, 0)) @ Vt, atol=1e-9
+    )
+
+
+def test_a_row_without_affinity_says_nothing() -> None:
+    blocks = Blocks((2, 4))
+    matrix = np.zeros((6, 6))
+    np.testing.assert_allclose(row_stochastic(matrix, blocks)[0, 2:], 0.25)
+
+
+def test_an_uninformative_video_does_not_blur_the_others() -> None:
+    truth, _, blocks = permutation_scene(RNG(5), noise=0.0)
+    dark = truth.copy()
+    for v in (0, 1, 2):
+        blocks.block(dark, 3, v)[...], blocks.block(dark, v, 3)[...] = 1.0, 1.0
+    relaxed, _ = softmap(dark, blocks)
+    kept = np.asarray(blocks.block(relaxed, 0, 1))[np.asarray(blocks.block(truth, 0, 1)) > 0]
+    assert kept.min() > 0.9
+
+
+def test_auto_prefers_the_smaller_held_out_residual() -> None:
+    _, noisy, blocks = permutation_scene(RNG(6), noise=0.1)
+    maps = row_stochastic(noisy + 1e-6, blocks)
+    _, report = relax_auto(maps, blocks, rounds=2, rng=RNG(0))
+    residual = {
+        m: held_out_residual(m, maps, blocks, rounds=2, rng=RNG(0)) for m in ("softmap", "als")
+    }
+    assert report.method == min(residual, key=lambda m: residual[m])
+
+
+def test_two_videos_have_no_cycle() -> None:
+    maps = np.eye(6)
+    same, report = relax("softmap", maps, Blocks((3, 3)), rounds=2, rng=RNG(0))
+    assert same is maps
+    assert "fewer than three" in report.status
+
+
+def test_unknown_method_is_named() -> None:
+    with pytest.raises(ValueError, match="magic"):
+        relax("magic", np.eye(9), Blocks((3, 3, 3)), rounds=2, rng=RNG(0))
+
+
+def test_symmetric_affinity() -> None:
+    blocks = Blocks((3, 4))
+    out = symmetric_affinity(RNG(0).random((7, 7)), blocks)
+    np.testing.assert_array_equal(out, out.T)
+    assert out.max() <= 1

@@ -1,0 +1,61 @@
+"""The mean over all monotone warps, against listing them."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from imocap_core.sync.monotone import interpolated_squares, monotone_posterior
+
+
+def posterior_naive(cost: np.ndarray, max_step: int | None) -> np.ndarray:
+    """Every non-decreasing sequence of positions, weighted by exp(-cost)."""
+    n, S = cost.shape
+    out = np.zeros((n, S))
+    for warp in itertools.combinations_with_replacement(range(S), n):
+        if max_step is None or (np.diff(warp) <= max_step).all():
+            out[np.arange(n), warp] += np.exp(-cost[np.arange(n), warp].sum())
+    return out / out.sum(axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("max_step", [None, 1, 2])
+def test_is_the_mean_over_all_warps(max_step: int | None) -> None:
+    cost = 3.0 * np.random.default_rng(0).random((5, 6))
+    maps, matched = monotone_posterior(cost, unmatched=np.inf, max_step=max_step)
+    np.testing.assert_allclose(maps, posterior_naive(cost, max_step), atol=1e-9)
+    np.testing.assert_allclose(matched, 1.0)
+
+
+def test_a_hold_is_spread_evenly() -> None:
+    """Nothing tells the frames apart: their expected positions are evenly spaced, not bunched."""
+    maps, _ = monotone_posterior(np.zeros((40, 81)), unmatched=np.inf)
+    expected = maps @ np.arange(81.0)
+    np.testing.assert_allclose(np.diff(expected), 80 / 41, atol=0.1)
+
+
+def test_frames_outside_are_unmatched() -> None:
+    moment_a, moment_b = np.arange(-15.0, 40.0), np.arange(0.0, 60.0)
+    cost = 0.5 * np.minimum((moment_a[:, None] - moment_b) ** 2, 40.0)
+    maps, matched = monotone_posterior(cost, unmatched=6.0)
+    assert (matched[:12] < 0.1).all()
+    assert (matched[17:] > 0.9).all()
+    np.testing.assert_allclose((maps @ moment_b)[18:], moment_a[18:], atol=1.0)
+
+
+def test_time_reversal_reverses() -> None:
+    cost = 2.0 * np.random.default_rng(3).random((30, 25))
+    maps, matched = monotone_posterior(cost, unmatched=0.8)
+    back, matched_back = monotone_posterior(cost[::-1, ::-1], unmatched=0.8)
+    np.testing.assert_allclose(back[::-1, ::-1], maps, atol=1e-9)
+    np.testing.assert_allclose(matched_back[::-1], matched, atol=1e-9)
+
+
+def test_interpolated_squares_are_exact_for_straight_motion() -> None:
+    rng = np.random.default_rng(4)
+    points, line = rng.normal(size=(6, 3)), rng.normal(size=(5, 3))
+    squares = ((points[:, None] - line[None]) ** 2).sum(-1)
+    steps = (np.diff(line, axis=0) ** 2).sum(-1)
+    at = np.arange(17) / 4
+    fine = np.stack([np.interp(at, np.arange(5), line[:, k]) for k in range(3)], axis=-1)
+    expected = ((points[:, None] - fine[None]) ** 2).sum(-1)
+    np.testing.assert_allclose(interpolated_squares(squares, steps, 4), expected, atol=1e-12)

@@ -1,0 +1,171 @@
+"""From poses to warps on made motion whose warps are known."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from imocap_core.sync import Settings, synchronise
+
+SETTINGS = Settings(
+    affinity="reciprocal",
+    method="softmap",
+    rounds=2,
+    warp="posterior",
+    consensus_rounds=2,
+    evidence_per_s=45.0,
+    unmatched_level=0.5,
+    positions_per_frame=4,
+    max_rate=np.inf,
+    confidence_reach_s=0.1,
+    normalise_scale=True,
+)
+FPS = 30.0
+
+
+def pose_at(phase: np.ndarray) -> np.ndarray:
+    """A smooth motion of 12 joints (T, 12, 3), metres, that never returns to a pose; phase in
+    seconds."""
+    rng = np.random.default_rng(11)
+    rest = 0.4 * rng.normal(size=(12, 3))
+    swing, rate = 0.25 * rng.normal(size=(5, 12, 3)), rng.uniform(0.5, 2.5, 5)
+    moved = sum(
+        s * np.sin(r * phase + k)[:, None, None]
+        for k, (s, r) in enumerate(zip(swing, rate, strict=True))
+    )
+    return np.asarray(rest + moved)
+
+
+def seen(phase: np.ndarray, rng: np.random.Generator, noise_m: float = 0.03) -> np.ndarray:
+    """The motion as one monocular estimate: its own axes, scale and noise."""
+    pose = pose_at(phase) + noise_m * rng.normal(size=(len(phase), 12, 3))
+    turned = pose @ Rotation.random(random_state=int(rng.integers(1000))).as_matrix()
+    return np.asarray(rng.uniform(0.8, 1.25) * turned + rng.normal(size=3))
+
+
+def four_phases() -> list[np.ndarray]:
+    """Clips of 8 s of motion with differing starts, ends and speeds."""
+    u = np.linspace(0, 1, 120)
+    return [
+        np.linspace(1.0, 6.0, 150),
+        1.0 + 5.0 * u**1.4,
+        0.2 + 5.0 * (u + 0.1 * np.sin(2 * np.pi * u)),
+        2.0 + 5.5 * u,
+    ]
+
+
+def error_s(
+    phases: Sequence[np.ndarray], found: Sequence[np.ndarray], reference: int
+) -> np.ndarray:
+    """Per matched frame of the other videos: |phase found - own phase|, seconds of motion."""
+    at = np.arange(len(phases[reference]))
+    return np.concatenate(
+        [
+            np.abs(np.interp(f, at, phases[reference]) - p)[np.isfinite(f)]
+            for v, (p, f) in enumerate(zip(phases, found, strict=True))
+            if v != reference
+        ]
+    )
+
+
+def run(poses: Sequence[np.ndarray], settings: Settings = SETTINGS, **given):
+    given = {"fps": [FPS] * len(poses), "rng": np.random.default_rng(0)} | given
+    return synchronise(poses, settings=settings, **given)
+
+
+@pytest.mark.parametrize(
+    ("settings", "limit_s"),
+    [
+        (SETTINGS, 0.03),
+        (replace(SETTINGS, consensus_rounds=0), 0.1),
+        (replace(SETTINGS, method="none"), 0.03),
+        (replace(SETTINGS, method="als"), 0.03),
+        (replace(SETTINGS, method="auto", affinity="gaussian"), 0.03),
+        (replace(SETTINGS, method="none", warp="dtw"), 0.08),
+    ],
+)
+def test_finds_known_warps(settings: Settings, limit_s: float) -> None:
+    rng = np.random.default_rng(5)
+    phases = four_phases()
+    result = run([seen(p, rng) for p in phases], settings, reference=0)
+    assert error_s(phases, result.reference_frame, 0).mean() < limit_s, result.status
+    for f in result.reference_frame:
+        assert (np.diff(f[np.isfinite(f)]) >= 0).all()
+    np.testing.assert_array_equal(result.reference_frame[0], np.arange(150.0))
+
+
+def test_what_the_reference_does_not_show_is_unmatched() -> None:
+    rng = np.random.default_rng(6)
+    phases = four_phases()
+    result = run([seen(p, rng) for p in phases], reference=0)
+    for phase, f, trust in zip(phases, result.reference_frame, result.confidence, strict=True):
+        outside = (phase < phases[0][0] - 0.2) | (phase > phases[0][-1] + 0.2)
+        inside = (phase > phases[0][0] + 0.2) & (phase < phases[0][-1] - 0.2)
+        assert np.isnan(f[outside]).mean() > 0.8 if outside.any() else True
+        assert np.isfinite(f[inside]).mean() > 0.98
+        np.testing.assert_array_equal(trust[np.isnan(f)], 0.0)
+
+
+def test_without_unmatched_frames_every_frame_has_a_position() -> None:
+    rng = np.random.default_rng(6)
+    poses = [seen(p, rng) for p in four_phases()]
+    result = run(poses, replace(SETTINGS, unmatched_level=np.inf))
+    assert np.isfinite(np.concatenate(result.reference_frame)).all()
+
+
+def test_a_hold_is_crossed_evenly() -> None:
+    rng = np.random.default_rng(7)
+    hold = np.concatenate([np.linspace(0, 2, 60), np.full(60, 2.0), np.linspace(2, 4, 60)])
+    result = run([seen(hold, rng, 0.02), seen(hold, rng, 0.02)], reference=0)
+    f = result.reference_frame[1]
+    assert np.abs(f - np.arange(180.0))[60:120].max() < 8
+    assert np.diff(f)[65:115].max() < 3
+    assert result.confidence[1][70:110].mean() < result.confidence[1][10:50].mean()
+
+
+def test_frame_rates_may_differ() -> None:
+    rng = np.random.default_rng(8)
+    phases = [np.arange(0, 5, 1 / 50), np.arange(0.5, 4.5, 1 / 24)]
+    result = run([seen(p, rng) for p in phases], fps=[50.0, 24.0], reference=0)
+    assert error_s(phases, result.reference_frame, 0).mean() < 0.03
+
+
+def test_missing_joints_and_frames_are_bridged() -> None:
+    rng = np.random.default_rng(9)
+    phases = four_phases()
+    poses = [seen(p, rng) for p in phases]
+    poses[1][40:45] = np.nan
+    poses[2][:, 3] = np.nan
+    poses[3][rng.random(poses[3].shape[:2]) < 0.2] = np.nan
+    result = run(poses, reference=0)
+    assert error_s(phases, result.reference_frame, 0).mean() < 0.04
+
+
+@pytest.mark.parametrize("count", [1, 2, 8])
+def test_any_number_of_videos(count: int) -> None:
+    rng = np.random.default_rng(10)
+    phases = [np.linspace(0.1 * v, 4.0 + 0.1 * v, 60 + 5 * v) for v in range(count)]
+    result = run([seen(p, rng) for p in phases])
+    assert len(result.centrality) == count
+    assert result.reference == int(np.argmax(result.centrality))
+    assert result.status
+    if count > 1:
+        assert error_s(phases, result.reference_frame, result.reference).mean() < 0.04
+
+
+def test_a_stranger_is_never_the_reference() -> None:
+    rng = np.random.default_rng(12)
+    poses = [seen(p, rng) for p in four_phases()]
+    poses[2] = seen(np.linspace(40, 47, 120), rng)
+    result = run(poses)
+    assert result.reference != 2
+    assert result.centrality.argmin() == 2
+
+
+def test_all_faults_are_named_at_once() -> None:
+    with pytest.raises(ValueError, match=r"fps: expected one per video.*video 1"):
+        run([np.zeros((5, 12, 3)), np.zeros((5, 11, 3))], fps=[30.0])
+    with pytest.raises(ValueError, match="reference: expected 0 to 0"):
+        run([np.zeros((5, 12, 3))], reference=3)
