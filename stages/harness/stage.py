@@ -57,6 +57,7 @@ from stages.harness.action import DETECT, Action, Declaration
 
 if TYPE_CHECKING:
     import numpy as np
+
     from imocap_core.artifacts.store import Stored
 
 Read = Literal["declarations", "detections", "videos", "initial", "truth"]

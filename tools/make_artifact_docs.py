@@ -1,0 +1,103 @@
+"""Write docs/artifacts.md from the schemas: `python tools/make_artifact_docs.py`.
+
+Every field with its type, its shape, and the comment that stands beside it in the source.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from pathlib import Path
+from typing import Any, get_args
+
+from pydantic.fields import FieldInfo
+
+from imocap_core.artifacts import schemas
+from imocap_core.artifacts.schemas.base import Shape, Value
+
+TARGET = Path(__file__).resolve().parents[1] / "docs" / "artifacts.md"
+BY_STAGE: dict[str, type[schemas.Artifact]] = {
+    "keypoints": schemas.Keypoints,
+    "camera_motion": schemas.CameraMotion,
+    "initial_smpl": schemas.InitialSmpl,
+    "sync": schemas.Sync,
+    "smpl_ba": schemas.SmplBa,
+    "refine_sync": schemas.RefineSync,
+    "evaluate": schemas.Evaluate,
+}
+HEAD = """\
+# Artifacts
+
+*Made by `python tools/make_artifact_docs.py` from `imocap_core/artifacts/schemas/`; don't edit.*
+
+One MCAP file a stage: a JSON header on `/header` (with its JSON schema), one protobuf
+`imocap.NdArray {name, dtype, shape, data}` an array on the topic of its path in the header
+(`/videos/0/theta`), how it was made as metadata, and files for the report as attachments.
+Letters in a shape are sizes shared by the fields of one value; `*` is any size. Missing is NaN.
+How files are written, checked and found again: [decisions/store.md](decisions/store.md).
+"""
+
+
+def document() -> str:
+    """The whole page."""
+    told: set[type[Value]] = set()
+    parts = [HEAD]
+    for stage, artifact in BY_STAGE.items():
+        parts.append(f"\n## {stage}: `{artifact.__name__}`\n")
+        for kind in _with_parts(artifact, told):
+            if kind is not artifact:
+                parts.append(f"\n### `{kind.__name__}`\n")
+            parts.append(f"\n{inspect.cleandoc(kind.__doc__ or '')}\n\n{_table(kind)}")
+    return "".join(parts)
+
+
+def _with_parts(kind: type[Value], told: set[type[Value]]) -> list[type[Value]]:
+    """A value's class and those of the values inside it, each told once in the whole page."""
+    if kind in told:
+        return []
+    told.add(kind)
+    found = [kind]
+    for field in kind.model_fields.values():
+        for inner in _classes(field.annotation):
+            found += _with_parts(inner, told)
+    return found
+
+
+def _classes(annotation: Any) -> list[type[Value]]:
+    if isinstance(annotation, type) and issubclass(annotation, Value):
+        return [annotation]
+    return [found for part in get_args(annotation) for found in _classes(part)]
+
+
+def _table(kind: type[Value]) -> str:
+    said = _comments(kind)
+    rows = [
+        f"| `{name}` | {_type(field)} | {said.get(name, '')} |\n"
+        for name, field in kind.model_fields.items()
+    ]
+    return "| field | type | |\n|---|---|---|\n" + "".join(rows)
+
+
+def _type(field: FieldInfo) -> str:
+    shapes = [part for part in field.metadata if isinstance(part, Shape)]
+    if shapes:
+        dtype = get_args(get_args(field.annotation)[1])[0].__name__
+        return f"{dtype} {shapes[0]}"
+    text = getattr(field.annotation, "__name__", "") if not get_args(field.annotation) else ""
+    text = text or str(field.annotation)
+    return "`" + re.sub(r"\b(?:\w+\.)+(\w+)", r"\1", text).replace("|", "or") + "`"
+
+
+def _comments(kind: type[Value]) -> dict[str, str]:
+    """Field name -> the comment on its line, of this class and those it extends."""
+    found: dict[str, str] = {}
+    for parent in reversed(kind.__mro__):
+        if issubclass(parent, Value) and parent is not Value:
+            for line in inspect.getsource(parent).splitlines():
+                if match := re.match(r"\s+(\w+): .*?  # (.*)", line):
+                    found[match[1]] = match[2].replace("|", "or")
+    return found
+
+
+if __name__ == "__main__":
+    TARGET.write_text(document(), encoding="utf-8")
