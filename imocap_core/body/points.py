@@ -20,7 +20,6 @@ from torch import Tensor
 
 from imocap_core.body.kinematics import ancestors
 from imocap_core.body.model import Model, Posed, Shaped
-from imocap_core.body.skinning import pose_features
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +137,12 @@ def _moved_by(parents: Sequence[int], joint_shares: Tensor, skinned: Tensor) -> 
     chain = ancestors(parents).to(joint_shares)
     strictly_above = chain - torch.eye(len(parents), dtype=chain.dtype, device=chain.device)
     return (joint_shares.abs() @ strictly_above + skinned.abs() @ chain) > 0
+
+
+def pose_features(R_local: Tensor) -> Tensor:
+    """What pose blend shapes multiply: ``R_local[1:] - I`` flattened, (..., 9 (J - 1))."""
+    identity = torch.eye(3, dtype=R_local.dtype, device=R_local.device)
+    return (R_local[..., 1:, :, :] - identity).flatten(-3)
 
 
 def posed_levers(posed: Posed, points: PointSet) -> Tensor:

@@ -1,4 +1,8 @@
-"""Linear blend skinning of the whole surface (SMPL, Eq. 6 of Loper et al. 2015)."""
+"""Linear blend skinning of the whole surface (SMPL, Eq. 6 of Loper et al. 2015).
+
+A bone k carries a rest vertex x to ``R_k (x - rest_k) + joint_k``, and a skinned vertex is the
+weighted mean of where its bones carry it.
+"""
 
 from __future__ import annotations
 
@@ -6,24 +10,50 @@ import torch
 from torch import Tensor
 
 from imocap_core.body.model import Posed
+from imocap_core.body.points import pose_features, rows_of, turn
 
-
-def pose_features(R_local: Tensor) -> Tensor:
-    """What pose blend shapes multiply: ``R_local[1:] - I`` flattened, (..., 9 (J - 1))."""
-    identity = torch.eye(3, dtype=R_local.dtype, device=R_local.device)
-    return (R_local[..., 1:, :, :] - identity).flatten(-3)
+_BODIES_AT_ONCE = 4  # keeps a chunk's 12 numbers a vertex within the processor's cache
 
 
 def skin(posed: Posed) -> Tensor:
     """Posed vertices (..., V, 3), metres."""
+    rest = posed.shaped.joints_rest
+    shared = rest.ndim == 2 or (rest.shape[-3] == 1 and posed.R_world.ndim > 3)
+    if posed.shaped.model.posedirs is None and shared:
+        return _skin_shared(posed)
+    return _skin_each(posed)
+
+
+def _skin_shared(posed: Posed) -> Tensor:
+    """Many poses of one surface: one product of all bones with what each carries of each vertex."""
+    shaped = posed.shaped
+    weights = shaped.model.weights
+    seen = shaped.vertices_rest[..., None, :] - shaped.joints_rest[..., None, :, :]
+    carried = (weights[..., None] * seen).flatten(-2).transpose(-1, -2)  # (..., 3 J, V)
+    offsets = weights.T.expand(*carried.shape[:-2], -1, -1)
+    rows = torch.cat((rows_of(posed.R_world), posed.joints.transpose(-1, -2)), dim=-1)
+    return turn(rows, torch.cat((carried, offsets), dim=-2)).transpose(-1, -2)
+
+
+def _skin_each(posed: Posed) -> Tensor:
+    """Bodies that differ in shape too, or whose pose bends the surface: a few at a time."""
     shaped, model = posed.shaped, posed.shaped.model
-    vertices = shaped.vertices_rest
-    if model.posedirs is not None:
-        features = pose_features(posed.R_local)
-        offsets = features @ model.posedirs.flatten(0, 1).T
-        vertices = vertices + offsets.unflatten(-1, (-1, 3))
-    # A bone carries a rest vertex x to R x + (joint - R joint_rest).
+    batch = posed.joints.shape[:-2]
     moved_rest = (posed.R_world @ shaped.joints_rest[..., None])[..., 0]
     bones = torch.cat((posed.R_world, (posed.joints - moved_rest)[..., None]), dim=-1)
-    blended = (model.weights @ bones.flatten(-2)).unflatten(-1, (3, 4))
-    return (blended[..., :3] @ vertices[..., None])[..., 0] + blended[..., 3]
+    bones = bones.expand(*batch, -1, 3, 4).reshape(-1, len(model.parents), 3, 4)
+    bones = bones.movedim(1, -1)  # (N, 3, 4, J)
+    vertices = shaped.vertices_rest.transpose(-1, -2)
+    vertices = vertices.expand(*batch, *vertices.shape[-2:]).reshape(-1, *vertices.shape[-2:])
+    features = pose_features(posed.R_local)
+    features = features.expand(*batch, -1).reshape(-1, features.shape[-1])
+    done = []
+    for first in range(0, len(bones), _BODIES_AT_ONCE):
+        part = slice(first, first + _BODIES_AT_ONCE)
+        rest = vertices[part]
+        if model.posedirs is not None:
+            bend = features[part] @ model.posedirs.flatten(0, 1).T
+            rest = rest + bend.unflatten(-1, (-1, 3)).transpose(-1, -2)
+        blended = bones[part] @ model.weights.T  # (n, 3, 4, V)
+        done.append((blended[:, :, :3] * rest[:, None]).sum(2) + blended[:, :, 3])
+    return torch.cat(done).transpose(-1, -2).unflatten(0, batch) if batch else done[0][0].T
