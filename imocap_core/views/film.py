@@ -26,9 +26,9 @@ from imocap_core.views.overlays import (
     Window,
     contact_sheet,
     draw_body,
-    draw_from_the_side,
     draw_keypoints,
     draw_skeleton,
+    from_the_side,
     windows,
 )
 
@@ -69,7 +69,7 @@ def frames_at(found: SyncMap, moments: ArrayLike) -> list[int | None]:
 
 def read_cells(shot: Shot, frames: Sequence[int]) -> tuple[dict[int, Image], dict[int, Window]]:
     """The person cut out of the real frames (indices into the used frames); paper without video."""
-    boxes = windows(shot.seen.person_box_px[list(frames)])
+    boxes = windows(shot.seen.person_box_px[list(frames)], shot.seen.size)
     where = dict(zip(frames, boxes, strict=True))
     paper: Image = np.full((CELL_PX[1], CELL_PX[0], 3), PAPER_RGB, dtype=np.uint8)
     cells = {t: paper.copy() for t in frames}
@@ -102,15 +102,15 @@ def video_sheet(
     rows = [detected]
     sides = []
     for motion, K in ((shot.first, shot.camera.K), (shot.last, shot.K)):
-        over, beside = [], []
-        for t, in_first in zip(frames, surfaces(model, motion, frames), strict=True):
-            vertices = in_first @ shot.camera.R_first_from_frame[t]  # R^T x: axes of frame t
-            K_cell = where[t].camera(K)
-            over.append(draw_body(cells[t], vertices, faces, K_cell))
-            pixels_per_m = K_cell[1, 1] / float(np.median(vertices[:, 2]))
-            beside.append(draw_from_the_side(vertices, faces, pixels_per_m))
-        rows.append(over)
-        sides.append(beside)
+        in_first = surfaces(model, motion, frames)
+        bodies = in_first @ shot.camera.R_first_from_frame[list(frames)]  # R^T x: axes of frame t
+        rows.append(
+            [
+                draw_body(cells[t], body, faces, where[t].camera(K))
+                for t, body in zip(frames, bodies, strict=True)
+            ]
+        )
+        sides.append(from_the_side(bodies, faces))
     return contact_sheet(
         [*rows, *sides],
         [

@@ -61,10 +61,11 @@ class Window:
         return cell
 
 
-def windows(boxes_px: Array, margin: float = 1.22) -> list[Window]:
+def windows(boxes_px: Array, size: tuple[int, int], margin: float = 1.22) -> list[Window]:
     """One window for each box (n, 4) x0 y0 x1 y1, all of one scale that shows the largest.
 
-    A missing box takes the place of the nearest seen one.
+    A missing box takes the place of the nearest seen one. A window stays inside the picture of
+    ``size`` (width, height) where it fits.
     """
     seen = np.flatnonzero(np.isfinite(boxes_px).all(axis=1))
     if not len(seen):
@@ -73,9 +74,11 @@ def windows(boxes_px: Array, margin: float = 1.22) -> list[Window]:
     boxes = boxes_px[nearest]
     sides = np.quantile(boxes[:, 2:] - boxes[:, :2], 0.95, axis=0) * margin
     scale = float(min(CELL_PX[0] / sides[0], CELL_PX[1] / sides[1]))
-    centres = (boxes[:, :2] + boxes[:, 2:]) / 2
-    half = np.array(CELL_PX) / (2 * scale)
-    return [Window(float(x), float(y), scale) for x, y in centres - half]
+    shown = np.array(CELL_PX) / scale
+    corners = (boxes[:, :2] + boxes[:, 2:] - shown) / 2
+    room = np.array(size) - shown
+    corners = np.where(room >= 0, np.clip(corners, 0, np.maximum(room, 0)), corners)
+    return [Window(float(x), float(y), scale) for x, y in corners]
 
 
 def draw_keypoints(
@@ -117,18 +120,23 @@ def draw_body(cell: Image, vertices_m: Array, faces: NDArray[np.int64], K_cell: 
     return draw_mesh(cell, vertices_m, faces, color, K_cell, eye, zero, alpha=0.85, light=LIGHT)
 
 
-def draw_from_the_side(vertices_m: Array, faces: NDArray[np.int64], pixels_per_m: float) -> Image:
-    """The surface seen from its right, turned about the camera's vertical by 90 degrees."""
-    middle = (vertices_m.min(axis=0) + vertices_m.max(axis=0)) / 2
+def from_the_side(bodies_m: Array, faces: NDArray[np.int64]) -> list[Image]:
+    """Surfaces (n, V, 3) in camera axes seen from their right, all at one scale.
+
+    The camera's vertical stays vertical; what is depth in the picture runs to the right here.
+    """
     R_side_from_cam = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
     far_m = 25.0  # nearly orthographic: depth is what is looked at
-    focal = pixels_per_m * far_m
+    turned = bodies_m @ R_side_from_cam.T
+    low, high = turned.min(axis=1), turned.max(axis=1)
+    extent = (high - low)[:, :2].max(axis=0)
+    focal = far_m * 0.9 * float((np.array(CELL_PX) / extent).min())
     K = np.array([[focal, 0, CELL_PX[0] / 2], [0, focal, CELL_PX[1] / 2], [0, 0, 1]])
-    turned = (vertices_m - middle) @ R_side_from_cam.T + [0, 0, far_m]
     paper: Image = np.full((CELL_PX[1], CELL_PX[0], 3), PAPER_RGB, dtype=np.uint8)
     color = np.array(BODY_RGB, dtype=np.float64)
     eye, zero = np.eye(3), np.zeros(3)
-    return draw_mesh(paper, turned, faces, color, K, eye, zero, light=LIGHT)
+    centred = turned - ((low + high) / 2)[:, None] + [0, 0, far_m]
+    return [draw_mesh(paper, body, faces, color, K, eye, zero, light=LIGHT) for body in centred]
 
 
 def contact_sheet(

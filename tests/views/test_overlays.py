@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import SyncMap
+from imocap_core.views.bodies import surfaces
 from imocap_core.views.film import frames_at, spread
 from imocap_core.views.overlays import (
     CELL_PX,
     PAPER_RGB,
     Window,
     draw_body,
-    draw_from_the_side,
     draw_keypoints,
     draw_skeleton,
+    from_the_side,
     windows,
 )
 from tests.views.made import K, Made
@@ -44,14 +45,22 @@ def test_cut_moves_pixels_as_points() -> None:
 
 
 def test_windows_share_one_scale_and_bridge_unseen_frames() -> None:
-    boxes = np.array([[10.0, 10, 60, 110], [np.nan] * 4, [30.0, 10, 90, 130]])
-    found = windows(boxes)
+    boxes = np.array([[510.0, 510, 560, 610], [np.nan] * 4, [530.0, 510, 590, 630]])
+    found = windows(boxes, (2000, 2000))
     assert len({w.scale for w in found}) == 1
     assert found[1] in (found[0], found[2])
-    centre = found[0].points(np.array([35.0, 60.0]))
+    centre = found[0].points(np.array([535.0, 560.0]))
     np.testing.assert_allclose(centre, np.array(CELL_PX) / 2)
     with pytest.raises(ValueError, match="seen in none"):
-        windows(np.full((2, 4), np.nan))
+        windows(np.full((2, 4), np.nan), (640, 360))
+
+
+def test_a_window_stays_inside_a_picture_that_is_large_enough() -> None:
+    corner = windows(np.array([[0.0, 320, 40, 360]]), (640, 360))[0]
+    assert corner.left_px == 0
+    assert corner.top_px + CELL_PX[1] / corner.scale == pytest.approx(360)
+    tall = windows(np.array([[300.0, 0, 340, 360]]), (640, 360))[0]
+    assert tall.top_px < 0  # does not fit: the person stays in the middle
 
 
 def test_a_keypoint_without_confidence_is_not_drawn() -> None:
@@ -64,14 +73,12 @@ def test_a_keypoint_without_confidence_is_not_drawn() -> None:
 
 def test_body_and_skeleton_cover_the_same_place(made: Made) -> None:
     seen, motion = made.keypoints.videos[0], made.true[0]
-    window = windows(seen.person_box_px[:1])[0]
-    from imocap_core.views.bodies import surfaces
-
+    window = windows(seen.person_box_px[:1], (2000, 2000))[0]
     vertices, faces = surfaces(made.model, motion, [0])[0], made.model.faces.numpy()
     K_cell = window.camera(K)
     body = (draw_body(_paper(), vertices, faces, K_cell) != _paper()).any(axis=2)
     bones = (draw_skeleton(_paper(), motion.joints[0], K_cell) != _paper()).any(axis=2)
-    side = (draw_from_the_side(vertices, faces, 80.0) != _paper()).any(axis=2)
+    side = (from_the_side(vertices[None], faces)[0] != _paper()).any(axis=2)
     assert 0.03 < body.mean() < 0.5
     assert (body & bones).sum() > 0.85 * bones.sum()
     assert 0.01 < side.mean() < 0.5
