@@ -14,7 +14,6 @@ from imocap_core.synthetic.contact import POINTS, SKIN, Forward
 _PALETTE: dict[str, tuple[int, int, int]] = {
     "skin": (214, 165, 137),
     "hair": (58, 40, 30),
-    "eyes": (235, 232, 228),
     "shirt": (196, 62, 58),
     "trousers": (44, 52, 84),
     "shoes": (232, 228, 220),
