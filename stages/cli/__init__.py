@@ -6,6 +6,8 @@ import sys
 import traceback
 from collections.abc import Sequence
 
+from stages.harness.errors import WorkFailed, WrongUse, own_fault
+
 GLOBAL_WITH_VALUE, GLOBAL_FLAGS = ("--root",), ("--traceback",)
 
 
@@ -15,7 +17,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     `arguments` (by default none) stand before those of the process.
     """
     from stages.cli.app import app
-    from stages.harness.errors import WorkFailed, WrongUse, own_fault
 
     words = hoisted([*(arguments or []), *sys.argv[1:]])
     try:
@@ -25,10 +26,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:
         if "--traceback" in words:
             traceback.print_exc()
-        known = isinstance(error, (WorkFailed, WrongUse))
-        sys.stderr.write(f"imocap: {error if known else own_fault(error)}\n")
+        sys.stderr.write(f"imocap: {_sentence(error)}\n")
         return 2 if isinstance(error, WrongUse) else 1
     return 0
+
+
+def _sentence(error: Exception) -> str:
+    if isinstance(error, (WorkFailed, WrongUse)):
+        return str(error)
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"cannot use {error.filename}: {error.strerror}"
+    return own_fault(error)
 
 
 def hoisted(words: list[str]) -> list[str]:

@@ -10,6 +10,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -90,10 +91,17 @@ def content_digest(path: Path) -> str:
             sha.update(bytes.fromhex(content_digest(file)))
         return sha.hexdigest()
     try:
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+        now = path.stat()
+        return _file_digest(path, now.st_size, now.st_mtime_ns)
     except OSError as error:
         raise WorkFailed(f"cannot read {path}: {error.strerror}") from None
+
+
+@lru_cache(maxsize=4096)
+def _file_digest(path: Path, size: int, mtime_ns: int) -> str:
+    """Size and time only keep one process from reading the same video for every stage."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _reads(kind: Read, action: Action) -> Iterator[tuple[str, str]]:

@@ -41,6 +41,8 @@ class Workspace:
 
     def job(self, action: str, sets: list[str]) -> Job:
         """An action (by name or path) with its settings, its files not yet looked at."""
+        if action in demos.BUILT_IN and not (self.root / "actions" / action).exists():
+            raise WorkFailed(f"{action} is built in but not made yet; make it: imocap run {action}")
         found = read_action(find_action(action, self.root))
         pipeline = self.pipeline()
         chosen = settings(pipeline, found.params, found.file, sets)

@@ -61,6 +61,19 @@ def test_a_missing_file_is_named_before_anything_runs(toy: Toy, capsys: Capture)
     assert toy.ran() == []
 
 
+def test_a_folder_that_can_t_be_used_is_named(toy: Toy, capsys: Capture) -> None:
+    (toy.root / "artifacts").write_text("a file where a folder should be")
+    assert toy.imocap(["run", "toy"]) == 1
+    said = capsys.readouterr().err
+    assert f"cannot use {toy.root / 'artifacts'}" in said
+    assert "fault of the program" not in said
+
+
+def test_a_built_in_action_that_is_not_made_yet(toy: Toy, capsys: Capture) -> None:
+    assert toy.imocap(["status", "yoga"]) == 1
+    assert "yoga is built in but not made yet; make it: imocap run yoga" in capsys.readouterr().err
+
+
 def test_init_then_run_says_what_is_missing(toy: Toy, capsys: Capture, tmp_path: Path) -> None:
     clips = [tmp_path / "a clip.mp4", tmp_path / "b.mp4"]
     for clip in clips:
