@@ -46,7 +46,17 @@ class InitialSmplParams(Group):
 
 
 class SyncParams(Group):
+    affinity: Literal["reciprocal", "gaussian"]  # the paper's map of distances, or a sharper one
     method: Literal["als", "svt", "softmap", "none", "auto"]  # cycle consistency
+    rounds: Count  # compositions of softmap
+    warp: Literal["posterior", "dtw"]  # mean over all monotone warps, or the paper's one path
+    consensus_rounds: Annotated[int, Field(ge=0)]  # refinements against the other videos
+    evidence_per_s: Positive  # independent looks at the pose per second of video; less = smoother
+    unmatched_level: Positive  # where between matching and unrelated poses a match ends
+    positions_per_frame: Count  # positions tried between two reference frames
+    max_rate: Positive  # most seconds of the reference per second of another video
+    confidence_reach_s: Positive  # confidence = P(match within this much of the reference)
+    normalise_scale: bool  # divide each video by its body size
 
 
 class FitParams(Group):

@@ -53,8 +53,8 @@ def monotone_posterior(
     frame may be from the one before, in positions.
     """
     n, S = cost.shape
-    # A match chooses among positions and "unmatched" doesn't: charge the match the prior of one step
-    # of a walk that fills S positions in n frames.
+    # A match chooses among positions and "unmatched" doesn't: charge the match the prior of one
+    # step of a walk that fills S positions in n frames.
     cost = cost + np.log1p(S / n)
     base = np.minimum(cost.min(axis=1), unmatched)
     like, like_un = np.exp(base[:, None] - cost), np.exp(base - unmatched)

@@ -1,0 +1,69 @@
+"""The stage's own part: from artifacts to the core and back."""
+
+import numpy as np
+import pytest
+
+from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints, VideoMotion
+from stages.params import SyncParams
+from stages.sync import synchronise_motions
+from tests.sync.test_synchronise import SETTINGS, pose_at
+
+PARAMS = SyncParams(**(vars(SETTINGS) | {"max_rate": 20.0}))
+
+
+def made(ids: list[str], offsets_s: list[float]) -> tuple[list[VideoMotion], Keypoints]:
+    """Videos of one motion at 25 frames/s, each starting later; 24 joints from 12."""
+    T = 60
+    motions, detections = [], []
+    for name, offset in zip(ids, offsets_s, strict=True):
+        pose = pose_at(offset + np.arange(T) / 25.0)
+        joints = np.concatenate([pose, 0.9 * pose[:, ::-1]], axis=1)
+        joints += 0.01 * np.random.default_rng(3).normal(size=joints.shape)
+        motions.append(
+            VideoMotion(
+                id=name, frames=np.arange(T), theta=np.zeros((T, 72)), betas=np.zeros(10),
+                trans=np.zeros((T, 3)), joints=joints, reprojection_px=np.zeros(T),
+            )
+        )  # fmt: skip
+        detections.append(
+            VideoKeypoints(
+                id=name, fps=25.0, size=(64, 48), layout="body25", video=None, focal_px=None,
+                initial=None, initial_format=None, frames=np.arange(T), xy_px=np.zeros((T, 25, 2)),
+                confidence=np.ones((T, 25)), person_box_px=np.zeros((T, 4)), tracks_found=1,
+                presence=1.0, note="",
+            )
+        )  # fmt: skip
+    return motions, Keypoints(videos=detections)
+
+
+def test_maps_are_named_and_lie_where_they_should() -> None:
+    motions, keypoints = made(["a", "b"], [0.0, 0.4])
+    sync = synchronise_motions(motions, keypoints, PARAMS, np.random.default_rng(0), reference="a")
+    assert sync.reference == "a"
+    assert [m.id for m in sync.maps] == ["a", "b"]
+    found = sync.maps[1].reference_frame
+    known = np.isfinite(found)
+    assert np.median(np.abs(found - np.arange(60) - 10)[known]) < 0.5
+    assert sync.affinity.shape == (120, 120)
+
+
+def test_a_frame_without_detections_has_no_say() -> None:
+    motions, keypoints = made(["a", "b"], [0.0, 0.4])
+    motions[1].joints[20:24] = np.random.default_rng(1).normal(size=(4, 24, 3))
+    keypoints.videos[1].confidence[20:24] = 0.0
+    sync = synchronise_motions(motions, keypoints, PARAMS, np.random.default_rng(0), reference="a")
+    found = sync.maps[1].reference_frame[18:26]
+    assert np.abs(found - np.arange(28, 36)).max() < 1.5
+
+
+def test_one_video_is_its_own_reference() -> None:
+    motions, keypoints = made(["only"], [0.0])
+    sync = synchronise_motions(motions, keypoints, PARAMS, np.random.default_rng(0))
+    np.testing.assert_array_equal(sync.maps[0].reference_frame, np.arange(60.0))
+    assert "nothing to synchronise" in sync.status
+
+
+def test_unknown_reference_is_refused() -> None:
+    motions, keypoints = made(["a"], [0.0])
+    with pytest.raises(ValueError, match="z"):
+        synchronise_motions(motions, keypoints, PARAMS, np.random.default_rng(0), reference="z")
