@@ -3,8 +3,6 @@
 #   make all ACTION=yoga   from nothing to the motion and its report (installs first, when needed)
 #   make test              the whole test suite
 #   make check             lint, format, types, import order, tests
-#   make bench             the benchmark
-#   make baseline          write the benchmark's numbers as the new baseline
 #   make clean             remove what was built (.venv, caches); actions/ and artifacts/ stay
 #
 # ACTION is a name below actions/ (or a built-in one: yoga), or a path to a folder with an action.yaml.
@@ -20,7 +18,7 @@ PYTHON ?= $(shell for p in python3 python3.11 python3.12 python3.13 python3.14 p
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto
 
 .DEFAULT_GOAL := help
-.PHONY: help setup all test check lint format bench baseline clean
+.PHONY: help setup all test check lint format clean
 
 help:
 	@sed -n 's/^#   \{0,1\}//p' Makefile
@@ -52,12 +50,6 @@ check: lint test
 format: $(STAMP)
 	@$(BIN)/ruff format .
 	@$(BIN)/ruff check --fix .
-
-bench: $(STAMP)
-	@$(BIN)/imocap benchmark all
-
-baseline: $(STAMP)
-	@$(BIN)/imocap benchmark all --write-baseline
 
 clean:
 	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
