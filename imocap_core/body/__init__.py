@@ -4,17 +4,21 @@ from imocap_core.body.free import load_free_body
 from imocap_core.body.jacobian import keypoints_with_jacobian
 from imocap_core.body.layouts import layout_names, layouts
 from imocap_core.body.model import Mesh, Model, Posed, Shaped
+from imocap_core.body.official import ModelStatus, load_body, model_status
 from imocap_core.body.points import PointSet, make_points
 
 __all__ = [
     "Mesh",
     "Model",
+    "ModelStatus",
     "PointSet",
     "Posed",
     "Shaped",
     "keypoints_with_jacobian",
     "layout_names",
     "layouts",
+    "load_body",
     "load_free_body",
     "make_points",
+    "model_status",
 ]

@@ -14,7 +14,7 @@ from imocap_core.body.model import Model
 from imocap_core.body.points import PointSet, make_points
 from imocap_core.conventions import EVAL_12, EVAL_14, EVAL_17, SMPL_JOINTS, SMPLH_JOINTS
 
-_UNMAPPED = re.compile(r"^\((\w+)\) \* (\d+)$")
+_RUN = re.compile(r"^\((\w+)\) \* (\d+)$")
 _FIXED: dict[str, tuple[str, ...]] = {
     "smpl24": SMPL_JOINTS,
     "smplh52": SMPLH_JOINTS,
@@ -26,10 +26,10 @@ _FIXED: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Keypoint:
-    """One column of a layout: the detector's name, and the point it sits at (None: unmapped)."""
+    """One column of a layout: the detector's name, and the point of the body it sits at."""
 
     name: str
-    point: str | None
+    point: str
 
 
 def layouts() -> tuple[str, ...]:
@@ -38,7 +38,7 @@ def layouts() -> tuple[str, ...]:
 
 
 def layout_names(layout: str) -> tuple[str, ...]:
-    """All K keypoint names of a layout in the detector's order, unmapped ones included."""
+    """All K keypoint names of a layout in the detector's order, those that no body has included."""
     return tuple(keypoint.name for keypoint in layout_keypoints(layout))
 
 
@@ -55,7 +55,7 @@ def layout_points(model: Model, layout: str) -> PointSet:
     found = [
         (column, keypoint.name, mix)
         for column, keypoint in enumerate(layout_keypoints(layout))
-        if keypoint.point is not None and (mix := _locate(model, keypoint.point)) is not None
+        if (mix := _locate(model, keypoint.point)) is not None
     ]
     if not found:
         raise ValueError(f"layout {layout}: body model {model.name} has none of its keypoints")
@@ -77,8 +77,8 @@ def _expand(layout: str) -> Iterator[Keypoint]:
     for entry in _table()["layouts"][layout]:
         if entry.startswith("@"):
             yield from _expand(entry[1:])
-        elif unmapped := _UNMAPPED.match(entry):
-            yield from (Keypoint(f"{unmapped[1]}{i}", None) for i in range(int(unmapped[2])))
+        elif run := _RUN.match(entry):
+            yield from (Keypoint(f"{run[1]}{i}", f"{run[1]}{i}") for i in range(int(run[2])))
         else:
             name, _, point = entry.partition(" = ")
             yield Keypoint(name, point or name)

@@ -1,0 +1,164 @@
+"""SMPL, SMPL+H and SMPL-X from the user's own files (.pkl or .npz as downloaded).
+
+Nothing of these models ships with the package: their licences ask each user to register at
+smpl.is.tue.mpg.de, mano.is.tue.mpg.de or smpl-x.is.tue.mpg.de.
+"""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from imocap_core.body.free import digest_of
+from imocap_core.body.landmarks import find_landmarks, static_face_landmarks
+from imocap_core.body.model import Model
+from imocap_core.body.unpickle import as_array, read_pickle
+from imocap_core.conventions import SMPL_JOINTS, SMPLH_JOINTS, SMPLX_JOINTS
+
+_KINDS = {24: ("smpl", SMPL_JOINTS), 52: ("smplh", SMPLH_JOINTS), 55: ("smplx", SMPLX_JOINTS)}
+_NEEDED = ("v_template", "shapedirs", "J_regressor", "weights", "kintree_table", "f")
+_OPTIONAL = ("posedirs", "hands_meanl", "hands_meanr", "hands_componentsl", "hands_componentsr",
+             "lmk_faces_idx", "lmk_bary_coords")  # fmt: skip
+_SMPLX_SPLIT = {400: 300}  # SMPL-X 1.1: 300 betas, 100 expressions; 1.0 and others: 10 betas first
+
+
+def load_body(
+    path: Path | str, device: torch.device | str = "cpu", dtype: torch.dtype = torch.float64
+) -> Model:
+    """A body model from a file in SMPL's, SMPL+H's or SMPL-X's format; the joint count decides.
+
+    Raises ValueError, with the file and the field, for what cannot be read, is unsafe or does not
+    fit together.
+    """
+    path = Path(path)
+    arrays = _read(path)
+    tree = arrays["kintree_table"].astype(np.int64)
+    joints = tree.shape[-1]
+    if joints not in _KINDS or tree.shape != (2, joints):
+        raise ValueError(
+            f"{path}: kintree_table is {tree.shape}, expected (2, 24) for SMPL, (2, 52) for "
+            "SMPL+H or (2, 55) for SMPL-X"
+        )
+    kind, names = _KINDS[joints]
+    shapes = arrays["shapedirs"].shape[-1]
+    posedirs = arrays.get("posedirs")
+
+    def tensor(array: NDArray[np.generic]) -> torch.Tensor:
+        return torch.as_tensor(np.ascontiguousarray(array, dtype=np.float64)).to(device, dtype)
+
+    try:
+        return Model(
+            name=f"{kind}:{path.stem}",
+            joint_names=names,
+            parents=_parents(tree),
+            v_template=tensor(arrays["v_template"]),
+            shapedirs=tensor(arrays["shapedirs"]),
+            J_regressor=tensor(arrays["J_regressor"]),
+            weights=tensor(arrays["weights"]),
+            faces=torch.as_tensor(arrays["f"].astype(np.int64), device=device),
+            digest=_digest(arrays),
+            num_betas=_betas(kind, shapes),
+            posedirs=None if posedirs is None or posedirs.size == 0 else tensor(posedirs),
+            landmarks=_landmarks(arrays, names),
+            hand_pca={
+                side: (tensor(arrays[f"hands_mean{s}"]), tensor(arrays[f"hands_components{s}"]))
+                for side, s in (("left", "l"), ("right", "r"))
+                if f"hands_mean{s}" in arrays and f"hands_components{s}" in arrays
+            },
+        )
+    except (ValueError, IndexError) as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
+def _read(path: Path) -> dict[str, NDArray[np.generic]]:
+    if not path.is_file():
+        raise ValueError(f"{path}: there is no such body model file")
+    if path.suffix not in (".pkl", ".npz"):
+        raise ValueError(f"{path}: expected a body model as .pkl or .npz")
+    content = read_pickle(path) if path.suffix == ".pkl" else _read_npz(path)
+    missing = [name for name in _NEEDED if name not in content]
+    if missing:
+        raise ValueError(f"{path}: not a body model, these arrays are missing: {missing}")
+    try:
+        return {n: as_array(content[n]) for n in (*_NEEDED, *_OPTIONAL) if n in content}
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
+def _read_npz(path: Path) -> dict[str, Any]:
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            wanted = [n for n in (*_NEEDED, *_OPTIONAL) if n in archive.files]
+            return {name: archive[name] for name in wanted}
+    except (ValueError, OSError, zipfile.BadZipFile) as error:
+        raise ValueError(
+            f"{path}: refused, expected an .npz of plain numeric arrays: {error}"
+        ) from error
+
+
+def _parents(tree: NDArray[np.int64]) -> tuple[int, ...]:
+    """Row 0 holds each joint's parent by its number in row 1; the root's is -1 or 2^32 - 1."""
+    place = {int(number): column for column, number in enumerate(tree[1])}
+    return (-1, *(place.get(int(number), -1) for number in tree[0, 1:]))
+
+
+def _betas(kind: str, shapes: int) -> int:
+    return _SMPLX_SPLIT.get(shapes, min(10, shapes)) if kind == "smplx" else shapes
+
+
+def _digest(arrays: dict[str, NDArray[np.generic]]) -> str:
+    """Of values, not of storage: a .pkl and an .npz of one model agree."""
+    moving = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table")
+    return digest_of(np.asarray(arrays[n], dtype=np.float64) for n in moving if n in arrays)
+
+
+def _landmarks(arrays: dict[str, NDArray[np.generic]], names: tuple[str, ...]) -> dict[str, Any]:
+    template = np.asarray(arrays["v_template"], dtype=np.float64)
+    rest = np.asarray(arrays["J_regressor"], dtype=np.float64) @ template
+    found = find_landmarks(template, np.asarray(arrays["weights"], dtype=np.float64), rest, names)
+    if "lmk_faces_idx" in arrays and "lmk_bary_coords" in arrays:
+        found |= static_face_landmarks(
+            arrays["f"].astype(np.int64),
+            arrays["lmk_faces_idx"].astype(np.int64),
+            np.asarray(arrays["lmk_bary_coords"], dtype=np.float64),
+        )
+    return found
+
+
+@dataclass(frozen=True)
+class ModelStatus:
+    """One line of `imocap doctor`: a body model, the file it was found in, what to do if not."""
+
+    name: str
+    path: Path | None
+    note: str
+
+
+_FILES = {
+    "SMPL": (r"(smpl_|basic_?model_)\w*.*\.(pkl|npz)", "https://smpl.is.tue.mpg.de"),
+    "SMPL+H": (r"smplh_\w+\.(pkl|npz)", "https://mano.is.tue.mpg.de"),
+    "SMPL-X": (r"smplx_\w+\.(pkl|npz)", "https://smpl-x.is.tue.mpg.de"),
+}
+
+
+def model_status(folder: Path | None) -> list[ModelStatus]:
+    """Which body models there are: the free one always, official ones by name below `folder`.
+
+    Files are only looked for, not read; `load_body` says whether they are sound.
+    """
+    rows = [ModelStatus("free body", None, "ships with imocap; nothing to install")]
+    files = [] if folder is None or not folder.is_dir() else sorted(folder.rglob("*"))
+    for name, (pattern, home) in _FILES.items():
+        found = [f for f in files if re.fullmatch(pattern, f.name, re.IGNORECASE)]
+        rows += [ModelStatus(name, file, "found") for file in found]
+        if not found:
+            where = "no model folder given" if folder is None else f"not below {folder}"
+            rows.append(ModelStatus(name, None, f"{where}; optional, register at {home}"))
+    return rows
