@@ -19,8 +19,8 @@ from imocap_core.views.bodies import body_points
 from imocap_core.views.film import Shot
 from imocap_core.views.gallery import draw_film, draw_numbers
 from imocap_core.views.report import Picture, write_report
-from imocap_core.views.scoreboard import Answer, cycle_row, score, true_positions
-from imocap_core.views.tables import long_table, metric_tables, video_table
+from imocap_core.views.scoreboard import Answer, against_truth, cycle_row, score, true_positions
+from imocap_core.views.tables import long_table, metric_tables, round_table, video_table
 from stages.harness.stage import Context, Inputs, main
 from stages.params import Params
 
@@ -37,15 +37,22 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
     rows = [row for a in answers for row in score_of(a, keypoints, camera_motion, truth, model)]
     rows += [cycle_row("single pass", sync), cycle_row("after loop", refined.sync)]
     summary = over_videos(rows)
+    round_errors = [
+        against_truth(Answer("round", r.motion.videos, r.motion.cameras, r.sync), keypoints, truth)
+        for r in refined.rounds
+    ]
     tables = [
         *metric_tables(rows, summary),
+        round_table(refined, round_errors),
         video_table(keypoints, camera_motion, refined.sync),
     ]
     pictures: list[Picture] = []
     if params.evaluate.figures:
         ctx.progress(0.3, "drawing numbers")
         positions = true_positions(refined.sync, truth)
-        pictures += draw_numbers(ctx.report, sync, refined, answers, truth, positions)
+        pictures += draw_numbers(
+            ctx.report, sync, refined, answers, truth, positions, round_errors
+        )
         ctx.progress(0.6, "drawing over the videos")
         pictures += draw_film(
             ctx.report, shots_of(ctx, keypoints, camera_motion, answers, model), refined, model
@@ -120,10 +127,9 @@ def shots_of(
 
 def lead_of(refined: RefineSync) -> str:
     """One sentence under the report's title."""
-    return (
-        f"{len(refined.sync.ids)} videos, reference {refined.sync.reference}; round "
-        f"{refined.best + 1} of {len(refined.rounds)} was kept. Loop: {refined.status}"
-    )
+    count = len(refined.sync.ids)
+    videos = "1 video" if count == 1 else f"{count} videos, reference {refined.sync.reference}"
+    return f"{videos}. The loop: {refined.status}."
 
 
 if __name__ == "__main__":

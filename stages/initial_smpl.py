@@ -50,8 +50,10 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
         starts.append(found)
         source[video.id] = (video.initial_format or "") if given[video.id] is not None else "monocular"
         ctx.progress(0.05 + 0.35 * len(starts) / len(observations), f"starts of {video.id}")
+    slowest = min(o.fps for o in observations)
     fit = fit_monocular(
-        body, prior, observations, starts, weights_of(params.fit), max_steps=lifting.max_steps,
+        body, prior, observations, starts, weights_of(params.fit),
+        stride=max(1, round(lifting.stride_s * slowest)), max_steps=lifting.max_steps,
         progress=lambda said: ctx.progress(0.5, said),
     )  # fmt: skip
     return InitialSmpl(

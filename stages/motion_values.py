@@ -28,6 +28,7 @@ from imocap_core.motion.timeline import make_timeline
 from imocap_core.rotations import exp, log, unwrap
 from stages.params import FitParams, MotionParams
 
+torch.set_num_threads(1)  # blocks of 75 to 150: the solver's own threads, one a motion, pay
 LIKE = torch.zeros((), dtype=torch.float64)
 
 
@@ -168,7 +169,7 @@ def smpl_ba_of(
         videos=motions_of(body, motion.state, observations, keypoints),
         cameras=cameras,
         objective=motion.costs,
-        terms={},
+        misfit=motion.misfit,
         status=motion.status,
     )
 

@@ -6,17 +6,17 @@ objective is kept, and by how much it won is reported.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.observations import Observation, own_view, padded, validity
+from imocap_core.motion.observations import Observation, every, own_view, padded, validity
 from imocap_core.motion.prior import PosePrior
 from imocap_core.motion.solver import gauss_newton, objective
-from imocap_core.motion.starts import Start
+from imocap_core.motion.starts import Start, interpolate_rotations
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import (
     HingeLimits,
@@ -28,7 +28,10 @@ from imocap_core.motion.terms import (
     ShapePrior,
     Term,
 )
+from imocap_core.motion.timeline import sample
 
+Progress = Callable[[str], None]
+COARSE_SCALES = (10.0, 3.0, 1.0)  # of the robust loss, relative to the final one
 PRIOR_FPS = 30.0  # frame rate at which the prior's joint speeds were measured
 
 
@@ -122,37 +125,71 @@ def fit_monocular(
     starts: Sequence[Sequence[Start]],
     weights: FitWeights,
     *,
+    stride: int,
     max_steps: int,
-    progress: Callable[[str], None] = lambda _: None,
+    progress: Progress = lambda _: None,
 ) -> MonocularFit:
     """Fit every video by itself from each of its starts; keep the best.
 
+    All starts are fitted on every ``stride``-th frame under a wide robust loss that narrows; the
+    winner of each video is then fitted on all frames.
+
     Args:
         observations: M videos; starts: the starts of each (at least one each).
-        max_steps: Gauss-Newton steps at the final robust scale.
+        max_steps: Gauss-Newton steps of the last fit.
     """
     owner = [v for v, own in enumerate(starts) for _ in own]
-    flat = [start for own in starts for start in own]
-    repeated = [observations[v] for v in owner]
-    like = flat[0].trans
-    valid = validity(repeated, like)
-    state = stacked(flat, valid)
-    view = own_view(repeated, like, noise_share=weights.noise_share)
+    progress(f"{len(owner)} starts on every {stride}th frame")
+    coarse = [every(observations[v], stride) for v in owner]
+    flat = [Start(s.R_local[::stride], s.trans[::stride], s.cost) for own in starts for s in own]
+    state = stacked(flat, validity(coarse, flat[0].trans))
+    for scale in COARSE_SCALES:
+        terms = monocular_terms(body, prior, coarse, state.trans, weights, scale)
+        state = gauss_newton(terms, state, max_steps=6, relative_tolerance=3e-3).state
+    chosen, costs = _cheapest(objective(terms, state), owner, len(observations))
+    progress("the best start of each video on all frames")
+    state = _all_frames(state.rows(chosen), observations, stride)
+    terms = monocular_terms(body, prior, observations, state.trans, weights, 1.0)
+    solution = gauss_newton(terms, state, max_steps=max_steps, relative_tolerance=1e-3)
+    return MonocularFit(solution.state, costs, solution.status)
+
+
+def monocular_terms(
+    body: Body,
+    prior: PosePrior,
+    observations: Sequence[Observation],
+    like: Tensor,
+    weights: FitWeights,
+    scale: float,
+) -> list[Term]:
+    """The whole objective of videos seen by themselves, its robust loss widened by ``scale``."""
+    view = own_view(observations, like, noise_share=weights.noise_share)
     fps = float(np.median([o.fps for o in observations]))
-    fixed = regularisers(prior, weights, fps)
-    fixed += evidence_term(body, repeated, like, weights)
-    for scale, steps in ((10.0, 6), (3.0, 6), (1.0, max_steps)):
-        progress(f"{len(flat)} starts, robust scale {scale:g}x")
-        terms = [Reprojection(body, (view,), weights.robust_scale * scale), *fixed]
-        solution = gauss_newton(terms, state, max_steps=steps, relative_tolerance=1e-3)
-        state = solution.state
-    cost = objective(terms, state)
+    return [
+        Reprojection(body, (view,), weights.robust_scale * scale),
+        *regularisers(prior, weights, fps),
+        *evidence_term(body, observations, like, weights),
+    ]
+
+
+def _cheapest(cost: Tensor, owner: list[int], videos: int) -> tuple[Tensor, list[list[float]]]:
+    """The best row of each video, and the costs of all its rows."""
     owners = torch.tensor(owner, device=cost.device)
-    chosen, costs = [], []
-    for v in range(len(observations)):
-        rows = (owners == v).nonzero()[:, 0]
-        own = cost[rows]
-        chosen.append(int(rows[own.argmin()]))
-        costs.append([float(c) for c in own])
-    index = torch.tensor(chosen, device=cost.device)
-    return MonocularFit(state.rows(index), costs, solution.status)
+    rows = [(owners == v).nonzero()[:, 0] for v in range(videos)]
+    best = torch.stack([r[cost[r].argmin()] for r in rows])
+    return best, [[float(c) for c in cost[r]] for r in rows]
+
+
+def _all_frames(
+    state: MotionState, observations: Sequence[Observation], stride: int
+) -> MotionState:
+    """A state on every ``stride``-th frame, interpolated to all frames."""
+    full = []
+    for v, observation in enumerate(observations):
+        frames = len(observation.xy_px)
+        keys = np.arange(0, frames, stride)
+        R, trans = state.R_local[v, : len(keys)], state.trans[v, : len(keys)]
+        at = np.minimum(np.arange(frames) / stride, len(keys) - 1)
+        full.append(Start(interpolate_rotations(R, keys, frames), sample(trans, at), 0.0))
+    dense = stacked(full, validity(observations, state.trans))
+    return replace(dense, betas=state.betas)

@@ -7,6 +7,8 @@ time linear in the number of frames. The few unknowns that every frame sees (bod
 form a border ("arrow"), eliminated by their Schur complement.
 """
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import torch
@@ -56,7 +58,7 @@ class NormalEquations:
         m = self.corner_gradient.shape[-1]
         damped = _damped(self.diagonal, damping[:, None, None])
         right = torch.cat([self.gradient[..., None], self.border], dim=-1)
-        solved = solve_pentadiagonal(damped, self.next1, self.next2, right)
+        solved = _each_motion(damped, self.next1, self.next2, right)
         frame_only, response = solved[..., 0], solved[..., 1:]
         schur = self.corner - torch.einsum("btni,btnj->bij", self.border, response)
         rest = self.corner_gradient - torch.einsum("btni,btn->bi", self.border, frame_only)
@@ -74,6 +76,24 @@ class NormalEquations:
         """(B,) decrease of the cost (sum of squares, no half) that the quadratic model promises."""
         slope = (self.gradient * d_frames).sum((1, 2)) + (self.corner_gradient * d_globals).sum(1)
         return -slope
+
+
+def _each_motion(diagonal: Tensor, next1: Tensor, next2: Tensor, right: Tensor) -> Tensor:
+    """`solve_pentadiagonal` of every motion of the batch, on a CPU one motion a thread.
+
+    The blocks are too small for a linear algebra library's own threads to pay.
+    """
+    batch = len(diagonal)
+    workers = min(batch, os.cpu_count() or 1)
+    if workers == 1 or diagonal.is_cuda:
+        return solve_pentadiagonal(diagonal, next1, next2, right)
+
+    def one(v: int) -> Tensor:
+        row = slice(v, v + 1)
+        return solve_pentadiagonal(diagonal[row], next1[row], next2[row], right[row])
+
+    with ThreadPoolExecutor(workers) as pool:
+        return torch.cat(list(pool.map(one, range(batch))))
 
 
 def _damped(blocks: Tensor, damping: Tensor) -> Tensor:

@@ -32,6 +32,18 @@ class Observation:
     joints: Array | None = None
 
 
+def every(observation: Observation, stride: int) -> Observation:
+    """Every ``stride``-th frame of a video, as a video of a lower frame rate."""
+    joints = observation.joints
+    return Observation(
+        observation.xy_px[::stride],
+        observation.confidence[::stride],
+        observation.K,
+        observation.fps / stride,
+        None if joints is None else joints[::stride],
+    )
+
+
 def person_size_px(observation: Observation) -> Array:
     """(T,) spread of the keypoints of each frame, made steady over about a second.
 

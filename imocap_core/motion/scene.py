@@ -1,6 +1,6 @@
 """What SMPL-BA works on, how it proceeds, and what it returns."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,15 +10,14 @@ from torch import Tensor
 from imocap_core.motion.adam import adam
 from imocap_core.motion.consensus import Cameras
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.monocular import FitWeights, evidence_term, regularisers
-from imocap_core.motion.observations import Observation, own_view
+from imocap_core.motion.monocular import FitWeights, Progress, monocular_terms
+from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import PosePrior
 from imocap_core.motion.solver import Solution, gauss_newton
 from imocap_core.motion.state import MotionState
-from imocap_core.motion.terms import Reprojection, Term
+from imocap_core.motion.terms import Term
 from imocap_core.motion.timeline import Timeline
 
-Progress = Callable[[str], None]
 ADAM_STEPS_PER_NEWTON_STEP = 25
 
 
@@ -108,10 +107,6 @@ def solve(
 
 def own_terms(scene: Scene, like: Tensor) -> list[Term]:
     """Every video's own image evidence and regularisers."""
-    weights = scene.weights
-    view = own_view(scene.observations, like, noise_share=weights.noise_share)
-    return [
-        Reprojection(scene.body, (view,), weights.robust_scale),
-        *regularisers(scene.prior, weights, scene.fps),
-        *evidence_term(scene.body, scene.observations, like, weights),
-    ]
+    return monocular_terms(
+        scene.body, scene.prior, scene.observations, like, scene.weights, scale=1.0
+    )

@@ -59,5 +59,5 @@ class SmplBa(Artifact):
     videos: list[VideoMotion]
     cameras: list[Camera]
     objective: list[float]  # after each iteration
-    terms: dict[str, list[float]]  # the objective's terms, each after each iteration
+    misfit: float  # mean robust reprojection cost a keypoint of one motion for all views
     status: str

@@ -1,0 +1,130 @@
+"""How fast the body is, against automatic differentiation of the same function in the same run."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from imocap_core.body import Model, PointSet, keypoints_with_jacobian, load_free_body
+from imocap_core.rotations import exp
+
+BODIES, MESHES, LAYOUT, REPEATS = 800, 200, "body25", 7
+
+
+@dataclass(frozen=True)
+class Row:
+    """One measurement: best of several runs, and the peak of memory it added."""
+
+    what: str
+    dtype: str
+    milliseconds: float
+    megabytes: float  # NaN where the system does not tell
+    note: str = ""
+
+
+def measure(threads: int = 2, seed: int = 0) -> list[Row]:
+    """All rows, in float32 and float64, on `threads` threads."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(threads)
+    try:
+        return [row for dtype in (torch.float32, torch.float64) for row in _rows(dtype, seed)]
+    finally:
+        torch.set_num_threads(before)
+
+
+def _rows(dtype: torch.dtype, seed: int) -> list[Row]:
+    rng = np.random.default_rng(seed)
+
+    def normal(*shape: int) -> Tensor:
+        return torch.as_tensor(rng.normal(size=shape), dtype=dtype)
+
+    model = load_free_body(dtype=dtype)
+    points = model.points(LAYOUT)
+    theta, transl, betas = 0.4 * normal(BODIES, 24, 3), normal(BODIES, 3), normal(10)
+    R_local = exp(theta)
+    each_own = normal(BODIES, 10)
+    name = str(dtype).removeprefix("torch.")
+
+    def row(what: str, work: Callable[[], object], repeats: int = REPEATS, note: str = "") -> Row:
+        milliseconds, megabytes = _best(work, repeats)
+        return Row(what, name, milliseconds, megabytes, note)
+
+    automatic = _automatic(model, points)
+    jacobian = row(
+        f"{BODIES} bodies x {len(points.names)} keypoints, full Jacobian",
+        lambda: keypoints_with_jacobian(model.shape(betas), points, R_local, transl),
+        note="72 pose and 10 shape columns; by translation it is the identity",
+    )
+    forward = row(
+        "the same by torch.func.jacfwd", lambda: automatic(theta, betas, transl), repeats=2
+    )
+    ratio = forward.milliseconds / jacobian.milliseconds
+    return [
+        jacobian,
+        Row(forward.what, name, forward.milliseconds, forward.megabytes, f"{ratio:.0f} x slower"),
+        row(
+            "the same, every body its own shape",
+            lambda: keypoints_with_jacobian(model.shape(each_own), points, R_local, transl),
+        ),
+        row(
+            f"{BODIES} bodies, joints only",
+            lambda: model.shape(betas).pose(R_local, transl).joints,
+        ),
+        row(
+            f"{BODIES} bodies, {len(points.names)} keypoints",
+            lambda: model.shape(betas).pose(R_local, transl).keypoints(points),
+        ),
+        row(
+            f"{MESHES} bodies, full mesh",
+            lambda: model.shape(betas).pose(R_local[:MESHES], transl[:MESHES]).mesh(),
+            note=f"{len(model.v_template)} vertices each",
+        ),
+    ]
+
+
+def _automatic(model: Model, points: PointSet) -> Callable[[Tensor, Tensor, Tensor], object]:
+    """Forward-mode Jacobian of each body's keypoints by its pose, shape and translation."""
+
+    def place(theta: Tensor, betas: Tensor, transl: Tensor) -> Tensor:
+        return model.shape(betas).pose(exp(theta), transl).keypoints(points)
+
+    jacobian = torch.func.jacfwd(place, argnums=(0, 1, 2))
+    return torch.func.vmap(jacobian, in_dims=(0, None, 0))
+
+
+def _best(work: Callable[[], object], repeats: int) -> tuple[float, float]:
+    """Shortest wall time in milliseconds after a warm-up, and the peak it added in megabytes."""
+    best = float("inf")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # torch.func warns of its own internals
+        peak = _peak_megabytes(work)
+        for _ in range(repeats):
+            start = time.perf_counter()
+            work()
+            best = min(best, time.perf_counter() - start)
+    return 1e3 * best, peak
+
+
+def _peak_megabytes(work: Callable[[], object]) -> float:
+    """Growth of this process' peak resident memory while `work` runs (Linux), else NaN."""
+    status, reset = Path("/proc/self/status"), Path("/proc/self/clear_refs")
+    try:
+        work()
+        reset.write_text("5", encoding="ascii")  # the peak starts again at what is in use now
+        before = _kilobytes(status, "VmHWM")
+        work()
+        return (_kilobytes(status, "VmHWM") - before) / 1e3
+    except OSError:
+        return float("nan")
+
+
+def _kilobytes(status: Path, field: str) -> float:
+    lines = status.read_text(encoding="ascii").splitlines()
+    return float(next(line for line in lines if line.startswith(field)).split()[1])

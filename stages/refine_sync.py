@@ -1,0 +1,89 @@
+"""refine_sync: synchronisation and SMPL-BA in turn until the correspondences settle (section 3.3)."""
+
+from __future__ import annotations
+
+
+from imocap_core.artifacts.schemas import (
+    CameraMotion,
+    InitialSmpl,
+    Keypoints,
+    RefineSync,
+    Round,
+    SmplBa,
+    Sync,
+    SyncSummary,
+)
+from imocap_core.motion.alternation import Turn, alternate
+from imocap_core.motion.joint import recover_motion
+from imocap_core.motion.state import MotionState
+from stages.harness.stage import Context, Inputs, main
+from stages.motion_values import (
+    body_for,
+    evidence_joints,
+    observations_of,
+    options_of,
+    scene_of,
+    smpl_ba_of,
+    state_of,
+)
+from stages.params import Params
+from stages.sync import synchronise_motions
+
+
+def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
+    """All rounds; round 0 is the single pass."""
+    keypoints, initial = inputs.get(Keypoints), inputs.get(InitialSmpl)
+    first_sync, first_motion = inputs.get(Sync), inputs.get(SmplBa)
+    body = body_for(keypoints)
+    observations = observations_of(
+        body, keypoints, inputs.get(CameraMotion), evidence_joints(initial)
+    )
+    options = options_of(params.motion)
+    rounds_begun = 0
+
+    def synchronise(motion: SmplBa) -> Sync:
+        nonlocal rounds_begun
+        rounds_begun += 1
+        ctx.progress(rounds_begun / (params.refine.max_rounds + 1), f"round {rounds_begun}: sync")
+        return synchronise_motions(
+            motion.videos, keypoints, params.sync, ctx.rng(), reference=first_sync.reference
+        )
+
+    def recover(sync: Sync, motion: SmplBa) -> SmplBa:
+        ctx.progress(rounds_begun / (params.refine.max_rounds + 1), f"round {rounds_begun}: motion")
+        scene = scene_of(body, observations, sync, params.fit)
+        state: MotionState = state_of(motion.videos)
+        found = recover_motion(scene, state, options)
+        return smpl_ba_of(body, found, observations, keypoints, sync.reference)
+
+    done = alternate(
+        Turn(first_sync, first_motion, first_motion.misfit, 0.0),
+        synchronise,
+        recover,
+        maps=lambda sync: [m.reference_frame for m in sync.maps],
+        cost=lambda motion: motion.misfit,
+        max_rounds=params.refine.max_rounds if len(keypoints.videos) > 1 else 0,
+        settled_frames=params.refine.settled_frames,
+    )
+    best = done.turns[done.best]
+    return RefineSync(
+        rounds=[
+            Round(
+                sync=SyncSummary.model_validate(
+                    {name: getattr(turn.sync, name) for name in SyncSummary.model_fields}
+                ),
+                motion=turn.motion,
+                cost=turn.cost,
+                sync_change_frames=turn.change_frames,
+            )
+            for turn in done.turns
+        ],
+        best=done.best,
+        sync=best.sync,
+        motion=best.motion,
+        status=done.status,
+    )
+
+
+if __name__ == "__main__":
+    raise SystemExit(main("refine_sync"))
