@@ -50,9 +50,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
     if params.evaluate.figures:
         ctx.progress(0.3, "drawing numbers")
         positions = true_positions(refined.sync, truth)
-        pictures += draw_numbers(
-            ctx.report, sync, refined, answers, truth, positions, round_errors
-        )
+        pictures += draw_numbers(ctx.report, sync, refined, answers, truth, positions, round_errors)
         ctx.progress(0.6, "drawing over the videos")
         pictures += draw_film(
             ctx.report, shots_of(ctx, keypoints, camera_motion, answers, model), refined, model

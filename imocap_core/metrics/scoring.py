@@ -49,6 +49,7 @@ SYNC_METRICS = (
     "matched_share",
     "false_match_share",
 )
+NO_OFFSET = "the timing of the clips differs by more than an offset"
 NONE_MATCHED = "no matched frame has a counterpart in the reference clip"
 MEDIAN_OVER_VIDEOS = frozenset({"offset_error_frames"})
 """Metrics whose summary over videos is the median; all others take the unweighted mean."""
@@ -126,7 +127,9 @@ def sync_rows(
         matched_reference_frame, phase, reference_frames, reference_phase, phase_end
     )
     true_at = sync.true_reference_frame(phase, reference_frames, reference_phase)
-    offset = sync.offset_frames(matched_reference_frame, frames)
+    constant = sync.is_offset(true_at, frames)
+    offset = sync.offset_frames(matched_reference_frame, frames) if constant else math.nan
+    no_offset = NONE_MATCHED if constant else NO_OFFSET
     pairs = (
         (sync.sync_error_pct(errors), NONE_MATCHED),
         (
@@ -136,8 +139,8 @@ def sync_rows(
         (sync.sync_error_frames(errors), NONE_MATCHED),
         (sync.sync_error_ms(errors, reference_fps), NONE_MATCHED),
         (sync.sync_median_error_frames(errors), NONE_MATCHED),
-        (offset, "nothing is matched"),
-        (abs(offset - sync.offset_frames(true_at, frames)), NONE_MATCHED),
+        (offset, no_offset),
+        (abs(offset - sync.offset_frames(true_at, frames)), no_offset),
         (sync.matched_share(errors), "no frame has a counterpart"),
         (sync.false_match_share(errors), "every frame has a counterpart"),
     )

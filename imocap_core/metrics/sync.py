@@ -118,6 +118,13 @@ def offset_frames(matched_reference_frame: ArrayLike, frames: ArrayLike) -> floa
     return float(np.median(offset)) if len(offset) else float("nan")
 
 
+def is_offset(reference_frame: ArrayLike, frames: ArrayLike, within_frames: float = 0.5) -> bool:
+    """Whether a map is one constant offset: no frame departs from the median one by more."""
+    offset = np.asarray(reference_frame, dtype=np.float64) - np.asarray(frames)
+    offset = offset[np.isfinite(offset)]
+    return bool(len(offset) and np.abs(offset - np.median(offset)).max() <= within_frames)
+
+
 def matched_share(errors: SyncErrors) -> float:
     """Share of the frames with a true counterpart that the method matches (recall)."""
     return _share(errors.matched, errors.has_truth)

@@ -1,0 +1,1 @@
+"""What people look at: figures, film, tables, and the report that holds them."""

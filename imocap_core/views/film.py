@@ -35,8 +35,8 @@ from imocap_core.views.overlays import (
 Array = NDArray[np.float64]
 
 COLUMNS = 6
-NEAR_FRAMES = 1.0
-"""A frame stands for a moment of the reference when its map comes at least so near."""
+GAP_FRAMES = 4.0
+"""A moment of the reference farther than this from every matched frame has no picture."""
 
 
 @dataclass(frozen=True)
@@ -60,11 +60,18 @@ def spread(count: int, columns: int = COLUMNS) -> NDArray[np.int64]:
 
 
 def frames_at(found: SyncMap, moments: ArrayLike) -> list[int | None]:
-    """For each moment (index into the reference) the video's nearest frame, None when not near."""
-    distance = np.abs(found.reference_frame[None, :] - np.asarray(moments)[:, None])
-    distance = np.where(np.isfinite(distance), distance, np.inf)
-    nearest = distance.argmin(axis=1)
-    return [int(t) if d[t] <= NEAR_FRAMES else None for t, d in zip(nearest, distance, strict=True)]
+    """For each moment (index into the reference) the video's frame that shows it, or None."""
+    at = found.reference_frame
+    if not np.isfinite(at).any():
+        return [None] * len(np.asarray(moments))
+    first, last = np.nanmin(at) - 0.5, np.nanmax(at) + 0.5
+    chosen: list[int | None] = []
+    for moment in np.asarray(moments, dtype=np.float64):
+        distance = np.abs(at - moment)
+        nearest = int(np.nanargmin(distance))
+        inside = first <= moment <= last and distance[nearest] <= GAP_FRAMES
+        chosen.append(nearest if inside else None)
+    return chosen
 
 
 def read_cells(shot: Shot, frames: Sequence[int]) -> tuple[dict[int, Image], dict[int, Window]]:

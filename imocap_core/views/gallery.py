@@ -31,6 +31,8 @@ from imocap_core.views.sync_figures import affinity_figure, rounds_figure, warp_
 
 Array = NDArray[np.float64]
 
+ROUND_ERRORS = {"sync_error_pct": "sync error (%)", "pa_mpjpe_mm": "P-MPJPE (mm)"}
+
 
 def draw_numbers(
     folder: Path,
@@ -39,8 +41,14 @@ def draw_numbers(
     answers: Sequence[Answer],
     truth: Truth | None,
     true_positions: Mapping[str, Array],
+    round_errors: Sequence[Mapping[str, float]],
 ) -> list[Picture]:
-    """Figures of numbers: errors, synchronisation, cameras and paths, the rounds of the loop."""
+    """Figures of numbers: errors, synchronisation, cameras and paths, the rounds of the loop.
+
+    Args:
+        true_positions: video id -> (T,) index into the reference. round_errors: per round, metric
+            -> mean over the videos; empty without truth.
+    """
     with quiet():
         made = [
             (_joint_errors(answers, truth), "joint_errors.png", "Error of each joint."),
@@ -61,7 +69,11 @@ def draw_numbers(
                 "scene.png",
                 "Recovered cameras and the path of the root in each video.",
             ),
-            (_rounds(refined), "rounds.png", "The objective and the correspondences by round."),
+            (
+                _rounds(refined, round_errors),
+                "rounds.png",
+                "What each round of the loop brought.",
+            ),
         ]
         return [_written(folder, fig, name, said) for fig, name, said in made if fig is not None]
 
@@ -108,12 +120,14 @@ def _joint_errors(answers: Sequence[Answer], truth: Truth | None) -> Figure | No
     return joint_error_figure(EVAL_12, known) if known else None
 
 
-def _rounds(refined: RefineSync) -> Figure | None:
+def _rounds(refined: RefineSync, errors: Sequence[Mapping[str, float]]) -> Figure | None:
     if len(refined.rounds) < 2:
         return None
-    return rounds_figure(
-        [r.motion.objective for r in refined.rounds],
-        [r.cost for r in refined.rounds],
-        [r.sync_change_frames for r in refined.rounds],
-        refined.best,
-    )
+    known = {
+        title: [error[metric] for error in errors]
+        for metric, title in ROUND_ERRORS.items()
+        if all(metric in error for error in errors)
+    }
+    costs = [r.cost for r in refined.rounds]
+    changes = [r.sync_change_frames for r in refined.rounds]
+    return rounds_figure(costs, changes, known, refined.best)

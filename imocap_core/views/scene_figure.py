@@ -28,10 +28,11 @@ def scene_figure(
     motions: Sequence[VideoMotion], cameras: Sequence[Camera], reference: str
 ) -> Figure:
     """Cameras as frusta and root paths, pale at the start and dark at the end; and from above."""
-    figure = new_figure(9.4, 4.7)
-    solid = figure.add_subplot(1, 2, 1, projection="3d")
-    above = figure.add_subplot(1, 2, 2)
+    figure = new_figure(11.4, 4.3)
+    places = figure.add_gridspec(1, 3, width_ratios=[1.3, 1, 1])
+    solid = figure.add_subplot(places[0], projection="3d")
     assert isinstance(solid, Axes3D)
+    above, path = figure.add_subplot(places[1]), figure.add_subplot(places[2])
     ids = [camera.id for camera in cameras]
     everything = []
     for motion, camera in zip(motions, cameras, strict=True):
@@ -41,18 +42,21 @@ def scene_figure(
         corners = _frustum(camera)
         everything += [root, corners]
         _draw_solid(solid, corners, root, color, camera.id)
-        _draw_above(above, corners, root, color, camera.id)
+        _draw_camera(above, corners, color, camera.id)
+        for ax in (above, path):
+            _draw_path(ax, root, color)
     _frame(solid, np.concatenate(everything))
-    above.set_aspect("equal", adjustable="datalim")
-    above.set_xlabel("right (m)")
-    above.set_ylabel("forward (m)")
-    above.set_title("from above")
-    above.grid(True, color=GRID)
-    above.margins(0.12)
+    for ax, title in ((above, "from above"), (path, "the root's path, from above")):
+        ax.set_aspect("equal", adjustable="datalim")
+        ax.set_xlabel("right (m)")
+        ax.set_ylabel("forward (m)")
+        ax.set_title(title)
+        ax.grid(True, color=GRID)
+        ax.margins(0.14)
     headline(
         figure,
         "Cameras and the path of the root",
-        f"axes of the camera of {reference}; paths run from pale to dark",
+        f"axes of the camera of {reference}; paths run from pale to dark, the dot is the end",
     )
     return figure
 
@@ -71,7 +75,8 @@ def _draw_solid(ax: Axes3D, corners: Array, root: Array, color: str, name: str) 
     ax.add_collection3d(
         Line3DCollection([corners[list(e)] for e in edges], colors=color, linewidths=1.0)
     )
-    ax.text(*corners[0], f" {name}", color=color, fontsize=8)
+    behind = corners[0] - 0.7 * (corners[1:].mean(axis=0) - corners[0])
+    ax.text(*behind, name, color=color, fontsize=8, ha="center", va="center")
     if len(root) > 1:
         segments = np.stack([root[:-1], root[1:]], axis=1)
         ax.add_collection3d(
@@ -79,24 +84,38 @@ def _draw_solid(ax: Axes3D, corners: Array, root: Array, color: str, name: str) 
         )
 
 
-def _draw_above(ax: Axes, corners: Array, root: Array, color: str, name: str) -> None:
+def _draw_camera(ax: Axes, corners: Array, color: str, name: str) -> None:
+    """A wedge that opens where the camera looks, its name behind it."""
     centre, far = corners[0, :2], corners[1:, :2]
     ahead, spread = far.mean(axis=0) - centre, far - centre
     side = ahead[0] * spread[:, 1] - ahead[1] * spread[:, 0]
     wedge = np.array([far[side.argmin()], centre, far[side.argmax()]])
     ax.fill(wedge[:, 0], wedge[:, 1], color=color, alpha=0.18, lw=0)
     ax.plot(wedge[:, 0], wedge[:, 1], color=color, lw=1.0)
+    behind = -11 * ahead / max(float(np.linalg.norm(ahead)), 1e-9)
     ax.annotate(
-        name, (centre[0], centre[1]), (4, -9), textcoords="offset points", color=color, fontsize=8
+        name,
+        (float(centre[0]), float(centre[1])),
+        (float(behind[0]), float(behind[1])),
+        textcoords="offset points",
+        color=color,
+        fontsize=8,
+        ha="center",
+        va="center",
     )
-    if len(root) > 1:
-        flat = root[:, :2]
-        segments = np.stack([flat[:-1], flat[1:]], axis=1)
-        ax.add_collection(
-            LineCollection(list(segments), colors=_shades(color, len(segments)), linewidths=1.8)
-        )
-        ax.plot(*flat[-1], "o", color=color, ms=4)
-        ax.update_datalim(flat)
+
+
+def _draw_path(ax: Axes, root: Array, color: str) -> None:
+    if len(root) < 2:
+        return
+    flat = root[:, :2]
+    segments = np.stack([flat[:-1], flat[1:]], axis=1)
+    ax.add_collection(
+        LineCollection(list(segments), colors=_shades(color, len(segments)), linewidths=1.6)
+    )
+    ax.plot(*flat[-1], "o", color=color, ms=3.5)
+    ax.update_datalim(flat)
+    ax.autoscale_view()
 
 
 def _shades(color: str, count: int) -> Array:

@@ -56,13 +56,24 @@ def score(
     rows: list[Row] = []
     for seen, motion in zip(keypoints.videos, answer.motions, strict=True):
         own = None if truth is None else truth.videos.get(seen.id)
-        rows += _pose(answer.name, seen, motion, own, points[seen.id])
+        rows += _pose(answer.name, seen, motion, own, points[seen.id].nose_m)
         rows += _image(answer.name, seen, points[seen.id], xy_first_px[seen.id])
     if answer.cameras is not None and answer.sync is not None:
         rows += _cameras(answer.name, answer.cameras, answer.sync.reference, truth)
     if answer.sync is not None:
         rows += _sync(answer.name, answer.sync, keypoints, truth)
     return rows
+
+
+def against_truth(answer: Answer, keypoints: Keypoints, truth: Truth | None) -> dict[str, float]:
+    """Metric -> mean over the videos, of what needs neither images nor the body's surface."""
+    rows: list[Row] = []
+    for seen, motion in zip(keypoints.videos, answer.motions, strict=True):
+        rows += _pose(answer.name, seen, motion, truth.videos.get(seen.id) if truth else None)
+    if answer.cameras is not None and answer.sync is not None:
+        rows += _cameras(answer.name, answer.cameras, answer.sync.reference, truth)
+        rows += _sync(answer.name, answer.sync, keypoints, truth)
+    return {row.metric: row.value for row in scoring.over_videos(rows) if row.value is not None}
 
 
 def cycle_row(name: str, sync: Sync) -> Row:
@@ -119,14 +130,20 @@ def true_motion(own: VideoTruth, frames: NDArray[np.int64]) -> Motion | None:
 
 
 def _pose(
-    name: str, seen: VideoKeypoints, motion: VideoMotion, own: VideoTruth | None, body: BodyPoints
+    name: str,
+    seen: VideoKeypoints,
+    motion: VideoMotion,
+    own: VideoTruth | None,
+    nose_m: Array | None = None,
 ) -> list[Row]:
     true = None if own is None else true_motion(own, motion.frames)
     if true is None:
         why = "no truth" if own is None or own.joints is None else "the true camera is not known"
         return [Row(name, seen.id, metric, None, why) for metric in scoring.POSE_METRICS]
-    joints = np.concatenate([motion.joints, body.nose_m[:, None]], axis=1)
-    predicted = Motion(joints, (*SMPL_JOINTS, "nose"), motion.frames)
+    predicted = Motion(motion.joints, SMPL_JOINTS, motion.frames)
+    if nose_m is not None:
+        joints = np.concatenate([motion.joints, nose_m[:, None]], axis=1)
+        predicted = Motion(joints, (*SMPL_JOINTS, "nose"), motion.frames)
     return scoring.pose_rows(name, seen.id, predicted, true, seen.fps)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from imocap_core.artifacts.schemas import Sync, SyncSummary
 from imocap_core.views.style import (
     ACCENT,
-    GRID,
     INK,
     QUIET,
     TRUTH,
@@ -55,8 +54,8 @@ def affinity_figure(sync: Sync, true_positions: Mapping[str, Array]) -> Figure |
             ax = axes[row, column]
             block = matrix[slices[video], slices[sync.reference]].T
             _matrix(ax, block)
-            _path(ax, sync, video, true_positions.get(video))
             if row == 0:
+                _path(ax, sync, video, true_positions.get(video))
                 ax.set_title(video, color=color_of(sync.ids, video), fontweight="bold")
             else:
                 ax.set_xlabel("frame of the video")
@@ -166,47 +165,27 @@ def _error(ax: Axes, before: SyncSummary, after: SyncSummary, video: str, true: 
 
 
 def rounds_figure(
-    objectives: list[list[float]], costs: list[float], changes: list[float], best: int
+    costs: Sequence[float],
+    changes: Sequence[float],
+    errors: Mapping[str, Sequence[float]],
+    best: int,
 ) -> Figure:
-    """The alternation: the objective inside each round, and how far the correspondences moved.
+    """The alternation, round by round; round 0 is the single pass.
 
     Args:
-        objectives: per round, the objective after each iteration.
-        costs: per round, what rounds are judged by. changes: mean movement in frames.
-        best: the round that was kept.
+        costs: what rounds are judged by. changes: mean movement of the correspondences, in frames.
+        errors: title -> error of each round, when the truth is known. best: the round kept.
     """
-    figure = new_figure(8.6, 2.9)
-    left, middle, right = figure.subplots(1, 3, width_ratios=[1.5, 1, 1])
-    at = 0
-    for i, objective in enumerate(objectives):
-        kept = i == best
-        steps = np.arange(at, at + len(objective))
-        left.plot(steps, objective, color="#28588a" if kept else "#a9bfd6", marker="o", ms=2.2)
-        left.annotate(
-            f"round {i + 1}",
-            (steps[0], objective[0]),
-            (3, 3),
-            textcoords="offset points",
-            fontsize=7,
-        )
-        at += len(objective)
-    values = [value for objective in objectives for value in objective]
-    if min(values) > 0 and max(values) > 20 * min(values):
-        left.set_yscale("log")
-    left.set_title("objective within each round")
-    left.set_xlabel("iteration")
-    rounds = np.arange(1, len(costs) + 1)
-    colors = ["#28588a" if i == best else "#c3d1df" for i in range(len(costs))]
-    middle.bar(rounds, costs, color=colors, width=0.55)
-    middle.set_title("cost of the round")
-    right.bar(rounds, changes, color=colors, width=0.55)
-    right.set_title("correspondences moved")
-    right.set_ylabel("frames")
-    for ax in (middle, right):
+    panels = {"cost of the round": costs, "correspondences moved (frames)": changes, **errors}
+    figure = new_figure(0.6 + 2.1 * len(panels), 2.7)
+    rounds = np.arange(len(costs))
+    colors = ["#28588a" if i == best else "#c3d1df" for i in rounds]
+    for ax, (title, values) in zip(figure.subplots(1, len(panels)), panels.items(), strict=True):
+        ax.bar(rounds, values, color=colors, width=0.6)
+        ax.set_title(title)
         ax.set_xticks(rounds)
         ax.set_xlabel("round")
-        ax.margins(y=0.15)
-    for ax in (left, middle, right):
-        ax.grid(True, axis="y", color=GRID)
-    headline(figure, "Does the loop settle?", "dark: the round that was kept")
+        ax.margins(y=0.12)
+        grid(ax, "y")
+    headline(figure, "Does the loop settle?", "dark: the round that was kept; 0: the single pass")
     return figure

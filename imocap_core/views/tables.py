@@ -6,11 +6,11 @@ import csv
 import html
 import io
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from imocap_core.artifacts.schemas import CameraMotion, Keypoints, SyncSummary, Table
+from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync, SyncSummary, Table
 from imocap_core.metrics.scoring import ALL_VIDEOS, Row
 
 Cell = str | bool | int | float | None
@@ -49,6 +49,14 @@ SYNC = (
     "matched_share",
     "false_match_share",
 )
+ROUND = (
+    "mpjpe_mm",
+    "mpjpe_scaled_mm",
+    "pa_mpjpe_mm",
+    "camera_rotation_error_deg",
+    "sync_error_pct",
+    "sync_error_frames",
+)
 DECIMALS = {"mm": 1, "px": 1, "pct": 2, "deg": 2, "frames": 2, "ms": 1, "s2": 2, "share": 2, "s": 1}
 
 
@@ -84,6 +92,21 @@ def unscored_table(summary: Sequence[Row]) -> Table:
         title="Not scored, and why",
         columns=["metric", "reason"],
         rows=[[metric, reason] for metric, reason in why.items()],
+    )
+
+
+def round_table(refined: RefineSync, errors: Sequence[Mapping[str, float]]) -> Table:
+    """The loop, round by round; errors: per round, metric -> mean over the videos."""
+    metrics = [m for m in ROUND if any(m in error for error in errors)]
+    rows: list[list[Cell]] = [
+        [i, i == refined.best, r.cost, r.sync_change_frames, *(error.get(m) for m in metrics)]
+        for i, (r, error) in enumerate(zip(refined.rounds, errors, strict=True))
+    ]
+    return Table(
+        name="rounds",
+        title="The loop, round by round (0: the single pass)",
+        columns=["round", "kept", "cost", "moved_frames", *metrics],
+        rows=rows,
     )
 
 
@@ -145,6 +168,8 @@ def shown(column: str, value: Cell) -> str:
     """A cell as people read it: rounded by the unit that ends the column's name."""
     if value is None:
         return "–"
+    if isinstance(value, bool):
+        return "yes" if value else ""
     if isinstance(value, float):
         return f"{value:.{DECIMALS.get(column.rsplit('_', 1)[-1], 3)}f}"
     return str(value)

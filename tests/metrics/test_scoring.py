@@ -88,6 +88,16 @@ def test_sync_rows_of_equal_clocks() -> None:
     assert rows["false_match_share"].value is None
 
 
+def test_an_offset_is_shown_only_where_the_truth_is_one() -> None:
+    frames, reference = np.arange(10), np.arange(40)
+    rows = _by_metric(
+        sync_rows("final", "v2", frames + 3.0, frames, 2.0 * frames, reference, reference, 50, 25)
+    )
+    assert rows["offset_error_frames"].value is None
+    assert "more than an offset" in rows["offset_error_frames"].note
+    assert rows["sync_error_frames"].value == pytest.approx(np.abs(3 - np.arange(10)).mean())
+
+
 def test_camera_and_reprojection_rows() -> None:
     eye = np.eye(3)
     assert camera_row("final", "v2", eye, eye, eye, eye).value == pytest.approx(0, abs=1e-6)

@@ -80,6 +80,10 @@ def test_scores_agree_with_what_was_made(made: Made, evaluate: Runs) -> None:
     cameras = _values(result, "after loop", "camera_rotation_error_deg")
     assert cameras["v2"] == pytest.approx(0, abs=1e-4)
     assert "v1" not in cameras  # the reference has no error by definition
+    rounds = next(t for t in result.tables if t.name == "rounds")
+    assert [row[1] for row in rounds.rows] == [False, True]
+    assert "sync_error_frames" in rounds.columns
+    assert rounds.rows[1][rounds.columns.index("sync_error_frames")] == pytest.approx(0)
     assert (_values(result, "monocular", "reprojection_px")["v1"] or 0) > 0.2
 
 

@@ -84,13 +84,13 @@ def test_body_and_skeleton_cover_the_same_place(made: Made) -> None:
     assert 0.01 < side.mean() < 0.5
 
 
-def test_moments_find_the_nearest_matched_frame_only() -> None:
-    found = SyncMap(
-        id="v2",
-        reference_frame=np.array([np.nan, 2.0, 3.5, 5.0]),
-        confidence=np.ones(4),
-    )
-    assert frames_at(found, np.array([0.0, 2.2, 4.4, 9.0])) == [None, 1, 3, None]
+def test_moments_find_the_nearest_frame_within_the_map_only() -> None:
+    at = np.array([np.nan, 2.0, 3.5, 5.0, 20.0])
+    found = SyncMap(id="v2", reference_frame=at, confidence=np.ones(5))
+    moments = [0.0, 2.2, 4.4, 12.0, 20.4, 21.0]
+    assert frames_at(found, moments) == [None, 1, 3, None, 4, None]
+    unmatched = SyncMap(id="v2", reference_frame=at * np.nan, confidence=np.zeros(5))
+    assert frames_at(unmatched, moments) == [None] * 6
 
 
 def test_spread_is_increasing_and_inside() -> None:
