@@ -117,7 +117,7 @@ def _mix(
 def face_parts(
     mean: Array, rig: Rig, joints: Array, ears: dict[str, int], eyes: dict[str, int]
 ) -> NDArray[np.uint8]:
-    """(F,) 0 skin, 1 hair (and irises), 2 shirt, 3 trousers, 4 shoes, by the place in the T pose."""
+    """(F,) 0 skin, 1 hair (and irises), 2 shirt, 3 trousers, 4 shoes, by the T pose."""
     at = {name: joints[j] for j, name in enumerate(JOINTS_24.names)}
     owner = np.array([_owner(JOINTS_24, name) for name in rig.names])
     dominant = owner[rig.weights.argmax(1)]
@@ -158,7 +158,7 @@ def face_parts(
     collar = at["neck"][1] + 0.01 - 0.35 * (z - at["neck"][2])  # lower in front
     part[torso & (y >= waist) & (x < sleeve) & ((y < collar) | (x > 0.065))] = 2
     part[(leg | torso) & (y < waist)] = 3
-    part[leg & (y >= waist)] = 3
+    part[leg & (y >= waist)] = 2
     part[leg & (y < at["left_ankle"][1] + 0.015)] = 4
     part[head & _hair(mean, head)] = 1
     for side in ("left", "right"):

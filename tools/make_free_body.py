@@ -211,7 +211,7 @@ def report(
     """What ten coefficients cost, and whether the first is more than size."""
     rebuilt = mean + np.einsum("vcb,sb->svc", directions, coefficients[::20])
     error_mm = 1000 * np.sqrt(((rebuilt - surface[::20]) ** 2).sum(-1))
-    bones = joints[:, 1:] - joints[:, [p for p in JOINTS_24.parents[1:]]]
+    bones = joints[:, 1:] - joints[:, list(JOINTS_24.parents[1:])]
     lengths = np.linalg.norm(bones, axis=-1)
     design = np.concatenate([np.ones((len(coefficients), 1)), coefficients], axis=1)
     fit = design @ np.linalg.lstsq(design, lengths, rcond=None)[0]

@@ -15,7 +15,8 @@ from torch import Tensor
 from imocap_core.body import Model, PointSet, keypoints_with_jacobian, load_free_body
 from imocap_core.rotations import exp
 
-BODIES, MESHES, LAYOUT, REPEATS = 800, 200, "body25", 7
+BODIES, MESHES, LAYOUT = 800, 200, "body25"
+SECONDS, REPEATS = 1.5, 40  # each measurement is repeated until one of the two is reached
 
 
 @dataclass(frozen=True)
@@ -52,8 +53,8 @@ def _rows(dtype: torch.dtype, seed: int) -> list[Row]:
     each_own = normal(BODIES, 10)
     name = str(dtype).removeprefix("torch.")
 
-    def row(what: str, work: Callable[[], object], repeats: int = REPEATS, note: str = "") -> Row:
-        milliseconds, megabytes = _best(work, repeats)
+    def row(what: str, work: Callable[[], object], note: str = "") -> Row:
+        milliseconds, megabytes = _best(work)
         return Row(what, name, milliseconds, megabytes, note)
 
     automatic = _automatic(model, points)
@@ -62,9 +63,7 @@ def _rows(dtype: torch.dtype, seed: int) -> list[Row]:
         lambda: keypoints_with_jacobian(model.shape(betas), points, R_local, transl),
         note="72 pose and 10 shape columns; by translation it is the identity",
     )
-    forward = row(
-        "the same by torch.func.jacfwd", lambda: automatic(theta, betas, transl), repeats=2
-    )
+    forward = row("the same by torch.func.jacfwd", lambda: automatic(theta, betas, transl))
     ratio = forward.milliseconds / jacobian.milliseconds
     return [
         jacobian,
@@ -99,16 +98,18 @@ def _automatic(model: Model, points: PointSet) -> Callable[[Tensor, Tensor, Tens
     return torch.func.vmap(jacobian, in_dims=(0, None, 0))
 
 
-def _best(work: Callable[[], object], repeats: int) -> tuple[float, float]:
+def _best(work: Callable[[], object]) -> tuple[float, float]:
     """Shortest wall time in milliseconds after a warm-up, and the peak it added in megabytes."""
     best = float("inf")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # torch.func warns of its own internals
         peak = _peak_megabytes(work)
-        for _ in range(repeats):
+        spent, repeats = 0.0, 0
+        while spent < SECONDS and repeats < REPEATS:
             start = time.perf_counter()
             work()
-            best = min(best, time.perf_counter() - start)
+            took = time.perf_counter() - start
+            best, spent, repeats = min(best, took), spent + took, repeats + 1
     return 1e3 * best, peak
 
 
