@@ -67,6 +67,10 @@ class Store:
         """Where a stage's current artifact lies."""
         return self.folder / action / f"{stage}.mcap"
 
+    def report(self, action: str) -> Path:
+        """Where an action's report lies."""
+        return self.folder / action / REPORT
+
     def cached(self, stage: str, key: str) -> Path:
         """Where a result lies for good."""
         return self.folder / ".cache" / stage / f"{key}.mcap"
@@ -110,8 +114,9 @@ class Store:
         target = self.current(action, stage)
         if stored.file != target:
             _link(stored.file, target)
-        if stored.content.files and not _same_files(target.parent / REPORT, stored.content.files):
-            _replace_folder(target.parent / REPORT, stored.content.files)
+        files, report = stored.content.files, self.report(action)
+        if files and not _same_files(report, files):
+            _replace_folder(report, files)
 
     def lock(self, action: str, waiting: Callable[[], None]) -> AbstractContextManager[None]:
         """Hold an action for one run; a second run calls `waiting` once and then waits."""
@@ -160,9 +165,11 @@ def _link(source: Path, target: Path) -> None:
 
 
 def _same_files(folder: Path, files: Mapping[str, bytes]) -> bool:
-    """Whether every side file lies there in full (its size says so)."""
-    paths = {name: folder / name for name in files}
-    return all(p.is_file() and p.stat().st_size == len(files[n]) for n, p in paths.items())
+    """Whether a folder holds exactly these files."""
+    there = {p.relative_to(folder).as_posix(): p for p in folder.rglob("*") if p.is_file()}
+    return there.keys() == files.keys() and all(
+        there[name].read_bytes() == data for name, data in files.items()
+    )
 
 
 def _replace_folder(folder: Path, files: Mapping[str, bytes]) -> None:

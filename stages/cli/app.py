@@ -199,7 +199,7 @@ def _summary(job: Job, outcomes: list[Outcome], seconds: float) -> str:
 
 
 def _report(job: Job) -> Path | None:
-    folder = job.store.current(job.action.name, "report").with_suffix("")
+    folder = job.store.report(job.action.name)
     for name in ("index.html", "report.html", "index.md", "report.md"):
         if (folder / name).is_file():
             return folder / name

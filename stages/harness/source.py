@@ -53,8 +53,12 @@ class Source:
                 sha.update(hashlib.sha256(file.read_bytes()).digest())
         return sha.hexdigest()
 
-    def imports(self) -> Iterator[str]:
-        """The project's modules that running this one runs too."""
+    @cached_property
+    def imports(self) -> frozenset[str]:
+        """The modules that running this one runs too, as far as they can be this project's."""
+        return frozenset(m for m in self._imports() if m.split(".")[0] in PACKAGES)
+
+    def _imports(self) -> Iterator[str]:
         for node in ast.walk(self.tree):
             if isinstance(node, ast.Import):
                 for alias in node.names:
@@ -84,7 +88,7 @@ def closure(script: Path) -> dict[str, str]:
         if name in found:
             continue
         found[name] = source.digest
-        for module in source.imports():
+        for module in source.imports:
             if not module.startswith(CARRIERS) and (known := _find(module)) is not None:
                 waiting.append(known)
     return dict(sorted(found.items()))

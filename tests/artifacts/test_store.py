@@ -89,6 +89,8 @@ def test_side_files_become_the_report(store: Store, put: Put) -> None:
     (report / "index.html").unlink()
     store.publish("yoga", "sync", first)
     assert (report / "index.html").read_bytes() == b"1"
+    put("three", files={"index.html": b"3"})
+    assert {p.name: p.read_bytes() for p in report.iterdir()} == {"index.html": b"3"}
     assert [p.name for p in report.parent.iterdir() if p.name.startswith(".report")] == []
 
 
