@@ -8,7 +8,9 @@ chumpy and scipy objects become inert records of their state, and every other na
 from __future__ import annotations
 
 import pickle
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -18,13 +20,14 @@ from numpy.typing import NDArray
 class Inert:
     """Stands for an object of a library that is not imported: keeps its state, does nothing."""
 
+    state: Mapping[str, Any] = MappingProxyType({})
+
     def __init__(self, *arguments: object) -> None:
-        self.arguments = arguments
-        self.state: dict[str, Any] = {}
+        """Takes whatever the real class would, and forgets it."""
 
     def __setstate__(self, state: object) -> None:
         if isinstance(state, dict):
-            self.state = dict(state)
+            self.state = state
 
 
 def _rebuild(kind: type, base: type, state: object) -> object:
@@ -108,7 +111,7 @@ def as_array(value: object) -> NDArray[np.generic]:
     raise ValueError(f"an object with fields {sorted(state)} holds no array")
 
 
-def _dense(state: dict[str, Any]) -> NDArray[np.generic]:
+def _dense(state: Mapping[str, Any]) -> NDArray[np.generic]:
     """A compressed sparse column matrix, written out."""
     rows, columns = state["_shape"]
     indices, starts = as_array(state["indices"]), as_array(state["indptr"])

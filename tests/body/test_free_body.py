@@ -128,3 +128,14 @@ def test_keypoints_sit_where_detectors_put_them(body: Model) -> None:
 def test_unknown_layouts_are_answered_with_the_known_ones() -> None:
     with pytest.raises(ValueError, match="body25b"):
         load_free_body().points("body_26")
+
+
+def test_nothing_falls_back_to_another_device() -> None:
+    """torch's meta device has shapes but no numbers: mixing in a CPU tensor would raise."""
+    model = load_free_body(device="meta", dtype=torch.float32)
+    R_local = torch.empty(4, 24, 3, 3, device="meta")
+    shaped = model.shape(torch.empty(10, device="meta"))
+    posed = shaped.pose(R_local, torch.empty(4, 3, device="meta"))
+    for result in (posed.joints, posed.mesh().vertices, posed.keypoints(model.points("body25"))):
+        assert result.device.type == "meta"
+        assert result.dtype == torch.float32

@@ -65,8 +65,8 @@ def chumpy_like(monkeypatch: pytest.MonkeyPatch) -> type:
     return Ch
 
 
-def write_pickle(path: Path, content: object) -> Path:
-    path.write_bytes(pickle.dumps(content, protocol=2))
+def write_pickle(path: Path, content: object, protocol: int = 2) -> Path:
+    path.write_bytes(pickle.dumps(content, protocol=protocol))
     return path
 
 
@@ -93,9 +93,14 @@ def test_agrees_with_the_published_formulas(kind: str, tmp_path: Path) -> None:
         assert np.abs(posed.joints.numpy() - places).max() < bound_m
 
 
+@pytest.mark.parametrize("protocol", [0, 2, 4])
 @pytest.mark.parametrize("kind", ["smpl", "smplh", "smplx"])
 def test_pickle_and_npz_are_the_same_model(
-    kind: str, tmp_path: Path, chumpy_like: type, monkeypatch: pytest.MonkeyPatch
+    kind: str,
+    protocol: int,
+    tmp_path: Path,
+    chumpy_like: type,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     arrays = official_arrays(kind)
     np.savez(tmp_path / "a.npz", **arrays)
@@ -104,7 +109,7 @@ def test_pickle_and_npz_are_the_same_model(
     pickled["J_regressor"] = scipy.sparse.csc_matrix(arrays["J_regressor"])
     pickled["bs_style"] = "lbs"
     first = load_body(tmp_path / "a.npz")
-    path = write_pickle(tmp_path / "a.pkl", pickled)
+    path = write_pickle(tmp_path / "a.pkl", pickled, protocol)
     for name in ("chumpy", "chumpy.ch"):
         monkeypatch.delitem(sys.modules, name)
     second = load_body(path)
