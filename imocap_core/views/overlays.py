@@ -64,12 +64,12 @@ class Window:
 def windows(boxes_px: Array, size: tuple[int, int], margin: float = 1.22) -> list[Window]:
     """One window for each box (n, 4) x0 y0 x1 y1, all of one scale that shows the largest.
 
-    A missing box takes the place of the nearest seen one. A window stays inside the picture of
-    ``size`` (width, height) where it fits.
+    A missing box takes the place of the nearest seen one, and the whole picture when there is none.
+    A window stays inside the picture of ``size`` (width, height) where it fits.
     """
     seen = np.flatnonzero(np.isfinite(boxes_px).all(axis=1))
     if not len(seen):
-        raise ValueError("the person is seen in none of the frames: nothing to cut out")
+        return windows(np.tile([0.0, 0.0, *size], (len(boxes_px), 1)), size, margin=1.0)
     nearest = seen[np.abs(np.arange(len(boxes_px))[:, None] - seen[None]).argmin(axis=1)]
     boxes = boxes_px[nearest]
     sides = np.quantile(boxes[:, 2:] - boxes[:, :2], 0.95, axis=0) * margin

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -143,14 +143,14 @@ def _warp(ax: Axes, sync: SyncSummary, video: str, true: Array | None) -> None:
     points = np.column_stack([np.arange(len(found.reference_frame)), found.reference_frame])
     segments = np.stack([points[:-1], points[1:]], axis=1)
     seen = np.isfinite(segments).all(axis=(1, 2))
-    confidence = np.nan_to_num(np.minimum(found.confidence[:-1], found.confidence[1:]))
-    ax.add_collection(
-        LineCollection(
-            list(segments[seen]), colors=color, alpha=list(0.25 + 0.75 * confidence[seen]), lw=2.0
-        )
+    confidence = np.nan_to_num(np.minimum(found.confidence[:-1], found.confidence[1:]))[seen]
+    shades = np.column_stack(
+        [np.tile(to_rgb(color), (len(confidence), 1)), 0.25 + 0.75 * confidence]
     )
-    ax.plot([], [], color=color, label=video)
-    ax.update_datalim(points[np.isfinite(points).all(axis=1)])
+    ax.add_collection(LineCollection(list(segments[seen]), colors=shades, lw=2.0))
+    ax.plot([], [], color=color, label=video if seen.any() else f"{video} (unmatched)")
+    if seen.any():
+        ax.update_datalim(points[np.isfinite(points).all(axis=1)])
     ax.autoscale_view()
     if true is not None:
         ax.plot(np.arange(len(true)), true, color=INK, lw=0.9, ls=(0, (1, 2.2)))

@@ -146,3 +146,15 @@ def test_a_missing_camera_leaves_poses_unscored_but_not_sync(
         [*made.ids, "all videos"], None
     )
     assert _values(result, "after loop", "sync_error_frames")["v2"] == pytest.approx(0)
+
+
+def test_a_video_without_any_match_leaves_the_report_whole(evaluate: Runs) -> None:
+    made = Made(count=2)
+    lost = made.refined.sync.maps[1]
+    none = lost.model_copy(update={"reference_frame": lost.reference_frame * np.nan})
+    sync = made.refined.sync.model_copy(update={"maps": [made.refined.sync.maps[0], none]})
+    made.refined = made.refined.model_copy(update={"sync": sync})
+    result = evaluate(made, truth=True, figures=True)
+    assert _values(result, "after loop", "sync_error_frames")["v2"] is None
+    assert _values(result, "after loop", "matched_share")["v2"] == 0
+    assert "warp.png" in result.files

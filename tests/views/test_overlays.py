@@ -51,8 +51,8 @@ def test_windows_share_one_scale_and_bridge_unseen_frames() -> None:
     assert found[1] in (found[0], found[2])
     centre = found[0].points(np.array([535.0, 560.0]))
     np.testing.assert_allclose(centre, np.array(CELL_PX) / 2)
-    with pytest.raises(ValueError, match="seen in none"):
-        windows(np.full((2, 4), np.nan), (640, 360))
+    unseen = windows(np.full((2, 4), np.nan), (640, 360))[1]
+    np.testing.assert_allclose(unseen.points(np.array([320.0, 180.0])), np.array(CELL_PX) / 2)
 
 
 def test_a_window_stays_inside_a_picture_that_is_large_enough() -> None:
