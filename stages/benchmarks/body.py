@@ -15,8 +15,8 @@ from torch import Tensor
 from imocap_core.body import Model, PointSet, keypoints_with_jacobian, load_free_body
 from imocap_core.rotations import exp
 
-BODIES, MESHES, LAYOUT = 800, 200, "body25"
-SECONDS, REPEATS = 1.5, 40  # each measurement is repeated until one of the two is reached
+LAYOUT = "body25"
+REPEATS = 40
 
 
 @dataclass(frozen=True)
@@ -30,17 +30,23 @@ class Row:
     note: str = ""
 
 
-def measure(threads: int = 2, seed: int = 0) -> list[Row]:
-    """All rows, in float32 and float64, on `threads` threads."""
+def measure(
+    threads: int = 2, bodies: int = 800, meshes: int = 200, seconds: float = 1.5, seed: int = 0
+) -> list[Row]:
+    """All rows, in float32 and float64, on `threads` threads, about `seconds` for each row."""
     before = torch.get_num_threads()
     torch.set_num_threads(threads)
     try:
-        return [row for dtype in (torch.float32, torch.float64) for row in _rows(dtype, seed)]
+        return [
+            row
+            for dtype in (torch.float32, torch.float64)
+            for row in _rows(dtype, bodies, meshes, seconds, seed)
+        ]
     finally:
         torch.set_num_threads(before)
 
 
-def _rows(dtype: torch.dtype, seed: int) -> list[Row]:
+def _rows(dtype: torch.dtype, bodies: int, meshes: int, seconds: float, seed: int) -> list[Row]:
     rng = np.random.default_rng(seed)
 
     def normal(*shape: int) -> Tensor:
@@ -48,18 +54,18 @@ def _rows(dtype: torch.dtype, seed: int) -> list[Row]:
 
     model = load_free_body(dtype=dtype)
     points = model.points(LAYOUT)
-    theta, transl, betas = 0.4 * normal(BODIES, 24, 3), normal(BODIES, 3), normal(10)
+    theta, transl, betas = 0.4 * normal(bodies, 24, 3), normal(bodies, 3), normal(10)
     R_local = exp(theta)
-    each_own = normal(BODIES, 10)
+    each_own = normal(bodies, 10)
     name = str(dtype).removeprefix("torch.")
 
     def row(what: str, work: Callable[[], object], note: str = "") -> Row:
-        milliseconds, megabytes = _best(work)
+        milliseconds, megabytes = _best(work, seconds)
         return Row(what, name, milliseconds, megabytes, note)
 
     automatic = _automatic(model, points)
     jacobian = row(
-        f"{BODIES} bodies x {len(points.names)} keypoints, full Jacobian",
+        f"{bodies} bodies x {len(points.names)} keypoints, full Jacobian",
         lambda: keypoints_with_jacobian(model.shape(betas), points, R_local, transl),
         note="72 pose and 10 shape columns; by translation it is the identity",
     )
@@ -73,16 +79,16 @@ def _rows(dtype: torch.dtype, seed: int) -> list[Row]:
             lambda: keypoints_with_jacobian(model.shape(each_own), points, R_local, transl),
         ),
         row(
-            f"{BODIES} bodies, joints only",
+            f"{bodies} bodies, joints only",
             lambda: model.shape(betas).pose(R_local, transl).joints,
         ),
         row(
-            f"{BODIES} bodies, {len(points.names)} keypoints",
+            f"{bodies} bodies, {len(points.names)} keypoints",
             lambda: model.shape(betas).pose(R_local, transl).keypoints(points),
         ),
         row(
-            f"{MESHES} bodies, full mesh",
-            lambda: model.shape(betas).pose(R_local[:MESHES], transl[:MESHES]).mesh(),
+            f"{meshes} bodies, full mesh",
+            lambda: model.shape(betas).pose(R_local[:meshes], transl[:meshes]).mesh(),
             note=f"{len(model.v_template)} vertices each",
         ),
     ]
@@ -98,14 +104,14 @@ def _automatic(model: Model, points: PointSet) -> Callable[[Tensor, Tensor, Tens
     return torch.func.vmap(jacobian, in_dims=(0, None, 0))
 
 
-def _best(work: Callable[[], object]) -> tuple[float, float]:
+def _best(work: Callable[[], object], seconds: float) -> tuple[float, float]:
     """Shortest wall time in milliseconds after a warm-up, and the peak it added in megabytes."""
     best = float("inf")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # torch.func warns of its own internals
         peak = _peak_megabytes(work)
         spent, repeats = 0.0, 0
-        while spent < SECONDS and repeats < REPEATS:
+        while spent < seconds and repeats < REPEATS:
             start = time.perf_counter()
             work()
             took = time.perf_counter() - start

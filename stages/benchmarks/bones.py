@@ -62,16 +62,11 @@ def bone_lengths(model: Model, betas: Floats) -> tuple[Floats, Floats]:
     """Lengths (10,) in metres and their derivatives (10, B) by the betas."""
     index = [[model.joint_names.index(name) for name in bone] for bone in BONES]
     first, second = np.array(index).T
-    template, directions = model.joints_template.numpy(), model.joints_shapedirs.numpy()
-    template, directions = (
-        template[first] - template[second],
-        directions[first] - directions[second],
-    )
-    vector = template + directions @ betas
+    rest, directions = model.joints_template.numpy(), model.joints_shapedirs.numpy()
+    across = directions[first] - directions[second]
+    vector = rest[first] - rest[second] + across @ betas
     length = np.linalg.norm(vector, axis=1)
-    slope = np.einsum(
-        "nc,ncb->nb", vector / length[:, None], directions[first] - directions[second]
-    )
+    slope = np.einsum("nc,ncb->nb", vector / length[:, None], across)
     return length, slope
 
 
