@@ -75,7 +75,7 @@ def _draw_solid(ax: Axes3D, corners: Array, root: Array, color: str, name: str) 
     ax.add_collection3d(
         Line3DCollection([corners[list(e)] for e in edges], colors=color, linewidths=1.0)
     )
-    behind = corners[0] - 0.7 * (corners[1:].mean(axis=0) - corners[0])
+    behind = corners[0] - 0.9 * (corners[1:].mean(axis=0) - corners[0])
     ax.text(*behind, name, color=color, fontsize=8, ha="center", va="center")
     if len(root) > 1:
         segments = np.stack([root[:-1], root[1:]], axis=1)

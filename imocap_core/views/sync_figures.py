@@ -176,7 +176,7 @@ def rounds_figure(
         costs: what rounds are judged by. changes: mean movement of the correspondences, in frames.
         errors: title -> error of each round, when the truth is known. best: the round kept.
     """
-    panels = {"cost of the round": costs, "correspondences moved (frames)": changes, **errors}
+    panels = {"cost of the round": costs, "sync moved (frames)": changes, **errors}
     figure = new_figure(0.6 + 2.1 * len(panels), 2.7)
     rounds = np.arange(len(costs))
     colors = ["#28588a" if i == best else "#c3d1df" for i in rounds]
