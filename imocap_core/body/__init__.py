@@ -5,7 +5,7 @@ from imocap_core.body.jacobian import keypoints_with_jacobian
 from imocap_core.body.layouts import layout_names, layouts
 from imocap_core.body.model import Mesh, Model, Posed, Shaped
 from imocap_core.body.official import ModelStatus, load_body, model_status
-from imocap_core.body.points import PointSet, make_points
+from imocap_core.body.points import PointSet, join_points, make_points
 
 __all__ = [
     "Mesh",
@@ -14,6 +14,7 @@ __all__ = [
     "PointSet",
     "Posed",
     "Shaped",
+    "join_points",
     "keypoints_with_jacobian",
     "layout_names",
     "layouts",

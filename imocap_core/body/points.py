@@ -91,6 +91,40 @@ def make_points(
     return _build(model, tuple(names), joints.to(model.v_template), shares, vertices)
 
 
+def join_points(sets: Sequence[PointSet]) -> PointSet:
+    """Several sets of points on one model as one, in order; `columns` stay those of each layout."""
+    if not sets:
+        raise ValueError("join_points: expected at least one set of points")
+    if len(sets) == 1:
+        return sets[0]
+    return PointSet(
+        names=tuple(name for points in sets for name in points.names),
+        levers_template=torch.cat([points.levers_template for points in sets]),
+        levers_shapedirs=torch.cat([points.levers_shapedirs for points in sets]),
+        moved_by=torch.cat([points.moved_by for points in sets]),
+        below=sets[0].below,
+        columns=tuple(column for points in sets for column in points.columns),
+        corrections=_join_corrections(sets),
+    )
+
+
+def _join_corrections(sets: Sequence[PointSet]) -> Corrections | None:
+    parts = [points.corrections for points in sets if points.corrections is not None]
+    if not parts:
+        return None
+    shares = [
+        points.levers_template.new_zeros(len(points.names), 0)
+        if points.corrections is None
+        else points.corrections.shares
+        for points in sets
+    ]
+    return Corrections(
+        torch.cat([part.directions for part in parts]),
+        torch.block_diag(*shares),
+        torch.cat([part.weights for part in parts]),
+    )
+
+
 def _table(rows: Sequence[Mapping[int, float]], width: int) -> Tensor:
     table = torch.zeros(len(rows), width, dtype=torch.float64)
     for row, mix in enumerate(rows):

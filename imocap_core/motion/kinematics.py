@@ -1,13 +1,10 @@
 """Where the body's keypoints and joints are for a state, with derivatives when asked."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-import torch
 from torch import Tensor
 
-from imocap_core.body import Model, PointSet, keypoints_with_jacobian
-from imocap_core.body.points import Corrections
+from imocap_core.body import Model, PointSet, join_points, keypoints_with_jacobian
 from imocap_core.motion.state import MotionState
 
 
@@ -36,7 +33,7 @@ class Body:
     @classmethod
     def of(cls, model: Model, *layouts: str) -> "Body":
         """The model seen through the keypoints of one or several layouts, one after another."""
-        return cls(model, joined([model.points(x) for x in layouts]), model.points("smpl24"))
+        return cls(model, join_points([model.points(x) for x in layouts]), model.points("smpl24"))
 
     def positions(self, points: PointSet, state: MotionState) -> Points:
         """Positions only."""
@@ -47,30 +44,3 @@ class Body:
         """Positions and their derivatives."""
         shaped = self.model.shape(state.betas[:, None])
         return Points(*keypoints_with_jacobian(shaped, points, state.R_local, state.trans))
-
-
-def joined(sets: Sequence[PointSet]) -> PointSet:
-    """Several sets of points on one model as one, in order (videos may differ in layout)."""
-    if len(sets) == 1:
-        return sets[0]
-    corrections = None
-    parts = [s.corrections for s in sets if s.corrections is not None]
-    if parts:
-        shares = [
-            s.corrections.shares
-            if s.corrections is not None
-            else s.levers_template.new_zeros(len(s.names), 0)
-            for s in sets
-        ]
-        corrections = Corrections(
-            torch.cat([c.directions for c in parts]),
-            torch.block_diag(*shares),
-            torch.cat([c.weights for c in parts]),
-        )
-    return PointSet(
-        tuple(name for s in sets for name in s.names),
-        torch.cat([s.levers_template for s in sets]),
-        torch.cat([s.levers_shapedirs for s in sets]),
-        torch.cat([s.moved_by for s in sets]),
-        corrections,
-    )

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.body import Model, PointSet, keypoints_with_jacobian, make_points
+from imocap_core.body import Model, PointSet, join_points, keypoints_with_jacobian, make_points
 from imocap_core.rotations import exp, right_jacobian
 from tests.body.bodies import made_body, rodrigues_naive, skin_naive
 
@@ -119,6 +119,23 @@ def test_derivatives_equal_automatic_ones_in_axis_angle(pose_blend: bool) -> Non
     d_theta = torch.einsum("kcji,jia->kcja", d_pose.unflatten(-1, (7, 3)), right_jacobian(theta))
     torch.testing.assert_close(d_theta, by_theta, atol=1e-12, rtol=1e-12)
     torch.testing.assert_close(d_shape, by_betas, atol=1e-12, rtol=1e-12)
+
+
+@pytest.mark.parametrize("pose_blend", [False, True])
+def test_joined_sets_of_points_answer_like_each_alone(pose_blend: bool) -> None:
+    rng = np.random.default_rng(6)
+    model = made_body(rng, pose_blend=pose_blend)
+    joints_only = make_points(model, ("a", "b"), ({1: 1.0}, {4: 1.0}), ({}, {}))
+    sets = [points_of(model), joints_only, points_of(model)]
+    theta, transl = pose_of(rng, 3)
+    shaped = model.shape(torch.as_tensor(rng.normal(size=10)))
+    whole = keypoints_with_jacobian(shaped, join_points(sets), exp(theta), transl)
+    parts = [keypoints_with_jacobian(shaped, points, exp(theta), transl) for points in sets]
+    for i, result in enumerate(whole):
+        torch.testing.assert_close(result, torch.cat([part[i] for part in parts], dim=1))
+    assert join_points(sets[:1]) is sets[0]
+    with pytest.raises(ValueError, match="at least one"):
+        join_points([])
 
 
 def test_a_point_that_would_not_move_with_the_body_is_refused() -> None:
