@@ -51,11 +51,13 @@ class SyncParams(Group):
     rounds: Count  # compositions of softmap
     warp: Literal["posterior", "dtw"]  # mean over all monotone warps, or the paper's one path
     consensus_rounds: Annotated[int, Field(ge=0)]  # refinements against the other videos
+    orientation_window_s: Positive  # an estimate's orientation error changes over about this long
     evidence_per_s: Positive  # independent looks at the pose per second of video; less = smoother
     unmatched_level: Positive  # where between matching and unrelated poses a match ends
     positions_per_frame: Count  # positions tried between two reference frames
     max_rate: Positive  # most seconds of the reference per second of another video
     confidence_reach_s: Positive  # confidence = P(match within this much of the reference)
+    least_difference_m: NonNegative  # pose distance below which poses are not told apart
     normalise_scale: bool  # divide each video by its body size
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imocap_core.sync.affinity import procrustes_distances
+from imocap_core.sync.view_axes import centred, rotations_onto, squared_distances_in_view
 
 Array = NDArray[np.float64]
 
@@ -41,20 +42,12 @@ def positions_between(poses: Array, weights: Array, per_frame: int) -> Contribut
     return Contribution(mixed, np.minimum(a + b, 1.0))
 
 
-def _centred(poses: Array, weights: Array) -> Array:
-    x = np.where(weights[..., None] > 0, poses, 0.0)
-    total = np.maximum(weights.sum(axis=1), 1e-12)[:, None, None]
-    return x - (weights[..., None] * x).sum(axis=1, keepdims=True) / total
-
-
 def turned_onto(poses: Array, targets: Array, weights: Array) -> Array:
-    """Each pose (n, J, 3) centred and turned rigidly onto its target; joints weighted by `weights`
-    (n, J)."""
-    a, b = _centred(poses, weights), _centred(targets, weights)
-    S = np.einsum("njk,njl->nkl", weights[..., None] * b, a)
-    U, _, Vt = np.linalg.svd(S)
-    U[:, :, 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
-    turned: Array = np.einsum("nab,njb->nja", U @ Vt, a)
+    """Each pose (n, J, 3) centred and turned rigidly onto its target; `weights` (n, J) of
+    joints."""
+    a = centred(poses, weights)
+    R = rotations_onto(a, centred(targets, weights), weights)
+    turned: Array = np.einsum("nab,njb->nja", R, a)
     return turned
 
 
@@ -83,15 +76,16 @@ def squared_distances_to_others(
     maps: Sequence[Array | None],
     reference: int,
     per_frame: int,
+    windows: Sequence[float] | None,
 ) -> list[Array | None]:
-    """Per video (T_v, S): squared Procrustes distance of its frames to the template made of all
+    """Per video (T_v, S): squared distance of its frames to the template made of all
     other videos.
 
     `maps` (T_v, S) soft maps into the reference's positions, rows scaled by how much the video
     counts; None for the reference, and None in the answer.
     """
     base = positions_between(poses[reference], weights[reference], per_frame)
-    base = Contribution(_centred(base.poses, base.weights), base.weights)
+    base = Contribution(centred(base.poses, base.weights), base.weights)
     parts = [
         base if p is None else contribute(x, w, p, base)
         for x, w, p in zip(poses, weights, maps, strict=True)
@@ -102,7 +96,11 @@ def squared_distances_to_others(
             squares.append(None)
             continue
         others = template([part for u, part in enumerate(parts) if u != v])
-        squares.append(
-            procrustes_distances(poses[v], others.poses, weights[v], others.weights) ** 2
-        )
+        x, w = poses[v], weights[v]
+        if windows is None:
+            squares.append(procrustes_distances(x, others.poses, w, others.weights) ** 2)
+        else:
+            squares.append(
+                squared_distances_in_view(x, w, others.poses, others.weights, p, windows[v])
+            )
     return squares

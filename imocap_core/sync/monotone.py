@@ -14,6 +14,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+WORST_FRAME = (
+    25.0  # how much less likely than its best position a frame's worst one may be, in nats
+)
+
 
 def interpolated_squares(squares: Array, step_squares: Array, per_frame: int) -> Array:
     """Squared distances to positions between frames: (n, m) -> (n, (m - 1) * per_frame + 1).
@@ -57,7 +61,9 @@ def monotone_posterior(
     # step of a walk that fills S positions in n frames.
     cost = cost + np.log1p(S / n)
     base = np.minimum(cost.min(axis=1), unmatched)
-    like, like_un = np.exp(base[:, None] - cost), np.exp(base - unmatched)
+    # No frame may rule a position out altogether: one bad pose would end every warp there.
+    like = np.exp(np.maximum(base[:, None] - cost, -WORST_FRAME))
+    like_un = np.exp(np.maximum(base - unmatched, -WORST_FRAME))
     # a warp leaves "before" near the first position and enters "after" near the last
     edge = max(1, int(np.ceil(2.0 * S / n)))
     entry, leave = np.zeros(S), np.zeros(S)

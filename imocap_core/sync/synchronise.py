@@ -29,12 +29,14 @@ class Settings:
     rounds: int  # compositions of softmap
     warp: str  # posterior (mean over all monotone warps) | dtw (the paper's)
     consensus_rounds: int  # refinements against the other videos' template; 0 = none
+    orientation_window_s: float  # an estimate's orientation error changes over about this long
     evidence_per_s: float  # independent looks at the pose per second of video; less = smoother
     unmatched_level: float  # unmatched beyond this share of the way from matching to unrelated
     positions_per_frame: int  # positions tried between two reference frames
     max_rate: float  # most seconds of reference per second of video; inf = any
     confidence_reach_s: float  # confidence = P(match within this many seconds of the reference)
     normalise_scale: bool  # divide each video by its body size
+    least_difference_m: float  # pose distance below which performances are not told apart
 
 
 @dataclass(frozen=True)
@@ -65,16 +67,18 @@ class _Comparison:
     squares: Array
     near: float
     far: float
+    floor: float  # squared distance below which performances are not told apart
 
 
 def _compare(
     poses: Sequence[Array],
     confidence: Sequence[Array] | None,
     joint_weights: Array | None,
-    scale: bool,
+    settings: Settings,
 ) -> _Comparison:
     weights = joint_weights_of(poses, confidence, joint_weights)
-    scales = body_scales(poses) if scale else np.ones(len(poses))
+    scales = body_scales(poses) if settings.normalise_scale else np.ones(len(poses))
+    floor = settings.least_difference_m**2
     everything, blocks = stack(poses, scales)
     stacked = np.concatenate(weights)
     squares = np.full((blocks.total, blocks.total), np.nan)
@@ -95,9 +99,9 @@ def _compare(
             far.append(np.nanmedian(known))
     # identical clips have distance 0: keep the unit positive
     typical_far = float(np.mean(far)) if far else 1.0
-    typical_near = max(float(np.mean(near)), 1e-6 * typical_far, 1e-12) if near else 1.0
+    typical_near = max(float(np.mean(near)), floor, 1e-6 * typical_far, 1e-12) if near else 1.0
     split = [everything[blocks.rows(v)] for v in range(len(poses))]
-    return _Comparison(split, weights, blocks, squares, typical_near, typical_far)
+    return _Comparison(split, weights, blocks, squares, typical_near, typical_far, floor)
 
 
 def _neighbour_squares(poses: Array, weights: Array) -> Array:
@@ -198,7 +202,7 @@ def synchronise(
     check_poses(poses, confidence, fps)
     if reference is not None and not 0 <= reference < len(poses):
         raise ValueError(f"reference: expected 0 to {len(poses) - 1}, got {reference}")
-    c = _compare(poses, confidence, joint_weights, settings.normalise_scale)
+    c = _compare(poses, confidence, joint_weights, settings)
     to_affinity = {"reciprocal": reciprocal_affinity, "gaussian": gaussian_affinity}
     if settings.affinity not in to_affinity:
         raise ValueError(f"affinity: expected reciprocal or gaussian, got {settings.affinity!r}")
@@ -246,12 +250,16 @@ def _spread(maps: Array, per_frame: int) -> Array:
 
 
 def _fine_squares(
-    c: _Comparison, maps: list[Array | None], reference: int, per_frame: int
+    c: _Comparison,
+    maps: list[Array | None],
+    reference: int,
+    per_frame: int,
+    windows: Sequence[float] | None,
 ) -> list[Array | None]:
     """Squared distances (T_v, S) to positions of the reference: to the template of all others, or,
     of two videos, to the reference itself."""
     if len(c.poses) > 2:
-        return squared_distances_to_others(c.poses, c.weights, maps, reference, per_frame)
+        return squared_distances_to_others(c.poses, c.weights, maps, reference, per_frame, windows)
     between = _neighbour_squares(c.poses[reference], c.weights[reference])
     return [
         None
@@ -278,14 +286,18 @@ def _posterior_warps(
         for v in range(M)
     ]
     seen = [matched[c.blocks.rows(v), reference] for v in range(M)]
-    for _ in range(settings.consensus_rounds):
+    # the first refinement aligns frame by frame; only then are orientations known well enough
+    steady = [settings.orientation_window_s * f for f in fps]
+    for round_ in range(settings.consensus_rounds):
         counted = [None if v == reference else soft[v] * seen[v][:, None] for v in range(M)]
-        for v, squares in enumerate(_fine_squares(c, counted, reference, per_frame)):
+        for v, squares in enumerate(
+            _fine_squares(c, counted, reference, per_frame, steady if round_ else None)
+        ):
             if squares is None:
                 continue
             known = np.isfinite(squares).any(axis=1)
             near = float(np.median(np.nanmin(squares[known], axis=1))) if known.any() else c.near
-            near = max(near, 1e-6 * c.near)
+            near = max(near, c.floor, 1e-6 * c.near)
             soft[v], seen[v] = _posterior(
                 squares, near, c.far, fps[v], fps[reference], per_frame, settings
             )

@@ -14,13 +14,15 @@ SETTINGS = Settings(
     method="softmap",
     rounds=2,
     warp="posterior",
-    consensus_rounds=2,
+    consensus_rounds=3,
+    orientation_window_s=0.5,
     evidence_per_s=45.0,
     unmatched_level=0.5,
     positions_per_frame=4,
     max_rate=np.inf,
     confidence_reach_s=0.1,
     normalise_scale=True,
+    least_difference_m=0.04,
 )
 FPS = 30.0
 
