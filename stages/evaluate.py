@@ -43,7 +43,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
     ]
     tables = [
         *metric_tables(rows, summary),
-        round_table(refined, round_errors),
+        *([round_table(refined, round_errors)] if len(refined.rounds) > 1 else []),
         video_table(keypoints, camera_motion, refined.sync),
     ]
     pictures: list[Picture] = []

@@ -24,6 +24,7 @@ SUMMARY = (
     "camera_rotation_error_deg",
     "sync_error_pct",
     "sync_error_frames",
+    "matched_share",
     "cycle_residual_frames",
     "reprojection_px",
 )
@@ -56,6 +57,7 @@ ROUND = (
     "camera_rotation_error_deg",
     "sync_error_pct",
     "sync_error_frames",
+    "matched_share",
 )
 DECIMALS = {"mm": 1, "px": 1, "pct": 2, "deg": 2, "frames": 2, "ms": 1, "s2": 2, "share": 2, "s": 1}
 
