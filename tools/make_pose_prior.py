@@ -78,7 +78,9 @@ def fit_clips(clips: list[np.ndarray], names: list[str]) -> list[np.ndarray]:
     fitted: list[list[np.ndarray]] = [[] for _ in clips]
     for first in range(0, len(pieces), BATCH):
         batch = pieces[first : first + BATCH]
-        for index, theta in zip(owner[first : first + BATCH], fit_batch(body, batch, names), strict=True):
+        for index, theta in zip(
+            owner[first : first + BATCH], fit_batch(body, batch, names), strict=True
+        ):
             fitted[index].append(theta)
         print(f"fitted {min(first + BATCH, len(pieces))} of {len(pieces)} pieces", flush=True)
     return [np.concatenate(parts) for parts in fitted]
@@ -111,7 +113,9 @@ def fit_batch(body: Body, batch: list[np.ndarray], names: list[str]) -> list[np.
     solution = gauss_newton(terms, state, max_steps=20, relative_tolerance=3e-3)
     xyz = body.positions(body.joints, solution.state).xyz
     residual = terms[0]._residual(xyz).norm(dim=-1) * (weight > 5000)  # type: ignore[attr-defined]
-    print(f"  {solution.status}; limb joints missed by {1000 * residual.sum() / (residual > 0).sum():.1f} mm")
+    print(
+        f"  {solution.status}; limb joints missed by {1000 * residual.sum() / (residual > 0).sum():.1f} mm"
+    )
     theta = log(solution.state.R_local[:, :, 1:]).numpy()
     return [theta[row, : len(clip)] for row, clip in enumerate(batch)]
 

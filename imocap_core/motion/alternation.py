@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 S = TypeVar("S")  # correspondences
 M = TypeVar("M")  # motion
+DIVERGED = 1.3
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,8 @@ def alternate(
 ) -> Alternation[S, M]:
     """Alternate until the correspondences move less than ``settled_frames`` on average.
 
-    The best round by cost is kept: a round that makes matters worse is recorded, not returned.
+    The last round is returned, unless its cost is more than ``DIVERGED`` times the lowest: then
+    the cheapest is. Costs of rounds that match different frames are compared coarsely only.
 
     Args:
         first: the single pass; synchronise: new correspondences from a motion.
@@ -66,8 +68,10 @@ def alternate(
             break
         motion = recover(sync, turns[-1].motion)
         turns.append(Turn(sync, motion, cost(motion), change))
-    best = min(range(len(turns)), key=lambda k: turns[k].cost)
-    return Alternation(turns, best, f"{status}; round {best} is best")
+    best, last = min(range(len(turns)), key=lambda k: turns[k].cost), len(turns) - 1
+    if turns[last].cost <= DIVERGED * turns[best].cost:
+        best = last
+    return Alternation(turns, best, f"{status}; round {best} is kept")
 
 
 def mean_change(before: Sequence[Array], after: Sequence[Array]) -> float:

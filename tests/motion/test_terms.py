@@ -1,0 +1,150 @@
+"""Every term's analytic gradient is the derivative of its cost, and no Hessian is indefinite."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import torch
+
+from imocap_core.body import load_free_body
+from imocap_core.motion.kinematics import Body
+from imocap_core.motion.prior import mixture
+from imocap_core.motion.robust import geman_mcclure
+from imocap_core.motion.solver import linearise, objective
+from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
+from imocap_core.motion.terms import (
+    HingeLimits,
+    JointEvidence,
+    PathCoupling,
+    PathSmoothness,
+    PoseCoupling,
+    PosePriorTerm,
+    PoseSmoothness,
+    Reprojection,
+    ShapePrior,
+    Term,
+    View,
+)
+from imocap_core.rotations import exp
+
+B, T, POINTS = 2, 5, 25
+
+
+def normal(*size: int, seed: int = 0, spread: float = 1.0) -> torch.Tensor:
+    generator = torch.Generator().manual_seed(seed)
+    return spread * torch.randn(*size, generator=generator, dtype=torch.float64)
+
+
+@pytest.fixture(scope="module")
+def body() -> Body:
+    return Body.of(load_free_body(), "body25")
+
+
+@pytest.fixture(scope="module")
+def state() -> MotionState:
+    """Two motions of five frames, one padded frame, one free camera."""
+    valid = torch.ones(B, T, dtype=torch.bool)
+    valid[1, 4] = False
+    return MotionState(
+        exp(normal(B, T, 24, 3, spread=0.3)),
+        normal(B, T, 3, seed=1, spread=0.1) + torch.tensor([0, 0, 4.0], dtype=torch.float64),
+        normal(B, 10, seed=2, spread=0.3),
+        valid,
+        exp(normal(B, 1, 3, seed=3, spread=0.1)),
+        normal(B, 1, 3, seed=4, spread=0.1),
+    )
+
+
+def seen(state: MotionState) -> torch.Tensor:
+    return state.valid[..., None].double()
+
+
+def reprojection(body: Body, state: MotionState) -> Term:
+    K = torch.tensor([[500.0, 0, 320], [0, 500, 180], [0, 0, 1]], dtype=torch.float64)
+    eye, zero = torch.eye(3, dtype=torch.float64).expand(B, 3, 3), torch.zeros(B, 3).double()
+    weight = normal(B, T, POINTS, seed=5).abs() / 25 * seen(state)
+    views = [
+        View(normal(B, T, POINTS, 2, seed=6 + c, spread=100.0) + 200, weight, K.expand(B, 3, 3), eye, zero, camera)
+        for c, camera in enumerate((None, 0))
+    ]  # fmt: skip
+    return Reprojection(body, tuple(views), 30.0)
+
+
+def pose_prior(_: Body, __: MotionState) -> Term:
+    rng = np.random.default_rng(0)
+    factor = 0.1 * rng.standard_normal((3, 69, 69))
+    covariance = factor @ factor.transpose(0, 2, 1) + 0.1 * np.eye(69)
+    means = 0.2 * rng.standard_normal((3, 69))
+    return PosePriorTerm(mixture(means, covariance, np.ones(3) / 3, np.ones(24), np.ones(24)), 0.3)
+
+
+TERMS: dict[str, Callable[[Body, MotionState], Term]] = {
+    "reprojection": reprojection,
+    "pose prior": pose_prior,
+    "shape prior": lambda b, s: ShapePrior(2.0),
+    "limits": lambda b, s: HingeLimits(2.0),
+    "velocity": lambda b, s: PoseSmoothness(normal(24).abs(), torch.zeros(24).double()),
+    "acceleration": lambda b, s: PoseSmoothness(torch.zeros(24).double(), normal(24).abs()),
+    "path": lambda b, s: PathSmoothness(3.0, 2.0),
+    "pose coupling": lambda b, s: PoseCoupling(
+        exp(normal(B, T, 24, 3, seed=7, spread=0.3)), normal(B, T, 24, seed=8).abs() * seen(s)
+    ),
+    "path coupling": lambda b, s: PathCoupling(
+        normal(B, T, 3, seed=9), normal(B, T, seed=10).abs() * s.valid
+    ),
+    "evidence": lambda b, s: JointEvidence(
+        b, normal(B, T, 24, 3, seed=11), normal(B, T, 24, seed=12).abs() * seen(s), 3.0
+    ),
+}
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_gradient_is_the_derivative_of_the_cost(name: str, body: Body, state: MotionState) -> None:
+    term = TERMS[name](body, state)
+    d_frames = torch.zeros(B, T, FRAME_UNKNOWNS, dtype=torch.float64, requires_grad=True)
+    d_globals = torch.zeros(B, state.unknown_globals, dtype=torch.float64, requires_grad=True)
+    cost = objective([term], state.retract(d_frames, d_globals)).sum()
+    expected = torch.autograd.grad(
+        cost, (d_frames, d_globals), allow_unused=True, materialize_grads=True
+    )
+    found = linearise([term], state)
+    assert max(float(x.abs().max()) for x in expected) > 1e-3, "the term does not act"
+    for mine, theirs in zip((found.gradient, found.corner_gradient), expected, strict=True):
+        scale = 1 + float(theirs.abs().max())
+        assert float((2 * mine - theirs).abs().max()) / scale < 1e-9
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_hessian_is_positive_semidefinite(name: str, body: Body, state: MotionState) -> None:
+    found = linearise([TERMS[name](body, state)], state)
+    side = T * FRAME_UNKNOWNS
+    dense = torch.zeros(B, T, FRAME_UNKNOWNS, T, FRAME_UNKNOWNS, dtype=torch.float64)
+    for t in range(T):
+        for step, block in ((0, found.diagonal), (1, found.next1), (2, found.next2)):
+            if t + step < T:
+                dense[:, t, :, t + step] = block[:, t]
+                dense[:, t + step, :, t] = block[:, t].transpose(-1, -2)
+    lowest = torch.linalg.eigvalsh(dense.reshape(B, side, side)).amin()
+    assert float(lowest) > -1e-8 * float(dense.abs().max())
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_padding_takes_no_part(name: str, body: Body, state: MotionState) -> None:
+    term = TERMS[name](body, state)
+    moved = state.trans.clone()
+    moved[1, 4] += 0.5
+    other = MotionState(
+        state.R_local, moved, state.betas, state.valid, state.camera_R, state.camera_t
+    )
+    assert torch.allclose(term.cost(state), term.cost(other), rtol=1e-12)
+
+
+def test_geman_mcclure_is_quadratic_near_zero_and_bounded() -> None:
+    squared = torch.tensor([0.0, 1e-6, 16.0, 1e12], dtype=torch.float64, requires_grad=True)
+    cost, weight = geman_mcclure(squared, 4.0)
+    (slope,) = torch.autograd.grad(cost.sum(), squared)
+    assert torch.allclose(slope, weight)
+    cost = cost.detach()
+    assert float(cost[1]) == pytest.approx(1e-6, rel=1e-6)
+    assert float(cost[2]) == pytest.approx(8.0)
+    assert float(cost[3]) == pytest.approx(16.0, rel=1e-9)
