@@ -16,6 +16,7 @@ import torch
 
 from imocap_core.body import keypoints_with_jacobian, load_body, load_free_body, model_status
 from imocap_core.body.conversions import hand_pose_from_pca
+from imocap_core.body.unpickle import Inert, as_array
 from imocap_core.conventions import SMPL_PARENTS, SMPLH_PARENTS, SMPLX_PARENTS
 from imocap_core.rotations import exp
 from tests.body.bodies import made_body, rodrigues_naive, skin_naive
@@ -233,3 +234,26 @@ def test_status_says_what_was_found_and_what_is_missing(tmp_path: Path) -> None:
     assert rows["SMPL+H"].path is None
     assert "register" in rows["SMPL+H"].note
     assert len(model_status(None)) == 4
+
+
+def record(**state: object) -> Inert:
+    """What the restricted reader makes of an object of a library it does not import."""
+    inert = Inert()
+    inert.__setstate__(state)
+    return inert
+
+
+def test_arrays_are_taken_out_of_every_kind_of_record() -> None:
+    values = np.arange(12.0).reshape(3, 4)
+    np.testing.assert_array_equal(as_array(record(x=record(x=values))), values)
+    chosen = record(a=record(x=values), idxs=np.array([5, 0, 7, 2]), preferred_shape=(2, 2))
+    np.testing.assert_array_equal(as_array(chosen), [[5, 0], [7, 2]])
+    sparse = scipy.sparse.csc_matrix(values)
+    fields = {name: getattr(sparse, name) for name in ("data", "indices", "indptr")}
+    np.testing.assert_array_equal(as_array(record(_shape=(3, 4), **fields)), values)
+    with pytest.raises(ValueError, match="by columns"):
+        as_array(record(_shape=(4, 3), **fields))
+    with pytest.raises(ValueError, match=r"\['other'\] holds no array"):
+        as_array(record(other=1))
+    with pytest.raises(ValueError, match="holds no array"):
+        as_array(Inert("never given a state"))
