@@ -15,6 +15,7 @@ from imocap_core.motion.state import MotionState
 Array = NDArray[np.float64]
 LEAST_SPREAD_RAD = 0.03
 LEAST_LEVER_M = 0.15
+UNSEEN_SPREAD_M = 0.1  # of a video that shows nothing of the common motion
 
 
 def keypoint_spread_m(
@@ -38,8 +39,8 @@ def keypoint_spread_m(
     inflated = pooled * videos / max(videos - 1, 1)
     excess = np.maximum(inflated - sigma_px[..., None] ** 2, 0.0)
     spread = np.sqrt(excess) * (depth_m / focal_px[:, None])[..., None]
-    typical = np.nanmedian(np.where(seen, spread, np.nan), axis=(1, 2), keepdims=True)
-    return np.where(seen, spread, np.nan_to_num(typical, nan=0.1))
+    typical = [np.median(s[k]) if k.any() else UNSEEN_SPREAD_M for s, k in zip(spread, seen, strict=True)]
+    return np.where(seen, spread, np.array(typical)[:, None, None])
 
 
 def joint_spread_rad(body: Body, shared: MotionState, spread_m: Array) -> Array:

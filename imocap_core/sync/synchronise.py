@@ -308,7 +308,7 @@ def _posterior_warps(
         certain = mass_within(soft[v], position, reach, per_frame)
         position = in_order(np.where(seen[v] >= 0.5, position, np.nan), certain)
         frames.append(position)
-        trust.append(np.where(np.isfinite(position), certain * seen[v], 0.0))
+        trust.append(np.where(np.isfinite(position), np.minimum(certain * seen[v], 1.0), 0.0))
     return frames, trust
 
 
