@@ -40,15 +40,3 @@ def mass_within(maps: Array, positions: Array, reach: float, per_frame: int = 1)
     low = np.maximum(columns[None, :] - half, (positions - reach)[:, None])
     high = np.minimum(columns[None, :] + half, (positions + reach)[:, None])
     return np.asarray((maps * np.maximum(high - low, 0.0) * per_frame).sum(axis=1))
-
-
-def invert(positions: Array, length: int) -> Array:
-    """The inverse warp: for each of `length` reference frames, where it lies in the video (NaN
-    outside its span)."""
-    known = np.flatnonzero(np.isfinite(positions))
-    if known.size == 0:
-        return np.full(length, np.nan)
-    where, first = np.unique(positions[known], return_index=True)
-    last = np.append(first[1:] - 1, known.size - 1)
-    frames = 0.5 * (known[first] + known[last])  # the middle of a run of frames at one position
-    return np.interp(np.arange(length), where, frames, left=np.nan, right=np.nan)
