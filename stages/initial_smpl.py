@@ -48,7 +48,9 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
     for video, observation in zip(keypoints.videos, observations, strict=True):
         found = _starts(body, library, observation, given[video.id], params)
         starts.append(found)
-        source[video.id] = (video.initial_format or "") if given[video.id] is not None else "monocular"
+        source[video.id] = (
+            (video.initial_format or "") if given[video.id] is not None else "monocular"
+        )
         ctx.progress(0.05 + 0.35 * len(starts) / len(observations), f"starts of {video.id}")
     slowest = min(o.fps for o in observations)
     fit = fit_monocular(

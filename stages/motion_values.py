@@ -17,11 +17,11 @@ from imocap_core.artifacts.schemas import (
     VideoMotion,
 )
 from imocap_core.body import load_free_body
-from imocap_core.motion.joint import JointMotion, JointOptions, Scene
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular import FitWeights
-from imocap_core.motion.observations import Observation, own_view, padded, validity
+from imocap_core.motion.observations import Observation, own_view, padded
 from imocap_core.motion.prior import load_pose_prior
+from imocap_core.motion.scene import JointMotion, JointOptions, Scene
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms.reprojection import project
 from imocap_core.motion.timeline import make_timeline
@@ -52,17 +52,18 @@ def observations_of(
 
     ``joints``: monocular 3D joints (T, 24, 3) of the videos that have them.
     """
-    counts = dict.fromkeys(layouts_of(keypoints), 0)
-    for video in keypoints.videos:
-        counts[video.layout] = video.xy_px.shape[1]
-    first = dict(zip(counts, np.cumsum([0, *counts.values()]), strict=False))
+    columns = {layout: list(body.model.points(layout).columns) for layout in layouts_of(keypoints)}
+    ends = np.cumsum([len(kept) for kept in columns.values()])
+    place = {
+        layout: slice(end - len(columns[layout]), end)
+        for layout, end in zip(columns, ends, strict=True)
+    }
     found = []
     for video, camera in zip(keypoints.videos, camera_motion.videos, strict=True):
-        frames, own = video.confidence.shape
-        xy = np.full((frames, sum(counts.values()), 2), np.nan)
+        xy = np.full((len(video.frames), ends[-1], 2), np.nan)
         confidence = np.zeros(xy.shape[:2])
-        place = slice(first[video.layout], first[video.layout] + own)
-        xy[:, place], confidence[:, place] = camera.xy_first_px, video.confidence
+        kept, here = columns[video.layout], place[video.layout]
+        xy[:, here], confidence[:, here] = camera.xy_first_px[:, kept], video.confidence[:, kept]
         confidence[~np.isfinite(xy).all(-1)] = 0.0
         known = (joints or {}).get(video.id)
         found.append(Observation(xy, confidence, camera.K, video.fps, known))
@@ -176,21 +177,4 @@ def smpl_ba_of(
 
 def evidence_joints(initial: InitialSmpl) -> dict[str, np.ndarray]:
     """Monocular 3D joints that stay evidence in SMPL-BA: those a real estimator gave."""
-    return {
-        v.id: v.joints for v in initial.videos if initial.source.get(v.id, "") == "joints_npz"
-    }
-
-
-__all__ = [
-    "body_for",
-    "evidence_joints",
-    "layouts_of",
-    "motions_of",
-    "observations_of",
-    "options_of",
-    "scene_of",
-    "smpl_ba_of",
-    "state_of",
-    "validity",
-    "weights_of",
-]
+    return {v.id: v.joints for v in initial.videos if initial.source.get(v.id, "") == "joints_npz"}

@@ -1,7 +1,6 @@
-"""refine_sync: synchronisation and SMPL-BA in turn until the correspondences settle (section 3.3)."""
+"""refine_sync: sync and SMPL-BA in turn until the correspondences settle (section 3.3)."""
 
 from __future__ import annotations
-
 
 from imocap_core.artifacts.schemas import (
     CameraMotion,

@@ -102,8 +102,9 @@ def fit_batch(body: Body, batch: list[np.ndarray], names: list[str]) -> list[np.
     zeros = torch.zeros(len(batch), longest, 3, dtype=torch.float64)
     state = MotionState.of(eye, zeros, zeros.new_zeros(len(batch), 10), valid)
     ones = torch.ones(24, dtype=torch.float64)
+    evidence = JointEvidence(body, joints, weight, 10.0)
     terms: list[Term] = [
-        JointEvidence(body, joints, weight, 10.0),
+        evidence,
         PosePriorTerm(rest_prior(), 0.05),
         ShapePrior(1.0),
         HingeLimits(100.0),
@@ -112,10 +113,9 @@ def fit_batch(body: Body, batch: list[np.ndarray], names: list[str]) -> list[np.
     ]
     solution = gauss_newton(terms, state, max_steps=20, relative_tolerance=3e-3)
     xyz = body.positions(body.joints, solution.state).xyz
-    residual = terms[0]._residual(xyz).norm(dim=-1) * (weight > 5000)  # type: ignore[attr-defined]
-    print(
-        f"  {solution.status}; limb joints missed by {1000 * residual.sum() / (residual > 0).sum():.1f} mm"
-    )
+    residual = evidence.residual(xyz).norm(dim=-1) * (weight > 5000)
+    missed_mm = 1000 * residual.sum() / (residual > 0).sum()
+    print(f"  {solution.status}; limb joints missed by {missed_mm:.1f} mm")
     theta = log(solution.state.R_local[:, :, 1:]).numpy()
     return [theta[row, : len(clip)] for row, clip in enumerate(batch)]
 

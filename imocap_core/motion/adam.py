@@ -33,7 +33,7 @@ def adam(
     for step in range(1, max_steps + 2):
         zero = [like.new_zeros(size).requires_grad_() for size in sizes]
         cost = objective(terms, state.retract(*zero)).sum()
-        costs.append(float(cost))
+        costs.append(float(cost.detach()))
         if costs[-1] < best_cost:
             best, best_cost = state, costs[-1]
         if step > max_steps:

@@ -77,6 +77,7 @@ def cameras_from_motion(aligned: Aligned, reference: int, *, rounds: int = 4) ->
                 found = mean_rotation(relative.cpu().numpy(), share.cpu().numpy())
                 R[v] = torch.as_tensor(found.R).to(R)
         R = R @ R[reference].transpose(-1, -2)
+        R[reference] = torch.eye(3).to(R)
         in_world = R.transpose(-1, -2)[:, None] @ R_root
         consensus = chordal_mean(in_world, weight)
         angle = geodesic_angle(in_world, consensus[None])

@@ -51,7 +51,9 @@ def to_own_axes(
     trust = state.trans.new_zeros(state.valid.shape)
     for v, at in enumerate(timeline.to_reference):
         known = np.isfinite(at)
-        filled = np.interp(np.arange(len(at)), np.nonzero(known)[0], at[known]) if known.any() else at
+        filled = (
+            np.interp(np.arange(len(at)), np.nonzero(known)[0], at[known]) if known.any() else at
+        )
         length = len(at)
         R = sample_rotations(Z[v], filled)
         R[:, 0] = cameras.R[v] @ R[:, 0]

@@ -34,12 +34,16 @@ def keypoint_spread_m(
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=1)
     seen = np.isfinite(windows).sum(-1) >= 3
     filled = np.where(seen[..., None], windows, 0.0)
-    pooled = np.nanmedian(filled, axis=-1) / np.log(2)  # median of an exponential is ln 2 of its mean
+    pooled = np.nanmedian(filled, axis=-1) / np.log(
+        2
+    )  # median of an exponential is ln 2 of its mean
     videos = len(errors_px)
     inflated = pooled * videos / max(videos - 1, 1)
     excess = np.maximum(inflated - sigma_px[..., None] ** 2, 0.0)
     spread = np.sqrt(excess) * (depth_m / focal_px[:, None])[..., None]
-    typical = [np.median(s[k]) if k.any() else UNSEEN_SPREAD_M for s, k in zip(spread, seen, strict=True)]
+    typical = [
+        np.median(s[k]) if k.any() else UNSEEN_SPREAD_M for s, k in zip(spread, seen, strict=True)
+    ]
     return np.where(seen, spread, np.array(typical)[:, None, None])
 
 

@@ -14,10 +14,10 @@ import torch
 from imocap_core.motion.consensus import Cameras, align, cameras_from_motion
 from imocap_core.motion.coupled import consensus_motion, coupled_round
 from imocap_core.motion.deviation import keypoint_spread_m
-from imocap_core.motion.monocular import regularisers
+from imocap_core.motion.monocular import Progress, regularisers
 from imocap_core.motion.own import own_deviations, single_motion
 from imocap_core.motion.robust import geman_mcclure
-from imocap_core.motion.scene import JointMotion, JointOptions, Progress, Scene
+from imocap_core.motion.scene import JointMotion, JointOptions, Scene
 from imocap_core.motion.shared import (
     Evidence,
     depths_m,

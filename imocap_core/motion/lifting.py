@@ -129,7 +129,7 @@ def best_path(
     for path in avoid or []:
         away = (candidates.joints - path[:, None]).square().sum(-1).mean(-1)
         unary = unary + 40.0 * torch.exp(-away / (2 * 0.15**2))
-    frames, count = unary.shape
+    frames = len(unary)
     total, back = unary[0], []
     for t in range(1, frames):
         flat = candidates.joints[t - 1].flatten(1), candidates.joints[t].flatten(1)

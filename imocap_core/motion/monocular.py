@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from imocap_core.motion.kinematics import Body
@@ -110,8 +111,8 @@ def evidence_term(
         return []
     joints, given = [], []
     for o in observations:
-        x = o.joints if o.joints is not None else np.full((len(o.xy_px), 24, 3), np.nan)
-        known = np.isfinite(x).all(-1)
+        x = np.full((len(o.xy_px), 24, 3), np.nan) if o.joints is None else o.joints
+        known: NDArray[np.bool_] = np.asarray(np.isfinite(x).all(axis=-1))
         joints.append(np.where(known[..., None], x, 0.0))
         given.append(known.astype(float))
     sigma2_m2 = (weights.evidence_mm / 1000) ** 2

@@ -21,7 +21,8 @@ class NormalEquations:
 
     Shapes (B batch of motions, T frames, n unknowns a frame, m globals):
         diagonal: (B, T, n, n); next1: (B, T, n, n) couples frame t with t+1; next2: t with t+2.
-        gradient: (B, T, n); border: (B, T, n, m); corner: (B, m, m); corner_gradient: (B, m): the globals.
+        gradient: (B, T, n); border: (B, T, n, m) of frames with globals.
+        corner: (B, m, m); corner_gradient: (B, m): the globals alone.
     """
 
     diagonal: Tensor

@@ -53,9 +53,7 @@ def single_motion(
     )
 
 
-def _targets(
-    scene: Scene, state: MotionState, shared: MotionState, cameras: Cameras
-) -> Targets:
+def _targets(scene: Scene, state: MotionState, shared: MotionState, cameras: Cameras) -> Targets:
     videos = len(scene.observations)
     Z = shared.R_local.expand(videos, -1, -1, -1, -1)
     Y = pelvis(scene.body, shared).expand(videos, -1, -1)

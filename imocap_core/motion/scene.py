@@ -10,7 +10,7 @@ from torch import Tensor
 from imocap_core.motion.adam import adam
 from imocap_core.motion.consensus import Cameras
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.monocular import FitWeights, Progress, monocular_terms
+from imocap_core.motion.monocular import FitWeights, monocular_terms
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import PosePrior
 from imocap_core.motion.solver import Solution, gauss_newton

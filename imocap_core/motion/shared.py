@@ -126,9 +126,7 @@ def fit_shared(
     Returns:
         The motion, the cameras, and the solver's account.
     """
-    free = [
-        v for v in range(len(cameras.R)) if v != reference and (evidence.weight[v] > 0).any()
-    ]
+    free = [v for v in range(len(cameras.R)) if v != reference and (evidence.weight[v] > 0).any()]
     index = torch.tensor(free, dtype=torch.long, device=start.trans.device)
     state = MotionState(
         start.R_local,

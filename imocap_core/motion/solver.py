@@ -43,7 +43,9 @@ def linearise(terms: Sequence[Term], state: MotionState) -> NormalEquations:
     )
     for term in terms:
         term.add_to(normal, state)
-    torch.diagonal(normal.diagonal, dim1=-2, dim2=-1).add_((~state.valid)[..., None].to(state.trans))
+    torch.diagonal(normal.diagonal, dim1=-2, dim2=-1).add_(
+        (~state.valid)[..., None].to(state.trans)
+    )
     return normal
 
 

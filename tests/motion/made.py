@@ -79,7 +79,11 @@ def scene(
         R_cam = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
         shift = centre - R_cam @ centre
         x = xyz @ R_cam.T + shift
-        xy = x[..., :2] / x[..., 2:] * FOCAL_PX + K[:2, 2] + rng.normal(0, noise_px, x[..., :2].shape)
+        xy = (
+            x[..., :2] / x[..., 2:] * FOCAL_PX
+            + K[:2, 2]
+            + rng.normal(0, noise_px, x[..., :2].shape)
+        )
         R.append(R_cam)
         t.append(shift)
         observations.append(Observation(xy, np.ones(xy.shape[:2]), K, 30.0))

@@ -79,12 +79,17 @@ def test_a_hold_is_represented_by_its_middle() -> None:
 
 def test_sampling_at_whole_frames_is_exact_and_between_them_geodesic() -> None:
     R = rotations(5, 24)
-    assert float(geodesic_angle(sample_rotations(R, np.array([0.0, 2.0, 4.0])), R[[0, 2, 4]]).max()) < 1e-7
+    assert (
+        float(geodesic_angle(sample_rotations(R, np.array([0.0, 2.0, 4.0])), R[[0, 2, 4]]).max())
+        < 1e-7
+    )
     middle = sample_rotations(R, np.array([1.5]))[0]
     first, second = geodesic_angle(R[1], middle), geodesic_angle(middle, R[2])
     assert torch.allclose(first, second, atol=1e-9)
     line = torch.arange(5, dtype=torch.float64)[:, None]
-    assert torch.allclose(sample(line, np.array([0.25, 3.5]))[:, 0], torch.tensor([0.25, 3.5]).double())
+    assert torch.allclose(
+        sample(line, np.array([0.25, 3.5]))[:, 0], torch.tensor([0.25, 3.5]).double()
+    )
 
 
 def test_missing_keypoints_are_never_blended_in() -> None:

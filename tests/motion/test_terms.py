@@ -61,12 +61,13 @@ def seen(state: MotionState) -> torch.Tensor:
 
 def reprojection(body: Body, state: MotionState) -> Term:
     K = torch.tensor([[500.0, 0, 320], [0, 500, 180], [0, 0, 1]], dtype=torch.float64)
+    K = K.expand(B, 3, 3)
     eye, zero = torch.eye(3, dtype=torch.float64).expand(B, 3, 3), torch.zeros(B, 3).double()
     weight = normal(B, T, POINTS, seed=5).abs() / 25 * seen(state)
     views = [
-        View(normal(B, T, POINTS, 2, seed=6 + c, spread=100.0) + 200, weight, K.expand(B, 3, 3), eye, zero, camera)
+        View(200 + normal(B, T, POINTS, 2, seed=6 + c, spread=100.0), weight, K, eye, zero, camera)
         for c, camera in enumerate((None, 0))
-    ]  # fmt: skip
+    ]
     return Reprojection(body, tuple(views), 30.0)
 
 

@@ -31,7 +31,7 @@ class JointEvidence:
     weight: Tensor
     scale: float
 
-    def _residual(self, xyz: Tensor) -> Tensor:
+    def residual(self, xyz: Tensor) -> Tensor:
         """(B, T, 24, 3) body minus rotated estimate, both centred."""
         centred = xyz - self._centre(xyz)
         target = self.joints - self._centre(self.joints)
@@ -47,15 +47,16 @@ class JointEvidence:
 
     def cost(self, state: MotionState) -> Tensor:
         """(B,)."""
-        residual = self._residual(self.body.positions(self.body.joints, state).xyz)
+        residual = self.residual(self.body.positions(self.body.joints, state).xyz)
         squared = self.weight * residual.square().sum(-1)
         return geman_mcclure(squared, self.scale)[0].sum((1, 2))
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """The rotation and the centre are held; translation is not touched."""
         points = self.body.derivatives(self.body.joints, state)
-        assert points.d_pose is not None and points.d_beta is not None
-        residual = self._residual(points.xyz)
+        assert points.d_pose is not None
+        assert points.d_beta is not None
+        residual = self.residual(points.xyz)
         d_xyz = torch.cat([points.d_pose, points.d_beta], -1)
         share = self.weight / self.weight.sum(-1, keepdim=True).clamp_min(1e-12)
         d_xyz = d_xyz - torch.einsum("btk,btkic->btic", share, d_xyz)[:, :, None]

@@ -90,7 +90,8 @@ class Reprojection:
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """One weighted outer product of the stacked Jacobian rows per frame and view."""
         points = self.body.derivatives(self.body.keypoints, state)
-        assert points.d_pose is not None and points.d_beta is not None
+        assert points.d_pose is not None
+        assert points.d_beta is not None
         eye = torch.eye(3, dtype=points.xyz.dtype, device=points.xyz.device)
         eye = eye.expand(*points.xyz.shape[:-1], 3, 3)
         d_xyz = torch.cat([points.d_pose, eye, points.d_beta], -1)

@@ -1,0 +1,147 @@
+"""SMPL-BA on made scenes: cameras and motion come back, and differences are respected."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from imocap_core.camera.averaging import angle_deg
+from imocap_core.motion.consensus import agreement, align, cameras_from_motion, to_world
+from imocap_core.motion.deviation import joint_spread_rad, keypoint_spread_m
+from imocap_core.motion.joint import recover_motion
+from imocap_core.motion.scene import JointOptions, Scene
+from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
+from imocap_core.motion.timeline import make_timeline
+from imocap_core.rotations import exp
+from tests.motion.made import WEIGHTS, Made, mpjpe_mm, scene, wide_prior
+
+TURNS_DEG = [0.0, 80.0, -70.0]
+FRAMES = 20
+OPTIONS = JointOptions(
+    objective="shared",
+    solver="gauss_newton",
+    rank=1,
+    rounds=2,
+    coupling_rad=0.1,
+    coupling_path_m=0.3,
+    agreement_rad=0.35,
+    correlation_s=0.25,
+    max_steps=6,
+)
+
+
+@pytest.fixture(scope="module")
+def made() -> Made:
+    return scene(FRAMES, TURNS_DEG, np.random.default_rng(5))
+
+
+def in_own_axes(made: Made) -> MotionState:
+    """The true motion of every video in its own camera's axes."""
+    R, t = torch.as_tensor(made.R), torch.as_tensor(made.t)
+    R_local = made.state.R_local.repeat(len(R), 1, 1, 1, 1)
+    R_local[:, :, 0] = R[:, None] @ R_local[:, :, 0]
+    rest = made.body.model.joints_template[0]
+    pelvis = torch.einsum("mij,tj->mti", R, made.state.trans[0] + rest) + t[:, None]
+    valid = made.state.valid.repeat(len(R), 1)
+    return MotionState.of(R_local, pelvis - rest, made.state.betas.repeat(len(R), 1), valid)
+
+
+def whole(made: Made, unmatched: int = 0) -> Scene:
+    """A scene whose correspondences are frame to frame; the last frames may have none."""
+    maps = [np.arange(float(FRAMES)) for _ in TURNS_DEG]
+    for m in maps[1:]:
+        m[FRAMES - unmatched :] = np.nan
+    trust = [np.isfinite(m).astype(float) for m in maps]
+    timeline = make_timeline(maps, trust, FRAMES)
+    return Scene(made.body, wide_prior(), made.observations, timeline, trust, 0, WEIGHTS)
+
+
+def disturbed(state: MotionState, spread: float) -> MotionState:
+    """Smooth, different errors in every video, as monocular fits have them."""
+    generator = torch.Generator().manual_seed(1)
+    size = (len(state.trans), 1, FRAME_UNKNOWNS)
+    shift = spread * torch.randn(size, generator=generator, dtype=torch.float64)
+    shift = shift.expand(-1, FRAMES, -1)
+    return state.retract(shift, torch.zeros_like(state.betas))
+
+
+def test_cameras_of_equal_motions_are_exact(made: Made) -> None:
+    aligned = align(made.body, in_own_axes(made), whole(made).timeline)
+    cameras = cameras_from_motion(aligned, 0)
+    assert float(np.max(angle_deg(cameras.R.numpy(), made.R))) < 1e-4
+    np.testing.assert_allclose(cameras.t.numpy(), made.t, atol=1e-6)
+    world = to_world(aligned, cameras)
+    assert torch.allclose(world.pelvis[1], world.pelvis[0], atol=1e-6)
+
+
+@pytest.mark.parametrize("objective", ["shared", "paper", "single"])
+def test_the_views_together_beat_the_start(made: Made, objective: str) -> None:
+    truth = in_own_axes(made)
+    start = disturbed(truth, 0.12)
+    found = recover_motion(whole(made), start, replace(OPTIONS, objective=objective))
+    before, after = (mpjpe_mm(made.body, s, truth) for s in (start, found.state))
+    assert 0.1 < after < 0.5 * before
+    assert float(np.max(angle_deg(found.cameras.R.numpy(), made.R))) < 5.0
+    assert torch.equal(found.cameras.R[0], torch.eye(3, dtype=torch.float64))
+
+
+def test_unmatched_frames_get_a_pose_too(made: Made) -> None:
+    truth = in_own_axes(made)
+    found = recover_motion(whole(made, unmatched=5), disturbed(truth, 0.12), OPTIONS)
+    assert bool(torch.isfinite(found.state.R_local).all())
+    assert mpjpe_mm(made.body, found.state, truth) < mpjpe_mm(
+        made.body, disturbed(truth, 0.12), truth
+    )
+
+
+def test_one_video_keeps_its_monocular_motion(made: Made) -> None:
+    alone = in_own_axes(made).rows(torch.tensor([0]))
+    maps = [np.arange(float(FRAMES))]
+    one = replace(
+        whole(made),
+        observations=made.observations[:1],
+        timeline=make_timeline(maps, [np.ones(FRAMES)], FRAMES),
+        confidences=[np.ones(FRAMES)],
+    )
+    found = recover_motion(one, alone, OPTIONS)
+    assert found.state is alone
+    assert "one video" in found.status
+
+
+def test_a_video_that_goes_its_own_way_loses_its_say() -> None:
+    generator = torch.Generator().manual_seed(2)
+    R = exp(0.3 * torch.randn(1, 30, 24, 3, generator=generator, dtype=torch.float64))
+    R = R.expand(4, -1, -1, -1, -1).clone()
+    R[3, :, 18] = R[3, :, 18] @ exp(torch.tensor([0.0, 1.0, 0.0], dtype=torch.float64))
+    follows = agreement(R, torch.ones(4, 30).double(), scale_rad=0.35, smooth_frames=7)
+    assert float(follows[3, :, 18].max()) < 0.05
+    assert float(follows[3, :, :18].min()) > 0.99
+    assert float(follows[0, :, 18].min()) > 5 * float(follows[3, :, 18].max())
+
+
+def test_spread_is_read_from_the_excess_over_detector_noise() -> None:
+    rng = np.random.default_rng(0)
+    sigma, spread_m, depth, focal = 2.0, 0.05, 4.0, 600.0
+    px = np.hypot(sigma, spread_m * focal / depth)
+    errors = rng.normal(0, px, (4, 400, 25, 2))
+    errors[:, :, 3] = np.nan
+    found = keypoint_spread_m(
+        errors, np.full((4, 400), sigma), np.full((4, 400), depth), np.full(4, focal), window=60
+    )
+    assert np.median(found) == pytest.approx(spread_m * np.sqrt(4 / 3), rel=0.1)
+    quiet = keypoint_spread_m(
+        errors / 20,
+        np.full((4, 400), sigma),
+        np.full((4, 400), depth),
+        np.full(4, focal),
+        window=60,
+    )
+    assert np.nanmax(quiet) == 0.0
+
+
+def test_a_still_performance_is_coupled_tightly(made: Made) -> None:
+    still = joint_spread_rad(made.body, made.state, np.zeros((3, FRAMES, 25)))
+    loose = joint_spread_rad(made.body, made.state, np.full((3, FRAMES, 25), 0.1))
+    assert (still <= loose).all()
+    assert (loose[:, :, 18] > still[:, :, 18]).all()

@@ -1,0 +1,110 @@
+"""The solver: guaranteed descent, made truth recovered, Adam going the same way."""
+
+import numpy as np
+import pytest
+import torch
+
+from imocap_core.motion.adam import adam
+from imocap_core.motion.library import make_library
+from imocap_core.motion.lifting import best_path, match
+from imocap_core.motion.monocular import fit_monocular, monocular_terms
+from imocap_core.motion.observations import Observation, person_size_px, without_jumps
+from imocap_core.motion.prior import load_pose_prior
+from imocap_core.motion.solver import gauss_newton, objective
+from imocap_core.motion.starts import LiftingOptions, Start, lifted_starts, start_at_joints
+from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
+from tests.motion.made import WEIGHTS, K, Made, mpjpe_mm, scene, wide_prior
+
+
+@pytest.fixture(scope="module")
+def made() -> Made:
+    return scene(24, [0.0], np.random.default_rng(3))
+
+
+def disturbed(state: MotionState, spread: float) -> MotionState:
+    generator = torch.Generator().manual_seed(0)
+    size = (*state.valid.shape, FRAME_UNKNOWNS)
+    shift = spread * torch.randn(size, generator=generator, dtype=torch.float64)
+    return state.retract(shift, torch.zeros_like(state.betas))
+
+
+def test_the_objective_never_rises(made: Made) -> None:
+    terms = monocular_terms(
+        made.body, wide_prior(), made.observations, made.state.trans, WEIGHTS, 1.0
+    )
+    solution = gauss_newton(terms, disturbed(made.state, 0.3), max_steps=8)
+    assert all(b <= a for a, b in zip(solution.costs, solution.costs[1:], strict=False))
+    assert solution.costs[-1] < 0.2 * solution.costs[0]
+
+
+def test_a_disturbed_motion_comes_back(made: Made) -> None:
+    terms = monocular_terms(
+        made.body, wide_prior(), made.observations, made.state.trans, WEIGHTS, 3.0
+    )
+    start = disturbed(made.state, 0.1)
+    solution = gauss_newton(terms, start, max_steps=15)
+    before, after = (mpjpe_mm(made.body, s, made.state) for s in (start, solution.state))
+    assert 1.0 < after < 0.6 * before
+
+
+def test_motions_of_a_batch_do_not_feel_each_other(made: Made) -> None:
+    alone = disturbed(made.state, 0.1)
+    both = alone.rows(torch.tensor([0, 0]))
+    one = monocular_terms(made.body, wide_prior(), made.observations, alone.trans, WEIGHTS, 1.0)
+    two = monocular_terms(made.body, wide_prior(), made.observations * 2, alone.trans, WEIGHTS, 1.0)
+    expected = gauss_newton(one, alone, max_steps=3).state
+    found = gauss_newton(two, both, max_steps=3).state
+    assert torch.allclose(found.R_local[1], expected.R_local[0], atol=1e-8)
+
+
+def test_adam_descends_but_stays_behind_gauss_newton(made: Made) -> None:
+    terms = monocular_terms(
+        made.body, wide_prior(), made.observations, made.state.trans, WEIGHTS, 1.0
+    )
+    start = disturbed(made.state, 0.1)
+    slow = adam(terms, start, max_steps=40)
+    quick = gauss_newton(terms, start, max_steps=8)
+    assert quick.costs[-1] < min(slow.costs) < 0.7 * slow.costs[0]
+    assert float(objective(terms, slow.state).sum()) == pytest.approx(min(slow.costs))
+
+
+def test_two_dimensional_keypoints_alone_lead_near_the_truth(made: Made) -> None:
+    prior = load_pose_prior()
+    library = make_library(made.body, prior, np.random.default_rng(0), poses=300, directions=48)
+    options = LiftingOptions(candidates=20, stride_s=0.1, sigma=0.12, step_m_s=2.0, starts=2)
+    starts = [lifted_starts(made.body, library, o, options) for o in made.observations]
+    assert len(starts[0]) == 2
+    fit = fit_monocular(made.body, prior, made.observations, starts, WEIGHTS, stride=3, max_steps=8)
+    assert len(fit.costs[0]) == 2
+    assert 5.0 < mpjpe_mm(made.body, fit.state, made.state) < 150.0
+
+
+def test_a_library_pose_is_found_again() -> None:
+    body = scene(2, [0.0], np.random.default_rng(0)).body
+    library = make_library(
+        body, load_pose_prior(), np.random.default_rng(0), poses=50, directions=24
+    )
+    template = library.templates[24 * 7 + 5]
+    xy = 300 + 100 * torch.stack([template.real, template.imag], -1)[None].expand(3, -1, -1)
+    found = match(library, xy, torch.ones(3, len(template)).double(), count=5, sigma=0.05)
+    path, _ = best_path(found, step_m=0.1)
+    assert torch.allclose(found.R_local[0, path[0], 1:], library.R_local[7, 1:])
+    assert float(found.scale_px_m[0, path[0]]) == pytest.approx(100.0, rel=1e-6)
+
+
+def test_known_rotations_are_placed_where_the_body_is_seen(made: Made) -> None:
+    start = start_at_joints(made.body, made.state.R_local[0], made.observations[0])
+    assert isinstance(start, Start)
+    assert float((start.trans - made.state.trans[0]).norm(dim=-1).max()) < 0.3
+
+
+def test_a_leap_of_one_keypoint_is_not_believed() -> None:
+    xy = np.tile(np.random.default_rng(0).uniform(100, 300, (1, 25, 2)), (20, 1, 1))
+    xy[8, 3] += 150.0
+    xy[9, 4] = np.nan
+    observation = Observation(xy, np.isfinite(xy).all(-1).astype(float), K, 30.0)
+    confidence = without_jumps(observation)
+    assert confidence[8, 3] == 0
+    assert confidence[9, 4] == 0
+    assert confidence.sum() == 20 * 25 - 2
+    assert (person_size_px(observation) > 100).all()
