@@ -1,5 +1,6 @@
 """Synchronisation of videos by the 3D poses seen in them (section 3.1; Eq. 1, 2)."""
 
-from imocap_core.sync.synchronise import Settings, SyncResult, synchronise
+from imocap_core.sync.settings import Settings
+from imocap_core.sync.synchronise import SyncResult, synchronise
 
 __all__ = ["Settings", "SyncResult", "synchronise"]

@@ -1,0 +1,127 @@
+"""Warps as the mean over all monotone paths, refined against what the other videos agree on."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imocap_core.sync.comparison import Comparison, neighbour_squares
+from imocap_core.sync.consensus import squared_distances_to_others
+from imocap_core.sync.monotone import interpolated_squares, monotone_posterior
+from imocap_core.sync.settings import Settings
+from imocap_core.sync.warping import in_order, mass_within, median_positions
+
+Array = NDArray[np.float64]
+
+
+def _posterior(
+    squares: Array,
+    near: float,
+    far: float,
+    fps: float,
+    fps_to: float,
+    per_frame: int,
+    settings: Settings,
+) -> tuple[Array, Array]:
+    """Soft map of one video into another from squared distances (n, S), and P(matched)."""
+    looks = min(settings.evidence_per_s / fps, 4.0)
+    known = np.isfinite(squares)
+    mean = np.divide(
+        np.where(known, squares, 0.0).sum(axis=1),
+        known.sum(axis=1),
+        out=np.zeros(len(squares)),
+        where=known.any(axis=1),
+    )
+    cost = looks / near * np.where(known, squares, mean[:, None])
+    level = settings.unmatched_level
+    if np.isfinite(level):
+        # twice the usual square is beyond noise however different unrelated poses are
+        level = near + min(level * max(far - near, 0.0), near)
+    step = settings.max_rate * fps_to / fps * per_frame
+    max_step = int(np.ceil(step)) if np.isfinite(step) else None
+    return monotone_posterior(cost, unmatched=looks / near * level, max_step=max_step)
+
+
+def directed_maps(c: Comparison, fps: Sequence[float], settings: Settings) -> tuple[Array, Array]:
+    """Soft maps between all videos at whole frames (N_a, N_a), own blocks the identity, and
+    P(matched) (N_a, M)."""
+    maps, matched = np.zeros_like(c.squares), np.ones((c.blocks.total, len(c.poses)))
+    for i, rows in enumerate(map(c.blocks.rows, range(len(c.poses)))):
+        for j in range(len(c.poses)):
+            if i != j:
+                block = np.asarray(c.blocks.block(c.squares, i, j))
+                c.blocks.block(maps, i, j)[...], matched[rows, j] = _posterior(
+                    block, c.near, c.far, fps[i], fps[j], 1, settings
+                )
+    c.blocks.set_diagonal_to_identity(maps)
+    return maps, matched
+
+
+def _spread(maps: Array, per_frame: int) -> Array:
+    """A row-stochastic map at whole frames (n, m) at per_frame positions a frame, linear between
+    frames."""
+    fine = interpolated_squares(maps, np.zeros(maps.shape[1] - 1), per_frame)
+    return fine / np.maximum(fine.sum(axis=1, keepdims=True), 1e-300)
+
+
+def _fine_squares(
+    c: Comparison,
+    maps: list[Array | None],
+    reference: int,
+    per_frame: int,
+    windows: Sequence[float] | None,
+) -> list[Array | None]:
+    """Squared distances (T_v, S) to positions of the reference: to the template of all others, or,
+    of two videos, to the reference itself."""
+    if len(c.poses) > 2:
+        return squared_distances_to_others(c.poses, c.weights, maps, reference, per_frame, windows)
+    between = neighbour_squares(c.poses[reference], c.weights[reference])
+    return [
+        None
+        if v == reference
+        else interpolated_squares(
+            np.asarray(c.blocks.block(c.squares, v, reference)), between, per_frame
+        )
+        for v in range(len(c.poses))
+    ]
+
+
+def posterior_warps(
+    c: Comparison,
+    relaxed: NDArray[np.floating],
+    matched: Array,
+    reference: int,
+    fps: Sequence[float],
+    settings: Settings,
+) -> tuple[list[Array], list[Array]]:
+    """Warps from the relaxed maps, refined `consensus_rounds` times against the other videos."""
+    M, per_frame = len(c.poses), settings.positions_per_frame
+    soft = [
+        _spread(np.asarray(c.blocks.block(relaxed, v, reference), dtype=float), per_frame)
+        for v in range(M)
+    ]
+    seen = [matched[c.blocks.rows(v), reference] for v in range(M)]
+    # the first refinement aligns frame by frame; only then are orientations known well enough
+    steady = [settings.orientation_window_s * f for f in fps]
+    for round_ in range(settings.consensus_rounds):
+        counted = [None if v == reference else soft[v] * seen[v][:, None] for v in range(M)]
+        for v, squares in enumerate(
+            _fine_squares(c, counted, reference, per_frame, steady if round_ else None)
+        ):
+            if squares is None:
+                continue
+            known = np.isfinite(squares).any(axis=1)
+            near = float(np.median(np.nanmin(squares[known], axis=1))) if known.any() else c.near
+            near = max(near, c.floor, 1e-6 * c.near)
+            soft[v], seen[v] = _posterior(
+                squares, near, c.far, fps[v], fps[reference], per_frame, settings
+            )
+    reach = settings.confidence_reach_s * fps[reference]
+    frames, trust = [], []
+    for v in range(M):
+        position = median_positions(soft[v], per_frame)
+        certain = mass_within(soft[v], position, reach, per_frame)
+        position = in_order(np.where(seen[v] >= 0.5, position, np.nan), certain)
+        frames.append(position)
+        trust.append(np.where(np.isfinite(position), np.minimum(certain * seen[v], 1.0), 0.0))
+    return frames, trust
