@@ -65,11 +65,12 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
 def truth_of(ctx: Context, keypoints: Keypoints) -> Truth | None:
     """What action.yaml names as truth, or a calibrated rig's files beside it."""
     named = ctx.truth()
+    used_frames = {v.id: v.frames for v in keypoints.videos}
     if named is not None:
-        return read_truth(named, [v.id for v in keypoints.videos])
+        return read_truth(named, used_frames)
     folder = ctx.action_file().parent
     if has_pose2sim_truth(folder):
-        return read_pose2sim_truth(folder, {v.id: v.frames for v in keypoints.videos})
+        return read_pose2sim_truth(folder, used_frames)
     return None
 
 

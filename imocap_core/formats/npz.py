@@ -50,15 +50,19 @@ def names(arrays: dict[str, NDArray], name: str, count: int, path: Path) -> tupl
 
 
 def rows_for_frames(
-    arrays: dict[str, NDArray], count: int, used: NDArray[np.int64], path: Path
+    arrays: dict[str, NDArray],
+    count: int,
+    used: NDArray[np.int64],
+    path: Path,
+    name: str = "frames",
 ) -> NDArray[np.int64]:
     """Row (T,) of each used source frame in arrays of ``count`` rows.
 
-    The file's own ``frames`` (count,) say which source frame each row is. Without them the rows
+    The file's own array ``name`` (count,) says which source frame each row is. Without it the rows
     are the used frames themselves, when there are as many, or else the frames of the whole video.
     """
-    if "frames" in arrays:
-        listed = numbers(arrays, "frames", (count,), path).astype(np.int64)
+    if name in arrays:
+        listed = numbers(arrays, name, (count,), path).astype(np.int64)
         row_of = {int(frame): row for row, frame in enumerate(listed)}
     elif count == len(used):
         row_of = {int(frame): row for row, frame in enumerate(used)}
@@ -68,7 +72,7 @@ def rows_for_frames(
     if missing:
         raise ValueError(
             f"{path}: expected a row for each of the {len(used)} used frames, got {count} rows and "
-            f"none for frame {missing[0]} ({len(missing)} missing); add an array `frames` "
+            f"none for frame {missing[0]} ({len(missing)} missing); add an array `{name}` "
             "with source frame numbers, or change `frames` in action.yaml"
         )
     return np.array([row_of[int(frame)] for frame in used], dtype=np.int64)

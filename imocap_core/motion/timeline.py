@@ -52,16 +52,16 @@ def make_timeline(maps: list[Array], confidences: list[Array], frames: int) -> T
 
 def sample_rotations(R: Tensor, at: Array) -> Tensor:
     """Rotations (T, J, 3, 3) at fractional frames (N,), geodesically; NaN takes the nearest end."""
-    low, share = _split(at, len(R), R)
-    turn = log(R[low].transpose(-1, -2) @ R[low + 1])
+    low, high, share = _split(at, len(R), R)
+    turn = log(R[low].transpose(-1, -2) @ R[high])
     return R[low] @ exp(turn * share[:, None, None])
 
 
 def sample(values: Tensor, at: Array) -> Tensor:
     """Values (T, ...) at fractional frames (N,), linearly; NaN takes the nearest end."""
-    low, share = _split(at, len(values), values)
+    low, high, share = _split(at, len(values), values)
     share = share.reshape(-1, *[1] * (values.ndim - 1))
-    return values[low] * (1 - share) + values[low + 1] * share
+    return values[low] * (1 - share) + values[high] * share
 
 
 def sample_keypoints(xy_px: Array, weight: Array, at: Array) -> tuple[Array, Array]:
@@ -86,10 +86,12 @@ def sample_keypoints(xy_px: Array, weight: Array, at: Array) -> tuple[Array, Arr
     return value, strength * known[:, None]
 
 
-def _split(at: Array, frames: int, like: Tensor) -> tuple[Tensor, Tensor]:
+def _split(at: Array, frames: int, like: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """The frames (N,) before and after each time, and how far it lies between them."""
     safe = np.clip(np.nan_to_num(at, nan=0.0), 0, frames - 1)
     low = np.minimum(np.floor(safe).astype(int), max(frames - 2, 0))
     return (
         torch.as_tensor(low, device=like.device),
+        torch.as_tensor(np.minimum(low + 1, frames - 1), device=like.device),
         torch.as_tensor(safe - low).to(like),
     )

@@ -115,17 +115,10 @@ def joint_errors_mm(answer: Answer, truth: Truth | None, wanted: Sequence[str]) 
 
 
 def true_motion(own: VideoTruth, frames: NDArray[np.int64]) -> Motion | None:
-    """True joints in the axes of the video's camera; None when joints or camera are not known.
-
-    ValueError when the truth's rows are not the used frames.
-    """
+    """True joints in the axes of the video's camera; None when joints or camera are not known."""
     if own.joints is None or own.R is None or own.t is None:
         return None
-    if len(own.joints) != len(frames):
-        raise ValueError(
-            f"truth: joints have {len(own.joints)} frames, expected one for each of the "
-            f"{len(frames)} used frames"
-        )
+    assert len(own.joints) == len(frames), "readers of truth give the used frames"
     return Motion(own.joints @ own.R.T + own.t, own.joint_names, frames)
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from imocap_core.formats.joints_npz import read_joints_npz
 from imocap_core.formats.smpl_npz import read_smpl_npz
@@ -102,7 +103,7 @@ def test_wrong_smpl_is_named(tmp_path):
 def test_any_part_of_the_truth_may_be_missing(tmp_path):
     first = {"v1/joints": joints(4), "v1/phase": np.arange(4.0)}
     path = saved(tmp_path, **first, joint_names=NAMES, **{"v2/K": np.eye(3)}, phase_end=3.0)
-    truth = read_truth(path, ["v1", "v2", "v3"])
+    truth = read_truth(path, {video: np.arange(4) for video in ("v1", "v2", "v3")})
     assert truth.phase_end == 3.0
     assert truth.videos["v1"].joints.shape == (4, 2, 3)
     assert truth.videos["v1"].K is None
@@ -113,4 +114,27 @@ def test_any_part_of_the_truth_may_be_missing(tmp_path):
 def test_wrong_truth_is_named(tmp_path):
     path = saved(tmp_path, **{"v1/R": np.eye(4)})
     with pytest.raises(ValueError, match=r"v1/R: expected numbers of shape \(3, 3\)"):
-        read_truth(path, ["v1"])
+        read_truth(path, {"v1": np.arange(4)})
+
+
+def test_truth_of_a_whole_video_serves_a_part_of_it(tmp_path):
+    used = np.array([3, 4])
+    turned = Rotation.from_rotvec(np.outer(np.arange(6), [0.0, 0.2, 0.0])).as_matrix()
+    centre = np.array([1.0, 2.0, 3.0])
+    whole = {
+        "v1/joints": joints(6),
+        "v1/phase": np.arange(6.0),
+        "v1/R_frames": turned,
+        "v1/R": turned[0],
+        "v1/t": -turned[0] @ centre,
+    }
+    found = read_truth(saved(tmp_path, **whole, joint_names=NAMES), {"v1": used}).videos["v1"]
+    assert np.array_equal(found.joints, joints(6)[used])
+    assert found.phase.tolist() == [3.0, 4.0]
+    assert np.array_equal(found.R, turned[3])
+    np.testing.assert_allclose(-found.R.T @ found.t, centre)
+    listed = {"v1/phase": np.array([7.0, 8.0, 9.0]), "v1/frames": np.array([2, 3, 4])}
+    found = read_truth(saved(tmp_path, **listed), {"v1": used}).videos["v1"]
+    assert found.phase.tolist() == [8.0, 9.0]
+    with pytest.raises(ValueError, match="none for frame 5"):
+        read_truth(saved(tmp_path, **listed), {"v1": np.array([4, 5])})

@@ -90,6 +90,9 @@ def test_sampling_at_whole_frames_is_exact_and_between_them_geodesic() -> None:
     assert torch.allclose(
         sample(line, np.array([0.25, 3.5]))[:, 0], torch.tensor([0.25, 3.5]).double()
     )
+    alone = np.array([0.0, np.nan, 3.0])
+    assert torch.equal(sample(line[2:3], alone), line[[2, 2, 2]])
+    assert torch.allclose(sample_rotations(R[:1], alone), R[[0, 0, 0]])
 
 
 def test_missing_keypoints_are_never_blended_in() -> None:

@@ -62,7 +62,8 @@ def test_readers_find_what_the_takes_hold(quick, takes, tmp_path):
     action = read_action(tmp_path / "yoga")
     assert [video.id for video in action.videos] == ["v1", "v2", "v3", "v4"]
     assert all(video.focal_px is None and video.initial is None for video in action.videos)
-    truth = read_truth(tmp_path / "yoga" / str(action.truth), ["v1", "v2", "v3", "v4"])
+    used = {v.id: np.arange(len(t.joints)) for v, t in zip(action.videos, takes, strict=True)}
+    truth = read_truth(tmp_path / "yoga" / str(action.truth), used)
     assert truth.phase_end == 180.0
     for video, take in zip(action.videos, takes, strict=True):
         info = probe(action.folder / str(video.video))
