@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -97,7 +98,7 @@ def _read_npz(path: Path) -> dict[str, Any]:
         with np.load(path, allow_pickle=False) as archive:
             wanted = [n for n in (*_NEEDED, *_OPTIONAL) if n in archive.files]
             return {name: archive[name] for name in wanted}
-    except (ValueError, OSError, zipfile.BadZipFile) as error:
+    except (ValueError, TypeError, OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise ValueError(
             f"{path}: refused, expected an .npz of plain numeric arrays: {error}"
         ) from error
@@ -159,6 +160,6 @@ def model_status(folder: Path | None) -> list[ModelStatus]:
         found = [f for f in files if re.fullmatch(pattern, f.name, re.IGNORECASE)]
         rows += [ModelStatus(name, file, "found") for file in found]
         if not found:
-            where = "no model folder given" if folder is None else f"not below {folder}"
+            where = "none, no folder given" if folder is None else f"none below {folder}"
             rows.append(ModelStatus(name, None, f"{where}; optional, register at {home}"))
     return rows

@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+
+from imocap_core.rotations import unwrap
 
 Array = NDArray[np.float64]
 
@@ -45,14 +48,16 @@ class Level:
 def to_world(motion: Motion, camera: Extrinsics) -> Motion:
     """A body in a camera's axes, in world axes: x_world = R^T (x_cam - t).
 
-    theta turns by its first joint only. trans is not a point of the body but the shift about the
-    rest pelvis, which stays where it is: pelvis = rest pelvis + trans.
+    theta turns by its first joint only, whose axis-angle vector stays on one branch over time.
+    trans is not a point of the body but the shift about the rest pelvis, which stays where it is:
+    pelvis = rest pelvis + trans.
     """
     R_world_from_cam = camera.R.T
     root = Rotation.from_matrix(R_world_from_cam) * Rotation.from_rotvec(motion.theta[:, :3])
     rest_pelvis = motion.joints[:, 0] - motion.trans
     joints = (motion.joints - camera.t) @ camera.R
-    theta = np.concatenate([root.as_rotvec(), motion.theta[:, 3:]], axis=1)
+    root_path = unwrap(torch.as_tensor(root.as_rotvec())).numpy()
+    theta = np.concatenate([root_path, motion.theta[:, 3:]], axis=1)
     return Motion(theta, joints[:, 0] - rest_pelvis, joints)
 
 

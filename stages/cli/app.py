@@ -169,12 +169,52 @@ def view(context: typer.Context, action: ActionName) -> None:
 
 
 @app.command()
-def doctor(context: typer.Context) -> None:
+def benchmark(
+    context: typer.Context,
+    name: Annotated[str, typer.Argument(help="protocol, trials, yoga, body or bones.")],
+    detector: Annotated[
+        str, typer.Option(help="Simulated 2D detector: fine_tuned or generic.")
+    ] = "fine_tuned",
+    sampling: Annotated[
+        str, typer.Option(help="How protocol resamples: released or paper.")
+    ] = "released",
+    videos: Annotated[int, typer.Option(help="Videos an action, 1 to 4.")] = 4,
+    only: Annotated[list[str], typer.Option(help="Only this action.")] = [],  # noqa: B006
+) -> None:
+    """Measure how good (protocol, trials, yoga, bones) or how fast (body) the program is."""
+    from stages.cli.benchmark import BODY, body_table
+
+    workspace = _workspace(context)
+    if name in BODY:
+        console.print(body_table(name, workspace))
+        return
+    from stages.benchmarks.motion import Choice, measure
+    from stages.benchmarks.tables import markdown
+
+    choice = Choice(name, detector, sampling, videos, tuple(only))
+    with Terminal(console) as display:
+        found, folder = measure(workspace, choice, display)
+    console.print(_plain(markdown(found)), f"Kept in {_plain(str(folder))}", sep="\n")
+
+
+@app.command()
+def doctor(
+    context: typer.Context,
+    models: Annotated[
+        Path | None,
+        typer.Option(
+            envvar="IMOCAP_MODELS",
+            exists=True,
+            file_okay=False,
+            help="Folder with your own SMPL, SMPL+H or SMPL-X files.",
+        ),
+    ] = None,
+) -> None:
     """Check that everything the program needs is there and works."""
     from stages.cli.doctor import examine
 
     faults = 0
-    for finding in examine(_workspace(context)):
+    for finding in examine(_workspace(context), models):
         faults += not finding.well
         console.print(
             f"{'[green]ok[/]  ' if finding.well else '[red]bad[/] '} {_plain(finding.said)}"

@@ -8,7 +8,9 @@ import platform
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from importlib import metadata
+from pathlib import Path
 
 from stages.harness.demos import BUILT_IN
 from stages.harness.errors import WorkFailed
@@ -25,16 +27,20 @@ class Finding:
     said: str
 
 
-def examine(workspace: Workspace) -> Iterator[Finding]:
-    """Look at each thing in turn; a broken one does not keep the next from being looked at."""
+def examine(workspace: Workspace, models: Path | None = None) -> Iterator[Finding]:
+    """Look at each thing in turn; a broken one does not keep the next from being looked at.
+
+    models: the folder of the user's own body models.
+    """
     checks: tuple[Callable[[], str], ...] = (
         _python,
         _packages,
         lambda: f"pipeline: {workspace.pipeline().file}",
         lambda: _folder(workspace),
         lambda: _actions(workspace),
-        _body,
         _video,
+        _body,
+        *_own_bodies(models),
     )
     for check in checks:
         try:
@@ -72,6 +78,28 @@ def _body() -> str:
 
     model = load_free_body()
     return f"body model: {model.name} {model.digest[:12]}"
+
+
+def _own_bodies(folder: Path | None) -> list[Callable[[], str]]:
+    """A check for each official body model; an absent one is well, an unreadable one is not."""
+    from imocap_core.body import model_status
+
+    return [
+        partial(_read_body, row.name, row.path)
+        if row.path is not None
+        else partial(str, f"body model {row.name}: {row.note}")
+        for row in model_status(folder)
+        if row.name != "free body"
+    ]
+
+
+def _read_body(name: str, file: Path) -> str:
+    from imocap_core.body import load_body
+
+    try:
+        return f"body model {name}: {file} {load_body(file).digest[:12]}"
+    except ValueError as error:
+        raise WorkFailed(f"body model {name}: {error}") from None
 
 
 def _video() -> str:

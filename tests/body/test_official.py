@@ -180,9 +180,10 @@ def test_nothing_but_arrays_is_ever_called(tmp_path: Path, allowed: tuple[Any, A
 def test_bad_files_are_named_with_what_is_wrong(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no such body model file"):
         load_body(tmp_path / "none.npz")
-    (tmp_path / "broken.npz").write_bytes(b"PK nonsense")
-    with pytest.raises(ValueError, match=r"broken\.npz: refused"):
-        load_body(tmp_path / "broken.npz")
+    for content in (b"PK nonsense", b""):
+        (tmp_path / "broken.npz").write_bytes(content)
+        with pytest.raises(ValueError, match=r"broken\.npz: refused"):
+            load_body(tmp_path / "broken.npz")
     (tmp_path / "broken.pkl").write_bytes(b"\x80\x02nonsense")
     with pytest.raises(ValueError, match=r"broken\.pkl: refused"):
         load_body(tmp_path / "broken.pkl")

@@ -45,6 +45,15 @@ def test_parameters_and_joints_stay_one_body() -> None:
     np.testing.assert_allclose(joints_of(world.theta, world.trans), world.joints, atol=1e-12)
 
 
+def test_a_body_that_turns_round_does_not_jump() -> None:
+    turning = np.zeros((50, 72))
+    turning[:, 1] = np.linspace(0.0, 3.0, 50)
+    trans = np.zeros((50, 3))
+    behind = Extrinsics(Rotation.from_rotvec([0.0, -1.0, 0.0]).as_matrix(), np.zeros(3))
+    world = to_world(Motion(turning, trans, joints_of(turning, trans)), behind)
+    np.testing.assert_allclose(world.theta[:, 1], turning[:, 1] + 1.0, atol=1e-12)
+
+
 def test_the_camera_sees_the_same_body() -> None:
     rng = np.random.default_rng(0)
     own, camera = simple_body(rng), any_camera(rng)

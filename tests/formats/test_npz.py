@@ -63,9 +63,11 @@ def test_a_file_that_is_no_npz_is_refused(tmp_path):
     path = tmp_path / "v1.npz"
     with pytest.raises(ValueError, match="there is no such file"):
         read_joints_npz(path, np.arange(4))
-    path.write_bytes(b"not an archive")
-    with pytest.raises(ValueError, match="is not a readable npz"):
-        read_joints_npz(path, np.arange(4))
+    np.save(tmp_path / "one.npy", np.zeros(3))
+    for content in (b"not an archive", b"", (tmp_path / "one.npy").read_bytes()):
+        path.write_bytes(content)
+        with pytest.raises(ValueError, match="is not a readable npz"):
+            read_joints_npz(path, np.arange(4))
 
 
 def test_smpl_reads_what_export_writes(tmp_path):

@@ -168,3 +168,22 @@ def test_root_may_stand_anywhere() -> None:
     assert hoisted(["run", "yoga", "--root=x"]) == ["--root=x", "run", "yoga"]
     assert hoisted(["run", "--", "--root"]) == ["run", "--", "--root"]
     assert hoisted(["run", "yoga", "--root"]) == ["--root", "run", "yoga"]
+
+
+def test_doctor_reads_the_body_models_it_finds(
+    toy: Toy, capsys: Capture, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.delenv("IMOCAP_MODELS", raising=False)
+    assert toy.imocap(["doctor"]) == 0
+    said = capsys.readouterr().out
+    assert "body model: free_body" in said
+    assert "body model SMPL-X: none, no folder given" in said
+    (tmp_path / "models").mkdir()
+    broken = tmp_path / "models" / "SMPLX_NEUTRAL.npz"
+    broken.write_bytes(b"")
+    monkeypatch.setenv("IMOCAP_MODELS", str(broken.parent))
+    assert toy.imocap(["doctor"]) == 1
+    said = capsys.readouterr().out
+    assert f"body model SMPL-X: {broken}: refused" in said
+    assert f"body model SMPL: none below {broken.parent}" in said
+    assert toy.imocap(["doctor", "--models", str(tmp_path / "nowhere")]) == 2
