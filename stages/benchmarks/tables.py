@@ -1,0 +1,168 @@
+"""The tables of a benchmark: Markdown for people, CSV and JSON for programs."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+
+from stages.benchmarks.score import RESULTS, ActionScore
+
+SCALED, PA, PLAIN = "mpjpe_scaled_mm", "pa_mpjpe_mm", "mpjpe_mm"
+SYNC, SYNC_MS, MATCHED = "sync_error_pct", "sync_error_ms", "matched_share"
+CAMERA = "camera_rotation_error_deg"
+ROOT = "root_path_aligned_error_mm"
+ABSENT = "–"
+
+# The paper's Tables 1 and 2 (Human3.6M, one motion resampled, four videos, fine-tuned 2D unless
+# said otherwise): what it is called there, our result, MPJPE, P-MPJPE, sync error in %.
+PAPER: tuple[tuple[str, str, float | None, float | None, float | None], ...] = (
+    ("HMMR", "estimator", 109.80, 78.26, None),
+    ("one video", "monocular", 80.65, 62.58, None),
+    ("no iteration", "single pass", 71.49, 54.12, 0.91),
+    ("four videos", "after loop", 66.53, 50.33, 0.77),
+    ("(known cameras and frames)", "oracle", None, None, None),
+)
+PAPER_GENERIC = ("four videos, generic 2D", "after loop", 76.48, 53.34, None)
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """What was run: its title, the command that makes it, the data, and the scores."""
+
+    title: str
+    command: str
+    data: str
+    detector: str  # "fine_tuned", "generic" or ""
+    scores: list[ActionScore]
+
+
+def mean_and_error(values: Sequence[float]) -> tuple[float, float]:
+    """Mean and its standard error (NaN for less than two values)."""
+    count = len(values)
+    if count == 0:
+        return math.nan, math.nan
+    mean = sum(values) / count
+    if count < 2:
+        return mean, math.nan
+    spread = math.sqrt(sum((value - mean) ** 2 for value in values) / (count - 1))
+    return mean, spread / math.sqrt(count)
+
+
+def gap_closed(monocular: float | None, reached: float | None, oracle: float | None) -> float:
+    """Share of the way from the monocular fit to the oracle, in %; NaN when there is no way."""
+    if monocular is None or reached is None or oracle is None or monocular <= oracle:
+        return math.nan
+    return 100.0 * (monocular - reached) / (monocular - oracle)
+
+
+def markdown(benchmark: Benchmark) -> str:
+    """The whole report."""
+    scores = benchmark.scores
+    seconds, peak = sum(s.seconds for s in scores), max(s.peak_gb for s in scores)
+    parts = [
+        f"# {benchmark.title}",
+        f"Made by `{benchmark.command}`. Data: {benchmark.data}. Means over videos, then actions, "
+        f"± standard error over actions. Stages took {seconds:.0f} s in all; at most {peak:.1f} GB "
+        "of memory. docs/metrics.md defines every number.",
+        "## Against the paper",
+        "MPJPE is `mpjpe_scaled_mm`, the one that the released evaluation computes. The paper's "
+        "data are others (Human3.6M), so only differences between rows compare.",
+        _against_paper(benchmark),
+    ]
+    for title, metric in (("MPJPE, scaled (mm)", SCALED), ("P-MPJPE (mm)", PA)):
+        parts += [f"## {title}", _by_result(scores, metric)]
+    parts += ["## Correspondences and cameras", _sync_table(scores)]
+    return "\n\n".join(parts) + "\n"
+
+
+def csv_text(benchmark: Benchmark) -> str:
+    """Long form: action, result, metric, value."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["action", "result", "metric", "value"])
+    for score in benchmark.scores:
+        for result, metrics in score.numbers.items():
+            writer.writerows([score.action, result, name, v] for name, v in metrics.items())
+    return out.getvalue()
+
+
+def json_text(benchmark: Benchmark) -> str:
+    """Everything, with the means."""
+    means = {
+        result: {
+            metric: dict(zip(("mean", "standard_error"), mean_and_error(found), strict=True))
+            for metric in sorted({m for s in benchmark.scores for m in s.numbers.get(result, {})})
+            if (found := _values(benchmark.scores, result, metric))
+        }
+        for result in RESULTS
+    }
+    plain = json.dumps({**asdict(benchmark), "means": means}, indent=1)
+    return plain.replace("NaN", "null") + "\n"
+
+
+def _against_paper(benchmark: Benchmark) -> str:
+    rows = []
+    for name, result, mpjpe, pa, sync in PAPER:
+        if benchmark.detector == "generic" and result == "after loop":
+            name, result, mpjpe, pa, sync = PAPER_GENERIC
+        own = [_mean(benchmark.scores, result, metric, 1) for metric in (SCALED, PA)]
+        own.append(_mean(benchmark.scores, result, SYNC, 2))
+        paper = [ABSENT if value is None else f"{value:.2f}" for value in (mpjpe, pa, sync)]
+        mixed = [cell for pair in zip(paper, own, strict=True) for cell in pair]
+        rows.append([name, result, *mixed])
+    head = ["paper", "here", "MPJPE, paper", "here", "P-MPJPE, paper", "here"]
+    return _table([*head, "sync %, paper", "here"], rows)
+
+
+def _by_result(scores: Sequence[ActionScore], metric: str) -> str:
+    rows = []
+    for score in scores:
+        values = [score.of(result, metric) for result in RESULTS]
+        gap = gap_closed(*(score.of(r, metric) for r in ("monocular", "after loop", "oracle")))
+        rows.append([score.action, *(_cell(v, 1) for v in values), _cell(gap, 0)])
+    means = [mean_and_error(_values(scores, result, metric))[0] for result in RESULTS]
+    gap = gap_closed(means[1], means[3], means[4])
+    rows.append(["**mean**", *(_mean(scores, r, metric, 1) for r in RESULTS), _cell(gap, 0)])
+    return _table(["action", *RESULTS, "gap closed %"], rows)
+
+
+def _sync_table(scores: Sequence[ActionScore]) -> str:
+    columns: list[tuple[str, str, str, int]] = [
+        ("sync %, single pass", "single pass", SYNC, 2),
+        ("sync %, after loop", "after loop", SYNC, 2),
+        ("sync ms, after loop", "after loop", SYNC_MS, 0),
+        ("matched share", "after loop", MATCHED, 2),
+        ("camera °, single pass", "single pass", CAMERA, 1),
+        ("camera °, after loop", "after loop", CAMERA, 1),
+        ("root path mm, after loop", "after loop", ROOT, 0),
+    ]
+    rows = [
+        [s.action, str(s.videos), str(s.frames), *(_cell(s.of(r, m), d) for _, r, m, d in columns)]
+        for s in scores
+    ]
+    rows.append(["**mean**", "", "", *(_mean(scores, r, m, d) for _, r, m, d in columns)])
+    return _table(["action", "videos", "frames", *(name for name, *_ in columns)], rows)
+
+
+def _values(scores: Sequence[ActionScore], result: str, metric: str) -> list[float]:
+    return [value for s in scores if (value := s.of(result, metric)) is not None]
+
+
+def _mean(scores: Sequence[ActionScore], result: str, metric: str, digits: int) -> str:
+    mean, error = mean_and_error(_values(scores, result, metric))
+    if not math.isfinite(mean):
+        return ABSENT
+    return f"{mean:.{digits}f}" + (f" ± {error:.{digits}f}" if math.isfinite(error) else "")
+
+
+def _cell(value: float | None, digits: int) -> str:
+    return ABSENT if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    line: Callable[[Sequence[str]], str] = lambda cells: "| " + " | ".join(cells) + " |"  # noqa: E731
+    return "\n".join([line(head), line(["---"] * len(head)), *(line(row) for row in rows)])

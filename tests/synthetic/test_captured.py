@@ -1,0 +1,211 @@
+"""Captured motion as videos: samplings, levels, the estimator, several performances."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imocap_core.camera.projection import project
+from imocap_core.conventions import EVAL_12
+from imocap_core.metrics.position import mpjpe_mm, pa_mpjpe_mm
+from imocap_core.synthetic.captured import (
+    AT,
+    COCO18,
+    VIEWPOINTS,
+    coco18_points,
+    hip_middle,
+    place_camera,
+    stature_m,
+    to_stage,
+)
+from imocap_core.synthetic.estimator import TREE, EstimatorErrors, estimate
+from imocap_core.synthetic.levels import DETECTORS, detect_person
+from imocap_core.synthetic.samplings import base_frames, sample_frames
+from imocap_core.synthetic.trials import correspondence, on_one_stage
+from tools.calibrate_estimator import TARGET_MM, camera_clips, errors_mm
+
+DATA = Path(os.environ.get("IMOCAP_DATA", Path(__file__).parents[3] / "shared" / "data"))
+SIZE = (1000, 1000)
+
+
+def figure(frames: int = 60, seed: int = 0) -> np.ndarray:
+    """A standing figure (T, 14, 3), z up, facing -y, whose limbs sway; metres."""
+    half = {"ankle": 0.1, "knee": 0.1, "hip": 0.1, "wrist": 0.3, "elbow": 0.25, "shoulder": 0.18}
+    height = {"ankle": 0.1, "knee": 0.5, "hip": 0.9, "wrist": 0.9, "elbow": 1.15, "shoulder": 1.4}
+    joints = np.zeros((frames, 14, 3))
+    for name in EVAL_12:
+        side, part = name.split("_")
+        joints[:, AT[name], 0] = half[part] * (1 if side == "left" else -1)
+        joints[:, AT[name], 2] = height[part]
+    joints[:, AT["neck"], 2], joints[:, AT["head"], 2] = 1.45, 1.6
+    sway = np.random.default_rng(seed).normal(0, 0.1, (1, 14, 3))
+    moment = np.linspace(0, 1, frames)[:, None, None]
+    return joints + sway * np.sin(3 * moment + moment**2) * (joints[..., 2:] < 1.3)
+
+
+def before_a_camera(frames: int) -> np.ndarray:
+    """The figure upright in camera axes (y down, z forward), four metres away."""
+    return figure(frames) @ np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0.0]]) + [0.0, 1.0, 4.0]
+
+
+# --- samplings
+
+
+def test_the_base_video_holds_150_frames_at_equal_intervals():
+    frames = sample_frames("paper", 2000, 0, np.random.default_rng(0))
+    assert len(frames) == 150
+    assert (frames[0], frames[-1]) == (0, 1999)
+    assert set(np.diff(frames)) == {13, 14}
+
+
+@pytest.mark.parametrize(("name", "low", "high"), [("released", 288, 297), ("paper", 390, 580)])
+def test_other_videos_hold_as_many_frames_as_the_protocol_says(name: str, low: int, high: int):
+    for seed in range(20):
+        frames = sample_frames(name, 2000, 1, np.random.default_rng(seed))
+        assert low <= len(frames) <= high
+        assert (np.diff(frames) > 0).all()
+        assert set(base_frames(2000)) <= set(frames)
+
+
+def test_released_films_six_segments_without_gaps_and_forty_with_one_frame():
+    base = base_frames(2000)
+    frames = sample_frames("released", 2000, 1, np.random.default_rng(3))
+    extra = np.histogram(frames, np.append(base[:-1], 2000))[0][:-1] - 1
+    whole = extra == (np.diff(base) - 1)[: len(extra)]
+    assert whole.sum() in (5, 6)  # the last bin holds two segments
+    assert (extra == 1).sum() >= 38
+
+
+def test_a_sampling_is_a_function_of_its_seed():
+    a, b = (sample_frames("paper", 2000, 1, np.random.default_rng(5)) for _ in range(2))
+    assert np.array_equal(a, b)
+    assert not np.array_equal(a, sample_frames("paper", 2000, 1, np.random.default_rng(6)))
+
+
+def test_a_short_clip_and_an_unknown_name_are_refused():
+    with pytest.raises(ValueError, match="at least 300 frames, got 299"):
+        base_frames(299)
+    with pytest.raises(ValueError, match="expected one of released, paper, got 'x'"):
+        sample_frames("x", 2000, 1, np.random.default_rng(0))
+
+
+# --- what cameras and detectors see
+
+
+def test_the_stage_turns_the_performer_to_the_front_with_the_feet_on_the_floor():
+    turned = figure() @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1.0]]) + [3.0, -2.0, 5.0]
+    turn, shift = to_stage(turned)
+    placed = turn.apply(turned.reshape(-1, 3)).reshape(turned.shape) + shift
+    across = (placed[:, AT["left_hip"]] - placed[:, AT["right_hip"]]).mean(0)
+    assert across[0] > 0.1
+    assert abs(across[1]) < 0.05
+    assert placed[:, AT["left_ankle"], 2].min() == pytest.approx(0.08, abs=0.1)
+    assert np.median(hip_middle(placed), axis=0)[:2] == pytest.approx([0, 0], abs=1e-9)
+
+
+def test_four_cameras_see_everything_from_four_sides():
+    wide = figure() + np.linspace([-3, 0, 0], [3, 2, 0], 60)[:, None]
+    centres = []
+    for view in VIEWPOINTS:
+        K, R, t = place_camera(view, wide, SIZE)
+        share = project(wide, K, R, t) / SIZE
+        assert share.min() > 0.05
+        assert share.max() < 0.95
+        centres.append(-R.T @ t)
+    sides = np.unwrap([np.arctan2(c[1], c[0]) for c in centres])
+    assert np.abs(np.diff(sides)).min() > np.deg2rad(60)
+
+
+def test_seen_hips_stand_out_and_faces_stay_unseen():
+    points = coco18_points(figure())
+    seen = np.isfinite(points).all((0, 2))
+    names = {n for n, s in zip(COCO18, seen, strict=True) if not s}
+    assert names == {"nose", "right_eye", "left_eye", "right_ear", "left_ear"}
+    wide = points[0, COCO18.index("left_hip")] - points[0, COCO18.index("right_hip")]
+    assert np.linalg.norm(wide) == pytest.approx(1.24 * 0.2, rel=0.01)
+
+
+def test_stature_is_near_the_height_of_the_figure():
+    assert 1.6 < stature_m(figure()) < 1.95
+
+
+@pytest.mark.parametrize(
+    ("level", "noise_px", "missing"), [("fine_tuned", 4, 0.02), ("generic", 8, 0.05)]
+)
+def test_a_detector_level_errs_as_the_benchmark_says(level: str, noise_px: float, missing: float):
+    truth = np.tile(np.random.default_rng(0).uniform(100, 900, (1, 18, 2)), (3000, 1, 1))
+    truth[:, 0] = np.nan
+    height = np.full(3000, 600.0)
+    found = detect_person(truth, height, 30.0, level, np.random.default_rng(1))
+    assert (found.confidence[:, 0] == 0).all()
+    seen = found.confidence[:, 1:] > 0
+    assert (~seen).mean() == pytest.approx(missing, rel=0.15)
+    error = (found.xy_px - truth)[:, 1:][seen]
+    typical = np.median(np.abs(error)) / 0.6745
+    assert typical == pytest.approx(noise_px, rel=0.2)
+    far = (np.linalg.norm(error, axis=-1) > 6 * noise_px).mean()
+    assert 0 < far < DETECTORS[level].outlier_rate + DETECTORS[level].swap_rate
+
+
+# --- the estimator
+
+
+def test_the_estimator_keeps_bones_and_the_origin():
+    true = before_a_camera(200)
+    found = estimate(true, 30.0, np.random.default_rng(0))
+    assert hip_middle(found) == pytest.approx(np.zeros((200, 3)), abs=1e-9)
+    for child, parent in TREE[3:]:
+        bones = [np.linalg.norm(x[:, AT[child]] - x[:, AT[parent]], axis=-1) for x in (found, true)]
+        assert bones[0] == pytest.approx(bones[1])
+
+
+def test_the_estimator_errs_in_depth_and_slowly():
+    true = before_a_camera(3000)
+    errors = EstimatorErrors(orientation_rad=0.0)
+    found = estimate(true, 30.0, np.random.default_rng(0), errors)
+    error = found - (true - hip_middle(true)[:, None])
+    spread = error.std((0, 1))
+    assert spread[2] > 1.4 * spread[0]
+    step = np.linalg.norm(np.diff(error, axis=0), axis=-1).mean()
+    assert step < 0.4 * np.linalg.norm(error, axis=-1).mean()
+
+
+def test_orientation_drift_costs_mpjpe_and_not_p_mpjpe():
+    true = before_a_camera(3000)
+    errors = EstimatorErrors(joint_m=0.0, orientation_rad=0.2)
+    found = estimate(true, 30.0, np.random.default_rng(0), errors)
+    relative = true - hip_middle(true)[:, None]
+    assert mpjpe_mm(found, relative) > 80
+    assert pa_mpjpe_mm(found, relative) < 1e-6
+
+
+@pytest.mark.skipif(
+    not (DATA / "protocol").is_dir(), reason="needs the protocol clips (IMOCAP_DATA)"
+)
+def test_the_estimator_errs_as_hmmr_on_the_protocol_clips():
+    mpjpe, pa, scaled = errors_mm(camera_clips(DATA), EstimatorErrors(), seeds=(0,)).mean(0)
+    assert mpjpe == pytest.approx(TARGET_MM[0], abs=2.0)
+    assert scaled == pytest.approx(TARGET_MM[0], abs=2.0)
+    assert pa == pytest.approx(TARGET_MM[1], abs=2.0)
+
+
+# --- several performances
+
+
+def test_a_time_warped_copy_corresponds_to_where_it_was_taken_from():
+    reference = figure(80, seed=2)
+    at = 79 * np.linspace(0, 1, 60) ** 1.3
+    low = np.minimum(at.astype(int), 78)
+    share = (at - low)[:, None, None]
+    copy = (1 - share) * reference[low] + share * reference[low + 1]
+    phase = correspondence(copy, reference)
+    assert (np.diff(phase) > 0).all()
+    assert np.abs(phase - at).mean() < 1.5
+
+
+def test_performances_come_onto_one_stage():
+    reference = figure(60, seed=4)
+    quarter = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]])
+    first, second = on_one_stage([reference, reference @ quarter.T + [2.0, 1.0, 0.3]])
+    assert np.linalg.norm(second.joints_m - first.joints_m, axis=-1).mean() < 0.02
