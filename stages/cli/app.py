@@ -171,21 +171,24 @@ def view(context: typer.Context, action: ActionName) -> None:
 @app.command()
 def benchmark(
     context: typer.Context,
-    name: Annotated[str, typer.Argument(help="protocol, trials, yoga, body or bones.")],
+    name: Annotated[
+        Literal["protocol", "trials", "yoga", "body", "bones"],
+        typer.Argument(help="What to measure; docs/benchmark.md says how."),
+    ],
     detector: Annotated[
-        str, typer.Option(help="Simulated 2D detector: fine_tuned or generic.")
+        Literal["fine_tuned", "generic"], typer.Option(help="Level of the simulated 2D detector.")
     ] = "fine_tuned",
     sampling: Annotated[
-        str, typer.Option(help="How protocol resamples: released or paper.")
+        Literal["released", "paper"], typer.Option(help="How protocol resamples its motion.")
     ] = "released",
     videos: Annotated[int, typer.Option(help="Videos an action, 1 to 4.")] = 4,
     only: Annotated[list[str], typer.Option(help="Only this action.")] = [],  # noqa: B006
 ) -> None:
     """Measure how good (protocol, trials, yoga, bones) or how fast (body) the program is."""
-    from stages.cli.benchmark import BODY, body_table
+    from stages.cli.benchmark import body_table
 
     workspace = _workspace(context)
-    if name in BODY:
+    if name in ("body", "bones"):
         console.print(body_table(name, workspace))
         return
     from stages.benchmarks.motion import Choice, measure

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from stages.benchmarks import inputs, score, tables
 from stages.benchmarks.motion import Choice
 from stages.benchmarks.oracle import fit_with_cameras, true_cameras, true_sync
 from stages.benchmarks.score import ActionScore
+from stages.cli import main
 from stages.harness.action import read_action
 from stages.harness.errors import WorkFailed, WrongUse
 from tests.motion.made import mpjpe_mm
@@ -187,3 +189,68 @@ def test_the_tables_hold_every_action_its_means_and_the_paper() -> None:
 def test_generic_detections_stand_beside_the_paper_s_generic_row() -> None:
     benchmark = tables.Benchmark("T", "c", "d", "generic", [made_score("jump", 50.0)])
     assert "| four videos, generic 2D | after loop | 76.48 | 50.0 |" in tables.markdown(benchmark)
+
+
+# --- kept scores, exit codes
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Stands for a stored artifact of one video."""
+
+    digest: str
+
+    def decode(self, kind: type) -> SimpleNamespace:
+        return SimpleNamespace(videos=[SimpleNamespace(frames=range(5))])
+
+
+def test_a_finished_action_is_not_scored_again_until_an_artifact_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    digest, scored = ["one"], []
+
+    def run(job: object, display: object, stages: object) -> list[SimpleNamespace]:
+        return [SimpleNamespace(stage="keypoints", stored=Kept(digest[0]), seconds=2.0)]
+
+    def numbers(*_: object) -> dict:
+        scored.append(digest[0])
+        return {"oracle": {"pa_mpjpe_mm": 1.0}}
+
+    monkeypatch.setattr(score.runner, "run", run)
+    monkeypatch.setattr(score, "_numbers", numbers)
+    job = SimpleNamespace(
+        action=SimpleNamespace(name="jump", truth=None, folder=tmp_path),
+        settings=SimpleNamespace(seed=7),
+        pipeline=SimpleNamespace(upstream=lambda stage: ["keypoints"]),
+    )
+    first = score.score_action(job, None, tmp_path / "jump.json")
+    assert score.score_action(job, None, tmp_path / "jump.json") == first
+    assert scored == ["one"]
+    digest[0] = "two"
+    score.score_action(job, None, tmp_path / "jump.json")
+    (tmp_path / "jump.json").write_text("{ half a file")
+    assert score.score_action(job, None, tmp_path / "jump.json").of("oracle", "pa_mpjpe_mm") == 1.0
+    assert scored == ["one", "two", "two"]
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (["benchmark", "dance"], 2, "'dance' is not one of"),
+        (["benchmark", "trials", "--videos", "9"], 2, "--videos: expected 1 to 4, got 9"),
+        (["benchmark", "trials"], 1, "the benchmark trials needs captured motion"),
+        (["benchmark", "bones"], 1, "needs captured motion"),
+    ],
+)
+def test_exit_codes(
+    words: list[str],
+    code: int,
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setenv(inputs.DATA_VARIABLE, str(tmp_path))
+    monkeypatch.setattr("sys.argv", ["imocap"])
+    assert main(["--root", str(tmp_path), *words]) == code
+    assert said in capsys.readouterr().err
