@@ -20,11 +20,13 @@ from imocap_core.motion.monocular import fit_monocular
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.motion.starts import (
+    MIN_JOINTS,
     LiftingOptions,
     Start,
     fit_rotations_to_joints,
     lifted_starts,
     start_at_joints,
+    start_at_motion,
 )
 from imocap_core.rotations import exp
 from stages.harness.stage import Context, Inputs, main
@@ -87,9 +89,9 @@ def _given(
         for k, name in enumerate(estimate.joint_names):
             if name in SMPL_JOINTS:
                 joints[:, SMPL_JOINTS.index(name)] = estimate.joints[:, k]
-        if np.isfinite(joints).all((0, 2)).sum() < 6:
+        if np.isfinite(joints).all(-1).sum(1).max() < MIN_JOINTS:
             raise ValueError(
-                f"{path}: joint_names: expected at least 6 of SMPL's joints "
+                f"{path}: joints: expected numbers for at least {MIN_JOINTS} of SMPL's joints "
                 f"({', '.join(SMPL_JOINTS)}), got {', '.join(estimate.joint_names)}"
             )
         return joints
@@ -97,7 +99,10 @@ def _given(
         smpl = read_smpl_npz(path, frames)
         R_local = exp(torch.as_tensor(smpl.theta.reshape(-1, 24, 3)))
         R_local[:, 0] = torch.as_tensor(smpl.R) @ R_local[:, 0]
-        return Start(R_local, torch.as_tensor(smpl.trans @ smpl.R.T + smpl.t), 0.0)
+        try:
+            return start_at_motion(R_local, torch.as_tensor(smpl.trans @ smpl.R.T + smpl.t))
+        except ValueError as error:
+            raise ValueError(f"{path}: poses, trans: {error}") from None
     raise ValueError(
         f"{ctx.action_file()}: videos: {video}: initial_format: expected joints_npz or smpl_npz, "
         f"got {kind!r}; convert the estimate to one of them"

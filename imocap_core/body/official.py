@@ -94,11 +94,13 @@ def _read(path: Path) -> dict[str, NDArray[np.generic]]:
 
 
 def _read_npz(path: Path) -> dict[str, Any]:
+    if not zipfile.is_zipfile(path):
+        raise ValueError(f"{path}: refused, expected an .npz of plain numeric arrays")
     try:
         with np.load(path, allow_pickle=False) as archive:
             wanted = [n for n in (*_NEEDED, *_OPTIONAL) if n in archive.files]
             return {name: archive[name] for name in wanted}
-    except (ValueError, TypeError, OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+    except (ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise ValueError(
             f"{path}: refused, expected an .npz of plain numeric arrays: {error}"
         ) from error

@@ -15,10 +15,12 @@ def load_arrays(path: Path) -> dict[str, NDArray]:
     """All arrays of an npz file. ValueError when it is missing, broken, or holds objects."""
     if not path.is_file():
         raise ValueError(f"{path}: there is no such file; check its path in action.yaml")
+    if not zipfile.is_zipfile(path):
+        raise ValueError(f"{path}: is not a readable npz file; write it again with numpy.savez")
     try:
         with np.load(path, allow_pickle=False) as archive:
             return {name: np.asarray(archive[name]) for name in archive.files}
-    except (OSError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise ValueError(f"{path}: is not a readable npz file ({error}); write it again") from None
 
 

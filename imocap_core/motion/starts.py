@@ -41,6 +41,9 @@ class LiftingOptions:
     starts: int
 
 
+MIN_JOINTS = 6  # an estimator's frame with fewer says too little of a pose
+
+
 def lifted_starts(
     body: Body, library: Library, observation: Observation, options: LiftingOptions
 ) -> list[Start]:
@@ -121,26 +124,50 @@ def fit_rotations_to_joints(body: Body, library: Library, joints: np.ndarray) ->
         joints: (T, 24, 3) metres, camera axes, NaN where not given.
 
     Returns:
-        (T, 24, 3, 3): starts for a fit that has the joints as evidence.
+        (T, 24, 3, 3): starts for a fit that has the joints as evidence; frames with fewer than
+        `MIN_JOINTS` joints lie between their neighbours.
+
+    ValueError when no frame has that many.
     """
+    known = np.isfinite(joints).all(-1)
+    keys = np.nonzero(known.sum(1) >= MIN_JOINTS)[0]
+    if len(keys) == 0:
+        raise ValueError(f"no frame has {MIN_JOINTS} joints or more")
+    poses = [_nearest_pose(library, joints[t], known[t]) for t in keys]
+    return interpolate_rotations(torch.stack(poses), keys, len(joints))
+
+
+def _nearest_pose(library: Library, joints: np.ndarray, known: np.ndarray) -> Tensor:
+    """The library pose (24, 3, 3) nearest to the known ones of joints (24, 3) once turned."""
     like = library.R_view
-    given = np.isfinite(joints).all((0, 2))
-    target = torch.as_tensor(joints[:, given]).to(like)
-    poses = library.joints[:, torch.as_tensor(given, device=like.device)]
-    target = target - target.mean(1, keepdim=True)
+    target = torch.as_tensor(joints[known]).to(like)
+    poses = library.joints[:, torch.as_tensor(known, device=like.device)]
+    target = target - target.mean(0)
     poses = poses - poses.mean(1, keepdim=True)
-    chosen, turns = [], []
-    for frame in target:
-        correlation = torch.einsum("ki,skj->sij", frame, poses)
-        singular = torch.linalg.svdvals(correlation)
-        singular[:, 2] *= torch.sign(torch.linalg.det(correlation))
-        misfit = poses.square().sum((1, 2)) - 2 * singular.sum(1)
-        best = int(misfit.argmin())
-        chosen.append(best)
-        turns.append(nearest_rotation(correlation[best]))
-    R_local = library.R_local[torch.tensor(chosen, device=like.device)].clone()
-    R_local[:, 0] = torch.stack(turns)
+    correlation = torch.einsum("ki,skj->sij", target, poses)
+    singular = torch.linalg.svdvals(correlation)
+    singular[:, 2] *= torch.sign(torch.linalg.det(correlation))
+    best = int((poses.square().sum((1, 2)) - 2 * singular.sum(1)).argmin())
+    R_local = library.R_local[best].clone()
+    R_local[0] = nearest_rotation(correlation[best])
     return R_local
+
+
+def start_at_motion(R_local: Tensor, trans: Tensor) -> Start:
+    """A start from an estimator's motion: (T, 24, 3, 3) and (T, 3) in camera axes, metres.
+
+    Frames with NaN lie between their neighbours. ValueError when every frame has some.
+    """
+    known = R_local.isfinite().flatten(1).all(1) & trans.isfinite().all(1)
+    keys = known.nonzero()[:, 0].cpu().numpy()
+    if len(keys) == 0:
+        raise ValueError("every frame has numbers that are not finite")
+    frames = len(trans)
+    return Start(
+        interpolate_rotations(R_local[known], keys, frames),
+        _interpolate(trans[known], keys, frames),
+        0.0,
+    )
 
 
 def _key_frames(confidence: np.ndarray, stride: int) -> np.ndarray:
