@@ -144,10 +144,11 @@ class ModelStatus:
     note: str
 
 
+# The names the downloads have; SMPL+H comes as smplh_male.pkl or as smplh/male/model.npz.
 _FILES = {
-    "SMPL": (r"(smpl_|basic_?model_)\w*.*\.(pkl|npz)", "https://smpl.is.tue.mpg.de"),
-    "SMPL+H": (r"smplh_\w+\.(pkl|npz)", "https://mano.is.tue.mpg.de"),
-    "SMPL-X": (r"smplx_\w+\.(pkl|npz)", "https://smpl-x.is.tue.mpg.de"),
+    "SMPL": (r"(smpl_|basic_?model_)[^/]*\.(pkl|npz)", "https://smpl.is.tue.mpg.de"),
+    "SMPL+H": (r"smplh(_\w+|/\w+/model)\.(pkl|npz)", "https://mano.is.tue.mpg.de"),
+    "SMPL-X": (r"smplx(_\w+|/\w+/model)\.(pkl|npz)", "https://smpl-x.is.tue.mpg.de"),
 }
 
 
@@ -159,7 +160,8 @@ def model_status(folder: Path | None) -> list[ModelStatus]:
     rows = [ModelStatus("free body", None, "ships with imocap; nothing to install")]
     files = [] if folder is None or not folder.is_dir() else sorted(folder.rglob("*"))
     for name, (pattern, home) in _FILES.items():
-        found = [f for f in files if re.fullmatch(pattern, f.name, re.IGNORECASE)]
+        named = re.compile(f".*/{pattern}", re.IGNORECASE)
+        found = [f for f in files if named.fullmatch(f.resolve().as_posix())]
         rows += [ModelStatus(name, file, "found") for file in found]
         if not found:
             where = "none, no folder given" if folder is None else f"none below {folder}"

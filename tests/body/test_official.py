@@ -228,13 +228,19 @@ def test_status_says_what_was_found_and_what_is_missing(tmp_path: Path) -> None:
     (tmp_path / "smplx").mkdir()
     (tmp_path / "smplx" / "SMPLX_NEUTRAL.npz").touch()
     (tmp_path / "basicModel_f_lbs_10_207_0_v1.0.0.pkl").touch()
+    (tmp_path / "notes_on_smpl_models.npz").touch()
     rows = {row.name: row for row in model_status(tmp_path)}
+    assert len(rows) == len(model_status(tmp_path))
     assert rows["free body"].note.startswith("ships")
     assert rows["SMPL-X"].path == tmp_path / "smplx" / "SMPLX_NEUTRAL.npz"
     assert rows["SMPL"].path is not None
     assert rows["SMPL+H"].path is None
     assert "register" in rows["SMPL+H"].note
     assert len(model_status(None)) == 4
+    hands = tmp_path / "smplh" / "male" / "model.npz"
+    hands.parent.mkdir(parents=True)
+    hands.touch()
+    assert [row.path for row in model_status(tmp_path) if row.name == "SMPL+H"] == [hands]
 
 
 def record(**state: object) -> Inert:
