@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
@@ -24,10 +25,16 @@ LEAST_RATE = 0.05  # phase always goes on
 
 @dataclass(frozen=True)
 class Performance:
-    """joints (T, 14, 3) on the common stage, z up; phase (T,) in frames of the first one."""
+    """joints (T, 14, 3) on the stage, z up; phase (T,) in frames of the first one.
+
+    R_common_from_stage (3, 3), t_common (3,): where poses, not paths, agree best with the first's.
+    A performer may face elsewhere on the same path; cameras are compared by what bodies show.
+    """
 
     joints_m: Floats
     phase: Floats
+    R_common_from_stage: Floats
+    t_common: Floats
 
 
 def on_one_stage(trials: Sequence[Floats]) -> list[Performance]:
@@ -35,10 +42,16 @@ def on_one_stage(trials: Sequence[Floats]) -> list[Performance]:
     shifted on the floor) as well as their corresponding frames allow."""
     turn, shift = to_stage(trials[0])
     first = turn.apply(trials[0].reshape(-1, 3)).reshape(trials[0].shape) + shift
-    found = [Performance(first, np.arange(len(first), dtype=np.float64))]
+    found = [Performance(first, np.arange(len(first), dtype=np.float64), np.eye(3), np.zeros(3))]
     for trial in trials[1:]:
         phase = correspondence(trial, first)
-        found.append(Performance(_onto(trial, first, phase), phase))
+        inside, target = _matched(first, phase)
+        turn, shift = _onto(trial[inside], target)
+        placed = turn.apply(trial.reshape(-1, 3)).reshape(trial.shape) + shift
+        own, other = hip_middle(placed[inside]), hip_middle(target)
+        faced, _ = _onto(placed[inside] - own[:, None], target - other[:, None])
+        t_common = other.mean(axis=0) - faced.apply(own.mean(axis=0))
+        found.append(Performance(placed, phase, faced.as_matrix(), t_common))
     return found
 
 
@@ -73,16 +86,19 @@ def _distances(a: Floats, b: Floats) -> Floats:
     return distance
 
 
-def _onto(joints_m: Floats, reference_m: Floats, phase: Floats) -> Floats:
+def _matched(reference_m: Floats, phase: Floats) -> tuple[NDArray[np.bool_], Floats]:
+    """Which frames lie inside the reference, and the reference's joints there."""
     inside = (phase >= 0) & (phase <= len(reference_m) - 1)
     low = np.minimum(np.floor(phase[inside]).astype(int), len(reference_m) - 2)
     share = (phase[inside] - low)[:, None, None]
-    target = ((1 - share) * reference_m[low] + share * reference_m[low + 1]).reshape(-1, 3)
-    source = joints_m[inside].reshape(-1, 3)
+    return inside, (1 - share) * reference_m[low] + share * reference_m[low + 1]
+
+
+def _onto(source_m: Floats, target_m: Floats) -> tuple[Rotation, Floats]:
+    """The turn about z and the shift that bring joints (N, 14, 3) closest to the target's."""
+    source, target = source_m.reshape(-1, 3), target_m.reshape(-1, 3)
     a, b = source - source.mean(axis=0), target - target.mean(axis=0)
     sine = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()
     cosine = (a[:, 0] * b[:, 0] + a[:, 1] * b[:, 1]).sum()
     turn = Rotation.from_rotvec([0.0, 0.0, np.arctan2(sine, cosine)])
-    shift = target.mean(axis=0) - turn.apply(source.mean(axis=0))
-    placed: Floats = turn.apply(joints_m.reshape(-1, 3)).reshape(joints_m.shape) + shift
-    return placed
+    return turn, target.mean(axis=0) - turn.apply(source.mean(axis=0))

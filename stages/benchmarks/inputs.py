@@ -12,7 +12,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -52,13 +52,28 @@ MADE = ".made.json"
 
 @dataclass(frozen=True)
 class Shot:
-    """One video to be: joints (T, 14, 3) on the stage at frames fps apart, phase (T,), and the
-    frames that the video keeps."""
+    """One video to be: joints (T, 14, 3) on the stage where it is filmed, phase (T,), and the
+    frames that the video keeps. The truth speaks of a common world that may lie elsewhere."""
 
     joints_m: Floats
     phase: Floats
     kept: NDArray[np.int64]
     fps: float  # of joints_m
+    R_common_from_stage: Floats = field(default_factory=lambda: np.eye(3))
+    t_common: Floats = field(default_factory=lambda: np.zeros(3))
+
+    def truth(self, video: str, K: Floats, R: Floats, t: Floats) -> dict[str, Floats]:
+        """What truth.npz holds of it; R, t is the camera from the stage."""
+        R_cam_from_common = R @ self.R_common_from_stage.T
+        joints = self.joints_m[self.kept] @ self.R_common_from_stage.T + self.t_common
+        parts = {
+            "joints": joints,
+            "phase": self.phase[self.kept],
+            "K": K,
+            "R": R_cam_from_common,
+            "t": t - R_cam_from_common @ self.t_common,
+        }
+        return {f"{video}/{name}": value for name, value in parts.items()}
 
 
 def data_folder(root: Path, kind: str) -> Path:
@@ -96,7 +111,10 @@ def trial_shots(file: Path, videos: int) -> list[Shot]:
         index, fps = stored["common14_idx"], float(stored["fps"])
         count = min(videos, len(stored["trial_ids"]))
         trials = [stored[f"trial_{v:02d}"][:, index].astype(np.float64) for v in range(count)]
-    return [Shot(p.joints_m, p.phase, np.arange(len(p.phase)), fps) for p in on_one_stage(trials)]
+    return [
+        Shot(p.joints_m, p.phase, np.arange(len(p.phase)), fps, p.R_common_from_stage, p.t_common)
+        for p in on_one_stage(trials)
+    ]
 
 
 def make_action(
@@ -136,9 +154,7 @@ def _write(
         _write_openpose(folder / "keypoints" / video, video, found, shot.kept)
         (folder / "initial").mkdir(exist_ok=True)
         np.savez(folder / "initial" / f"{video}.npz", joints=estimated, joint_names=list(EVAL_14))
-        own = {"joints": shot.joints_m, "phase": shot.phase}
-        truth |= {f"{video}/{part}": value[shot.kept] for part, value in own.items()}
-        truth |= {f"{video}/K": K, f"{video}/R": R, f"{video}/t": t}
+        truth |= shot.truth(video, K, R, t)
         videos.append(_declaration(video, shot))
     np.savez(folder / "truth.npz", **truth)
     action = {"name": name, "videos": videos, "truth": "truth.npz", "params": params}
@@ -186,6 +202,7 @@ def _key(name: str, shots: Sequence[Shot], detector: str, params: dict[str, Any]
     told = json.dumps([closure(Path(__file__)), name, detector, params], sort_keys=True)
     digest = hashlib.sha256(told.encode())
     for shot in shots:
-        for array in (shot.joints_m, shot.phase, shot.kept):
+        world = (shot.R_common_from_stage, shot.t_common)
+        for array in (shot.joints_m, shot.phase, shot.kept, *world):
             digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()

@@ -49,6 +49,16 @@ def test_an_action_is_made_of_files_that_the_stages_read(tmp_path: Path) -> None
         assert truth["phase_end"] == 39
 
 
+def test_the_truth_of_a_moved_world_is_the_same_before_the_camera() -> None:
+    shot, K, R, t = shots()[0], np.eye(3), SWING, np.array([0.0, 1.0, 4.0])
+    moved = replace(shot, R_common_from_stage=SWING.T, t_common=np.array([1.0, 2.0, 3.0]))
+    seen = []
+    for one in (shot, moved):
+        parts = one.truth("v1", K, R, t)
+        seen.append(parts["v1/joints"] @ parts["v1/R"].T + parts["v1/t"])
+    assert seen[1] == pytest.approx(seen[0])
+
+
 def test_an_action_is_made_once_and_again_when_its_inputs_change(tmp_path: Path) -> None:
     folder = tmp_path / "sway"
     inputs.make_action(folder, "sway", shots(), "fine_tuned", {})

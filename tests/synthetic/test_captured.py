@@ -209,3 +209,14 @@ def test_performances_come_onto_one_stage():
     quarter = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]])
     first, second = on_one_stage([reference, reference @ quarter.T + [2.0, 1.0, 0.3]])
     assert np.linalg.norm(second.joints_m - first.joints_m, axis=-1).mean() < 0.02
+
+
+def test_the_common_world_is_where_poses_agree_though_paths_part():
+    along = np.linspace([0, 0, 0], [0, 3, 0], 60)[:, None]
+    eighth = np.array([[1, -1, 0], [1, 1, 0], [0, 0, np.sqrt(2)]]) / np.sqrt(2)
+    pose = figure(60, seed=4)
+    first, second = on_one_stage([pose + along, pose @ eighth.T + along])
+    common = second.joints_m @ second.R_common_from_stage.T + second.t_common
+    apart = [x - hip_middle(x)[:, None] for x in (common, first.joints_m, second.joints_m)]
+    assert np.linalg.norm(apart[0] - apart[1], axis=-1).mean() < 0.02
+    assert np.linalg.norm(apart[2] - apart[1], axis=-1).mean() > 0.05
