@@ -91,7 +91,9 @@ def _open(path: Path) -> Any:
     try:
         return av.open(str(path))
     except (av.FFmpegError, OSError) as error:
-        raise ValueError(f"{path}: is not a readable video ({error}); re-encode it") from None
+        raise ValueError(
+            f"{path}: is not a readable video ({error.strerror}); re-encode it"
+        ) from None
 
 
 def _video_stream(container: Any, path: Path) -> VideoStream:

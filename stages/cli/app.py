@@ -111,11 +111,12 @@ def explain(context: typer.Context, action: ActionName, stage: StageName, sets: 
         if standing.stored is not None:
             done[standing.stage] = standing.stored
     console.print(f"{stage}: {standing.state}")
-    for why in standing.why:
-        console.print(f"  because {_plain(why)}")
     missing = [name for name in job.pipeline.stages[stage].inputs if name not in done]
     if missing:
+        console.print(f"  after {', '.join(missing)}")
         return
+    for why in standing.why:
+        console.print(f"  because {_plain(why)}")
     recipe = job.recipe(stage, done)
     console.print(f"key     {recipe.key}\nseed    {recipe.seed}")
     for title, leaves in (("input", recipe.inputs), ("read", recipe.reads), ("code", recipe.code)):
