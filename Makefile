@@ -3,6 +3,7 @@
 #   make all ACTION=yoga   from nothing to the motion and its report (installs first, when needed)
 #   make test              the whole test suite
 #   make check             lint, format, types, import order, tests
+#   make baseline          accept today's numbers as those that tests/regression holds
 #   make clean             remove what was built (.venv, caches); actions/ and artifacts/ stay
 #
 # ACTION is a name below actions/ (or a built-in one: yoga), or a path to a folder with an action.yaml.
@@ -15,10 +16,12 @@ FIT    := import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))
 PYTHON ?= $(shell for p in python3 python3.11 python3.12 python3.13 python3.14 python; do \
             $$p -c '$(FIT)' >/dev/null 2>&1 && { echo $$p; break; }; done)
 # One thread a test worker: two workers with two threads each fight over two cores.
-PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto
+# A file of tests stays on one worker (they share one run of the pipeline), in the order of folders:
+# reordered by number of tests, the few long ones would come last, on one worker alone.
+PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help setup all test check lint format clean
+.PHONY: help setup all test check baseline lint format clean
 
 help:
 	@sed -n 's/^#   \{0,1\}//p' Makefile
@@ -46,6 +49,9 @@ lint: $(STAMP)
 	@$(BIN)/mypy
 
 check: lint test
+
+baseline: $(STAMP)
+	@$(BIN)/python -m tests.regression.rebase
 
 format: $(STAMP)
 	@$(BIN)/ruff format .
