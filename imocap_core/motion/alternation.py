@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 S = TypeVar("S")  # correspondences
 M = TypeVar("M")  # motion
-DIVERGED = 1.3
+DIVERGED = 1.3  # cost of a round, relative to the lowest, that counts as running away
+LOST_SHARE = 0.1  # a round may match this share of frames less than the best
 
 
 @dataclass(frozen=True)
@@ -48,8 +49,8 @@ def alternate(
 ) -> Alternation[S, M]:
     """Alternate until the correspondences move less than ``settled_frames`` on average.
 
-    The last round is returned, unless its cost is more than ``DIVERGED`` times the lowest: then
-    the cheapest is. Costs of rounds that match different frames are compared coarsely only.
+    The last round is kept, unless it matches fewer frames than others do, or its cost has run
+    away from the lowest.
 
     Args:
         first: the single pass; synchronise: new correspondences from a motion.
@@ -68,10 +69,23 @@ def alternate(
             break
         motion = recover(sync, turns[-1].motion)
         turns.append(Turn(sync, motion, cost(motion), change))
-    best, last = min(range(len(turns)), key=lambda k: turns[k].cost), len(turns) - 1
-    if turns[last].cost <= DIVERGED * turns[best].cost:
-        best = last
+    best = _kept(turns, [matched_share(maps(turn.sync)) for turn in turns])
     return Alternation(turns, best, f"{status}; round {best} is kept")
+
+
+def _kept(turns: Sequence[Turn[S, M]], shares: Sequence[float]) -> int:
+    """The last round that still matches what the others match, unless its cost has run away.
+
+    A round that loses frames looks cheap, because what it lost no longer counts.
+    """
+    able = [k for k, share in enumerate(shares) if share >= max(shares) - LOST_SHARE]
+    best, last = min(able, key=lambda k: turns[k].cost), able[-1]
+    return last if turns[last].cost <= DIVERGED * turns[best].cost else best
+
+
+def matched_share(maps: Sequence[Array]) -> float:
+    """Share of all frames that have a counterpart."""
+    return float(np.mean(np.isfinite(np.concatenate(list(maps)))))
 
 
 def mean_change(before: Sequence[Array], after: Sequence[Array]) -> float:

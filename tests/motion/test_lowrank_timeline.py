@@ -131,6 +131,21 @@ def test_alternation_returns_the_cheapest_round_when_it_diverges() -> None:
     assert "round 1 is kept" in done.status
 
 
+def test_a_round_that_loses_frames_is_not_kept_for_being_cheap() -> None:
+    lost = np.array([2.0, np.nan, np.nan, 2.0])
+    done = alternate(
+        Turn(np.zeros(4), 9.0, 9.0, 0.0),
+        lambda motion: lost,
+        lambda sync, motion: 1.0,
+        maps=lambda sync: [sync],
+        cost=lambda motion: motion,
+        max_rounds=1,
+        settled_frames=0.1,
+    )
+    assert [t.cost for t in done.turns] == [9.0, 1.0]
+    assert done.best == 0
+
+
 def test_alternation_without_rounds_is_the_single_pass() -> None:
     assert rounds([], [], 0).best == 0
 
