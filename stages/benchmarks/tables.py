@@ -66,8 +66,8 @@ def markdown(benchmark: Benchmark) -> str:
     parts = [
         f"# {benchmark.title}",
         f"Made by `{benchmark.command}`. Data: {benchmark.data}. Means over videos, then actions, "
-        f"± standard error over actions. Stages took {seconds:.0f} s in all; at most {peak:.1f} GB "
-        "of memory. docs/metrics.md defines every number.",
+        f"± standard error over actions. Stages that were not cached took {seconds:.0f} s; at most "
+        f"{peak:.1f} GB of memory. docs/metrics.md defines every number.",
         "## Against the paper",
         "MPJPE is `mpjpe_scaled_mm`, the one that the released evaluation computes. The paper's "
         "data are others (Human3.6M), so only differences between rows compare.",
