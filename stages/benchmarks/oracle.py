@@ -85,7 +85,12 @@ def true_cameras(sync: SyncSummary, truth: Truth) -> Cameras:
 def fit_with_cameras(
     scene: Scene, start: MotionState, cameras: Cameras, options: JointOptions
 ) -> JointMotion:
-    """SMPL-BA's shared motion and own deviations while the cameras stay as they are."""
+    """SMPL-BA's shared motion and own deviations while the cameras stay as they are.
+
+    One video has nobody to share with: its monocular motion stands, as in `recover_motion`.
+    """
+    if len(scene.observations) == 1:
+        return JointMotion(start, cameras, start, [], "one video: the monocular motion stands", 0.0)
     weights = scene.weights
     state = one_body(start)
     shared = consensus_motion(scene, state, cameras, options)

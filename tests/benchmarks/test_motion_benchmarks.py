@@ -160,6 +160,14 @@ def test_the_oracle_s_fit_leaves_the_cameras_alone(made) -> None:  # noqa: F811
     assert mpjpe_mm(made.body, found.state, true) < 10
 
 
+def test_the_oracle_of_one_video_is_its_monocular_fit(made) -> None:  # noqa: F811
+    true = in_own_axes(made)
+    alone = replace(whole(made), observations=made.observations[:1])
+    cameras = Cameras(torch.as_tensor(made.R[:1]), torch.as_tensor(made.t[:1]))
+    start = true.rows(torch.tensor([0]))
+    assert fit_with_cameras(alone, start, cameras, OPTIONS).state is start
+
+
 # --- tables
 
 
@@ -189,7 +197,7 @@ def test_the_tables_hold_every_action_its_means_and_the_paper() -> None:
     benchmark = tables.Benchmark("Title", "imocap benchmark x", "data", "fine_tuned", scores)
     text = tables.markdown(benchmark)
     assert "| jump | 110.0 | 70.0 | 50.0 | 50.0 | 30.0 | 50 |" in text
-    assert "| four videos | after loop | 66.53 | 45.0 ± 5.0 | 50.33 | 22.5 ± 2.5 |" in text
+    assert "| 4 videos | after loop | 66.53 | 45.0 ± 5.0 | 50.33 | 22.5 ± 2.5 |" in text
     assert "`imocap benchmark x`" in text
     assert "jump,after loop,mpjpe_scaled_mm,50.0" in tables.csv_text(benchmark)
     kept = json.loads(tables.json_text(benchmark))
@@ -198,7 +206,13 @@ def test_the_tables_hold_every_action_its_means_and_the_paper() -> None:
 
 def test_generic_detections_stand_beside_the_paper_s_generic_row() -> None:
     benchmark = tables.Benchmark("T", "c", "d", "generic", [made_score("jump", 50.0)])
-    assert "| four videos, generic 2D | after loop | 76.48 | 50.0 |" in tables.markdown(benchmark)
+    assert "| 4 videos, generic 2D | after loop | 76.48 | 50.0 |" in tables.markdown(benchmark)
+
+
+def test_fewer_videos_stand_beside_the_paper_s_row_of_as_many() -> None:
+    scores = [replace(made_score("jump", 50.0), videos=2)]
+    benchmark = tables.Benchmark("T", "c", "d", "fine_tuned", scores)
+    assert "| 2 videos | after loop | 78.45 | 50.0 |" in tables.markdown(benchmark)
 
 
 # --- kept scores, exit codes
