@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync, SyncSummary, Table
-from imocap_core.metrics.scoring import ALL_VIDEOS, Row
+from imocap_core.metrics.scoring import ALL_VIDEOS, SYNC_METRICS, Row
 
 Cell = str | bool | int | float | None
 
@@ -39,17 +39,6 @@ POSE = (
     "reprojection_px",
     "reprojection_pct",
 )
-SYNC = (
-    "sync_error_pct",
-    "sync_error_released_pct",
-    "sync_error_frames",
-    "sync_error_ms",
-    "sync_median_error_frames",
-    "offset_frames",
-    "offset_error_frames",
-    "matched_share",
-    "false_match_share",
-)
 ROUND = (
     "mpjpe_mm",
     "mpjpe_scaled_mm",
@@ -76,7 +65,7 @@ def metric_tables(rows: Sequence[Row], summary: Sequence[Row]) -> list[Table]:
             tuple(dict.fromkeys(joint_sets)),
             per_video=False,
         ),
-        _wide("sync", "Synchronisation, by video", rows_and_summary, SYNC),
+        _wide("sync", "Synchronisation, by video", rows_and_summary, SYNC_METRICS),
         _wide("cameras", "Cameras, by video", rows_and_summary, ("camera_rotation_error_deg",)),
         unscored_table(summary),
     ]
