@@ -46,7 +46,7 @@ def sync_errors(
         phase_end: what phases are divided by (the last source frame, when phase counts frames).
 
     Raises:
-        ValueError: shapes, a phase of the reference that does not rise, or phase_end not positive.
+        ValueError: shapes, a phase of the reference that falls, or phase_end not positive.
     """
     matched_at = np.asarray(matched_reference_frame, dtype=np.float64)
     own = np.asarray(phase, dtype=np.float64)
@@ -173,7 +173,10 @@ def _reference(frames: ArrayLike, phase: ArrayLike) -> tuple[Array, Array]:
         )
     seen = np.isfinite(phases)
     numbers, phases = numbers[seen], phases[seen]
-    if len(phases) < 2 or (np.diff(phases) <= 0).any() or (np.diff(numbers) <= 0).any():
+    falls = (np.diff(phases) < 0).any() or (
+        np.diff(numbers) <= 0
+    ).any()  # a repeated frame may stay
+    if len(phases) < 2 or falls or phases[-1] <= phases[0]:
         raise ValueError("the reference needs two frames or more, and a phase that rises with them")
     return numbers, phases
 

@@ -2,8 +2,8 @@
 
 The first 2000 frames are sampled at 150 equal intervals (segments lie between). One video keeps
 just these; every other video has further frames inside 50 of the segments. `paper` follows the
-caption (any number of frames of each segment), `released` the counts found in the published lists,
-without their repeated frames.
+caption (any number of frames of each segment), `released` the counts found in the published lists:
+the whole region (80 or 81 frames) lists its six anchors once more, which makes 296 or 297 frames.
 """
 
 from __future__ import annotations
@@ -28,14 +28,18 @@ def base_frames(length: int) -> Frames:
 
 
 def sample_frames(name: str, length: int, video: int, rng: np.random.Generator) -> Frames:
-    """Increasing source frames of a video; video 0 keeps the 150 frames alone."""
+    """Source frames of a video in order; video 0 keeps the 150 frames alone.
+
+    `released` lists the anchors of its whole region twice, as the published lists' counts ask for:
+    the only counting of these parts that gives 296 or 297. Distinct, they would be 290 or 291.
+    """
     if name not in SAMPLINGS:
         raise ValueError(f"sampling: expected one of {', '.join(SAMPLINGS)}, got {name!r}")
     base = base_frames(length)
     if video == 0:
         return base
     draw = _released if name == "released" else _paper
-    return np.unique(np.concatenate([base, *draw(base, rng)])).astype(np.int64)
+    return np.sort(np.concatenate([base, *draw(base, rng)])).astype(np.int64)
 
 
 def _paper(base: Frames, rng: np.random.Generator) -> list[Frames]:
@@ -47,7 +51,7 @@ def _released(base: Frames, rng: np.random.Generator) -> list[Frames]:
     whole = int(rng.integers(WHOLE_REACH, BASE - 1 - WHOLE_REACH))
     near = range(whole - WHOLE_REACH, whole + WHOLE_REACH)
     rest = rng.choice([s for s in range(BASE - 1) if s not in near], CHOSEN - 1, replace=False)
-    found = [_inside(base, s) for s in near]
+    found = [np.arange(base[near.start], base[near.stop])]  # with the anchors that lie in it
     for rank, segment in enumerate(rest):
         length = int(base[segment + 1] - base[segment])
         part = 3 if rank < THIRDS else 6 if rank < THIRDS + SIXTHS else length

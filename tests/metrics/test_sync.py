@@ -107,3 +107,10 @@ def test_misuse_is_named() -> None:
         sync_errors([1], [1], [0, 1], [0, 1], 0)
     with pytest.raises(ValueError, match=r"both be \(T,\)"):
         sync_errors([1, 2], [1], [0, 1], [0, 1], 1)
+
+
+def test_a_repeated_reference_frame_is_no_fault() -> None:
+    # The reference shows phase 10 twice: a frame of phase 10 may be matched to either.
+    for matched in (1, 2):
+        errors = sync_errors([matched], [10], [0, 1, 2, 3], [0, 10, 10, 20], 20)
+        assert sync_error_pct(errors) == 0
