@@ -1,6 +1,6 @@
 """Warps as the mean over all monotone paths, refined against what the other videos agree on."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,8 +93,13 @@ def posterior_warps(
     reference: int,
     fps: Sequence[float],
     settings: Settings,
+    bend: Callable[[int, Array, float], Array] | None = None,
 ) -> tuple[list[Array], list[Array]]:
-    """Warps from the relaxed maps, refined `consensus_rounds` times against the other videos."""
+    """Warps from the relaxed maps, refined `consensus_rounds` times against the other videos.
+
+    `bend`: video, squared distances (T_v, S), typical square -> squares that the user's anchors
+    have bent.
+    """
     M, per_frame = len(c.poses), settings.positions_per_frame
     soft = [
         _spread(np.asarray(c.blocks.block(relaxed, v, reference), dtype=float), per_frame)
@@ -113,6 +118,8 @@ def posterior_warps(
             known = np.isfinite(squares).any(axis=1)
             near = float(np.median(np.nanmin(squares[known], axis=1))) if known.any() else c.near
             near = max(near, c.floor, 1e-6 * c.near)
+            if bend is not None:
+                squares = bend(v, squares, near)
             soft[v], seen[v] = _posterior(
                 squares, near, c.far, fps[v], fps[reference], per_frame, settings
             )
