@@ -1,18 +1,45 @@
 """The normal equations of a batch of motions: block-banded in time, with a border of globals.
 
 Per frame the unknowns are ``n`` local increments; frames couple to at most their two successors
-(velocity: one, acceleration: two), so the matrix is block-pentadiagonal. Two frames make one
-super-block, which leaves a block-tridiagonal system that a block Cholesky factorisation solves in
-time linear in the number of frames. The few unknowns that every frame sees (body shape, cameras)
-form a border ("arrow"), eliminated by their Schur complement.
+(velocity: one, acceleration: two), so the matrix is block-pentadiagonal, and a block Cholesky
+factorisation solves it in time linear in the number of frames. The few unknowns that every frame
+sees (body shape, cameras) form a border ("arrow"), eliminated by their Schur complement.
 """
 
-import os
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """A system whose frames have been eliminated.
+
+    Attributes:
+        frame_only: (B, T, n) increments if the globals stayed; response: (B, T, n, m) what a
+            change of the globals adds to them.
+        schur: (B, m, m), rest: (B, m): the equations of the globals alone.
+    """
+
+    frame_only: Tensor
+    response: Tensor
+    schur: Tensor
+    rest: Tensor
+
+    def frames(self, d_globals: Tensor) -> Tensor:
+        """(B, T, n) frame increments that go with global ones (B, m)."""
+        return -self.frame_only - torch.einsum("btni,bi->btn", self.response, d_globals)
+
+
+def solve_globals(reduced: Sequence[Reduced], damping: float) -> Tensor:
+    """(m,) increments of the globals that all these motions share."""
+    schur = torch.stack([r.schur.sum(0) for r in reduced]).sum(0)
+    rest = torch.stack([r.rest.sum(0) for r in reduced]).sum(0)
+    if len(rest) == 0:
+        return rest
+    return -torch.linalg.solve(_damped(schur, damping), rest)
 
 
 @dataclass
@@ -46,137 +73,64 @@ class NormalEquations:
             corner_gradient=like.new_zeros(batch, m),
         )
 
-    def solve(self, damping: Tensor, *, shared: bool) -> tuple[Tensor, Tensor]:
-        """The damped Gauss-Newton step.
-
-        Args:
-            damping: (B,) Levenberg-Marquardt factor on the diagonal of each motion.
-            shared: one set of globals for the whole batch (their equations are summed over it).
-
-        Returns:
-            (B, T, n) frame increments and (B, m) global increments (equal rows when shared).
-        """
-        m = self.corner_gradient.shape[-1]
-        damped = _damped(self.diagonal, damping[:, None, None])
+    def reduce(self, damping: float) -> Reduced:
+        """Eliminate the frames; ``damping`` is the Levenberg-Marquardt factor on the diagonal."""
         right = torch.cat([self.gradient[..., None], self.border], dim=-1)
-        solved = _each_motion(damped, self.next1, self.next2, right)
+        damped = _damped(self.diagonal, damping)
+        systems = zip(damped, self.next1, self.next2, right, strict=True)
+        solved = torch.stack([solve_pentadiagonal(*system) for system in systems])
         frame_only, response = solved[..., 0], solved[..., 1:]
         schur = self.corner - torch.einsum("btni,btnj->bij", self.border, response)
         rest = self.corner_gradient - torch.einsum("btni,btn->bi", self.border, frame_only)
-        if shared:
-            schur = schur.sum(0, keepdim=True).expand_as(schur)
-            rest = rest.sum(0, keepdim=True).expand_as(rest)
-        if m == 0:
-            return -frame_only, rest
-        schur = _damped(schur, damping[:, None])
-        d_globals = -torch.linalg.solve(schur, rest)
-        d_frames = -frame_only - torch.einsum("btni,bi->btn", response, d_globals)
-        return d_frames, d_globals
-
-    def predicted_decrease(self, d_frames: Tensor, d_globals: Tensor) -> Tensor:
-        """(B,) decrease of the cost (sum of squares, no half) that the quadratic model promises."""
-        slope = (self.gradient * d_frames).sum((1, 2)) + (self.corner_gradient * d_globals).sum(1)
-        return -slope
+        return Reduced(frame_only, response, schur, rest)
 
 
-def _each_motion(diagonal: Tensor, next1: Tensor, next2: Tensor, right: Tensor) -> Tensor:
-    """`solve_pentadiagonal` of every motion of the batch, on a CPU one motion a thread.
-
-    The blocks are too small for a linear algebra library's own threads to pay.
-    """
-    batch = len(diagonal)
-    workers = min(batch, os.cpu_count() or 1)
-    if workers == 1 or diagonal.is_cuda:
-        return solve_pentadiagonal(diagonal, next1, next2, right)
-
-    def one(v: int) -> Tensor:
-        row = slice(v, v + 1)
-        return solve_pentadiagonal(diagonal[row], next1[row], next2[row], right[row])
-
-    with ThreadPoolExecutor(workers) as pool:
-        return torch.cat(list(pool.map(one, range(batch))))
-
-
-def _damped(blocks: Tensor, damping: Tensor) -> Tensor:
+def _damped(blocks: Tensor, damping: float) -> Tensor:
     """Marquardt's scaling: the diagonal grows by ``damping`` times itself, and a floor."""
     diagonal = blocks.diagonal(dim1=-2, dim2=-1)
     floor = 1e-9 * diagonal.amax(dim=-1, keepdim=True) + 1e-9
-    return blocks + torch.diag_embed(damping * diagonal + floor)
+    damped = blocks.clone()
+    damped.diagonal(dim1=-2, dim2=-1).add_(damping * diagonal + floor)
+    return damped
 
 
 def solve_pentadiagonal(diagonal: Tensor, next1: Tensor, next2: Tensor, right: Tensor) -> Tensor:
-    """Solve a symmetric positive definite block-pentadiagonal system by pairing frames.
+    """Block Cholesky solution of a symmetric positive definite block-pentadiagonal system.
+
+    Frame t's factor L gives A = L^-1 [next1 | next2 | right]; the products of A's columns with
+    themselves are what the two frames after it lose.
 
     Args:
-        diagonal, next1, next2: (B, T, n, n) blocks (t, t), (t, t+1), (t, t+2); the last one
-            of ``next1`` and the last two of ``next2`` are ignored.
-        right: (B, T, n, k).
+        diagonal, next1, next2: (T, n, n) blocks (t, t), (t, t+1), (t, t+2); the last one of
+            ``next1`` and the last two of ``next2`` are ignored.
+        right: (T, n, k).
 
     Returns:
-        (B, T, n, k) solution.
+        (T, n, k) solution, NaN where the matrix is not positive definite (the caller damps and
+        retries).
     """
-    batch, frames, n, _ = diagonal.shape
-    if not bool(next2.any()):
-        return solve_tridiagonal(diagonal, next1[:, :-1], right)
-    if frames % 2:
-        identity = torch.eye(n, dtype=diagonal.dtype, device=diagonal.device)
-        diagonal = torch.cat([diagonal, identity.expand(batch, 1, n, n)], 1)
-        next1, next2 = (
-            torch.cat([x[:, : frames - keep], x.new_zeros(batch, 1 + keep, n, n)], 1)
-            for x, keep in ((next1, 1), (next2, 2))
-        )
-        right = torch.cat([right, right.new_zeros(batch, 1, *right.shape[2:])], 1)
-    even, odd = slice(0, None, 2), slice(1, None, 2)
-    cross = next1[:, even]
-    top = torch.cat([diagonal[:, even], cross], -1)
-    bottom = torch.cat([cross.transpose(-1, -2), diagonal[:, odd]], -1)
-    pair_diagonal = torch.cat([top, bottom], -2)
-    last = pair_diagonal.shape[1] - 1
-    zero = torch.zeros_like(cross[:, :last])
-    pair_next = torch.cat(
-        [
-            torch.cat([next2[:, even][:, :last], zero], -1),
-            torch.cat([next1[:, odd][:, :last], next2[:, odd][:, :last]], -1),
-        ],
-        -2,
-    )
-    pair_right = right.reshape(batch, last + 1, 2 * n, -1)
-    solution = solve_tridiagonal(pair_diagonal, pair_next, pair_right)
-    return solution.reshape(batch, -1, n, right.shape[-1])[:, :frames]
-
-
-def solve_tridiagonal(diagonal: Tensor, upper: Tensor, right: Tensor) -> Tensor:
-    """Block Cholesky (Thomas) solution of a symmetric positive definite block-tridiagonal system.
-
-    Args:
-        diagonal: (B, T, n, n); upper: (B, T-1, n, n) blocks (t, t+1); right: (B, T, n, k).
-
-    Returns:
-        (B, T, n, k); NaN where a block is not positive definite (the caller damps and retries).
-    """
-    frames = diagonal.shape[1]
-    factors: list[Tensor] = []
-    couplings: list[Tensor] = []
-    forward: list[Tensor] = []
-    block, vector = diagonal[:, 0], right[:, 0]
+    frames, n = diagonal.shape[:2]
+    rows = torch.cat([diagonal, next1, next2, right], -1).unbind()
+    failed = torch.zeros((), dtype=torch.int32, device=diagonal.device)
+    factors, eliminated = [], []
     for t in range(frames):
-        factor, info = torch.linalg.cholesky_ex(block)
-        factor = torch.where((info > 0)[:, None, None], torch.nan, factor)
-        vector = torch.linalg.solve_triangular(factor, vector, upper=False)
+        factor, info = torch.linalg.cholesky_ex(rows[t][:, :n])
+        failed |= info
+        known = torch.linalg.solve_triangular(factor, rows[t][:, n:], upper=False)
         factors.append(factor)
-        forward.append(vector)
+        eliminated.append(known)
         if t + 1 < frames:
-            coupling = torch.linalg.solve_triangular(factor, upper[:, t], upper=False)
-            couplings.append(coupling)
-            down = coupling.transpose(-1, -2)
-            block = diagonal[:, t + 1] - down @ coupling
-            vector = right[:, t + 1] - down @ vector
-    solution = [torch.empty(0)] * frames
+            lost = known[:, :n].T @ known
+            rows[t + 1][:, : 2 * n] -= lost[:, : 2 * n]
+            rows[t + 1][:, 3 * n :] -= lost[:, 2 * n :]
+        if t + 2 < frames:
+            lost = known[:, n : 2 * n].T @ known[:, n:]
+            rows[t + 2][:, :n] -= lost[:, :n]
+            rows[t + 2][:, 3 * n :] -= lost[:, n:]
+    solution: list[Tensor] = []  # from the last frame to the first
     for t in range(frames - 1, -1, -1):
-        vector = forward[t]
-        if t + 1 < frames:
-            vector = vector - couplings[t] @ solution[t + 1]
-        solution[t] = torch.linalg.solve_triangular(
-            factors[t].transpose(-1, -2), vector, upper=True
-        )
-    return torch.stack(solution, 1)
+        value = eliminated[t][:, 2 * n :]
+        for step, later in enumerate(solution[:-3:-1]):
+            value = value - eliminated[t][:, step * n : (step + 1) * n] @ later
+        solution.append(torch.linalg.solve_triangular(factors[t].T, value, upper=True))
+    return torch.where(failed != 0, torch.nan, torch.stack(solution[::-1]))

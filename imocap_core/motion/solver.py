@@ -1,17 +1,28 @@
-"""Damped Gauss-Newton with guaranteed descent. It knows residuals, not bodies."""
+"""Damped Gauss-Newton with guaranteed descent. It knows residuals, not bodies.
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+A batch is taken apart into its motions, each of its own length. Motions that share their globals
+step together; others go their own way and stop when they have settled. On a CPU every motion has a
+thread: the blocks are too small for a linear algebra library's own threads to pay.
+"""
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import torch
 from torch import Tensor
 
-from imocap_core.motion.normal import NormalEquations
+from imocap_core.motion.normal import NormalEquations, Reduced, solve_globals
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms.base import Term
 
 FIRST_DAMPING = 1e-3
+LEAST_DAMPING = 1e-9
 LARGEST_DAMPING = 1e6
+Each = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]  # map, in turn or on threads
 
 
 @dataclass(frozen=True)
@@ -28,6 +39,27 @@ class Solution:
     costs: list[float]
     converged: Tensor
     status: str
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One motion of a batch (batch of 1, without padding) and its part of every term."""
+
+    terms: list[Term]
+    state: MotionState
+
+    def cost(self) -> float:
+        """Its objective."""
+        return float(objective(self.terms, self.state).sum())
+
+
+@dataclass(frozen=True)
+class Descent:
+    """How one group of motions came down."""
+
+    motions: list[Motion]
+    costs: list[float]
+    converged: bool
 
 
 def objective(terms: Sequence[Term], state: MotionState) -> Tensor:
@@ -58,11 +90,11 @@ def gauss_newton(
     shared_globals: bool = False,
     free_shape: bool = True,
 ) -> Solution:
-    """Levenberg-Marquardt on the block-banded system, one damping factor per motion.
+    """Levenberg-Marquardt on the block-banded system.
 
-    A step that raises a motion's objective is rejected and its damping grows, so the objective
-    never rises. With ``shared_globals`` the batch is one body: it is accepted or rejected together
-    and must start with equal betas.
+    A step that raises the objective is rejected and its damping grows, so the objective never
+    rises. With ``shared_globals`` the batch is one body: it is accepted or rejected together and
+    must start with equal betas.
 
     Args:
         terms: the objective; state: the start.
@@ -71,46 +103,104 @@ def gauss_newton(
             less than this share.
         shared_globals: one body for the batch; free_shape: False holds the betas.
     """
-    cost = objective(terms, state)
-    damping = torch.full_like(cost, FIRST_DAMPING)
-    converged = torch.zeros_like(cost, dtype=torch.bool)
-    costs = [float(cost.sum())]
-    for _ in range(max_steps):
-        normal = linearise(terms, state)
-        if not free_shape:
-            shape = slice(0, state.betas.shape[1])
-            normal.border[..., shape] = 0.0
-            normal.corner[:, shape] = normal.corner[:, :, shape] = 0.0
-            normal.corner_gradient[:, shape] = 0.0
-        tried = False
-        while not tried:
-            d_frames, d_globals = normal.solve(damping, shared=shared_globals)
-            trial = state.retract(d_frames.nan_to_num(), d_globals.nan_to_num())
-            trial_cost = objective(terms, trial)
-            better = _accept(trial_cost, cost, shared_globals) & ~converged
-            drop = (cost - trial_cost).sum() if shared_globals else cost - trial_cost
-            scale = cost.sum() if shared_globals else cost
-            settled = better & (drop <= relative_tolerance * scale)
-            state = state.choose(trial, better)
-            cost = torch.where(better, trial_cost, cost)
-            damping = torch.where(better, damping / 5, damping * 8).clamp(1e-9, 1e9)
-            stuck = damping > LARGEST_DAMPING
-            converged = converged | settled | stuck
-            tried = bool((better | converged).any())
-        costs.append(float(cost.sum()))
-        if bool(converged.all()):
-            break
-    done = bool(converged.all())
+    motions = take_apart(terms, state)
+    workers = 1 if state.trans.is_cuda else min(len(motions), len(os.sched_getaffinity(0)))
+    with ThreadPoolExecutor(workers) as pool:
+
+        def descend(group: list[Motion], each: Each) -> Descent:
+            return _descend(group, each, max_steps, relative_tolerance, free_shape)
+
+        if shared_globals:
+            descents = [descend(motions, _on(pool))]
+        else:
+            groups = [[motion] for motion in motions]
+            descents = _on(pool)(lambda group: descend(group, _in_turn), groups)
+    found = [motion.state for descent in descents for motion in descent.motions]
+    steps = max(len(d.costs) for d in descents)
+    costs = [sum(d.costs[min(k, len(d.costs) - 1)] for d in descents) for k in range(steps)]
+    settled = [d.converged for d in descents for _ in d.motions]
     status = (
-        f"converged after {len(costs) - 1} steps"
-        if done
+        f"converged after {steps - 1} steps"
+        if all(settled)
         else f"stopped after {max_steps} steps before every motion settled"
     )
-    return Solution(state, costs, converged, status)
+    converged = torch.tensor(settled, device=state.valid.device)
+    return Solution(put_together(state, found), costs, converged, status)
 
 
-def _accept(trial: Tensor, cost: Tensor, together: bool) -> Tensor:
-    """(B,) bool: which motions take the step; NaN is never better."""
-    if together:
-        return (trial.sum() < cost.sum()).expand_as(cost)
-    return trial < cost
+def take_apart(terms: Sequence[Term], state: MotionState) -> list[Motion]:
+    """The motions of a batch, each without its padding."""
+    lengths = state.valid.sum(1).tolist()
+    return [
+        Motion([term.of(v, n) for term in terms], state.of_motion(v, n))
+        for v, n in enumerate(lengths)
+    ]
+
+
+def put_together(batch: MotionState, motions: Sequence[MotionState]) -> MotionState:
+    """The batch with its motions replaced; padding stays."""
+    R_local, trans = batch.R_local.clone(), batch.trans.clone()
+    for v, motion in enumerate(motions):
+        length = motion.valid.shape[1]
+        R_local[v, :length], trans[v, :length] = motion.R_local[0], motion.trans[0]
+    return replace(
+        batch,
+        R_local=R_local,
+        trans=trans,
+        betas=torch.cat([m.betas for m in motions]),
+        camera_R=torch.cat([m.camera_R for m in motions]),
+        camera_t=torch.cat([m.camera_t for m in motions]),
+    )
+
+
+def _descend(
+    motions: list[Motion], each: Each, max_steps: int, tolerance: float, free_shape: bool
+) -> Descent:
+    """Bring down the sum of the motions' objectives; their globals move as one."""
+    cost = sum(each(Motion.cost, motions))
+    damping, costs, converged = FIRST_DAMPING, [float(cost)], False
+    for _ in range(max_steps):
+        systems = each(partial(_system, free_shape=free_shape), motions)
+        while True:
+            reduced = each(partial(NormalEquations.reduce, damping=damping), systems)
+            d_globals = solve_globals(reduced, damping).nan_to_num()
+            pairs = list(zip(motions, reduced, strict=True))
+            trial = each(partial(_stepped, d_globals=d_globals), pairs)
+            trial_cost = sum(each(Motion.cost, trial))
+            if trial_cost < cost:  # NaN is never better
+                converged = cost - trial_cost <= tolerance * cost
+                motions, cost = trial, trial_cost
+                damping = max(damping / 5, LEAST_DAMPING)
+                break
+            damping *= 8
+            if damping > LARGEST_DAMPING:
+                converged = True
+                break
+        costs.append(float(cost))
+        if converged:
+            break
+    return Descent(motions, costs, converged)
+
+
+def _system(motion: Motion, free_shape: bool) -> NormalEquations:
+    normal = linearise(motion.terms, motion.state)
+    if not free_shape:
+        shape = slice(0, motion.state.betas.shape[1])
+        normal.border[..., shape] = 0.0
+        normal.corner[:, shape] = normal.corner[:, :, shape] = 0.0
+        normal.corner_gradient[:, shape] = 0.0
+    return normal
+
+
+def _stepped(pair: tuple[Motion, Reduced], d_globals: Tensor) -> Motion:
+    motion, reduced = pair
+    d_frames = reduced.frames(d_globals[None]).nan_to_num()
+    return replace(motion, state=motion.state.retract(d_frames, d_globals[None]))
+
+
+def _in_turn(work: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
+    return [work(item) for item in items]
+
+
+def _on(pool: Executor) -> Each:
+    return lambda work, items: list(pool.map(work, items))

@@ -13,6 +13,7 @@ from imocap_core.motion.lifting import best_path, match
 from imocap_core.motion.observations import Observation, without_jumps
 from imocap_core.rotations import exp, log
 from imocap_core.rotations import project as nearest_rotation
+from imocap_core.sync.affinity import procrustes_distances
 
 
 @dataclass(frozen=True)
@@ -133,24 +134,23 @@ def fit_rotations_to_joints(body: Body, library: Library, joints: np.ndarray) ->
     keys = np.nonzero(known.sum(1) >= MIN_JOINTS)[0]
     if len(keys) == 0:
         raise ValueError(f"no frame has {MIN_JOINTS} joints or more")
-    poses = [_nearest_pose(library, joints[t], known[t]) for t in keys]
-    return interpolate_rotations(torch.stack(poses), keys, len(joints))
-
-
-def _nearest_pose(library: Library, joints: np.ndarray, known: np.ndarray) -> Tensor:
-    """The library pose (24, 3, 3) nearest to the known ones of joints (24, 3) once turned."""
+    poses = library.joints.cpu().numpy()
+    weights = known[keys].astype(float)
+    every = np.ones(poses.shape[:2])
+    nearest = procrustes_distances(joints[keys], poses, weights, every).argmin(1)
     like = library.R_view
-    target = torch.as_tensor(joints[known]).to(like)
-    poses = library.joints[:, torch.as_tensor(known, device=like.device)]
-    target = target - target.mean(0)
-    poses = poses - poses.mean(1, keepdim=True)
-    correlation = torch.einsum("ki,skj->sij", target, poses)
-    singular = torch.linalg.svdvals(correlation)
-    singular[:, 2] *= torch.sign(torch.linalg.det(correlation))
-    best = int((poses.square().sum((1, 2)) - 2 * singular.sum(1)).argmin())
-    R_local = library.R_local[best].clone()
-    R_local[0] = nearest_rotation(correlation[best])
-    return R_local
+    target, weight = (torch.as_tensor(x).to(like) for x in (np.nan_to_num(joints[keys]), weights))
+    found = library.joints[torch.as_tensor(nearest, device=like.device)]
+    R_local = library.R_local[torch.as_tensor(nearest, device=like.device)].clone()
+    R_local[:, 0] = nearest_rotation(_correlation(target, found, weight))
+    return interpolate_rotations(R_local, keys, len(joints))
+
+
+def _correlation(target: Tensor, pose: Tensor, weight: Tensor) -> Tensor:
+    """(T, 3, 3) of joints (T, J, 3) about their weighted means, weight (T, J)."""
+    share = (weight / weight.sum(1, keepdim=True))[..., None]
+    a, b = (x - (share * x).sum(1, keepdim=True) for x in (target, pose))
+    return torch.einsum("tk,tki,tkj->tij", weight, a, b)
 
 
 def start_at_motion(R_local: Tensor, trans: Tensor) -> Start:

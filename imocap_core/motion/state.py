@@ -77,17 +77,12 @@ class MotionState:
         """Some motions of the batch."""
         return MotionState(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
 
-    def choose(self, other: "MotionState", take_other: Tensor) -> "MotionState":
-        """Motion by motion, the other state where ``take_other`` (B,) is true."""
-
-        def pick(mine: Tensor, theirs: Tensor) -> Tensor:
-            return torch.where(take_other.reshape(-1, *[1] * (mine.ndim - 1)), theirs, mine)
-
+    def of_motion(self, v: int, frames: int) -> "MotionState":
+        """The first frames of motion ``v`` as a batch of 1."""
+        own = self.rows(torch.tensor([v], device=self.valid.device))
         return replace(
-            self,
-            R_local=pick(self.R_local, other.R_local),
-            trans=pick(self.trans, other.trans),
-            betas=pick(self.betas, other.betas),
-            camera_R=pick(self.camera_R, other.camera_R),
-            camera_t=pick(self.camera_t, other.camera_t),
+            own,
+            R_local=own.R_local[:, :frames],
+            trans=own.trans[:, :frames],
+            valid=own.valid[:, :frames],
         )

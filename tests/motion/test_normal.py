@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from imocap_core.motion.normal import NormalEquations, solve_pentadiagonal
+from imocap_core.motion.normal import NormalEquations, solve_globals, solve_pentadiagonal
 
 
 def banded(frames: int, n: int, *, accelerations: bool) -> tuple[Tensor, Tensor, Tensor, Tensor]:
@@ -30,46 +30,51 @@ def banded(frames: int, n: int, *, accelerations: bool) -> tuple[Tensor, Tensor,
 def test_solution_is_the_dense_one(frames: int, accelerations: bool) -> None:
     diagonal, next1, next2, dense = banded(frames, 4, accelerations=accelerations)
     right = torch.randn(2, frames, 4, 3, dtype=torch.float64)
-    found = solve_pentadiagonal(diagonal, next1, next2, right)
-    expected = torch.linalg.solve(dense, right.reshape(2, -1, 3)).reshape(found.shape)
-    assert torch.allclose(found, expected, atol=1e-10)
+    for v in range(2):
+        found = solve_pentadiagonal(diagonal[v], next1[v], next2[v], right[v])
+        expected = torch.linalg.solve(dense[v], right[v].reshape(-1, 3)).reshape(found.shape)
+        assert torch.allclose(found, expected, atol=1e-10)
 
 
 @pytest.mark.parametrize("shared", [False, True])
 def test_border_is_eliminated_exactly(shared: bool) -> None:
     frames, n, m = 5, 3, 2
     diagonal, next1, next2, dense = banded(frames, n, accelerations=True)
-    normal = NormalEquations.zeros(2, frames, n, m, diagonal)
-    normal.diagonal, normal.next1, normal.next2 = diagonal, next1, next2
-    normal.gradient = torch.randn(2, frames, n, dtype=torch.float64)
-    normal.border = torch.randn(2, frames, n, m, dtype=torch.float64)
-    normal.corner = 200 * torch.eye(m, dtype=torch.float64).repeat(2, 1, 1)
-    normal.corner_gradient = torch.randn(2, m, dtype=torch.float64)
-    d_frames, d_globals = normal.solve(torch.zeros(2, dtype=torch.float64), shared=shared)
-    side = frames * n
-    border = normal.border.reshape(2, side, m)
-    if shared:
-        whole = torch.zeros(2 * side + m, 2 * side + m, dtype=torch.float64)
-        gradient = torch.cat([normal.gradient.flatten(), normal.corner_gradient.sum(0)])
-        for v in range(2):
-            own = slice(v * side, (v + 1) * side)
-            whole[own, own] = dense[v]
-            whole[own, 2 * side :] = border[v]
-            whole[2 * side :, own] = border[v].T
-        whole[2 * side :, 2 * side :] = normal.corner.sum(0)
+    side, motions = frames * n, 2
+    systems = []
+    for v in range(motions):
+        normal = NormalEquations.zeros(1, frames, n, m, diagonal)
+        normal.diagonal, normal.next1, normal.next2 = (
+            x[v : v + 1] for x in (diagonal, next1, next2)
+        )
+        normal.gradient = torch.randn(1, frames, n, dtype=torch.float64)
+        normal.border = torch.randn(1, frames, n, m, dtype=torch.float64)
+        normal.corner = 200 * torch.eye(m, dtype=torch.float64)[None]
+        normal.corner_gradient = torch.randn(1, m, dtype=torch.float64)
+        systems.append(normal)
+    groups = [[0, 1]] if shared else [[0], [1]]
+    for group in groups:
+        reduced = [systems[v].reduce(0.0) for v in group]
+        d_globals = solve_globals(reduced, 0.0)
+        size = len(group) * side
+        whole = torch.zeros(size + m, size + m, dtype=torch.float64)
+        gradient = torch.zeros(size + m, dtype=torch.float64)
+        for k, v in enumerate(group):
+            own = slice(k * side, (k + 1) * side)
+            border = systems[v].border.reshape(side, m)
+            whole[own, own], whole[own, size:], whole[size:, own] = dense[v], border, border.T
+            whole[size:, size:] += systems[v].corner[0]
+            gradient[own] = systems[v].gradient.flatten()
+            gradient[size:] += systems[v].corner_gradient[0]
         expected = -torch.linalg.solve(whole, gradient)
-        assert torch.allclose(d_frames.flatten(), expected[: 2 * side], atol=1e-6)
-        assert torch.allclose(d_globals[0], expected[2 * side :], atol=1e-6)
-        assert torch.equal(d_globals[0], d_globals[1])
-    else:
-        for v in range(2):
-            whole = torch.cat(
-                [
-                    torch.cat([dense[v], border[v]], 1),
-                    torch.cat([border[v].T, normal.corner[v]], 1),
-                ]
-            )
-            gradient = torch.cat([normal.gradient[v].flatten(), normal.corner_gradient[v]])
-            expected = -torch.linalg.solve(whole, gradient)
-            assert torch.allclose(d_frames[v].flatten(), expected[:side], atol=1e-6)
-            assert torch.allclose(d_globals[v], expected[side:], atol=1e-6)
+        found = torch.cat([r.frames(d_globals[None]).flatten() for r in reduced])
+        assert torch.allclose(found, expected[:size], atol=1e-6)
+        assert torch.allclose(d_globals, expected[size:], atol=1e-6)
+
+
+def test_a_matrix_that_is_not_positive_definite_gives_nan() -> None:
+    diagonal, next1, next2, _ = banded(4, 3, accelerations=True)
+    right = torch.ones(4, 3, 1).double()
+    assert solve_pentadiagonal(diagonal[0], next1[0], next2[0], right).isfinite().all()
+    diagonal[0, 2] -= 100 * torch.eye(3, dtype=torch.float64)
+    assert solve_pentadiagonal(diagonal[0], next1[0], next2[0], right).isnan().all()

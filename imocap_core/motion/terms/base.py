@@ -1,6 +1,6 @@
 """What every term of the objective offers to the solver."""
 
-from typing import Protocol
+from typing import Protocol, Self
 
 from torch import Tensor
 
@@ -21,4 +21,8 @@ class Term(Protocol):
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """Add ``J^T W J`` and ``J^T W r`` of this term at ``state``."""
+        ...
+
+    def of(self, v: int, frames: int) -> Self:
+        """The term of motion ``v`` alone (batch of 1), for its first frames."""
         ...

@@ -1,6 +1,7 @@
 """The coupling between videos, Eq. 8's last two terms on the manifold."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import torch
 from torch import Tensor
@@ -25,6 +26,12 @@ class PoseCoupling:
     def _residual(self, state: MotionState) -> Tensor:
         return log(self.target.transpose(-1, -2) @ state.R_local)
 
+    def of(self, v: int, frames: int) -> Self:
+        """One motion's target."""
+        return replace(
+            self, target=self.target[v : v + 1, :frames], weight=self.weight[v : v + 1, :frames]
+        )
+
     def cost(self, state: MotionState) -> Tensor:
         """(B,)."""
         return (self.weight * self._residual(state).square().sum(-1)).sum((1, 2))
@@ -47,6 +54,12 @@ class PathCoupling:
 
     target: Tensor
     weight: Tensor
+
+    def of(self, v: int, frames: int) -> Self:
+        """One motion's target."""
+        return replace(
+            self, target=self.target[v : v + 1, :frames], weight=self.weight[v : v + 1, :frames]
+        )
 
     def cost(self, state: MotionState) -> Tensor:
         """(B,)."""

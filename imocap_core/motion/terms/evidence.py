@@ -1,6 +1,7 @@
 """A monocular estimator's 3D joints as evidence of articulation."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import torch
 from torch import Tensor
@@ -45,6 +46,11 @@ class JointEvidence:
         share = self.weight / self.weight.sum(-1, keepdim=True).clamp_min(1e-12)
         return (share[..., None] * xyz).sum(-2, keepdim=True)
 
+    def of(self, v: int, frames: int) -> Self:
+        """One motion's joints."""
+        own = slice(v, v + 1)
+        return replace(self, joints=self.joints[own, :frames], weight=self.weight[own, :frames])
+
     def cost(self, state: MotionState) -> Tensor:
         """(B,)."""
         residual = self.residual(self.body.positions(self.body.joints, state).xyz)
@@ -57,13 +63,16 @@ class JointEvidence:
         assert points.d_pose is not None
         assert points.d_beta is not None
         residual = self.residual(points.xyz)
-        d_xyz = torch.cat([points.d_pose, points.d_beta], -1)
-        share = self.weight / self.weight.sum(-1, keepdim=True).clamp_min(1e-12)
-        d_xyz = d_xyz - torch.einsum("btk,btkic->btic", share, d_xyz)[:, :, None]
         squared = self.weight * residual.square().sum(-1)
-        weight = self.weight * geman_mcclure(squared, self.scale)[1]
-        rows = (d_xyz * weight.sqrt()[..., None, None]).flatten(2, 3)
-        error = (residual * weight.sqrt()[..., None]).flatten(2)
+        root = (self.weight * geman_mcclure(squared, self.scale)[1]).sqrt()
+        given = (self.weight > 0).flatten(0, 1).any(0)  # joints that no estimate gives cost nothing
+        d_xyz = torch.cat([points.d_pose[:, :, given], points.d_beta[:, :, given]], -1)
+        weight, root, residual = (x[:, :, given] for x in (self.weight, root, residual))
+        share = weight / weight.sum(-1, keepdim=True).clamp_min(1e-12)
+        eye = torch.eye(share.shape[-1], dtype=share.dtype, device=share.device)
+        centring = (eye - share[..., None, :]) * root[..., None]
+        rows = (centring @ d_xyz.flatten(3)).unflatten(-1, (3, -1)).flatten(2, 3)
+        error = (residual * root[..., None]).flatten(2)
         full = rows.transpose(-1, -2) @ rows
         gradient = (rows.transpose(-1, -2) @ error[..., None])[..., 0]
         normal.diagonal[..., :POSE, :POSE] += full[..., :POSE, :POSE]

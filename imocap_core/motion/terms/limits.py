@@ -1,6 +1,7 @@
 """Knees and elbows do not bend backwards: a one-sided quadratic on the hinge angle."""
 
 from dataclasses import dataclass
+from typing import Self
 
 import torch
 from torch import Tensor
@@ -34,6 +35,10 @@ class HingeLimits:
             excess = (-flexion - self.slack_rad).clamp_min(0.0) * state.valid
             found.append((joint, axis, sign, excess))
         return found
+
+    def of(self, v: int, frames: int) -> Self:
+        """The same for every motion."""
+        return self
 
     def cost(self, state: MotionState) -> Tensor:
         """(B,)."""

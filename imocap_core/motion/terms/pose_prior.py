@@ -1,6 +1,7 @@
 """A Gaussian-mixture pose prior as a term of the objective."""
 
 from dataclasses import dataclass
+from typing import Self
 
 import torch
 from torch import Tensor
@@ -21,6 +22,10 @@ class PosePriorTerm:
 
     prior: PosePrior
     weight: float
+
+    def of(self, v: int, frames: int) -> Self:
+        """The same for every motion."""
+        return self
 
     def cost(self, state: MotionState) -> Tensor:
         """(B,) summed over valid frames."""

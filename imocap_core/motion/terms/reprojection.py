@@ -1,6 +1,7 @@
 """L_2d of Eq. 3: detected keypoints against the projected body, in one or several views."""
 
 from dataclasses import dataclass, replace
+from typing import Self
 
 import torch
 from torch import Tensor
@@ -31,6 +32,18 @@ class View:
     R: Tensor
     t: Tensor
     camera: int | None = None
+
+    def of(self, v: int, frames: int) -> "View":
+        """What was seen of motion ``v`` (batch of 1) in its first frames."""
+        own = slice(v, v + 1)
+        return replace(
+            self,
+            xy_px=self.xy_px[own, :frames],
+            weight=self.weight[own, :frames],
+            K=self.K[own],
+            R=self.R[own],
+            t=self.t[own],
+        )
 
     def at(self, state: MotionState) -> "View":
         """The view with the camera that the state holds."""
@@ -78,6 +91,10 @@ class Reprojection:
         pixels, _ = project(view, xyz)
         return self._weighted(view, pixels - view.xy_px)
 
+    def of(self, v: int, frames: int) -> Self:
+        """What was seen of one motion."""
+        return replace(self, views=tuple(view.of(v, frames) for view in self.views))
+
     def cost(self, state: MotionState) -> Tensor:
         """(B,) sum of rho over views, frames and keypoints."""
         xyz = self.body.positions(self.body.keypoints, state).xyz
@@ -92,9 +109,6 @@ class Reprojection:
         points = self.body.derivatives(self.body.keypoints, state)
         assert points.d_pose is not None
         assert points.d_beta is not None
-        eye = torch.eye(3, dtype=points.xyz.dtype, device=points.xyz.device)
-        eye = eye.expand(*points.xyz.shape[:-1], 3, 3)
-        d_xyz = torch.cat([points.d_pose, eye, points.d_beta], -1)
         n, m = POSE + 3, state.betas.shape[1]
         for fixed in self.views:
             view = fixed.at(state)
@@ -102,14 +116,15 @@ class Reprojection:
             error = pixels - view.xy_px
             weight = view.weight * geman_mcclure(self._weighted(view, error), self.scale)[1]
             root = weight.sqrt()[..., None]
-            by_point = projection_jacobian(view, x_cam) * root[..., None]
-            rows = by_point @ torch.einsum("bij,btkjc->btkic", view.R, d_xyz)
+            by_camera = projection_jacobian(view, x_cam) * root[..., None]
+            by_point = by_camera @ view.R[:, None, None]
+            parts = [by_point @ points.d_pose, by_point, by_point @ points.d_beta]
             columns = list(range(m))
             if view.camera is not None:
-                rows = torch.cat([rows, by_point @ _by_camera(view, state, points.xyz)], -1)
+                parts.append(by_camera @ _by_camera(view, state, points.xyz))
                 span = state.camera_columns(view.camera)
                 columns += range(span.start, span.stop)
-            rows = rows.flatten(2, 3)
+            rows = torch.cat(parts, -1).flatten(2, 3)
             residual = (error * root).flatten(2, 3)
             full = rows.transpose(-1, -2) @ rows
             gradient = (rows.transpose(-1, -2) @ residual[..., None])[..., 0]

@@ -1,6 +1,7 @@
 """The shape prior every fitter needs and the paper does not print: beta ~ N(0, 1)."""
 
 from dataclasses import dataclass
+from typing import Self
 
 import torch
 from torch import Tensor
@@ -14,6 +15,10 @@ class ShapePrior:
     """``weight * |beta|^2``: beta is in standard deviations of the population."""
 
     weight: float
+
+    def of(self, v: int, frames: int) -> Self:
+        """The same for every motion."""
+        return self
 
     def cost(self, state: MotionState) -> Tensor:
         """(B,)."""

@@ -1,6 +1,7 @@
 """Temporal smoothness: Eq. 7 on the rotation manifold, and accelerations."""
 
 from dataclasses import dataclass
+from typing import Self
 
 import torch
 from torch import Tensor
@@ -21,6 +22,10 @@ class PoseSmoothness:
 
     velocity_weight: Tensor
     acceleration_weight: Tensor
+
+    def of(self, v: int, frames: int) -> Self:
+        """The same for every motion."""
+        return self
 
     def cost(self, state: MotionState) -> Tensor:
         """(B,)."""
@@ -80,6 +85,10 @@ class PathSmoothness:
             (self.velocity_weight, (-1.0, 1.0), _pairs(state.valid)),
             (self.acceleration_weight, (1.0, -2.0, 1.0), triples),
         ]
+
+    def of(self, v: int, frames: int) -> Self:
+        """The same for every motion."""
+        return self
 
     def cost(self, state: MotionState) -> Tensor:
         """(B,)."""
