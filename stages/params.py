@@ -61,6 +61,13 @@ class SyncParams(Group):
     normalise_scale: bool  # divide each video by its body size
 
 
+class RepetitionParams(Group):
+    least_score: Share  # share of a clip that one repetition explains; below it nothing repeats
+    least_quality: Share  # an occurrence that explains less of its poses is none
+    match_level: Positive  # share of the way from a pose's nearest one to an unrelated one
+    shortest_s: Positive
+
+
 class FitParams(Group):
     noise_share: Positive  # keypoint noise (one standard deviation), share of the person's size
     robust_scale_sigma: Positive  # Geman-McClure scale in standard deviations
@@ -103,6 +110,7 @@ class Params(Group):
     initial_smpl: InitialSmplParams
     fit: FitParams
     sync: SyncParams
+    repetitions: RepetitionParams
     motion: MotionParams
     refine: RefineParams
     evaluate: EvaluateParams

@@ -1,0 +1,196 @@
+"""Repetitions: their number is exact, their cuts are near the true ones, none where none are."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from imocap_core.sync.occurrences import best_totals, chosen_spans, matches, values
+from imocap_core.sync.repetition import Repetitions, find_repetitions
+from imocap_core.synthetic.variation import Clip, pace
+
+Array = NDArray[np.float64]
+
+FPS = 30.0
+JOINTS = 14
+CHOICES = {"least_score": 0.6, "least_quality": 0.4, "match_level": 0.4, "shortest_s": 0.5}
+
+
+def _wandering(frames: int, rng: np.random.Generator, reach_m: float = 0.2) -> Array:
+    """(frames, J, 3): joints that move smoothly about a fixed skeleton and never come back."""
+    white = rng.normal(size=(frames + 60, JOINTS, 3))
+    smooth = gaussian_filter1d(white, 8.0, axis=0)[30:-30]
+    return rng.normal(size=(1, JOINTS, 3)) * 0.4 + reach_m * smooth / smooth.std()
+
+
+def _from_rest_to_rest(frames: int, rng: np.random.Generator) -> Array:
+    """An action that begins and ends in one stance."""
+    action = _wandering(frames, rng)
+    rest = action.mean(axis=0)
+    share = np.minimum(1.0, np.sin(np.linspace(0, np.pi, frames)) * 2.0)[:, None, None]
+    return rest + share * (action - rest)
+
+
+def _repeated(
+    action: Array, count: int, pause_s: float, rng: np.random.Generator
+) -> tuple[Array, list[tuple[int, int]]]:
+    """Performances of one action, each at its own pace and a little different, with pauses."""
+    parts: list[Array] = []
+    spans, frames = [], 0
+    for _ in range(count):
+        length = round(len(action) * rng.uniform(0.75, 1.35))
+        phase = pace(Clip(length, 0.0, len(action) - 1.0, FPS), rng)
+        low = np.minimum(phase.astype(int), len(action) - 2)
+        share = (phase - low)[:, None, None]
+        part = (1 - share) * action[low] + share * action[low + 1]
+        part = part + 0.02 * rng.normal(size=(1, JOINTS, 3))
+        if parts:
+            hold = round(rng.uniform(0.6, 1.6) * pause_s * FPS)
+            ease = np.linspace(0, 1, hold)[:, None, None]
+            parts.append((1 - ease) * parts[-1][-1] + ease * part[0])
+            frames += hold
+        parts.append(part)
+        spans.append((frames, frames + length))
+        frames += length
+    return np.concatenate(parts), spans
+
+
+def _unsure(poses: Array, rng: np.random.Generator, sigma_m: float = 0.02) -> Array:
+    """Slow errors, as a monocular estimate has."""
+    slow = gaussian_filter1d(rng.normal(size=poses.shape), 7.0, axis=0)
+    return poses + sigma_m * slow / slow.std()
+
+
+def _find(poses: Array) -> Repetitions:
+    return find_repetitions(poses, FPS, **CHOICES)
+
+
+@pytest.mark.parametrize("pause_s", [0.0, 1.0])
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_number_is_exact_and_cuts_are_near(count: int, pause_s: float) -> None:
+    for seed in range(3):
+        rng = np.random.default_rng([seed, count])
+        poses, spans = _repeated(_from_rest_to_rest(75, rng), count, pause_s, rng)
+        found = _find(_unsure(poses, rng))
+        assert len(found.spans) == count, found.status
+        off = np.array(found.spans) - np.array(spans)
+        common = np.median(off, axis=0)  # the same share of the slow beginning and end left out
+        assert np.abs(common).max() <= 15, off
+        assert np.abs(off - common).max() <= 10, off
+
+
+def test_a_periodic_motion_is_cut_at_one_phase() -> None:
+    """Without a beginning, any phase will do, but the same one in every cycle."""
+    rng = np.random.default_rng(3)
+    cycle = _wandering(40, rng)
+    cycle = gaussian_filter1d(cycle, 3.0, axis=0, mode="wrap")
+    phase = pace(Clip(200, 0.0, 5.6 * 40, FPS), rng)
+    low = phase.astype(int)
+    share = (phase - low)[:, None, None]
+    found = _find(_unsure((1 - share) * cycle[low % 40] + share * cycle[(low + 1) % 40], rng, 0.01))
+    assert len(found.spans) in (5, 6)
+    cuts = phase[[first for first, _ in found.spans]] / 40
+    spread = np.abs(np.exp(2j * np.pi * cuts).mean())
+    assert spread > 0.95
+    lengths = np.diff(phase[[[a, b - 1] for a, b in found.spans]], axis=1) / 40
+    assert np.abs(lengths[1:-1] - 1).max() < 0.1
+
+
+def test_nothing_is_found_where_nothing_repeats() -> None:
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        found = _find(_unsure(_wandering(300, rng), rng))
+        assert found.spans == ((0, 300),)
+        assert found.status.startswith("no repetitions")
+
+
+def test_other_motion_between_repetitions_belongs_to_none() -> None:
+    rng = np.random.default_rng(5)
+    poses, spans = _repeated(_from_rest_to_rest(75, rng), 3, 0.0, rng)
+    other = poses[:1] + (_wandering(60, rng) - _wandering(1, rng)) * 0.5
+    cut = spans[1][0]
+    found = _find(np.concatenate([poses[:cut], other, poses[cut:]]))
+    assert len(found.spans) == 3
+    assert all(b <= cut + 8 or a >= cut + 52 for a, b in found.spans)
+
+
+def test_view_size_and_still_ends_change_nothing() -> None:
+    rng = np.random.default_rng(6)
+    poses, _ = _repeated(_from_rest_to_rest(75, rng), 3, 0.5, rng)
+    found = _find(poses)
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    turn *= np.linalg.det(turn)
+    assert _find(2.5 * poses @ turn.T + [3.0, -1.0, 7.0]).spans == found.spans
+    waiting = np.concatenate([np.repeat(poses[:1], 40, axis=0), poses])
+    later = np.array(_find(waiting).spans) - 40
+    assert np.abs(later - np.array(found.spans)).max() <= 6
+
+
+def test_missing_joints_and_frames_are_bridged() -> None:
+    rng = np.random.default_rng(7)
+    poses, spans = _repeated(_from_rest_to_rest(75, rng), 3, 0.0, rng)
+    poses[rng.random(poses.shape[:2]) < 0.1] = np.nan
+    poses[40:44] = np.nan
+    assert len(_find(poses).spans) == len(spans)
+
+
+@pytest.mark.parametrize("poses", [np.zeros((0, 3, 3)), np.zeros((9, 3))])
+def test_what_is_no_motion_is_refused(poses: Array) -> None:
+    with pytest.raises(ValueError, match="poses: expected"):
+        _find(poses)
+
+
+def test_a_still_or_short_clip_is_one_piece() -> None:
+    assert _find(np.ones((100, 5, 3))).spans == ((0, 100),)
+    assert _find(_wandering(8, np.random.default_rng(0))).spans == ((0, 8),)
+    assert _find(np.full((50, 5, 3), np.nan)).spans == ((0, 50),)
+
+
+def _best_warp_naive(worth: Array, e: int) -> float:
+    """Every warp of all the template's samples that ends at e, one by one."""
+    best = -np.inf
+    n = len(worth)
+
+    def go(k: int, at: int, total: float) -> None:
+        nonlocal best
+        if k == 0:
+            best = max(best, total)
+            return
+        for step in (1, 2):
+            if at >= step:
+                go(k - 1, at - step, total + worth[k - 1, at - step])
+        if k >= 2 and at >= 1:
+            go(k - 2, at - 1, total + worth[k - 1, at] + worth[k - 2, at - 1])
+
+    go(n - 1, e, worth[n - 1, e])
+    return best
+
+
+def test_matches_equal_all_warps_tried_one_by_one() -> None:
+    worth = np.random.default_rng(8).uniform(-1, 1, size=(5, 9))
+    total, begin = matches(worth)
+    for n in range(1, 6):
+        naive = [_best_warp_naive(worth[:n], e) for e in range(9)]
+        # a step of two template samples counts the skipped one where the warp goes on
+        np.testing.assert_allclose(total[n - 1], naive)
+    assert (begin <= np.arange(9)).all()
+
+
+def test_chosen_matches_do_not_overlap_and_no_choice_is_better() -> None:
+    rng = np.random.default_rng(9)
+    total, begin = matches(rng.uniform(-0.6, 1, size=(3, 12)))
+    value = values(total[-1:], begin[-1:], np.array([3]), 0, 0.2)
+    best = best_totals(value, begin[-1:])[0]
+    spans = chosen_spans(best, begin[-1])
+    assert all(a[1] <= b[0] for a, b in pairwise(spans))
+    assert sum(value[0, b - 1] for _, b in spans) == pytest.approx(best[-1])
+    every = [(int(begin[-1, e]), e + 1, value[0, e]) for e in range(12) if value[0, e] > 0]
+
+    def most(after: int) -> float:
+        return max((v + most(b) for a, b, v in every if a >= after), default=0.0)
+
+    assert best[-1] == pytest.approx(most(0))
