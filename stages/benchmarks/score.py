@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import resource
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
 from pathlib import Path
 
 from imocap_core.artifacts.schemas import (
@@ -21,80 +20,82 @@ from imocap_core.formats.joints_npz import read_joints_npz
 from imocap_core.formats.truth import Truth, read_truth
 from imocap_core.metrics.scoring import Motion, over_videos, pose_rows
 from imocap_core.views.scoreboard import Answer, against_truth, true_motion
+from stages.benchmarks.kept import LAST, ActionScore, keep_score, read_score
+from stages.benchmarks.meter import Cost, Meter
 from stages.harness import runner
 from stages.harness.action import Action
 from stages.harness.errors import WorkFailed
 from stages.harness.runner import Display, Job
 from stages.harness.source import closure
 
-LAST = "refine_sync"
-RESULTS = ("estimator", "monocular", "single pass", "after loop", "oracle")
 
+def score_action(
+    job: Job, display: Display, kept: Path, costs: Path, *, with_oracle: bool = True
+) -> ActionScore:
+    """Bring the action up to date and score it; numbers kept of the same artifacts stand.
 
-@dataclass(frozen=True)
-class ActionScore:
-    """numbers: result -> metric (docs/metrics.md) -> mean over the videos; what it cost."""
-
-    action: str
-    videos: int
-    frames: int
-    numbers: dict[str, dict[str, float]]
-    seconds: float  # of the stages that were not cached
-    peak_gb: float  # most memory this process has held so far
-    key: str
-
-    def of(self, result: str, metric: str) -> float | None:
-        """One number, or None where it could not be scored."""
-        return self.numbers.get(result, {}).get(metric)
-
-
-def score_action(job: Job, display: Display, kept: Path) -> ActionScore:
-    """Bring the action up to date and score it; numbers kept of the same artifacts stand."""
-    outcomes = runner.run(job, display, job.pipeline.upstream(LAST))
+    Args:
+        kept: the file of the action's numbers. costs: the folder where costs of stages are kept.
+    """
+    meter = Meter(display, costs)
+    outcomes = runner.run(job, meter, job.pipeline.upstream(LAST))
     done = {outcome.stage: outcome.stored for outcome in outcomes}
-    key = _key(job, done)
-    before = _kept(kept)
+    key = score_key(job, done)
+    before = read_score(kept)
     if before is not None and before.key == key:
         return before
     keypoints = done["keypoints"].decode(Keypoints)
+    spent = meter.costs(outcomes)
     score = ActionScore(
         action=job.action.name,
         videos=len(keypoints.videos),
         frames=sum(len(video.frames) for video in keypoints.videos),
-        numbers=_numbers(job, done, keypoints),
-        seconds=sum(outcome.seconds for outcome in outcomes),
-        peak_gb=resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
+        numbers=_numbers(job, done, keypoints, meter, spent, with_oracle),
+        costs=spent,
         key=key,
     )
-    kept.parent.mkdir(parents=True, exist_ok=True)
-    draft = kept.with_suffix(".part")
-    draft.write_text(json.dumps(asdict(score), indent=1))
-    draft.replace(kept)
+    keep_score(score, kept)
     return score
 
 
-def _numbers(
-    job: Job, done: dict[str, Stored], keypoints: Keypoints
-) -> dict[str, dict[str, float]]:
-    from stages.benchmarks.oracle import oracle
+def standing_score(job: Job | None, kept: Path, *code: Path) -> ActionScore | None:
+    """The numbers kept, if running the job now would change none of its artifacts; else None."""
+    before = read_score(kept)
+    if job is None or before is None:
+        return None
+    done: dict[str, Stored] = {}
+    for standing in runner.standings(job):
+        if standing.stage in job.pipeline.upstream(LAST):
+            if standing.stored is None:
+                return None
+            done[standing.stage] = standing.stored
+    return before if before.key == score_key(job, done, *code) else None
 
-    if job.action.truth is None:
-        raise WorkFailed(f"{job.action.file}: a benchmark needs truth")
-    truth = read_truth(
-        job.action.folder / job.action.truth, {v.id: v.frames for v in keypoints.videos}
-    )
+
+def _numbers(
+    job: Job,
+    done: dict[str, Stored],
+    keypoints: Keypoints,
+    meter: Meter,
+    spent: dict[str, Cost],
+    with_oracle: bool,
+) -> dict[str, dict[str, float]]:
+    truth = truth_of(job, keypoints)
     camera_motion = done["camera_motion"].decode(CameraMotion)
     initial, sync = done["initial_smpl"].decode(InitialSmpl), done["sync"].decode(Sync)
     single, refined = done["smpl_ba"].decode(SmplBa), done[LAST].decode(RefineSync)
-    best, best_sync = oracle(
-        keypoints, camera_motion, initial, refined.sync, truth, job.settings.params
-    )
     answers = [
         Answer("monocular", initial.videos),
         Answer("single pass", single.videos, single.cameras, sync),
         Answer("after loop", refined.motion.videos, refined.motion.cameras, refined.sync),
-        Answer("oracle", best.videos, best.cameras, best_sync),
     ]
+    if with_oracle:
+        from stages.benchmarks.oracle import oracle
+
+        given = (keypoints, camera_motion, initial, refined.sync, truth, job.settings.params)
+        with meter.measuring("oracle", spent):
+            best, best_sync = oracle(*given)
+        answers.append(Answer("oracle", best.videos, best.cameras, best_sync))
     numbers = {answer.name: against_truth(answer, keypoints, truth) for answer in answers}
     started = _estimator(job.action, keypoints, truth)
     return {"estimator": started, **numbers} if started else numbers
@@ -113,19 +114,20 @@ def _estimator(action: Action, keypoints: Keypoints, truth: Truth) -> dict[str, 
     return {row.metric: row.value for row in over_videos(rows) if row.value is not None}
 
 
-def _key(job: Job, done: dict[str, Stored]) -> str:
+def truth_of(job: Job, keypoints: Keypoints) -> Truth:
+    """The truth of the action's used frames; WorkFailed when it has none."""
+    if job.action.truth is None:
+        raise WorkFailed(f"{job.action.file}: a benchmark needs truth")
+    used = {video.id: video.frames for video in keypoints.videos}
+    return read_truth(job.action.folder / job.action.truth, used)
+
+
+def score_key(job: Job, done: Mapping[str, Stored], *code: Path) -> str:
+    """Digest of all that an action's numbers depend on; `code` besides the scoring's own."""
     truth = b""
     if job.action.truth is not None:
         truth = (job.action.folder / job.action.truth).read_bytes()
-    code = [closure(Path(__file__)), closure(Path(__file__).with_name("oracle.py"))]
-    told = json.dumps(
-        [code, {name: stored.digest for name, stored in done.items()}, job.settings.seed]
-    )
+    files = [closure(file) for file in (Path(__file__), *code)]
+    artifacts = {name: stored.digest for name, stored in done.items()}
+    told = json.dumps([files, artifacts, job.settings.seed])
     return hashlib.sha256(told.encode() + truth).hexdigest()
-
-
-def _kept(file: Path) -> ActionScore | None:
-    try:
-        return ActionScore(**json.loads(file.read_text()))
-    except (FileNotFoundError, ValueError, TypeError):
-        return None

@@ -6,16 +6,18 @@ import csv
 import io
 import json
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 
-from stages.benchmarks.score import RESULTS, ActionScore
+from stages.benchmarks.kept import RESULTS, ActionScore
+from stages.benchmarks.meter import Cost
 
 SCALED, PA, PLAIN = "mpjpe_scaled_mm", "pa_mpjpe_mm", "mpjpe_mm"
 SYNC, SYNC_MS, MATCHED = "sync_error_pct", "sync_error_ms", "matched_share"
 CAMERA = "camera_rotation_error_deg"
 ROOT = "root_path_aligned_error_mm"
 ABSENT = "–"
+SHORT = ((SCALED, 1), (PA, 1), (SYNC, 2), (CAMERA, 1))
 
 # The paper's Tables 1 and 2 (Human3.6M, one motion resampled, four videos, fine-tuned 2D unless
 # said otherwise): what it is called there, our result, MPJPE, P-MPJPE, sync error in %.
@@ -37,13 +39,15 @@ PAPER_FEWER: dict[int, PaperRow] = {
 
 @dataclass(frozen=True)
 class Benchmark:
-    """What was run: its title, the command that makes it, the data, and the scores."""
+    """What was run: its title, the command that makes it, the data, the scores, and the actions of
+    the data that have none (not run yet, or by other code)."""
 
     title: str
     command: str
     data: str
     detector: str  # "fine_tuned", "generic" or ""
     scores: list[ActionScore]
+    missing: list[str] = field(default_factory=list)
 
 
 def mean_and_error(values: Sequence[float]) -> tuple[float, float]:
@@ -68,12 +72,11 @@ def gap_closed(monocular: float | None, reached: float | None, oracle: float | N
 def markdown(benchmark: Benchmark) -> str:
     """The whole report."""
     scores = benchmark.scores
-    seconds, peak = sum(s.seconds for s in scores), max(s.peak_gb for s in scores)
     parts = [
         f"# {benchmark.title}",
         f"Made by `{benchmark.command}`. Data: {benchmark.data}. Means over videos, then actions, "
-        f"± standard error over actions. Stages that were not cached took {seconds:.0f} s; at most "
-        f"{peak:.1f} GB of memory. docs/metrics.md defines every number.",
+        f"± standard error over actions. {cost_sentence([s.costs for s in scores])} "
+        "docs/metrics.md defines every number." + missing_sentence(benchmark.missing),
         "## Against the paper",
         "MPJPE is `mpjpe_scaled_mm`, the one that the released evaluation computes. The paper's "
         "data are others (Human3.6M), so only differences between rows compare.",
@@ -83,6 +86,34 @@ def markdown(benchmark: Benchmark) -> str:
         parts += [f"## {title}", _by_result(scores, metric)]
     parts += ["## Correspondences and cameras", _sync_table(scores)]
     return "\n\n".join(parts) + "\n"
+
+
+def summary(benchmark: Benchmark) -> str:
+    """A table of a few lines, for the front page."""
+    scores = benchmark.scores
+    rows = [
+        [result, *(_mean(scores, result, metric, digits) for metric, digits in SHORT)]
+        for result in RESULTS
+    ]
+    head = ["", "MPJPE, scaled (mm)", "P-MPJPE (mm)", "sync error (%)", "cameras (°)"]
+    told = f"`{benchmark.command}`: mean over {len(scores)} actions ± standard error. "
+    return f"{told}Data: {benchmark.data}.{missing_sentence(benchmark.missing)}\n\n" + table_of(
+        head, rows
+    )
+
+
+def cost_sentence(costs: Sequence[Mapping[str, Cost]]) -> str:
+    """Total time and most memory of what was made (each stage counted where it was measured)."""
+    every = [cost for action in costs for cost in action.values()]
+    if not every:
+        return "Time and memory were not measured."
+    seconds, peak = sum(c.seconds for c in every), max(c.peak_gb for c in every)
+    return f"All of it took {seconds:.0f} s when it was made, at most {peak:.1f} GB of memory."
+
+
+def missing_sentence(missing: Sequence[str]) -> str:
+    """Which actions the table lacks."""
+    return f" **Missing (not measured on this code): {', '.join(missing)}.**" if missing else ""
 
 
 def csv_text(benchmark: Benchmark) -> str:
@@ -122,7 +153,7 @@ def _against_paper(benchmark: Benchmark) -> str:
         mixed = [cell for pair in zip(paper, own, strict=True) for cell in pair]
         rows.append([name, result, *mixed])
     head = ["paper", "here", "MPJPE, paper", "here", "P-MPJPE, paper", "here"]
-    return _table([*head, "sync %, paper", "here"], rows)
+    return table_of([*head, "sync %, paper", "here"], rows)
 
 
 def _by_result(scores: Sequence[ActionScore], metric: str) -> str:
@@ -130,11 +161,11 @@ def _by_result(scores: Sequence[ActionScore], metric: str) -> str:
     for score in scores:
         values = [score.of(result, metric) for result in RESULTS]
         gap = gap_closed(*(score.of(r, metric) for r in ("monocular", "after loop", "oracle")))
-        rows.append([score.action, *(_cell(v, 1) for v in values), _cell(gap, 0)])
+        rows.append([score.action, *(cell(v, 1) for v in values), cell(gap, 0)])
     means = [mean_and_error(_values(scores, result, metric))[0] for result in RESULTS]
     gap = gap_closed(means[1], means[3], means[4])
-    rows.append(["**mean**", *(_mean(scores, r, metric, 1) for r in RESULTS), _cell(gap, 0)])
-    return _table(["action", *RESULTS, "gap closed %"], rows)
+    rows.append(["**mean**", *(_mean(scores, r, metric, 1) for r in RESULTS), cell(gap, 0)])
+    return table_of(["action", *RESULTS, "gap closed %"], rows)
 
 
 def _sync_table(scores: Sequence[ActionScore]) -> str:
@@ -148,11 +179,11 @@ def _sync_table(scores: Sequence[ActionScore]) -> str:
         ("root path mm, after loop", "after loop", ROOT, 0),
     ]
     rows = [
-        [s.action, str(s.videos), str(s.frames), *(_cell(s.of(r, m), d) for _, r, m, d in columns)]
+        [s.action, str(s.videos), str(s.frames), *(cell(s.of(r, m), d) for _, r, m, d in columns)]
         for s in scores
     ]
     rows.append(["**mean**", "", "", *(_mean(scores, r, m, d) for _, r, m, d in columns)])
-    return _table(["action", "videos", "frames", *(name for name, *_ in columns)], rows)
+    return table_of(["action", "videos", "frames", *(name for name, *_ in columns)], rows)
 
 
 def _values(scores: Sequence[ActionScore], result: str, metric: str) -> list[float]:
@@ -160,16 +191,23 @@ def _values(scores: Sequence[ActionScore], result: str, metric: str) -> list[flo
 
 
 def _mean(scores: Sequence[ActionScore], result: str, metric: str, digits: int) -> str:
-    mean, error = mean_and_error(_values(scores, result, metric))
+    return mean_cell(_values(scores, result, metric), digits)
+
+
+def mean_cell(values: Sequence[float], digits: int) -> str:
+    """Mean ± standard error, or the sign for none."""
+    mean, error = mean_and_error(values)
     if not math.isfinite(mean):
         return ABSENT
     return f"{mean:.{digits}f}" + (f" ± {error:.{digits}f}" if math.isfinite(error) else "")
 
 
-def _cell(value: float | None, digits: int) -> str:
+def cell(value: float | None, digits: int) -> str:
+    """A number of a table, or the sign for none."""
     return ABSENT if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def table_of(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A Markdown table."""
     line: Callable[[Sequence[str]], str] = lambda cells: "| " + " | ".join(cells) + " |"  # noqa: E731
     return "\n".join([line(head), line(["---"] * len(head)), *(line(row) for row in rows)])

@@ -173,32 +173,43 @@ def view(context: typer.Context, action: ActionName) -> None:
 def benchmark(
     context: typer.Context,
     name: Annotated[
-        Literal["protocol", "trials", "yoga", "body", "bones"],
+        Literal["protocol", "trials", "yoga", "h36m", "ablations", "body", "bones"],
         typer.Argument(help="What to measure; docs/benchmark.md says how."),
     ],
     detector: Annotated[
         Literal["fine_tuned", "generic"], typer.Option(help="Level of the simulated 2D detector.")
     ] = "fine_tuned",
     sampling: Annotated[
-        Literal["released", "paper"], typer.Option(help="How protocol resamples its motion.")
+        Literal["released", "paper"], typer.Option(help="How one motion is resampled.")
     ] = "released",
     videos: Annotated[int, typer.Option(help="Videos an action, 1 to 4.")] = 4,
-    only: Annotated[list[str], typer.Option(help="Only this action.")] = [],  # noqa: B006
+    only: Annotated[list[str], typer.Option(help="Run only this action.")] = [],  # noqa: B006
+    on: Annotated[
+        Literal["protocol", "trials", "yoga", "h36m"], typer.Option(help="Data of the ablations.")
+    ] = "trials",
+    variants: Annotated[
+        str, typer.Option(metavar="A,B,...", help="Run only these ablations.")
+    ] = "",
+    data: Annotated[
+        Path | None, typer.Option(help="h36m: the folder with VideoPose3D's two files.")
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Actions at once, each with one thread.")] = 1,
+    docs: Annotated[
+        bool, typer.Option("--docs", help="Put the table into docs/benchmark.md and README.md.")
+    ] = False,
 ) -> None:
-    """Measure how good (protocol, trials, yoga, bones) or how fast (body) the program is."""
-    from stages.cli.benchmark import body_table
+    """Measure how good the program is, what its parts are worth, or how fast the body is."""
+    from stages.cli.benchmark import Wanted, body_table, motion_tables
 
     workspace = _workspace(context)
     if name in ("body", "bones"):
         console.print(body_table(name, workspace))
         return
-    from stages.benchmarks.motion import Choice, measure
-    from stages.benchmarks.tables import markdown
-
-    choice = Choice(name, detector, sampling, videos, tuple(only))
+    names = tuple(word.strip() for word in variants.split(",") if word.strip())
+    wanted = Wanted(name, detector, sampling, videos, tuple(only), on, names, data, jobs, docs)
     with Terminal(console) as display:
-        found, folder = measure(workspace, choice, display)
-    console.print(_plain(markdown(found)), f"Kept in {_plain(str(folder))}", sep="\n")
+        text, said = motion_tables(wanted, workspace, display)
+    console.print(_plain(text), *(_plain(line) for line in said), sep="\n")
 
 
 @app.command()

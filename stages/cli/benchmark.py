@@ -1,15 +1,74 @@
-"""benchmark: measurements by name, as tables on the terminal."""
+"""benchmark: measurements by name, as tables on the terminal and in the documentation."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 
 from stages.benchmarks.inputs import data_folder
+from stages.harness.errors import WrongUse
+from stages.harness.runner import Display
 from stages.harness.workspace import Workspace
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """The options of one `imocap benchmark`."""
+
+    name: str
+    detector: str
+    sampling: str
+    videos: int
+    only: tuple[str, ...]
+    on: str
+    variants: tuple[str, ...]
+    data: Path | None
+    jobs: int
+    docs: bool
+
+
+def motion_tables(wanted: Wanted, workspace: Workspace, display: Display) -> tuple[str, list[str]]:
+    """Measure; the table as Markdown, and where it was written."""
+    from stages.benchmarks.choice import Choice
+    from stages.benchmarks.docs import check_marks, put_into_docs
+
+    if wanted.name == "ablations":
+        if (wanted.detector, wanted.videos) != ("fine_tuned", 4):
+            raise WrongUse("ablations set --detector and --videos themselves; leave both out")
+        base = Choice(wanted.on, sampling=wanted.sampling, only=wanted.only, data=wanted.data)
+    else:
+        if wanted.variants:
+            raise WrongUse("--variants: only for `imocap benchmark ablations`")
+        base = Choice(
+            wanted.name, wanted.detector, wanted.sampling, wanted.videos, wanted.only,
+            data=wanted.data,
+        )  # fmt: skip
+    label = f"ablations-{base.set_label}" if wanted.name == "ablations" else base.label
+    if wanted.docs:
+        check_marks(workspace.root, label)
+    text, summary, folder = _measured(wanted, base, workspace, display)
+    said = [f"Kept in {folder}"]
+    if wanted.docs:
+        said += [f"Put into {file}" for file in put_into_docs(workspace.root, label, text, summary)]
+    return text, said
+
+
+def _measured(
+    wanted: Wanted, base: Any, workspace: Workspace, display: Display
+) -> tuple[str, str, Path]:
+    from stages.benchmarks import ablation_tables, ablations, motion, tables
+
+    if wanted.name == "ablations":
+        measured, folder = ablations.measure(workspace, base, wanted.variants, display, wanted.jobs)
+        text, summary = ablation_tables.markdown(measured), ablation_tables.summary(measured)
+    else:
+        found, folder = motion.measure(workspace, base, display, wanted.jobs)
+        text, summary = tables.markdown(found), tables.summary(found)
+    return text, summary, folder
 
 
 def body_table(name: str, workspace: Workspace) -> Table:

@@ -1,0 +1,156 @@
+"""The ablations: variants as data, what they share, what their differences say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imocap_core.artifacts.schemas import Keypoints
+from stages.benchmarks import ablation_tables, ablations, claims, rivals
+from stages.benchmarks.choice import Choice
+from stages.benchmarks.kept import ActionScore
+from stages.benchmarks.meter import Cost
+from stages.benchmarks.tables import PA, SCALED, SYNC
+from stages.benchmarks.variants import VARIANTS, Run, chosen_variants
+from stages.harness.errors import WorkFailed, WrongUse
+from stages.harness.pipeline import read_pipeline, settings
+from stages.harness.source import PROJECT
+from stages.harness.workspace import Workspace
+from stages.params import Params
+from tests.benchmarks.test_tcc_benchmark import seen
+
+BY_NAME = {variant.name: variant for variant in VARIANTS}
+
+
+def made_score(variant: str, action: str, value: float) -> ActionScore:
+    numbers = {BY_NAME[variant].result: {SCALED: value, PA: value / 2, SYNC: value / 100}}
+    stages = ("keypoints", "camera_motion", "initial_smpl", "sync", "smpl_ba", "refine_sync")
+    return ActionScore(action, 4, 300, numbers, dict.fromkeys(stages, Cost(10.0, 1.0)), variant)
+
+
+def found(**values: list[float]) -> claims.Found:
+    return {
+        name: {f"a{k}": made_score(name, f"a{k}", v) for k, v in enumerate(row)}
+        for name, row in values.items()
+    }
+
+
+# --- variants
+
+
+@pytest.mark.parametrize("variant", VARIANTS, ids=lambda v: v.name)
+def test_every_switch_is_a_parameter_of_the_pipeline(variant) -> None:  # type: ignore[no-untyped-def]
+    pipeline = read_pipeline(PROJECT / "pipeline.yaml", Params)
+    chosen = settings(pipeline, {}, Path("action.yaml"), list(variant.run.sets))
+    assert chosen.seed == pipeline.seed
+
+
+def test_variants_are_chosen_by_name_and_by_what_the_data_allow() -> None:
+    assert [v.name for v in chosen_variants("trials", ("tcc", "default"))] == ["default", "tcc"]
+    assert len(chosen_variants("protocol", ())) == len(VARIANTS)
+    on_yoga = {v.name for v in chosen_variants("yoga", ())}
+    assert {"default", "tcc", "one_model"} <= on_yoga
+    assert not {"videos_1", "generic", "outlier"} & on_yoga
+    on_h36m = {v.name for v in chosen_variants("h36m", ())}
+    assert "videos_2" in on_h36m
+    assert not {"generic", "outlier"} & on_h36m
+    with pytest.raises(WrongUse, match="--variants dance: trials has estimator, monocular"):
+        chosen_variants("trials", ("dance",))
+
+
+def test_runs_share_a_folder_when_their_inputs_agree() -> None:
+    base = Choice("trials", only=("x",))
+    plain = ablations.choice_of(base, Run())
+    assert plain == ablations.choice_of(base, Run(("motion.rank=2",)))
+    assert plain.folder(Path()) == Choice("trials").folder(Path())  # the plain benchmark's
+    others = [Run(videos=2), Run(detector="generic"), Run(outlier=True)]
+    assert len({ablations.choice_of(base, r).label for r in others} | {plain.label}) == 4
+    labels = [v.run.label for v in VARIANTS if v.run.sets]
+    assert all("/" not in label and label for label in labels)
+    assert len(set(labels)) == len(labels)
+
+
+# --- claims
+
+
+def test_differences_are_paired_by_action() -> None:
+    scores = found(default=[10.0, 20.0], no_iteration=[11.0, 23.0, 99.0])
+    claim = claims.Claim("x", "default", "no_iteration", (SCALED,))
+    assert claims.differences(claim, SCALED, scores) == [1.0, 3.0]
+
+
+def test_a_verdict_needs_two_standard_errors() -> None:
+    assert claims.verdict([1.0, 1.1, 0.9]) == "confirmed"
+    assert claims.verdict([-1.0, -1.1, -0.9]) == "refuted"
+    assert claims.verdict([1.0, -1.1, 0.9]) == "undecided"
+    assert claims.verdict([5.0]) == "undecided"
+
+
+def test_a_sentence_by_hand() -> None:
+    scores = found(default=[10.0, 20.0], no_iteration=[12.0, 24.0])
+    claim = claims.Claim("It helps", "default", "no_iteration", (SCALED,))
+    assert claims.sentences([claim], scores) == [
+        "It helps: **confirmed** in scaled MPJPE (+3.0 ± 1.0 mm, 2 of 2 actions)."
+    ]
+    assert claims.sentences([claims.Claim("It helps", "tcc", "default", (SYNC,))], scores) == []
+
+
+def test_every_claim_speaks_of_variants_that_there_are() -> None:
+    for claim in (*claims.PAPER_CLAIMS, *claims.OUR_CLAIMS):
+        assert {claim.better, claim.worse} <= set(BY_NAME)
+
+
+# --- tables
+
+
+def test_the_table_holds_numbers_paper_cost_and_sentences() -> None:
+    scores = found(monocular=[70.0, 80.0], default=[40.0, 50.0], oracle=[30.0, 40.0],
+                   no_iteration=[45.0, 53.0], tcc=[2000.0])  # fmt: skip
+    scores["oracle"]["a0"] = replace(scores["oracle"]["a0"], costs={})
+    table = ablation_tables.Ablations("T", "the command", "data", ["a0", "a1"], scores)
+    text = ablation_tables.markdown(table)
+    row = "| this program | pipeline.yaml as it is | 2 | 66.53 | 45.0 ± 5.0 | 50.33 | 22.5 ± 2.5 |"
+    assert f"{row} 0.77 | 0.45 ± 0.05 | – | 75 | 60 | 1.0 |" in text
+    assert "`the command`" in text
+    assert "Missing (not measured on this code): tcc (a1)" in text
+    assert "* Iteration is better than a single pass: **confirmed**" in text
+    assert "| tcc | 20.00 | – |" in text
+    assert "tcc,a0,sync_error_pct,20.0" in ablation_tables.csv_text(table)
+    assert '"claims"' in ablation_tables.json_text(table)
+
+
+def test_what_variants_share_is_counted_once() -> None:
+    scores = found(default=[40.0], no_iteration=[45.0])
+    table = ablation_tables.Ablations("T", "c", "d", ["a0"], scores)
+    assert "took 60 s when" in ablation_tables.markdown(table)
+
+
+# --- running
+
+
+def test_variants_that_fail_leave_the_others_and_say_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def scored(display, workspace, base, name, variant):  # type: ignore[no-untyped-def]
+        if variant.name == "rank_2":
+            raise WorkFailed("rank 2 broke")
+        return made_score(variant.name, name, 40.0)
+
+    monkeypatch.setattr(ablations, "_score", scored)
+    monkeypatch.setattr(ablations, "action_names", lambda root, base: ["walk", "jump"])
+    monkeypatch.setattr(ablations, "chosen_names", lambda root, base: ["walk"])
+    with pytest.raises(WorkFailed, match="walk, rank_2: rank 2 broke"):
+        ablations.measure(Workspace(tmp_path), Choice("trials"), ("default", "rank_2"), None)  # type: ignore[arg-type]
+    text = (tmp_path / "artifacts/benchmark/ablations-trials/table.md").read_text()
+    assert "| default | 40.0 | – |" in text
+    assert "rank_2" in text.split("Missing")[1]
+
+
+def test_the_equal_stretch_goes_from_end_to_end() -> None:
+    keypoints = Keypoints(videos=[seen("a", 5, None), seen("b", 9, None)])
+    sync = rivals.stretched(keypoints, "b")
+    np.testing.assert_allclose(sync.maps[0].reference_frame, [0, 2, 4, 6, 8])
+    np.testing.assert_allclose(sync.maps[1].reference_frame, np.arange(9))

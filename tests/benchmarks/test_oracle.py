@@ -1,0 +1,77 @@
+"""The oracle: true correspondences and cameras, the same fitter."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from imocap_core.artifacts.schemas import SyncMap
+from imocap_core.artifacts.schemas.sync import SyncSummary
+from imocap_core.formats.truth import Truth, VideoTruth
+from imocap_core.motion.consensus import Cameras
+from stages.benchmarks.oracle import fit_with_cameras, true_cameras, true_sync
+from tests.motion.made import mpjpe_mm
+from tests.motion.test_joint import OPTIONS, in_own_axes, made, whole  # noqa: F401
+
+
+def summary(reference: str = "b") -> SyncSummary:
+    maps = [SyncMap(id=i, reference_frame=np.zeros(n), confidence=np.ones(n)) for i, n in LENGTHS]
+    return SyncSummary(
+        reference=reference,
+        ids=[i for i, _ in LENGTHS],
+        lengths=[n for _, n in LENGTHS],
+        maps=maps,
+        method="softmap",
+        centrality=np.ones(2),
+        status="",
+    )
+
+
+LENGTHS = [("a", 4), ("b", 3)]
+SWING = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+
+
+def known_truth() -> Truth:
+    def video(phase: list[float], R: np.ndarray, t: list[float]) -> VideoTruth:
+        return VideoTruth(None, (), np.eye(3), R, np.array(t), np.array(phase))
+
+    a = video([0.0, 1.0, 2.0, 9.0], SWING, [0.0, 0.0, 4.0])
+    return Truth({"a": a, "b": video([0.0, 2.0, 4.0], np.eye(3), [1.0, 0.0, 3.0])}, 4.0)
+
+
+def test_the_oracle_s_frames_are_where_phases_are_equal() -> None:
+    found = true_sync(summary(), known_truth())
+    assert found.maps[0].reference_frame[:3].tolist() == [0.0, 0.5, 1.0]
+    assert np.isnan(found.maps[0].reference_frame[3])
+    assert found.maps[0].confidence.tolist() == [1, 1, 1, 0]
+    assert found.maps[1].reference_frame.tolist() == [0, 1, 2]
+
+
+def test_the_oracle_s_cameras_see_a_world_point_where_the_true_ones_do() -> None:
+    truth = known_truth()
+    cameras = true_cameras(true_sync(summary(), truth), truth)
+    point = np.array([0.3, -0.2, 0.5])
+    in_reference = point + [1.0, 0.0, 3.0]
+    assert torch.equal(cameras.R[1], torch.eye(3, dtype=torch.float64))
+    seen = cameras.R[0].numpy() @ in_reference + cameras.t[0].numpy()
+    assert seen == pytest.approx(SWING @ point + [0.0, 0.0, 4.0])
+
+
+def test_the_oracle_s_fit_leaves_the_cameras_alone(made) -> None:  # noqa: F811
+    scene, true = whole(made), in_own_axes(made)
+    cameras = Cameras(torch.as_tensor(made.R), torch.as_tensor(made.t))
+    start = replace(true, trans=true.trans + 0.05)
+    found = fit_with_cameras(scene, start, cameras, replace(OPTIONS, max_steps=3))
+    assert found.cameras is cameras
+    assert mpjpe_mm(made.body, found.state, true) < 10
+
+
+def test_the_oracle_of_one_video_is_its_monocular_fit(made) -> None:  # noqa: F811
+    true = in_own_axes(made)
+    alone = replace(whole(made), observations=made.observations[:1])
+    cameras = Cameras(torch.as_tensor(made.R[:1]), torch.as_tensor(made.t[:1]))
+    start = true.rows(torch.tensor([0]))
+    assert fit_with_cameras(alone, start, cameras, OPTIONS).state is start

@@ -1,0 +1,114 @@
+"""Tables of a benchmark, and their place in the documentation."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stages.benchmarks import docs, tables
+from stages.benchmarks.kept import RESULTS, ActionScore
+from stages.benchmarks.meter import Cost
+from stages.harness.errors import WrongUse
+
+
+def made_score(action: str, loop: float) -> ActionScore:
+    numbers = {
+        name: {"mpjpe_scaled_mm": value, "pa_mpjpe_mm": value / 2, "sync_error_pct": 0.5}
+        for name, value in zip(RESULTS, (110.0, 70.0, 50.0, loop, 30.0), strict=True)
+    }
+    return ActionScore(action, 4, 300, numbers, {"sync": Cost(60.0, 1.0)}, "key")
+
+
+def test_the_share_of_the_gap() -> None:
+    assert tables.gap_closed(70, 50, 30) == 50
+    assert tables.gap_closed(70, 70, 30) == 0
+    assert tables.gap_closed(70, 80, 30) == -25
+    assert np.isnan(tables.gap_closed(30, 30, 30))
+    assert np.isnan(tables.gap_closed(None, 30, 20))
+
+
+def test_mean_and_standard_error() -> None:
+    assert tables.mean_and_error([1.0, 2.0, 3.0]) == pytest.approx((2.0, 1 / np.sqrt(3)))
+    assert np.isnan(tables.mean_and_error([1.0])[1])
+
+
+def test_the_tables_hold_every_action_its_means_and_the_paper() -> None:
+    scores = [made_score("jump", 50.0), made_score("walk", 40.0)]
+    benchmark = tables.Benchmark("Title", "imocap benchmark x", "data", "fine_tuned", scores)
+    text = tables.markdown(benchmark)
+    assert "| jump | 110.0 | 70.0 | 50.0 | 50.0 | 30.0 | 50 |" in text
+    assert "| 4 videos | after loop | 66.53 | 45.0 ± 5.0 | 50.33 | 22.5 ± 2.5 |" in text
+    assert "`imocap benchmark x`" in text
+    assert "jump,after loop,mpjpe_scaled_mm,50.0" in tables.csv_text(benchmark)
+    kept = json.loads(tables.json_text(benchmark))
+    assert kept["means"]["after loop"]["mpjpe_scaled_mm"]["mean"] == 45.0
+
+
+def test_generic_detections_stand_beside_the_paper_s_generic_row() -> None:
+    benchmark = tables.Benchmark("T", "c", "d", "generic", [made_score("jump", 50.0)])
+    assert "| 4 videos, generic 2D | after loop | 76.48 | 50.0 |" in tables.markdown(benchmark)
+
+
+def test_fewer_videos_stand_beside_the_paper_s_row_of_as_many() -> None:
+    scores = [replace(made_score("jump", 50.0), videos=2)]
+    benchmark = tables.Benchmark("T", "c", "d", "fine_tuned", scores)
+    assert "| 2 videos | after loop | 78.45 | 50.0 |" in tables.markdown(benchmark)
+
+
+def test_the_tables_say_what_it_cost_and_what_is_missing() -> None:
+    scores = [made_score("jump", 50.0), made_score("walk", 40.0)]
+    text = tables.markdown(tables.Benchmark("T", "c", "d", "fine_tuned", scores, ["kick"]))
+    assert "took 120 s when it was made, at most 1.0 GB" in text
+    assert "**Missing (not measured on this code): kick.**" in text
+
+
+# --- docs
+
+
+PAGE = """# Page
+
+<!-- table trials-4v -->
+old
+<!-- end -->
+
+<!-- table trials -->
+stays
+<!-- end -->
+"""
+
+
+def test_a_table_takes_its_block_and_no_other() -> None:
+    page = docs.replaced(PAGE, "trials-4v", "## New\n\n| a |")
+    assert page is not None
+    assert "<!-- table trials-4v -->\n\n## New\n\n| a |\n\n<!-- end -->" in page
+    assert "old" not in page
+    assert "<!-- table trials -->\nstays\n<!-- end -->" in page
+    assert docs.replaced(page, "trials-4v", "## New\n\n| a |") == page
+    assert docs.replaced(PAGE, "protocol", "x") is None
+
+
+def test_the_page_gets_the_table_and_the_front_page_the_summary(tmp_path: Path) -> None:
+    (tmp_path / "docs").mkdir()
+    (tmp_path / docs.PAGE).write_text(PAGE)
+    docs.check_marks(tmp_path, "trials")
+    assert docs.put_into_docs(tmp_path, "trials", "# T\n", "short") == [tmp_path / docs.PAGE]
+    assert "## T" in (tmp_path / docs.PAGE).read_text()
+    (tmp_path / docs.FRONT).write_text(PAGE)
+    assert len(docs.put_into_docs(tmp_path, "trials", "# T\n", "short")) == 2
+    assert "short" in (tmp_path / docs.FRONT).read_text()
+
+
+def test_a_page_without_the_place_is_refused_before_anything_runs(tmp_path: Path) -> None:
+    with pytest.raises(WrongUse, match="<!-- table yoga -->"):
+        docs.check_marks(tmp_path, "yoga")
+
+
+def test_every_documented_table_has_its_place() -> None:
+    page = (Path(__file__).parents[2] / docs.PAGE).read_text()
+    for name in ("protocol-released-fine_tuned-4v", "trials-fine_tuned-4v", "yoga",
+                 "ablations-trials", "ablations-protocol-released"):  # fmt: skip
+        assert docs.replaced(page, name, "x") is not None
