@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 
 from stages.cli.show import Terminal, reasons
+from stages.cli.sync_command import sync_command
 from stages.harness import runner
 from stages.harness.errors import WorkFailed, WrongUse
 from stages.harness.runner import Job, Outcome
@@ -23,6 +24,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+app.command("sync")(sync_command)
 console = Console(highlight=False, soft_wrap=True)
 
 ActionName = Annotated[str, typer.Argument(help="A name below actions/, or an action's folder.")]

@@ -1,0 +1,176 @@
+"""All videos in lock-step: each tile shows the frame that is matched to the reference's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import ceil
+from pathlib import Path
+
+import cv2
+import numpy as np
+from matplotlib.colors import to_rgb
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from imocap_core.artifacts.schemas import Keypoints, SyncSummary, VideoKeypoints
+from imocap_core.formats.video import read_rgb
+from imocap_core.views.style import color_of
+from imocap_core.views.sync_summary import retimed
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Image = NDArray[np.uint8]
+
+TILE_WIDTH_PX = 480
+TALLEST, FLATTEST = 1.4, 0.8  # height of a tile, share of its width
+MARGIN = 1.35  # of the performer's box
+FOLLOW_S = 0.6  # the window follows the performer this slowly
+GAP_PX = 6
+DIMMED = 0.35
+FRAME_RGB = (24, 26, 29)
+FONT = cv2.FONT_HERSHEY_SIMPLEX
+
+
+@dataclass(frozen=True)
+class Track:
+    """One video on the reference's time axis, a value each moment."""
+
+    name: str
+    rgb: tuple[int, int, int]
+    file: Path
+    frames: Ints  # (M,) source frame numbers, never going back
+    matched: NDArray[np.bool_]  # (M,)
+    confidence: Array  # (M,)
+    windows: Array  # (M, 4) x0 y0 width height of what is shown, pixels
+
+
+def tracks_of(keypoints: Keypoints, sync: SyncSummary, files: dict[str, Path]) -> list[Track]:
+    """The reference first, then the other videos that have a file."""
+    seen = {v.id: v for v in keypoints.videos}
+    count = len(seen[sync.reference].frames)
+    order = [sync.reference, *(i for i in sync.ids if i != sync.reference)]
+    shown = [seen[i] for i in order if i in files]
+    shape = tile_shape(shown)
+    tracks = []
+    for video in shown:
+        found = next(m for m in sync.maps if m.id == video.id)
+        index, matched = retimed(found, list(range(count)), seen[sync.reference].fps)
+        r, g, b = (round(255 * c) for c in to_rgb(color_of(sync.ids, video.id)))
+        tracks.append(
+            Track(
+                name=f"{video.id} (reference)" if video.id == sync.reference else video.id,
+                rgb=(r, g, b),
+                file=files[video.id],
+                frames=video.frames[index],
+                matched=matched,
+                confidence=np.nan_to_num(found.confidence)[index],
+                windows=crop_windows(video, shape)[index],
+            )
+        )
+    return tracks
+
+
+def tile_shape(videos: Sequence[VideoKeypoints]) -> tuple[int, int]:
+    """Height and width of every tile, as the performers' boxes ask for."""
+    sides = [_sides(video) for video in videos]
+    ratio = np.median([height / width for width, height in sides]) if sides else 1.0
+    height = int(np.clip(ratio, FLATTEST, TALLEST) * TILE_WIDTH_PX)
+    return height - height % 2, TILE_WIDTH_PX
+
+
+def crop_windows(video: VideoKeypoints, shape: tuple[int, int]) -> Array:
+    """Windows (T, 4) x0 y0 width height in pixels, of one size and the tile's proportions, that
+    follow the performer slowly and don't leave the picture where they fit in."""
+    height, width = shape
+    boxes = _bridged(video.person_box_px, video.size)
+    needed = np.array(_sides(video)) * MARGIN
+    scale = max(needed[0] / width, needed[1] / height)
+    side = np.array([width, height]) * min(scale, max(np.array(video.size) / (width, height)))
+    centre = (boxes[:, :2] + boxes[:, 2:]) / 2
+    centre = gaussian_filter1d(centre, FOLLOW_S * video.fps, axis=0, mode="nearest")
+    room = np.array(video.size) - side
+    corner = np.where(room >= 0, np.clip(centre - side / 2, 0, np.maximum(room, 0)), room / 2)
+    return np.concatenate([corner, np.broadcast_to(side, corner.shape)], axis=1)
+
+
+def side_by_side(tracks: Sequence[Track], shape: tuple[int, int]) -> Iterator[Image]:
+    """The frames of the film, one a moment; tiles of `shape` (height, width) in a grid."""
+    if not tracks:
+        raise ValueError("tracks: expected at least one video, got none")
+    columns = len(tracks) if len(tracks) <= 3 else ceil(len(tracks) / ceil(len(tracks) / 4))
+    rows = ceil(len(tracks) / columns)
+    height, width = shape
+    readers = [_pictures(track) for track in tracks]
+    for moment in range(len(tracks[0].frames)):
+        film = np.full(
+            (rows * (height + GAP_PX) - GAP_PX, columns * (width + GAP_PX) - GAP_PX, 3),
+            FRAME_RGB,
+            dtype=np.uint8,
+        )
+        for number, (track, reader) in enumerate(zip(tracks, readers, strict=True)):
+            y, x = (height + GAP_PX) * (number // columns), (width + GAP_PX) * (number % columns)
+            film[y : y + height, x : x + width] = tile(track, moment, next(reader), shape)
+        yield film
+
+
+def tile(track: Track, moment: int, picture: Image, shape: tuple[int, int]) -> Image:
+    """One video at one moment: cut out, named, dimmed where nothing matches."""
+    height, width = shape
+    x, y, shown, _ = track.windows[moment]
+    scale = width / shown
+    move = np.array([[scale, 0, -x * scale], [0, scale, -y * scale]])
+    smooth = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
+    if scale < 0.6:
+        picture = np.asarray(cv2.GaussianBlur(picture, (0, 0), 0.35 / scale), dtype=np.uint8)
+    moved = cv2.warpAffine(picture, move, (width, height), flags=smooth, borderValue=FRAME_RGB)
+    cut: Image = np.asarray(moved, dtype=np.uint8)
+    matched = bool(track.matched[moment])
+    if not matched:
+        cut = np.asarray(cut * DIMMED, dtype=np.uint8)
+        _text(cut, "unmatched", (width // 2 - 78, height // 2), 0.9, (235, 235, 235))
+    strip = cut[:34].astype(np.float64) * 0.35
+    cut[:34] = strip.astype(np.uint8)
+    cut[:34, :6] = track.rgb
+    _text(cut, track.name, (16, 24), 0.62, (255, 255, 255))
+    said = f"frame {track.frames[moment]}" if matched else ""
+    (wide, _), _ = cv2.getTextSize(said, FONT, 0.55, 1)
+    _text(cut, said, (width - wide - 12, 24), 0.55, (225, 225, 225))
+    if matched:
+        cut[-5:, : round(width * float(np.clip(track.confidence[moment], 0, 1)))] = track.rgb
+    return cut
+
+
+def _text(
+    picture: Image, said: str, at: tuple[int, int], size: float, rgb: tuple[int, int, int]
+) -> None:
+    cv2.putText(picture, said, at, FONT, size, rgb, 1 if size < 0.8 else 2, cv2.LINE_AA)
+
+
+def _pictures(track: Track) -> Iterator[Image]:
+    """The track's picture at each moment; the video is decoded once, in order."""
+    reader = read_rgb(track.file, int(track.frames[0]), int(track.frames[-1]) + 1)
+    number, picture = -1, np.zeros((2, 2, 3), dtype=np.uint8)
+    for wanted in track.frames:
+        while number < wanted:
+            try:
+                number, picture = next(reader)
+            except StopIteration:
+                break  # a video that ends early stands still
+        yield picture
+
+
+def _sides(video: VideoKeypoints) -> tuple[float, float]:
+    """Width and height of the performer's box, as large as it usually gets."""
+    boxes = _bridged(video.person_box_px, video.size)
+    width, height = np.quantile(boxes[:, 2:] - boxes[:, :2], 0.95, axis=0)
+    return max(float(width), 1.0), max(float(height), 1.0)
+
+
+def _bridged(boxes: Array, size: tuple[int, int]) -> Array:
+    """Boxes (T, 4), those missing between their neighbours in time; the picture if all are."""
+    seen = np.flatnonzero(np.isfinite(boxes).all(axis=1))
+    if not len(seen):
+        return np.tile(np.array([0.0, 0.0, *size]), (len(boxes), 1))
+    every = np.arange(len(boxes))
+    return np.stack([np.interp(every, seen, boxes[seen, k]) for k in range(4)], axis=1)

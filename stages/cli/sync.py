@@ -1,0 +1,165 @@
+"""sync: synchronisation alone, from keypoints (and videos) to a table, a picture and a film."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from imocap_core.artifacts.schemas import InitialSmpl, Keypoints, Sync
+from imocap_core.artifacts.schemas.base import Artifact
+from stages.cli.sync_action import write_instances, write_sources
+from stages.cli.sync_sources import Given, sources_of
+from stages.harness import runner
+from stages.harness.action import FILE_NAME
+from stages.harness.demos import BUILT_IN
+from stages.harness.errors import WorkFailed, WrongUse
+from stages.harness.runner import Display, Job, Outcome
+from stages.harness.workspace import Workspace
+
+Made = TypeVar("Made", bound=Artifact)
+
+STAGE = "sync"
+CSV, PICTURE, FILM = "sync.csv", "sync.png", "side_by_side.mp4"
+
+
+@dataclass(frozen=True)
+class Synchronised:
+    """What was found, and where it was written."""
+
+    action: str  # a name or folder by which other commands find it
+    keypoints: Keypoints
+    sync: Sync
+    files: list[Path]
+    said: list[str]  # sentences for the user
+
+
+def synchronise_action(
+    workspace: Workspace,
+    words: Sequence[str],
+    given: Given,
+    *,
+    name: str | None,
+    out: Path | None,
+    reference: str | None,
+    repetitions: bool,
+    sets: list[str],
+    display: Display,
+) -> Synchronised:
+    """Run an action's stages up to sync and write what they say. Raises WorkFailed, WrongUse."""
+    action = _action_of(workspace, words, given, name)
+    job = workspace.ready_job(action, sets, display)
+    said: list[str] = []
+    if repetitions:
+        action, sentence = _cut(workspace, job, name, display)
+        said.append(sentence)
+        job = workspace.ready_job(action, sets, display)
+    if len(job.action.videos) < 2:
+        raise WrongUse(
+            f"{action} is one video: give two or more, or cut a long clip with --repetitions"
+        )
+    ids = [v.id for v in job.action.videos]
+    if reference is not None and reference not in ids:
+        raise WrongUse(f"--reference {reference}: there is no such video; got {', '.join(ids)}")
+    outcomes = runner.run(job, display, job.pipeline.upstream(STAGE))
+    keypoints, sync = _made(outcomes, Keypoints), _made(outcomes, Sync)
+    if reference is not None and sync.reference != reference:
+        sync = _about(reference, job, keypoints, _made(outcomes, InitialSmpl))
+    folder = out or workspace.root / "artifacts" / job.action.name / STAGE
+    try:
+        files = _write(folder, job, keypoints, sync, display)
+    except OSError as error:
+        raise WorkFailed(f"cannot write to {folder}: {error.strerror}") from None
+    return Synchronised(action, keypoints, sync, files, said)
+
+
+def _action_of(workspace: Workspace, words: Sequence[str], given: Given, name: str | None) -> str:
+    """The one action named, or one made of the videos and keypoints named."""
+    known = [word for word in words if _is_action(workspace, word)]
+    if known and (len(words) > 1 or name is not None):
+        raise WrongUse(f"{known[0]} is an action: give it alone, without --name")
+    if known:
+        return known[0]
+    return str(write_sources(workspace.root, name, sources_of(words), given))
+
+
+def _is_action(workspace: Workspace, word: str) -> bool:
+    places = (workspace.root / "actions" / word / FILE_NAME, Path(word) / FILE_NAME)
+    return word in BUILT_IN or Path(word).name == FILE_NAME or any(p.is_file() for p in places)
+
+
+def _cut(workspace: Workspace, job: Job, name: str | None, display: Display) -> tuple[str, str]:
+    """The folder of an action whose videos are the repetitions in a job's one video."""
+    if len(job.action.videos) != 1:
+        raise WrongUse(f"--repetitions: expected one long clip, got {len(job.action.videos)}")
+    from imocap_core.sync.repetition import find_repetitions
+
+    outcomes = runner.run(job, display, job.pipeline.upstream("initial_smpl"))
+    video, motion = _made(outcomes, Keypoints).videos[0], _made(outcomes, InitialSmpl).videos[0]
+    found = find_repetitions(
+        motion.joints, video.fps, **job.settings.params.repetitions.model_dump()
+    )
+    if len(found.spans) < 2:
+        raise WorkFailed(f"{video.id}: {found.status}; nothing to synchronise")
+    frames = [(int(video.frames[a]), int(video.frames[b - 1]) + 1) for a, b in found.spans]
+    folder = write_instances(
+        workspace.root, job.action, f"{name or job.action.name}-repetitions", frames
+    )
+    return str(folder), f"{video.id}: {found.status}"
+
+
+def _made(outcomes: Sequence[Outcome], kind: type[Made]) -> Made:
+    stored = next(o.stored for o in outcomes if o.stored.schema == kind.__name__)
+    return stored.decode(kind)
+
+
+def _about(reference: str, job: Job, keypoints: Keypoints, initial: InitialSmpl) -> Sync:
+    """The synchronisation about another reference than the most central video."""
+    import numpy as np
+
+    from stages.sync import synchronise_motions
+
+    return synchronise_motions(
+        initial.videos,
+        keypoints,
+        job.settings.params.sync,
+        np.random.default_rng([job.settings.seed, *STAGE.encode()]),
+        reference=reference,
+    )
+
+
+def _write(
+    folder: Path, job: Job, keypoints: Keypoints, sync: Sync, display: Display
+) -> list[Path]:
+    from imocap_core.formats.export_npz import write_sync
+    from imocap_core.formats.video import write_h264
+    from imocap_core.views.side_by_side import side_by_side, tile_shape, tracks_of
+    from imocap_core.views.style import quiet, save
+    from imocap_core.views.sync_picture import sync_picture
+
+    folder.mkdir(parents=True, exist_ok=True)
+    written = [
+        write_sync(
+            folder,
+            {v.id: v.frames for v in keypoints.videos},
+            {m.id: (m.reference_frame, m.confidence) for m in sync.maps},
+            sync.reference,
+        )
+    ]
+    with quiet():
+        reach_s = job.settings.params.sync.confidence_reach_s
+        save(sync_picture(keypoints, sync, reach_s=reach_s), folder / PICTURE)
+    written.append(folder / PICTURE)
+    files = {v.id: job.action.folder / v.video for v in job.action.videos if v.video is not None}
+    if len(files) > 1:
+        display.progress(0.0, "writing the film")
+        tracks = tracks_of(keypoints, sync, files)
+        shape = tile_shape([v for v in keypoints.videos if v.id in files])
+        fps = next(v.fps for v in keypoints.videos if v.id == sync.reference)
+        try:
+            write_h264(folder / FILM, side_by_side(tracks, shape), fps)
+        except ValueError as error:
+            raise WorkFailed(str(error)) from None
+        written.append(folder / FILM)
+    return written

@@ -1,0 +1,103 @@
+"""What `imocap sync` is given: keypoints, videos with keypoints, or both in one word."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from stages.harness.action import DetectionFormat, Layout
+from stages.harness.errors import WorkFailed, WrongUse
+
+KEYPOINT_SUFFIXES = (".json", ".npz", ".pkl", ".h5")
+# Where keypoints of videos/clip.mp4 are looked for; {} is the video's name without its suffix.
+BESIDE = ("{}", "{}_keypoints", "{}_json", "keypoints/{}", "../keypoints/{}")
+
+
+@dataclass(frozen=True)
+class Given:
+    """What the options say of every source, where the files don't."""
+
+    format: DetectionFormat | None = None
+    layout: Layout | None = None
+    fps: float | None = None
+    size: tuple[int, int] | None = None
+
+
+@dataclass(frozen=True)
+class Source:
+    """One video of the action to be."""
+
+    video: Path | None
+    keypoints: Path
+
+    @property
+    def stem(self) -> str:
+        """What it is called."""
+        return (self.video or self.keypoints).stem if self.video else self.keypoints.name
+
+
+def sources_of(words: Sequence[str]) -> list[Source]:
+    """The videos and keypoints that the words name.
+
+    WrongUse when something is not there, WorkFailed for videos without keypoints.
+    """
+    found, blind = [], []
+    for word in words:
+        video, keypoints = _parts(word)
+        if keypoints is None and video is not None:
+            keypoints = _beside(video)
+        if keypoints is None:
+            blind.append(str(video))
+        else:
+            found.append(Source(video, keypoints))
+    if blind:
+        raise WorkFailed(
+            f"{', '.join(blind)} {'has' if len(blind) == 1 else 'have'} no keypoints, and this "
+            f"version does not detect people itself: run a 2D pose detector (OpenPose, for "
+            f"example), then put its folder of JSON files beside the video as "
+            f"{Path(blind[0]).stem}_keypoints, or name it: {blind[0]}:FOLDER"
+        )
+    return found
+
+
+def _parts(word: str) -> tuple[Path | None, Path | None]:
+    """(video, keypoints) of one word."""
+    path = Path(word)
+    if path.is_dir() or (path.is_file() and path.suffix.lower() in KEYPOINT_SUFFIXES):
+        return None, path
+    if path.is_file():
+        return path, None
+    video, colon, keypoints = word.rpartition(":")
+    if colon and Path(video).is_file():
+        if not Path(keypoints).exists():
+            raise WrongUse(f"{word}: there is no {keypoints or 'folder after the colon'}")
+        return Path(video), Path(keypoints)
+    raise WrongUse(
+        f"there is no {video if colon else word}; expected keypoints (a folder or file), a video "
+        f"with keypoints beside it, VIDEO:KEYPOINTS, or an action"
+    )
+
+
+def _beside(video: Path) -> Path | None:
+    """The keypoints of a video, where people put them."""
+    places = [video.parent / pattern.format(video.stem) for pattern in BESIDE]
+    return next((p for p in places if p.is_dir() and any(p.glob("*.json"))), None)
+
+
+def labels(sources: Sequence[Source]) -> list[str]:
+    """An id for each source: its name, or its number where that is no id or not unique."""
+    names = [re.sub(r"[^A-Za-z0-9_.-]", "_", source.stem) for source in sources]
+    unique = len(set(names)) == len(names) and all(re.match(r"[A-Za-z0-9_]", n) for n in names)
+    return names if unique else [f"v{i + 1}" for i in range(len(names))]
+
+
+def read_size(text: str | None) -> tuple[int, int] | None:
+    """Width and height of '1920x1080'. WrongUse when it is none."""
+    if text is None:
+        return None
+    match = re.fullmatch(r"([1-9]\d*)[x, ]([1-9]\d*)", text.strip())
+    if match is None:
+        raise WrongUse(f"--size {text}: expected width x height in pixels, as in 1920x1080")
+    return int(match[1]), int(match[2])

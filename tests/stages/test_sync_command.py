@@ -1,0 +1,171 @@
+"""`imocap sync`: what it accepts, what it writes, what it says when it can't."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imocap_core.formats.video import probe, write_h264
+from stages.cli import main
+from stages.cli.sync_sources import labels, read_size, sources_of
+from stages.harness.action import read_action
+from stages.harness.errors import WorkFailed, WrongUse
+from tests.views.made import FPS, SIZE, Made
+
+Capture = pytest.CaptureFixture[str]
+
+QUICK = [
+    word
+    for setting in ("library_poses=60", "library_directions=12", "starts=1", "max_steps=2")
+    for word in ("--set", f"initial_smpl.{setting}")
+]
+KNOWN = ["--fps", str(FPS), "--size", f"{SIZE[0]}x{SIZE[1]}"]
+
+
+def _keypoints(folder: Path, made: Made, v: int, frames: int | None = None) -> Path:
+    """What OpenPose would write of a made video."""
+    folder.mkdir(parents=True)
+    seen = made.keypoints.videos[v]
+    columns = list(made.model.points("body25").columns)
+    for n, xy in enumerate(seen.xy_px[:frames]):
+        person = np.zeros((25, 3))
+        person[columns] = np.column_stack([xy, np.full(len(xy), 0.9)])
+        (folder / f"c_{n:06d}_keypoints.json").write_text(
+            json.dumps({"people": [{"pose_keypoints_2d": person.ravel().tolist()}]})
+        )
+    return folder
+
+
+def _video(file: Path, frames: int) -> Path:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    write_h264(file, (np.full((SIZE[1], SIZE[0], 3), 5 * n, np.uint8) for n in range(frames)), FPS)
+    return file
+
+
+@pytest.fixture(scope="module")
+def made() -> Made:
+    return Made(count=2, frames=24)
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """`imocap sync WORDS` in a fresh working folder; its exit code."""
+    monkeypatch.setattr("sys.argv", ["imocap"])
+    return lambda *words: main(["sync", *map(str, words), "--root", str(tmp_path)])
+
+
+def _rows(file: Path) -> list[dict[str, str]]:
+    with file.open() as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_keypoints_alone_give_a_table_and_a_picture(
+    run, made: Made, tmp_path: Path, capsys: Capture
+) -> None:
+    folders = [_keypoints(tmp_path / "in" / name, made, v) for v, name in enumerate(("a", "b"))]
+    out = tmp_path / "out"
+    assert run(*folders, *KNOWN, *QUICK, "--out", out, "--name", "try", "--reference", "b") == 0
+    said = capsys.readouterr().out
+    assert "mean rate" in said
+    assert sorted(f.name for f in out.iterdir()) == ["sync.csv", "sync.png"]
+    rows = _rows(out / "sync.csv")
+    assert list(rows[0]) == ["video", "frame", "reference_frame", "confidence"]
+    assert {row["video"] for row in rows} == {"a"}
+    assert len(rows) == 24
+    action = read_action(tmp_path / "artifacts" / "try")
+    assert [(v.id, v.layout, v.fps) for v in action.videos] == [("a", "body25", FPS)] + [
+        ("b", "body25", FPS)
+    ]
+    assert run(*folders, *KNOWN, *QUICK, "--out", out, "--name", "try", "--reference", "a") == 0
+    said = capsys.readouterr().out
+    assert said.count("cached") == 4  # the same action again, nothing runs
+    assert {row["video"] for row in _rows(out / "sync.csv")} == {"b"}
+
+
+def test_videos_with_keypoints_give_a_film_too(
+    run, made: Made, tmp_path: Path, capsys: Capture
+) -> None:
+    clip = _video(tmp_path / "in" / "a.mp4", 24)
+    _keypoints(tmp_path / "in" / "a_keypoints", made, 0)
+    other = _video(tmp_path / "in" / "b.mp4", 24)
+    beside = _keypoints(tmp_path / "elsewhere", made, 1)
+    assert run(clip, f"{other}:{beside}", *QUICK, "--name", "try") == 0
+    out = tmp_path / "artifacts" / "try" / "sync"
+    assert sorted(f.name for f in out.iterdir()) == ["side_by_side.mp4", "sync.csv", "sync.png"]
+    film = probe(out / "side_by_side.mp4")
+    assert film.frame_count == 24
+    assert film.fps == FPS
+    assert str(out / "side_by_side.mp4") in capsys.readouterr().out
+    assert run(tmp_path / "artifacts" / "try", *QUICK) == 0  # an action works too
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["nowhere"], "there is no nowhere; expected keypoints"),
+        (["{in}/a"], "don't tell the frame rate and the picture's size; give both, as in --fps 30"),
+        (["{in}/a", "--fps", "30", "--size", "big"], "--size big: expected width x height"),
+        (["{in}/a", *KNOWN], "is one video: give two or more, or cut a long clip"),
+        (["{in}/a", "{in}/b", *KNOWN, "--reference", "c"], "there is no such video; got a, b"),
+        (["{in}/a", "{in}/b", *KNOWN, "--name", "x/y"], "is no name for an action"),
+        (["{in}/a", "{in}/b", *KNOWN, "--name", "mine"], "there is another action mine"),
+        (["{in}/a", "{in}/b", *KNOWN, "--repetitions"], "expected one long clip, got 2"),
+        (["{in}/a", "{in}/b", *KNOWN, "--set", "sync.magic=1"], "sync.magic is no parameter"),
+        (["{in}/a", "--format", "magic"], "'magic' is not one of"),
+        (["yoga", "{in}/a"], "yoga is an action: give it alone"),
+        (["{in}/a.mp4:{in}/none"], "there is no"),
+    ],
+)
+def test_wrong_use(
+    run, made: Made, tmp_path: Path, capsys: Capture, words: list[str], said: str
+) -> None:
+    for v, name in enumerate(("a", "b")):
+        _keypoints(tmp_path / "in" / name, made, v, frames=3)
+    (tmp_path / "in" / "a.mp4").write_bytes(b"")
+    (tmp_path / "actions" / "mine").mkdir(parents=True)
+    assert run(*(word.replace("{in}", str(tmp_path / "in")) for word in words)) == 2
+    shown = capsys.readouterr().err
+    assert said in " ".join(shown.replace("│", " ").split())
+    assert "Traceback" not in shown
+
+
+def test_videos_alone_need_a_detector(run, tmp_path: Path, capsys: Capture) -> None:
+    clips = [_video(tmp_path / f"{name}.mp4", 2) for name in ("a", "b")]
+    assert run(*clips) == 1
+    said = capsys.readouterr().err
+    assert "have no keypoints, and this version does not detect people itself" in said
+    assert f"name it: {clips[0]}:FOLDER" in said
+    assert said.count("\n") == 1
+
+
+def test_keypoints_that_are_not_understood(run, tmp_path: Path, capsys: Capture) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "f0.json").write_text('{"people": [{"pose_keypoints_2d": [1, 2, 3]}]}')
+    assert run(tmp_path / "a", *KNOWN) == 1
+    said = capsys.readouterr().err
+    assert "points a person, got 1" in said
+    assert said.count("\n") == 1
+
+
+def test_keypoints_are_found_where_people_put_them(made: Made, tmp_path: Path) -> None:
+    for n, place in enumerate(("c", "c_keypoints", "c_json", "keypoints/c", "../keypoints/c")):
+        clip = tmp_path / str(n) / "videos" / "c.mp4"
+        clip.parent.mkdir(parents=True)
+        clip.write_bytes(b"")
+        folder = _keypoints(clip.parent / place, made, 0, frames=1)
+        (source,) = sources_of([str(clip)])
+        assert source.keypoints.resolve() == folder.resolve()
+        assert labels([source]) == ["c"]
+    with pytest.raises(WorkFailed, match="has no keypoints"):
+        sources_of([str(_video(tmp_path / "d.mp4", 1))])
+
+
+def test_sizes_are_read() -> None:
+    assert read_size("1920x1080") == (1920, 1080)
+    assert read_size(None) is None
+    with pytest.raises(WrongUse):
+        read_size("0x5")
