@@ -59,6 +59,8 @@ class SyncParams(Group):
     confidence_reach_s: Positive  # confidence = P(match within this much of the reference)
     least_difference_m: NonNegative  # pose distance below which poses are not told apart
     normalise_scale: bool  # divide each video by its body size
+    outliers: Literal["exclude", "report", "ignore"]  # a video that shows another action
+    mirrored: Literal["flip", "report", "ignore"]  # a left-handed flip of picture or performer
 
 
 class RepetitionParams(Group):

@@ -21,3 +21,5 @@ class Settings:
     confidence_reach_s: float  # confidence = P(match within this many seconds of the reference)
     normalise_scale: bool  # divide each video by its body size
     least_difference_m: float  # pose distance below which performances are not told apart
+    outliers: str  # a video of another action: exclude | report | ignore
+    mirrored: str  # a mirrored video: flip | report | ignore

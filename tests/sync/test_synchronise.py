@@ -23,6 +23,8 @@ SETTINGS = Settings(
     confidence_reach_s=0.1,
     normalise_scale=True,
     least_difference_m=0.04,
+    outliers="exclude",
+    mirrored="flip",
 )
 FPS = 30.0
 

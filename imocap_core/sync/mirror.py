@@ -1,0 +1,85 @@
+"""Is one video the mirror image of the others? A left-handed flip of the picture or the performer.
+
+The mirror image of a pose has its joints reflected and left and right swapped. For each pair of
+videos the matched levels with and without reflection are compared; which videos are mirrored is
+then a question of signs, s_i s_j = -1 where reflection fits better. The signs that agree with most
+of the evidence are found together, and the smaller side is the mirrored one. A movement that is
+its own mirror image has no evidence either way, and no video of it is called mirrored.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# By how much (natural logarithm of the level) reflection must fit better. Calibrated on training
+# clips (docs/sync.md).
+LEAST_MARGIN = 0.07
+SWEEPS = 20
+
+
+def mirrored_poses(poses: Array, twins: Sequence[int]) -> Array:
+    """The mirror image of poses (T, J, 3): x -> -x, and joint j becomes its twin `twins[j]`."""
+    reflected: Array = poses[:, list(twins)] * np.array([-1.0, 1.0, 1.0])
+    return reflected
+
+
+def mirror_evidence(plain: Array, reflected: Array) -> Array:
+    """How much better a pair fits without reflection (M, M), symmetric, 0 where unknown.
+
+    log(level with reflection / level without), levels (M, M) averaged over both directions.
+    """
+    with_, without = 0.5 * (reflected + reflected.T), 0.5 * (plain + plain.T)
+    ratio = np.maximum(with_, 1e-12) / np.maximum(without, 1e-12)
+    return np.asarray(np.nan_to_num(np.log(ratio), nan=0.0))
+
+
+def signs_of(evidence: Array, pinned: Sequence[bool]) -> NDArray[np.int64]:
+    """Signs (M,) of +1 and -1 that maximise the sum over pairs of s_i s_j evidence_ij.
+
+    Videos that are `pinned` keep +1. Without any, the larger side is +1; of equal sides the one
+    with the first video.
+    """
+    fixed = np.asarray(pinned, dtype=bool)
+    M = len(evidence)
+    leading = np.linalg.eigh(evidence)[1][:, -1]
+    starts = [np.ones(M, dtype=np.int64), np.where(leading >= 0, 1, -1)]
+    best, value = starts[0], -np.inf
+    for start in starts:
+        signs = np.where(fixed, 1, start)
+        for _ in range(SWEEPS):
+            before = signs.copy()
+            for v in np.flatnonzero(~fixed):
+                pull = evidence[v] @ signs - evidence[v, v] * signs[v]
+                signs[v] = signs[v] if pull == 0 else np.sign(pull)
+            if (signs == before).all():
+                break
+        found = float(signs @ evidence @ signs)
+        if found > value + 1e-12:
+            best, value = signs, found
+    if not fixed.any():
+        total = int(best.sum())
+        best = -best if total < 0 or (total == 0 and best[0] < 0) else best
+    return best
+
+
+def mirror_margins(evidence: Array, signs: NDArray[np.int64]) -> Array:
+    """Per video (M,): how much better it fits the others reflected, the others as `signs` says.
+
+    Mean over the others of the logarithm of the ratio of levels; 0 for a single video.
+    """
+    M = len(evidence)
+    if M < 2:
+        return np.zeros(M)
+    off = evidence - np.diag(np.diag(evidence))
+    return np.asarray(-(off @ signs) / (M - 1))
+
+
+def find_mirrored(evidence: Array, pinned: Sequence[bool]) -> tuple[list[int], Array]:
+    """The mirrored videos, and every video's margin (M,): positive fits better reflected."""
+    signs = signs_of(evidence, pinned)
+    margins = mirror_margins(evidence, signs)
+    found = [int(v) for v in np.flatnonzero((signs < 0) & (margins > LEAST_MARGIN))]
+    return found, margins

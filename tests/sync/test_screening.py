@@ -1,0 +1,153 @@
+"""Videos of another action and mirrored videos, on made motion whose truth is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from imocap_core.sync import SyncResult
+from imocap_core.sync.mirror import find_mirrored, mirrored_poses, signs_of
+from imocap_core.sync.outliers import find_outliers, outlier_scores
+from imocap_core.sync.screening import sentences
+from tests.sync.test_synchronise import SETTINGS, four_phases, run, seen
+
+TWINS = (1, 0, 3, 2, 5, 4, 7, 6, 8, 9, 11, 10)
+
+
+def stranger(rng: np.random.Generator) -> np.ndarray:
+    """A clip of a part of the motion that the others never reach."""
+    return seen(np.linspace(40, 47, 120), rng)
+
+
+def test_reflecting_twice_changes_nothing_and_swaps_sides_once() -> None:
+    poses = np.random.default_rng(0).normal(size=(5, 12, 3))
+    once = mirrored_poses(poses, TWINS)
+    np.testing.assert_array_equal(mirrored_poses(once, TWINS), poses)
+    np.testing.assert_array_equal(once[:, 0], poses[:, 1] * [-1, 1, 1])
+
+
+@pytest.mark.parametrize("where", [0, 1, 3])
+def test_a_video_of_another_action_is_excluded_and_the_rest_is_as_without_it(where: int) -> None:
+    rng = np.random.default_rng(12)
+    poses = [seen(p, rng) for p in four_phases()]
+    alone = run(poses)
+    with_it = [*poses[:where], stranger(rng), *poses[where:]]
+    result = run(with_it)
+    assert result.screening.excluded == (where,)
+    assert np.isnan(result.reference_frame[where]).all()
+    assert np.isnan(result.phase[where]).all()
+    assert (result.confidence[where] == 0).all()
+    rest = [f for v, f in enumerate(result.reference_frame) if v != where]
+    for f, g in zip(rest, alone.reference_frame, strict=True):
+        np.testing.assert_allclose(f, g, atol=0.5)
+    assert len(result.affinity) == sum(len(x) for x in with_it)
+    said = sentences(result.screening, ["a", "b", "c", "d", "e"])
+    assert len(said) == 1
+    assert said[0].startswith("abcde"[where] + " seems to show another action")
+
+
+def test_the_switch_reports_or_ignores() -> None:
+    rng = np.random.default_rng(12)
+    poses = [*(seen(p, rng) for p in four_phases()), stranger(rng)]
+    told = run(poses, replace(SETTINGS, outliers="report"))
+    assert told.screening.outliers == (4,)
+    assert told.screening.excluded == ()
+    blind = run(poses, replace(SETTINGS, outliers="ignore"))
+    assert blind.screening.outliers == ()
+    assert "used all the same" in " ".join(sentences(told.screening, "abcde"))
+    assert sentences(blind.screening, "abcde") == []
+    with pytest.raises(ValueError, match="outliers: expected one of exclude"):
+        run(poses, replace(SETTINGS, outliers="drop"))
+
+
+def test_a_reference_that_was_given_stays() -> None:
+    rng = np.random.default_rng(12)
+    poses = [stranger(rng), *(seen(p, rng) for p in four_phases())]
+    assert run(poses, reference=0).screening.excluded == ()
+
+
+def test_no_clean_clip_is_an_outlier_or_mirrored() -> None:
+    for seed in range(4):
+        rng = np.random.default_rng(100 + seed)
+        result = run([seen(p, rng) for p in four_phases()], twins=TWINS)
+        assert result.screening.outliers == ()
+        assert result.screening.mirrored == ()
+
+
+def flipped(result: SyncResult) -> tuple[int, ...]:
+    return result.screening.flipped
+
+
+@pytest.mark.parametrize("where", [0, 2])
+def test_a_mirrored_video_is_found_and_matched_as_well_as_unmirrored(where: int) -> None:
+    rng = np.random.default_rng(13)
+    poses = [seen(p, rng) for p in four_phases()]
+    straight = run(poses, twins=TWINS, reference=1)
+    poses[where] = mirrored_poses(poses[where], TWINS)
+    result = run(poses, twins=TWINS, reference=1)
+    assert flipped(result) == (where,)
+    assert result.screening.outliers == ()
+    for f, g in zip(result.reference_frame, straight.reference_frame, strict=True):
+        np.testing.assert_allclose(f, g, atol=1e-6)
+
+
+def test_reported_mirrored_videos_are_neither_flipped_nor_outliers() -> None:
+    rng = np.random.default_rng(13)
+    poses = [seen(p, rng) for p in four_phases()]
+    poses[2] = mirrored_poses(poses[2], TWINS)
+    result = run(poses, replace(SETTINGS, mirrored="report"), twins=TWINS)
+    assert result.screening.mirrored == (2,)
+    assert flipped(result) == ()
+    assert result.screening.outliers == ()
+    assert "left as it is" in sentences(result.screening, "abcd")[0]
+
+
+def test_what_the_user_declares_overrides_what_is_seen() -> None:
+    rng = np.random.default_rng(13)
+    poses = [seen(p, rng) for p in four_phases()]
+    poses[2] = mirrored_poses(poses[2], TWINS)
+    told = run(poses, twins=TWINS, mirrored=[None, None, True, None])
+    assert flipped(told) == (2,)
+    denied = run(
+        poses, replace(SETTINGS, outliers="ignore"), twins=TWINS, mirrored=[None, None, False, None]
+    )
+    assert 2 not in flipped(denied)
+    with pytest.raises(ValueError, match="twins"):
+        run(poses, mirrored=[None, None, True, None])
+
+
+def test_of_two_videos_the_second_is_the_mirrored_one() -> None:
+    rng = np.random.default_rng(14)
+    poses = [seen(p, rng) for p in four_phases()[:2]]
+    poses[0] = mirrored_poses(poses[0], TWINS)
+    assert flipped(run(poses, twins=TWINS)) == (1,)
+
+
+def test_signs_are_found_together_and_the_smaller_side_turns() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        true = rng.choice([-1, 1], 7)
+        true = -true if true.sum() < 0 else true
+        evidence = np.outer(true, true) * rng.uniform(0.5, 1.0, (7, 7))
+        evidence = evidence + evidence.T - np.diag(np.diag(evidence)) * 2
+        np.testing.assert_array_equal(signs_of(evidence, [False] * 7), true)
+        np.testing.assert_array_equal(
+            find_mirrored(evidence, [False] * 7)[0], np.flatnonzero(true < 0)
+        )
+
+
+def test_scores_do_not_change_with_noise_that_all_share_once_it_is_large() -> None:
+    levels = np.full((4, 4), 1.0)
+    levels[3, :3] = levels[:3, 3] = 1.5
+    low, high = outlier_scores(levels), outlier_scores(20 * levels)
+    np.testing.assert_allclose(low, high, rtol=0.02)
+    assert np.argmax(low) == 3
+    assert find_outliers(levels)[0] == [3]
+    assert find_outliers(levels, np.array([False, False, False, True]))[0] == []
+
+
+def test_at_least_two_videos_are_left() -> None:
+    levels = 1.0 + np.add.outer(np.arange(6.0), np.arange(6.0)) ** 2
+    found, _ = find_outliers(levels)
+    assert len(found) <= 4
+    assert np.isnan(outlier_scores(levels[:2, :2])).all()
