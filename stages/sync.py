@@ -6,17 +6,32 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from imocap_core.artifacts.schemas import InitialSmpl, Keypoints, Sync, SyncMap, VideoMotion
-from imocap_core.sync import Settings, synchronise
+from imocap_core.artifacts.schemas import (
+    CycleTriple,
+    InitialSmpl,
+    Keypoints,
+    Sync,
+    SyncMap,
+    SyncTrust,
+    VideoMotion,
+    VideoTrust,
+)
+from imocap_core.conventions import SMPL_JOINTS, mirror_indices
+from imocap_core.sync import Hints, Settings, SyncResult, synchronise
+from imocap_core.sync.screening import sentences
 from stages.harness.stage import Context, Inputs, main
 from stages.params import Params, SyncParams
+from stages.sync_hints import hints_of
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Sync:
     """Synchronise the monocular motions; the reference is the most central video."""
     keypoints, initial = inputs.get(Keypoints), inputs.get(InitialSmpl)
+    hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))
     ctx.progress(0.1, "comparing all pairs of frames")
-    return synchronise_motions(initial.videos, keypoints, params.sync, ctx.rng())
+    return synchronise_motions(
+        initial.videos, keypoints, params.sync, ctx.rng(), mirrored=ctx.mirrored(), hints=hints
+    )
 
 
 def synchronise_motions(
@@ -26,17 +41,20 @@ def synchronise_motions(
     rng: np.random.Generator,
     *,
     reference: str | None = None,
+    mirrored: Sequence[bool | None] | None = None,
+    hints: Hints | None = None,
 ) -> Sync:
     """Synchronise motions by their joints; frames without any detection are bridged.
 
     `videos` in the order of `keypoints`; `reference` the id of the reference video, chosen by
-    centrality when None.
+    centrality when None; `mirrored` what is known of each video; `hints` as of the core.
     """
     ids = [video.id for video in videos]
     seen = [(video.confidence > 0).max(axis=1).astype(float) for video in keypoints.videos]
+    fps = [video.fps for video in keypoints.videos]
     result = synchronise(
         [video.joints for video in videos],
-        fps=[video.fps for video in keypoints.videos],
+        fps=fps,
         settings=Settings(**params.model_dump()),
         rng=rng,
         confidence=[
@@ -44,6 +62,9 @@ def synchronise_motions(
             for s, video in zip(seen, videos, strict=True)
         ],
         reference=None if reference is None else ids.index(reference),
+        twins=mirror_indices(SMPL_JOINTS),
+        mirrored=mirrored,
+        hints=hints,
     )
     return Sync(
         reference=ids[result.reference],
@@ -58,8 +79,39 @@ def synchronise_motions(
         method=result.cycle.method,
         centrality=result.centrality,
         status=result.status,
+        excluded=[ids[v] for v in result.screening.excluded],
+        mirrored=[ids[v] for v in result.screening.flipped],
+        notes=sentences(result.screening, ids),
+        trust=_trust(result, ids, fps),
         affinity=result.affinity,
         relaxed=result.relaxed,
+    )
+
+
+def _trust(result: SyncResult, ids: Sequence[str], fps: Sequence[float]) -> SyncTrust:
+    found = result.screening
+    return SyncTrust(
+        videos=[
+            VideoTrust(
+                id=name,
+                phase_s=result.phase[v],
+                outlier_score=float(found.outlier_score[v]),
+                mirror_margin=float(found.mirror_margin[v]),
+                left_out_frames=float(result.left_out_frames[v]),
+                left_out_s=float(result.left_out_frames[v]) / fps[result.reference],
+                left_out_share=float(result.left_out_share[v]),
+            )
+            for v, name in enumerate(ids)
+        ],
+        triples=[
+            CycleTriple(
+                videos=[ids[v] for v in triple.videos],
+                frames=triple.frames,
+                seconds=triple.seconds,
+                share=triple.share,
+            )
+            for triple in result.triples
+        ],
     )
 
 

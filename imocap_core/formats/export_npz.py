@@ -80,6 +80,7 @@ def write_sync(
     frames: Mapping[str, NDArray[np.int64]],
     maps: Mapping[str, tuple[Array, Array]],
     reference: str,
+    phases: Mapping[str, Array] | None = None,
 ) -> Path:
     """Write folder/sync.csv and return its path.
 
@@ -88,16 +89,24 @@ def write_sync(
         maps: per video, the index (T,) into the reference's used frames (fractional, NaN where
             unmatched) and the confidence (T,).
         reference: the video that the others are matched to; it gets no rows.
+        phases: per video, its frames (T,) on the common time axis, seconds of the reference, NaN
+            where they have no place on it; the column phase_s.
     """
     file = folder / "sync.csv"
     positions = np.arange(len(frames[reference]), dtype=np.float64)
     with file.open("w", newline="", encoding="utf-8") as stream:
         rows = csv.writer(stream, lineterminator="\n")
-        rows.writerow(["video", "frame", "reference_frame", "confidence"])
+        rows.writerow(["video", "frame", "reference_frame", "confidence", "phase_s"])
         for video, (index, confidence) in maps.items():
             if video == reference:
                 continue
             matched = np.interp(index, positions, frames[reference])
-            for frame, at, sure in zip(frames[video], matched, confidence, strict=True):
-                rows.writerow([video, frame, "" if np.isnan(at) else f"{at:.3f}", f"{sure:.3f}"])
+            phase = np.full(len(index), np.nan) if phases is None else phases[video]
+            for row in zip(frames[video], matched, confidence, phase, strict=True):
+                frame, at, sure, phase_s = row
+                rows.writerow([video, frame, _number(at, 3), _number(sure, 3), _number(phase_s, 4)])
     return file
+
+
+def _number(value: float, decimals: int) -> str:
+    return "" if np.isnan(value) else f"{value:.{decimals}f}"

@@ -55,6 +55,7 @@ def export_npz(store: Store, action: str, out: Path, up: str | None) -> list[Pat
                 {video.id: video.frames for video in videos},
                 {m.id: (m.reference_frame, m.confidence) for m in sync.maps},
                 sync.reference,
+                None if sync.trust is None else {v.id: v.phase_s for v in sync.trust.videos},
             ),
             write_cameras(out, videos, motion.reference),
         ]

@@ -119,6 +119,7 @@ def _about(reference: str, job: Job, keypoints: Keypoints, initial: InitialSmpl)
     import numpy as np
 
     from stages.sync import synchronise_motions
+    from stages.sync_hints import hints_of
 
     return synchronise_motions(
         initial.videos,
@@ -126,6 +127,8 @@ def _about(reference: str, job: Job, keypoints: Keypoints, initial: InitialSmpl)
         job.settings.params.sync,
         np.random.default_rng([job.settings.seed, *STAGE.encode()]),
         reference=reference,
+        mirrored=[video.mirrored for video in job.action.videos],
+        hints=hints_of(job.action.anchors, job.action.forbidden, keypoints, str(job.action.file)),
     )
 
 
@@ -145,6 +148,7 @@ def _write(
             {v.id: v.frames for v in keypoints.videos},
             {m.id: (m.reference_frame, m.confidence) for m in sync.maps},
             sync.reference,
+            None if sync.trust is None else {v.id: v.phase_s for v in sync.trust.videos},
         )
     ]
     with quiet():

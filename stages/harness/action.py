@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from stages.harness.errors import WorkFailed, WrongUse
+from stages.harness.hints import AnchorEntry, ForbiddenEntry, hint_faults
 
 FILE_NAME = "action.yaml"
 DETECT = "detect"
@@ -58,6 +59,7 @@ class Declaration(BaseModel):
     focal_px: Positive | None = None
     initial: str | None = None
     initial_format: InitialFormat | None = None
+    mirrored: bool | None = None  # None: sync looks for itself
 
     @model_validator(mode="after")
     def _complete(self) -> Declaration:
@@ -88,13 +90,18 @@ class _ActionFile(BaseModel):
     videos: list[Declaration] = Field(min_length=1)
     truth: str | None = None
     params: dict[str, Any] = Field(default_factory=dict)
+    anchors: list[AnchorEntry] = Field(default_factory=list)
+    forbidden: list[ForbiddenEntry] = Field(default_factory=list)
 
     @model_validator(mode="after")
-    def _unique_ids(self) -> _ActionFile:
+    def _belongs_together(self) -> _ActionFile:
         ids = [v.id for v in self.videos]
         twice = sorted({i for i in ids if ids.count(i) > 1})
         if twice:
             raise ValueError(f"video ids must be unique, got twice: {', '.join(twice)}")
+        faults = hint_faults(self.anchors, self.forbidden, ids)
+        if faults:
+            raise ValueError("; ".join(faults))
         return self
 
 
@@ -107,6 +114,8 @@ class Action:
     videos: tuple[Declaration, ...]
     truth: str | None = None
     params: dict[str, Any] = field(default_factory=dict)
+    anchors: tuple[AnchorEntry, ...] = ()
+    forbidden: tuple[ForbiddenEntry, ...] = ()
 
     @property
     def file(self) -> Path:
@@ -153,6 +162,8 @@ def read_action(folder: Path) -> Action:
         videos=tuple(parsed.videos),
         truth=parsed.truth,
         params=parsed.params,
+        anchors=tuple(parsed.anchors),
+        forbidden=tuple(parsed.forbidden),
     )
 
 

@@ -112,6 +112,13 @@ def _reads(kind: Read, action: Action) -> Iterator[tuple[str, str]]:
         order = _canonical([video.id for video in action.videos])
         yield "declarations (order)", hashlib.sha256(order.encode()).hexdigest()
         return
+    if kind == "hints":
+        for name, entries in (("anchors", action.anchors), ("forbidden", action.forbidden)):
+            text = _canonical([entry.model_dump(mode="json") for entry in entries])
+            yield f"hints {name}", hashlib.sha256(text.encode()).hexdigest()
+        mirrored = _canonical({video.id: video.mirrored for video in action.videos})
+        yield "hints mirrored", hashlib.sha256(mirrored.encode()).hexdigest()
+        return
     if kind == "truth":
         for name in action.truth_files:
             yield f"truth {name}", content_digest(action.folder / name)

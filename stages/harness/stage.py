@@ -54,13 +54,14 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 
 from imocap_core.artifacts.schemas.base import Artifact
 from stages.harness.action import DETECT, Action, Declaration
+from stages.harness.hints import AnchorEntry, ForbiddenEntry
 
 if TYPE_CHECKING:
     import numpy as np
 
     from imocap_core.artifacts.store import Stored
 
-Read = Literal["declarations", "detections", "videos", "initial", "truth"]
+Read = Literal["declarations", "detections", "videos", "initial", "hints", "truth"]
 Progress = Callable[[float, str], None]  # share done (0 to 1), what is being done
 Made = TypeVar("Made", bound=Artifact)
 
@@ -106,6 +107,16 @@ class Context:
         """A monocular estimator's result (reads: initial); None when action.yaml gives none."""
         self._must_read("initial")
         return self._path(self._declared(video_id).initial)
+
+    def hints(self) -> tuple[tuple[AnchorEntry, ...], tuple[ForbiddenEntry, ...]]:
+        """Anchors and forbidden spans of action.yaml, in source frames (reads: hints)."""
+        self._must_read("hints")
+        return self._action.anchors, self._action.forbidden
+
+    def mirrored(self) -> tuple[bool | None, ...]:
+        """What action.yaml says of each video's being mirrored (reads: hints)."""
+        self._must_read("hints")
+        return tuple(video.mirrored for video in self._action.videos)
 
     def truth(self) -> Path | None:
         """truth.npz, for scoring only (reads: truth, which only evaluate may)."""

@@ -172,6 +172,7 @@ def test_sync_speaks_in_source_frames(store: Store, tmp_path: Path) -> None:
         "frame": "7",
         "reference_frame": "100.500",
         "confidence": "0.750",
+        "phase_s": "",
     }
     assert rows[3]["reference_frame"] == ""
 

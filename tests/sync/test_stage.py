@@ -67,3 +67,27 @@ def test_unknown_reference_is_refused() -> None:
     motions, keypoints = made(["a"], [0.0])
     with pytest.raises(ValueError, match="z"):
         synchronise_motions(motions, keypoints, PARAMS, np.random.default_rng(0), reference="z")
+
+
+def test_trust_and_phase_travel_with_the_artifact() -> None:
+    motions, keypoints = made(["a", "b", "c"], [0.0, 0.4, 0.8])
+    sync = synchronise_motions(motions, keypoints, PARAMS, np.random.default_rng(0), reference="a")
+    assert sync.trust is not None
+    assert [v.id for v in sync.trust.videos] == ["a", "b", "c"]
+    for video, offset in zip(sync.trust.videos, [0.0, 0.4, 0.8], strict=True):
+        off = np.abs(video.phase_s - offset - np.arange(60) / 25.0)
+        assert off[: 60 - round(25 * offset)].max() < 0.1
+        assert off.max() < 0.4  # beyond the reference's end others and an even pace carry it
+    (triple,) = sync.trust.triples
+    assert triple.videos == ["a", "b", "c"]
+    assert triple.frames < 1.5
+    assert abs(triple.seconds - triple.frames / 25.0) < 1e-12
+    assert sync.notes == []
+
+
+def test_an_excluded_video_is_named_and_unmatched() -> None:
+    motions, keypoints = made(["a", "b", "c", "d"], [0.0, 0.4, 0.8, 60.0])
+    sync = synchronise_motions(motions, keypoints, PARAMS, np.random.default_rng(0))
+    assert sync.excluded == ["d"]
+    assert np.isnan(sync.maps[3].reference_frame).all()
+    assert sync.notes[0].startswith("d seems to show another action")

@@ -12,12 +12,20 @@ from imocap_core.artifacts.schemas.motion import (
     VideoMotion,
 )
 from imocap_core.artifacts.schemas.refine_sync import RefineSync, Round
-from imocap_core.artifacts.schemas.sync import Sync, SyncMap, SyncSummary
+from imocap_core.artifacts.schemas.sync import (
+    CycleTriple,
+    Sync,
+    SyncMap,
+    SyncSummary,
+    SyncTrust,
+    VideoTrust,
+)
 
 __all__ = [
     "Artifact",
     "Camera",
     "CameraMotion",
+    "CycleTriple",
     "Evaluate",
     "Floats",
     "Floats32",
@@ -32,9 +40,11 @@ __all__ = [
     "Sync",
     "SyncMap",
     "SyncSummary",
+    "SyncTrust",
     "Table",
     "Value",
     "VideoCameraMotion",
     "VideoKeypoints",
     "VideoMotion",
+    "VideoTrust",
 ]

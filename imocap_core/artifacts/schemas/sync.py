@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from imocap_core.artifacts.schemas.base import Artifact, Floats, Floats32, Shape, Value, unique
 
@@ -17,6 +17,35 @@ class SyncMap(Value):
     confidence: Annotated[Floats, Shape("T")]  # 0 to 1
 
 
+class VideoTrust(Value):
+    """One video's place on the common time axis, and what speaks for and against it; NaN where
+    that could not be told."""
+
+    id: str
+    phase_s: Annotated[Floats, Shape("T")]  # seconds of the reference
+    outlier_score: float  # about 1 when the video shows the same action as the others
+    mirror_margin: float  # > 0 when it fits the others better reflected
+    left_out_frames: float  # own map to the reference against the way through the others
+    left_out_s: float
+    left_out_share: float  # of its frames that both ways match
+
+
+class CycleTriple(Value):
+    """Going round three videos by the maps found pair by pair: how far from the start one ends."""
+
+    videos: list[str]
+    frames: float  # of the first video
+    seconds: float
+    share: float  # of the frames that come round
+
+
+class SyncTrust(Value):
+    """How far the correspondences can be trusted, without any truth."""
+
+    videos: list[VideoTrust]
+    triples: list[CycleTriple]
+
+
 class SyncSummary(Value):
     """Correspondences without the matrices they were read from."""
 
@@ -27,6 +56,10 @@ class SyncSummary(Value):
     method: str
     centrality: Annotated[Floats, Shape("M")]  # one a video; the reference has the largest
     status: str
+    excluded: list[str] = Field(default_factory=list)  # another action: unmatched throughout
+    mirrored: list[str] = Field(default_factory=list)  # treated as their mirror image
+    notes: list[str] = Field(default_factory=list)  # what was found about the videos, and done
+    trust: SyncTrust | None = None
 
     @model_validator(mode="after")
     def _belongs_together(self) -> SyncSummary:
@@ -38,6 +71,14 @@ class SyncSummary(Value):
         found = [len(m.reference_frame) for m in self.maps]
         if found != self.lengths:
             raise ValueError(f"maps have lengths {found}, expected {self.lengths}")
+        unknown = sorted({*self.excluded, *self.mirrored} - {*self.ids})
+        if unknown:
+            raise ValueError(f"excluded and mirrored: {unknown} are none of the videos {self.ids}")
+        if self.reference in self.excluded:
+            raise ValueError(f"the reference {self.reference!r} can't be excluded")
+        phases = [] if self.trust is None else [len(v.phase_s) for v in self.trust.videos]
+        if self.trust is not None and phases != self.lengths:
+            raise ValueError(f"phases have lengths {phases}, expected {self.lengths}")
         return self
 
 
