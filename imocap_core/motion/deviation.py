@@ -5,6 +5,8 @@ synchronisation). It is seen in the image plane; depth is taken to differ as muc
 moment estimate behind the coupling's strength: small where videos agree, large where they do not.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -16,6 +18,19 @@ Array = NDArray[np.float64]
 LEAST_SPREAD_RAD = 0.03
 LEAST_LEVER_M = 0.15
 UNSEEN_SPREAD_M = 0.1  # of a video that shows nothing of the common motion
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How far each performance strays from the common one (standard deviations).
+
+    Attributes:
+        keypoints_m: (M, N, K) of each keypoint by itself; whole: (M, 6) of the body as a whole,
+            three turns (rad) and three shifts (m).
+    """
+
+    keypoints_m: Array
+    whole: Array
 
 
 def keypoint_spread_m(

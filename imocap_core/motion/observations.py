@@ -8,7 +8,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from imocap_core.motion.terms.reprojection import View
+from imocap_core.motion.terms.view import View
 
 Array = NDArray[np.float64]
 HAMPEL_WINDOW = 3  # frames on each side

@@ -2,14 +2,18 @@
 
 from dataclasses import replace
 
-import numpy as np
 import torch
+from torch import Tensor
 
 from imocap_core.motion.consensus import Cameras, pelvis
 from imocap_core.motion.coupling import Targets, coupling_terms, to_own_axes, to_own_time
-from imocap_core.motion.deviation import joint_spread_rad
+from imocap_core.motion.deviation import Spread, joint_spread_rad
 from imocap_core.motion.scene import JointOptions, Scene, own_terms, solve
 from imocap_core.motion.state import MotionState
+from imocap_core.rotations import geodesic_angle
+
+FACING_RAD = 0.6  # beyond a monocular estimate's own errors
+FACING_FRAMES = 7
 
 
 def own_deviations(
@@ -17,25 +21,46 @@ def own_deviations(
     state: MotionState,
     shared: MotionState,
     cameras: Cameras,
-    spread_m: np.ndarray,
+    spread: Spread,
     options: JointOptions,
 ) -> tuple[MotionState, float]:
-    """Each video from its own image, drawn to the common motion as strongly as it follows it.
-
-    Args:
-        spread_m: (M, N, K) how far keypoints stray from the common motion (`deviation`).
-    """
-    start = single_motion(scene, state, shared, cameras)
+    """Each video from its own image, drawn to the common motion as strongly as it follows it."""
+    targets = _targets(scene, state, shared, cameras)
+    faces = facing_alike(state, targets)
+    start = _released(single_motion(scene, state, shared, cameras), state, faces)
     targets = _targets(scene, start, shared, cameras)
-    spread = joint_spread_rad(scene.body, shared, spread_m)
+    joints = joint_spread_rad(scene.body, shared, spread.keypoints_m)
+    joints[:, :, 0] = spread.whole[:, None, 0]
     once = max(1.0, options.correlation_s * scene.fps)
-    on_axis = torch.as_tensor(1 / (spread**2 * once)).to(state.trans)
+    on_axis = torch.as_tensor(1 / (joints**2 * once)).to(state.trans)
     joint_weight = to_own_time(on_axis, scene.timeline, state)
-    path_weight = torch.full_like(targets.trust, options.coupling_path_m**-2 / once)
+    joint_weight[..., 0] *= faces
+    path_weight = torch.as_tensor(1 / (spread.whole[:, 3:4] ** 2 * once)).to(state.trans)
     terms = own_terms(scene, start.trans)
     terms += coupling_terms(scene.body, targets, start, joint_weight, path_weight)
     solution = solve(terms, start, options, one_body=True)
     return solution.state, solution.costs[-1]
+
+
+def facing_alike(state: MotionState, targets: Targets) -> Tensor:
+    """(B, T) in [0, 1]: whether a performance faces where the common motion does.
+
+    A performer may turn to another side for a while. Geman-McClure weight of the angle between the
+    two root orientations, averaged over `FACING_FRAMES`, so that noise alone releases nobody.
+    """
+    angle = geodesic_angle(state.R_local[:, :, 0], targets.R_local[:, :, 0])
+    half = FACING_FRAMES // 2
+    padded = torch.nn.functional.pad(angle[:, None], (half, half), mode="replicate")
+    angle = padded.unfold(-1, 2 * half + 1, 1).mean(-1)[:, 0]
+    return 1 / (1 + (angle / FACING_RAD).square()).square()
+
+
+def _released(start: MotionState, own: MotionState, faces: Tensor) -> MotionState:
+    """A start that keeps its own root orientation where it faces another way."""
+    R_local = start.R_local.clone()
+    other_way = (faces < 0.25)[..., None, None]
+    R_local[:, :, 0] = torch.where(other_way, own.R_local[:, :, 0], R_local[:, :, 0])
+    return replace(start, R_local=R_local)
 
 
 def single_motion(

@@ -20,7 +20,7 @@ from imocap_core.motion.scene import JointOptions, solve
 from imocap_core.motion.solver import Solution
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import Reprojection, Term, View
-from imocap_core.motion.terms.reprojection import project
+from imocap_core.motion.terms.view import project
 from imocap_core.motion.timeline import Timeline, sample_keypoints
 
 Array = NDArray[np.float64]
@@ -33,12 +33,15 @@ class Evidence:
     Attributes:
         xy_px: (M, N, K, 2); weight: (M, N, K) in 1/px^2, 0 where unseen; sigma_px: (M, N).
         K: (M, 3, 3).
+        stray: (M, 6) standard deviations with which each performance turns (rad) and shifts (m)
+            as a whole against the common one, or None: rigid copies.
     """
 
     xy_px: Array
     weight: Array
     sigma_px: Array
     K: Array
+    stray: Array | None = None
 
 
 def gather(
@@ -69,7 +72,11 @@ def views_of(
         arrays = (evidence.xy_px[v], evidence.weight[v], evidence.K[v])
         xy, weight, K = (torch.as_tensor(a).to(like)[None] for a in arrays)
         camera = list(free).index(v) if v in free else None
-        views.append(View(xy, weight, K, cameras.R[v][None], cameras.t[v][None], camera))
+        stray = None
+        if evidence.stray is not None:
+            sharp = torch.as_tensor(evidence.stray[v] ** -2.0).to(like)
+            stray = sharp.expand(1, xy.shape[1], -1)
+        views.append(View(xy, weight, K, cameras.R[v][None], cameras.t[v][None], camera, stray))
     return tuple(views)
 
 
@@ -147,13 +154,15 @@ def fit_shared(
 
 
 def reprojection_errors_px(
-    body: Body, state: MotionState, evidence: Evidence, cameras: Cameras
+    body: Body, state: MotionState, evidence: Evidence, cameras: Cameras, *, robust_scale: float
 ) -> Array:
-    """(M, N, K, 2) signed error of the shared motion in every view, NaN where unseen."""
+    """(M, N, K, 2) signed error of the shared motion, strays taken out, NaN where unseen."""
     xyz = body.positions(body.keypoints, state).xyz
+    term = Reprojection(body, views_of(evidence, cameras, state.trans, free=()), robust_scale)
     errors = []
-    for view in views_of(evidence, cameras, state.trans, free=()):
-        pixels, _ = project(view, xyz)
+    for view in term.views:
+        at, _ = term.placed(view, xyz, state)
+        pixels, _ = project(view, at)
         error = torch.where(view.weight[..., None] > 0, pixels - view.xy_px, torch.nan)
         errors.append(error[0].cpu().numpy())
     return np.stack(errors)

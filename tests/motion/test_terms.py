@@ -1,6 +1,7 @@
 """Every term's analytic gradient is the derivative of its cost, and no Hessian is indefinite."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,6 +26,8 @@ from imocap_core.motion.terms import (
     Term,
     View,
 )
+from imocap_core.motion.terms.stray import strayed, without_strays
+from imocap_core.motion.terms.view import project
 from imocap_core.rotations import exp
 
 B, T, POINTS = 2, 5, 25
@@ -71,6 +74,19 @@ def reprojection(body: Body, state: MotionState) -> Term:
     return Reprojection(body, tuple(views), 30.0)
 
 
+def straying(body: Body, state: MotionState) -> Reprojection:
+    """Detections near the body, so that the strays settle."""
+    xyz = body.positions(body.keypoints, state).xyz
+    K = torch.tensor([[500.0, 0, 320], [0, 500, 180], [0, 0, 1]], dtype=torch.float64)
+    weight = normal(B, T, POINTS, seed=5).abs() / 25 * seen(state)
+    eye, zero = torch.eye(3, dtype=torch.float64).expand(B, 3, 3), torch.zeros(B, 3).double()
+    view = View(torch.zeros(B, T, POINTS, 2).double(), weight, K.expand(B, 3, 3), eye, zero, 0)
+    xy, _ = project(view.at(state), xyz)
+    noisy = xy + normal(*xy.shape, seed=20, spread=5.0)
+    precision = torch.tensor([25.0] * 3 + [100.0] * 3).double().expand(B, T, 6)
+    return Reprojection(body, (replace(view, xy_px=noisy, stray=precision),), 30.0)
+
+
 def pose_prior(_: Body, __: MotionState) -> Term:
     rng = np.random.default_rng(0)
     factor = 0.1 * rng.standard_normal((3, 69, 69))
@@ -113,6 +129,47 @@ def test_gradient_is_the_derivative_of_the_cost(name: str, body: Body, state: Mo
     for mine, theirs in zip((found.gradient, found.corner_gradient), expected, strict=True):
         scale = 1 + float(theirs.abs().max())
         assert float((2 * mine - theirs).abs().max()) / scale < 1e-9
+
+
+def test_strays_leave_the_gradient_that_of_the_cost(body: Body, state: MotionState) -> None:
+    term = straying(body, state)
+    d_frames = torch.zeros(B, T, FRAME_UNKNOWNS, dtype=torch.float64, requires_grad=True)
+    d_globals = torch.zeros(B, state.unknown_globals, dtype=torch.float64, requires_grad=True)
+    cost = objective([term], state.retract(d_frames, d_globals)).sum()
+    expected = torch.autograd.grad(cost, (d_frames, d_globals))
+    found = linearise([term], state)
+    for mine, theirs in zip((found.gradient, found.corner_gradient), expected, strict=True):
+        error = (2 * mine - theirs).norm() / theirs.norm()
+        assert float(error) < 0.02  # three inner steps, and the root's own shape is left out
+
+
+def test_strays_of_a_turned_and_shifted_performance_are_found(
+    body: Body, state: MotionState
+) -> None:
+    xyz = body.positions(body.keypoints, state).xyz
+    pivot = state.trans + body.model.shape(state.betas).joints_rest[:, 0][:, None]
+    true = normal(B, T, 6, seed=21, spread=0.03)
+    K = torch.tensor([[500.0, 0, 320], [0, 500, 180], [0, 0, 1]], dtype=torch.float64)
+    R = torch.eye(3, dtype=torch.float64).expand(B, 3, 3)
+    t = torch.tensor([0.0, 0.0, 5.0], dtype=torch.float64).expand(B, 3)
+    view = View(torch.zeros(1), 0.25 * seen(state), K.expand(B, 3, 3), R, t)
+    at = strayed(xyz, pivot, true)
+    view = replace(view, xy_px=project(view, at)[0])
+    found, _ = Reprojection(body, (view,), 30.0).strays(view, state, torch.full_like(true, 1e-4))
+    error = (found - true).abs()[state.valid].amax(0)
+    assert float(error[:5].max()) < 2e-3
+    assert 0 < float(error[5]) < 0.05  # depth, which one view hardly sees
+
+
+def test_eliminating_strays_is_the_schur_complement() -> None:
+    rows = normal(1, 2, 40, 15, seed=30)
+    precision = normal(1, 2, 6, seed=31).abs() + 0.1
+    full, gradient = rows.transpose(-1, -2) @ rows, torch.zeros(1, 2, 15).double()
+    found, _ = without_strays(full, gradient, precision)
+    whole = full.clone()
+    whole[..., 9:, 9:] += torch.diag_embed(precision)
+    expected = torch.linalg.inv(torch.linalg.inv(whole)[..., :9, :9])
+    assert torch.allclose(found, expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", TERMS)

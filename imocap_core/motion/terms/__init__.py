@@ -9,9 +9,10 @@ from imocap_core.motion.terms.coupling import PathCoupling, PoseCoupling
 from imocap_core.motion.terms.evidence import JointEvidence
 from imocap_core.motion.terms.limits import HingeLimits
 from imocap_core.motion.terms.pose_prior import PosePriorTerm
-from imocap_core.motion.terms.reprojection import Reprojection, View
+from imocap_core.motion.terms.reprojection import Reprojection
 from imocap_core.motion.terms.shape_prior import ShapePrior
 from imocap_core.motion.terms.smoothness import PathSmoothness, PoseSmoothness
+from imocap_core.motion.terms.view import View
 
 __all__ = [
     "HingeLimits",

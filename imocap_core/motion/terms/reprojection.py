@@ -6,71 +6,20 @@ from typing import Self
 import torch
 from torch import Tensor
 
-from imocap_core.motion.kinematics import Body
+from imocap_core.motion.kinematics import Body, Points
 from imocap_core.motion.normal import NormalEquations
 from imocap_core.motion.robust import geman_mcclure
 from imocap_core.motion.state import POSE, MotionState
-from imocap_core.rotations import hat
-
-NEAREST_M = 0.05  # points nearer to the camera plane than this are held there
-
-
-@dataclass(frozen=True)
-class View:
-    """What one camera saw of each motion of the batch.
-
-    Attributes:
-        xy_px: (B, T, K, 2) detected keypoints (any value where ``weight`` is 0, but finite).
-        weight: (B, T, K) confidence over the noise's variance, 1/px^2; 0 for a missing one.
-        K: (B, 3, 3) intrinsics; R: (B, 3, 3), t: (B, 3) camera from the state's axes.
-        camera: index of the state's free camera that takes the place of R and t, or None.
-    """
-
-    xy_px: Tensor
-    weight: Tensor
-    K: Tensor
-    R: Tensor
-    t: Tensor
-    camera: int | None = None
-
-    def of(self, v: int, frames: int) -> "View":
-        """What was seen of motion ``v`` (batch of 1) in its first frames."""
-        own = slice(v, v + 1)
-        return replace(
-            self,
-            xy_px=self.xy_px[own, :frames],
-            weight=self.weight[own, :frames],
-            K=self.K[own],
-            R=self.R[own],
-            t=self.t[own],
-        )
-
-    def at(self, state: MotionState) -> "View":
-        """The view with the camera that the state holds."""
-        if self.camera is None:
-            return self
-        c = self.camera
-        return replace(self, R=state.camera_R[:, c], t=state.camera_t[:, c])
-
-
-def project(view: View, xyz: Tensor) -> tuple[Tensor, Tensor]:
-    """Pixels (B, T, K, 2) and camera-frame points (B, T, K, 3) of points in the state's axes."""
-    x_cam = torch.einsum("bij,btkj->btki", view.R, xyz) + view.t[:, None, None]
-    depth = x_cam[..., 2:].clamp_min(NEAREST_M)
-    focal = torch.stack([view.K[:, 0, 0], view.K[:, 1, 1]], -1)[:, None, None]
-    return x_cam[..., :2] / depth * focal + view.K[:, None, None, :2, 2], x_cam
-
-
-def projection_jacobian(view: View, x_cam: Tensor) -> Tensor:
-    """(B, T, K, 2, 3) derivative of the pixels by the point in CAMERA axes."""
-    depth = x_cam[..., 2].clamp_min(NEAREST_M)
-    fx, fy = view.K[:, 0, 0, None, None], view.K[:, 1, 1, None, None]
-    zero = torch.zeros_like(depth)
-    rows = [
-        torch.stack([fx / depth, zero, -fx * x_cam[..., 0] / depth**2], -1),
-        torch.stack([zero, fy / depth, -fy * x_cam[..., 1] / depth**2], -1),
-    ]
-    return torch.stack(rows, -2)
+from imocap_core.motion.terms.stray import (
+    RIGID,
+    Pull,
+    by_stray,
+    settle,
+    strayed,
+    without_strays,
+)
+from imocap_core.motion.terms.view import View, project, projection_jacobian
+from imocap_core.rotations import exp, hat
 
 
 @dataclass(frozen=True)
@@ -87,56 +36,100 @@ class Reprojection:
     views: tuple[View, ...]
     scale: float
 
-    def _squared(self, view: View, xyz: Tensor) -> Tensor:
-        pixels, _ = project(view, xyz)
-        return self._weighted(view, pixels - view.xy_px)
-
     def of(self, v: int, frames: int) -> Self:
         """What was seen of one motion."""
         return replace(self, views=tuple(view.of(v, frames) for view in self.views))
 
     def cost(self, state: MotionState) -> Tensor:
-        """(B,) sum of rho over views, frames and keypoints."""
+        """(B,) sum of rho over views, frames and keypoints, and what strays cost."""
         xyz = self.body.positions(self.body.keypoints, state).xyz
         total = torch.zeros_like(state.betas[:, 0])
-        for view in self.views:
-            view = view.at(state)
-            total = total + geman_mcclure(self._squared(view, xyz), self.scale)[0].sum((1, 2))
+        for fixed in self.views:
+            view = fixed.at(state)
+            at, d = self.placed(view, xyz, state)
+            squared = self._weighted(view, project(view, at)[0] - view.xy_px)
+            total = total + geman_mcclure(squared, self.scale)[0].sum((1, 2))
+            if view.stray is not None:
+                total = total + (view.stray * d.square()).sum((1, 2))
         return total
+
+    def placed(self, view: View, xyz: Tensor, state: MotionState) -> tuple[Tensor, Tensor]:
+        """Where a view's performance has its points (B, T, K, 3), and its strays (B, T, 6)."""
+        if view.stray is None:
+            return xyz, xyz.new_zeros(*xyz.shape[:2], RIGID)
+        pivot = self._pivot(state)
+        d, _ = settle(lambda at: self._pull(view, at), xyz, pivot, view.stray)
+        return strayed(xyz, pivot, d), d
+
+    def strays(self, view: View, state: MotionState, precision: Tensor) -> tuple[Tensor, Tensor]:
+        """A view's strays (B, T, 6) and their precision matrices (B, T, 6, 6)."""
+        xyz, view = self.body.positions(self.body.keypoints, state).xyz, view.at(state)
+        return settle(lambda at: self._pull(view, at), xyz, self._pivot(state), precision)
+
+    def _pivot(self, state: MotionState) -> Tensor:
+        rest = self.body.model.shape(state.betas).joints_rest[:, 0]
+        return state.trans + rest[:, None]
+
+    def _pull(self, view: View, xyz: Tensor) -> Pull:
+        by_camera, residual, _ = self._by_camera_axes(view, xyz)
+        return Pull(residual, by_camera @ view.R[:, None, None])
+
+    def _by_camera_axes(self, view: View, xyz: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Weighted derivative by camera-frame points, weighted residual, and the points."""
+        pixels, x_cam = project(view, xyz)
+        error = pixels - view.xy_px
+        weight = view.weight * geman_mcclure(self._weighted(view, error), self.scale)[1]
+        root = weight.sqrt()[..., None]
+        return projection_jacobian(view, x_cam) * root[..., None], error * root, x_cam
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """One weighted outer product of the stacked Jacobian rows per frame and view."""
         points = self.body.derivatives(self.body.keypoints, state)
-        assert points.d_pose is not None
-        assert points.d_beta is not None
-        n, m = POSE + 3, state.betas.shape[1]
         for fixed in self.views:
             view = fixed.at(state)
-            pixels, x_cam = project(view, points.xyz)
-            error = pixels - view.xy_px
-            weight = view.weight * geman_mcclure(self._weighted(view, error), self.scale)[1]
-            root = weight.sqrt()[..., None]
-            by_camera = projection_jacobian(view, x_cam) * root[..., None]
-            by_point = by_camera @ view.R[:, None, None]
-            parts = [by_point @ points.d_pose, by_point, by_point @ points.d_beta]
-            columns = list(range(m))
-            if view.camera is not None:
-                parts.append(by_camera @ _by_camera(view, state, points.xyz))
-                span = state.camera_columns(view.camera)
-                columns += range(span.start, span.stop)
-            rows = torch.cat(parts, -1).flatten(2, 3)
-            residual = (error * root).flatten(2, 3)
+            rows, residual = self._rows(view, points, state)
             full = rows.transpose(-1, -2) @ rows
             gradient = (rows.transpose(-1, -2) @ residual[..., None])[..., 0]
-            index = torch.tensor(columns, device=rows.device)
-            normal.diagonal += full[..., :n, :n]
-            normal.border.index_add_(3, index, full[..., :n, n:])
-            normal.corner[:, index[:, None], index] += full[..., n:, n:].sum(1)
-            normal.gradient += gradient[..., :n]
-            normal.corner_gradient.index_add_(1, index, gradient[..., n:].sum(1))
+            if view.stray is not None:
+                full, gradient = without_strays(full, gradient, view.stray)
+            _add(normal, full, gradient, _columns(view, state))
+
+    def _rows(self, view: View, points: Points, state: MotionState) -> tuple[Tensor, Tensor]:
+        """(B, T, 2K, unknowns) by frame, shape, camera and strays; residual (B, T, 2K)."""
+        assert points.d_pose is not None
+        assert points.d_beta is not None
+        xyz, d = self.placed(view, points.xyz, state)
+        by_camera, residual, _ = self._by_camera_axes(view, xyz)
+        by_point = by_camera @ view.R[:, None, None]
+        turned = by_point if view.stray is None else by_point @ exp(d[..., None, :3])
+        parts = [turned @ points.d_pose, by_point, turned @ points.d_beta]
+        if view.camera is not None:
+            parts.append(by_camera @ _by_camera(view, state, xyz))
+        if view.stray is not None:
+            parts.append(by_stray(by_point, xyz, self._pivot(state), d))
+        return torch.cat(parts, -1).flatten(2, 3), residual.flatten(2, 3)
 
     def _weighted(self, view: View, error: Tensor) -> Tensor:
         return view.weight * error.square().sum(-1)
+
+
+def _columns(view: View, state: MotionState) -> list[int]:
+    """Which globals a view's rows speak of: the shape and its free camera."""
+    columns = list(range(state.betas.shape[1]))
+    if view.camera is not None:
+        span = state.camera_columns(view.camera)
+        columns += range(span.start, span.stop)
+    return columns
+
+
+def _add(normal: NormalEquations, full: Tensor, gradient: Tensor, columns: list[int]) -> None:
+    n = POSE + 3
+    index = torch.tensor(columns, device=full.device)
+    normal.diagonal += full[..., :n, :n]
+    normal.border.index_add_(3, index, full[..., :n, n:])
+    normal.corner[:, index[:, None], index] += full[..., n:, n:].sum(1)
+    normal.gradient += gradient[..., :n]
+    normal.corner_gradient.index_add_(1, index, gradient[..., n:].sum(1))
 
 
 def _by_camera(view: View, state: MotionState, xyz: Tensor) -> Tensor:
