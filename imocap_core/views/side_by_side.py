@@ -23,10 +23,11 @@ Ints = NDArray[np.int64]
 Image = NDArray[np.uint8]
 
 TILE_WIDTH_PX = 480
+FILM_HEIGHT_PX = 1200  # of more rows of tiles, each is smaller
 TALLEST, FLATTEST = 1.4, 0.8  # height of a tile, share of its width
 MARGIN = 1.35  # of the performer's box
 FOLLOW_S = 0.6  # the window follows the performer this slowly
-GAP_PX = 6
+GAP_PX, STRIP_PX = 6, 34
 DIMMED = 0.35
 FRAME_RGB = (24, 26, 29)
 FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -72,11 +73,19 @@ def tracks_of(keypoints: Keypoints, sync: SyncSummary, files: dict[str, Path]) -
 
 
 def tile_shape(videos: Sequence[VideoKeypoints]) -> tuple[int, int]:
-    """Height and width of every tile, as the performers' boxes ask for."""
+    """Height and width of every tile, as the performers' boxes and the film's size ask for."""
     sides = [_sides(video) for video in videos]
     ratio = np.median([height / width for width, height in sides]) if sides else 1.0
-    height = int(np.clip(ratio, FLATTEST, TALLEST) * TILE_WIDTH_PX)
-    return height - height % 2, TILE_WIDTH_PX
+    ratio = float(np.clip(ratio, FLATTEST, TALLEST))
+    rows, _ = grid_shape(len(videos))
+    height = min(ratio * TILE_WIDTH_PX, FILM_HEIGHT_PX / max(rows, 1) - GAP_PX)
+    return 2 * int(height / 2), 2 * int(height / ratio / 2)
+
+
+def grid_shape(count: int) -> tuple[int, int]:
+    """Rows and columns of `count` tiles, at most four in a row."""
+    rows = ceil(count / 4)
+    return rows, ceil(count / max(rows, 1))
 
 
 def crop_windows(video: VideoKeypoints, shape: tuple[int, int]) -> Array:
@@ -98,8 +107,7 @@ def side_by_side(tracks: Sequence[Track], shape: tuple[int, int]) -> Iterator[Im
     """The frames of the film, one a moment; tiles of `shape` (height, width) in a grid."""
     if not tracks:
         raise ValueError("tracks: expected at least one video, got none")
-    columns = len(tracks) if len(tracks) <= 3 else ceil(len(tracks) / ceil(len(tracks) / 4))
-    rows = ceil(len(tracks) / columns)
+    rows, columns = grid_shape(len(tracks))
     height, width = shape
     readers = [_pictures(track) for track in tracks]
     for moment in range(len(tracks[0].frames)):
@@ -126,25 +134,33 @@ def tile(track: Track, moment: int, picture: Image, shape: tuple[int, int]) -> I
     moved = cv2.warpAffine(picture, move, (width, height), flags=smooth, borderValue=FRAME_RGB)
     cut: Image = np.asarray(moved, dtype=np.uint8)
     matched = bool(track.matched[moment])
+    size = width / TILE_WIDTH_PX
     if not matched:
         cut = np.asarray(cut * DIMMED, dtype=np.uint8)
-        _text(cut, "unmatched", (width // 2 - 78, height // 2), 0.9, (235, 235, 235))
-    strip = cut[:34].astype(np.float64) * 0.35
-    cut[:34] = strip.astype(np.uint8)
-    cut[:34, :6] = track.rgb
-    _text(cut, track.name, (16, 24), 0.62, (255, 255, 255))
-    said = f"frame {track.frames[moment]}" if matched else ""
-    (wide, _), _ = cv2.getTextSize(said, FONT, 0.55, 1)
-    _text(cut, said, (width - wide - 12, 24), 0.55, (225, 225, 225))
+        _text(cut, "unmatched", (width // 2, height // 2), 0.9 * size, (235, 235, 235), 0.5)
+    strip = round(STRIP_PX * size)
+    cut[:strip] = (cut[:strip] * DIMMED).astype(np.uint8)
+    cut[:strip, :6] = track.rgb
+    _text(cut, track.name, (16, round(0.7 * strip)), 0.62 * size, (255, 255, 255))
     if matched:
+        said = f"frame {track.frames[moment]}"
+        _text(cut, said, (width - 10, round(0.7 * strip)), 0.55 * size, (225, 225, 225), 1.0)
         cut[-5:, : round(width * float(np.clip(track.confidence[moment], 0, 1)))] = track.rgb
     return cut
 
 
 def _text(
-    picture: Image, said: str, at: tuple[int, int], size: float, rgb: tuple[int, int, int]
+    picture: Image,
+    said: str,
+    at: tuple[int, int],
+    size: float,
+    rgb: tuple[int, int, int],
+    before: float = 0.0,
 ) -> None:
-    cv2.putText(picture, said, at, FONT, size, rgb, 1 if size < 0.8 else 2, cv2.LINE_AA)
+    """Write on the picture; the share `before` of the text lies left of `at`."""
+    (wide, _), _ = cv2.getTextSize(said, FONT, size, 1)
+    where = (round(at[0] - before * wide), at[1])
+    cv2.putText(picture, said, where, FONT, size, rgb, 1, cv2.LINE_AA)
 
 
 def _pictures(track: Track) -> Iterator[Image]:

@@ -51,7 +51,7 @@ def sync_picture(keypoints: Keypoints, sync: Sync, *, reach_s: float) -> Figure:
         figure,
         f"{len(sync.ids)} videos on the time axis of {sync.reference}",
         "above: pose affinity (dark = alike), red: the match found; below: which moment, how fast, "
-        "how sure. Times count from each file's first frame",
+        "how sure",
     )
     return figure
 
@@ -107,8 +107,8 @@ def _warps(ax: Axes, keypoints: Keypoints, sync: Sync, reach_s: float) -> None:
             continue
         video, found = seen[row.video], _map(sync, row.video)
         color = color_of(sync.ids, row.video)
-        own = video.frames / video.fps
-        there = seconds_at(found.reference_frame, reference.frames, reference.fps)
+        own = _seconds(video)
+        there = _seconds_there(found, reference)
         band = uncertainty_s(found.confidence, reach_s)
         said = (
             f"{row.video}: {row.matched:.0%} matched, rate {row.rate:.2f}"
@@ -117,11 +117,11 @@ def _warps(ax: Axes, keypoints: Keypoints, sync: Sync, reach_s: float) -> None:
         )
         ax.fill_between(own, there - band, there + band, color=color, alpha=0.25, lw=0)
         ax.plot(own, there, color=color, lw=1.6, label=said)
-    ends = reference.frames[[0, -1]] / reference.fps
+    ends = _seconds(reference)[[0, -1]]
     ax.plot(
         ends, ends, color=QUIET, lw=1.0, ls=(0, (3, 3)), label=f"{sync.reference}: the reference"
     )
-    ax.set_xlabel("time in the video (s)")
+    ax.set_xlabel("time since the video's first used frame (s)")
     ax.set_ylabel(f"time in {sync.reference} (s)")
     ax.set_title("Which moment of the reference does each frame show?")
     ax.legend(loc="best", handlelength=1.4)
@@ -135,8 +135,8 @@ def _paces(ax: Axes, keypoints: Keypoints, sync: Sync) -> None:
     for video in keypoints.videos:
         if video.id == sync.reference:
             continue
-        there = seconds_at(_map(sync, video.id).reference_frame, reference.frames, reference.fps)
-        pace = pace_of(there, video.frames / video.fps, PACE_SMOOTH_S * video.fps)
+        there = _seconds_there(_map(sync, video.id), reference)
+        pace = pace_of(there, _seconds(video), PACE_SMOOTH_S * video.fps)
         ax.plot(there, pace, color=color_of(sync.ids, video.id), lw=1.5)
         shown.append(pace)
     ax.axhline(1.0, color=QUIET, lw=1.0, ls=(0, (3, 3)))
@@ -162,10 +162,10 @@ def _confidences(ax: Axes, seen: dict[str, VideoKeypoints], sync: Sync) -> None:
     reference = seen[sync.reference]
     for found in sync.maps:
         if found.id != sync.reference:
-            there = seconds_at(found.reference_frame, reference.frames, reference.fps)
+            there = _seconds_there(found, reference)
             ax.plot(there, found.confidence, color=color_of(sync.ids, found.id), lw=1.3)
     ax.set_ylim(-0.03, 1.05)
-    ax.set_xlim(*(reference.frames[[0, -1]] / reference.fps))
+    ax.set_xlim(*_seconds(reference)[[0, -1]])
     ax.set_ylabel("confidence")
     ax.set_xlabel(f"time in {sync.reference} (s)")
     grid(ax)
@@ -187,6 +187,17 @@ def uncertainty_s(confidence: Array, reach_s: float) -> Array:
     seconds, at most WIDEST_BAND_S."""
     sure = np.clip(np.nan_to_num(confidence), 1e-3, 1 - 1e-6)
     return np.minimum(reach_s / (np.sqrt(2) * erfinv(sure)), WIDEST_BAND_S)
+
+
+def _seconds(video: VideoKeypoints) -> Array:
+    """Time of each used frame (T,) since the first of them."""
+    since: Array = (video.frames - video.frames[0]) / video.fps
+    return since
+
+
+def _seconds_there(found: SyncMap, reference: VideoKeypoints) -> Array:
+    """Time in the reference of each frame of a video (T,), since its first used frame."""
+    return seconds_at(found.reference_frame, reference.frames - reference.frames[0], reference.fps)
 
 
 def _map(sync: Sync, video: str) -> SyncMap:

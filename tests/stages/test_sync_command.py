@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from imocap_core.formats.video import probe, write_h264
+from imocap_core.sync.repetition import Repetitions
 from stages.cli import main
 from stages.cli.sync_sources import labels, read_size, sources_of
 from stages.harness.action import read_action
@@ -162,6 +163,37 @@ def test_keypoints_are_found_where_people_put_them(made: Made, tmp_path: Path) -
         assert labels([source]) == ["c"]
     with pytest.raises(WorkFailed, match="has no keypoints"):
         sources_of([str(_video(tmp_path / "d.mp4", 1))])
+
+
+def test_a_clip_without_repetitions_is_not_cut(
+    run, made: Made, tmp_path: Path, capsys: Capture
+) -> None:
+    clip = _keypoints(tmp_path / "in" / "long", made, 0)
+    assert run(clip, *KNOWN, *QUICK, "--repetitions") == 1
+    said = capsys.readouterr().err
+    assert "long: no repetitions: " in said
+    assert said.count("\n") == 1
+
+
+def test_repetitions_enter_as_videos_of_the_same_file(
+    run, made: Made, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The cut itself is tested in tests/sync; here, what is made of it."""
+    found = Repetitions(((0, 11), (11, 23)), 0.9, "2 repetitions")
+    monkeypatch.setattr("imocap_core.sync.repetition.find_repetitions", lambda *_, **__: found)
+    clip = _video(tmp_path / "in" / "long.mp4", 24)
+    _keypoints(tmp_path / "in" / "long", made, 0)
+    assert run(clip, *QUICK, "--repetitions", "--name", "try") == 0
+    assert "long: 2 repetitions" in capsys.readouterr().out
+    folder = tmp_path / "artifacts" / "try-repetitions"
+    videos = read_action(folder).videos
+    assert [(v.id, v.frames) for v in videos] == [("long_r1", (0, 11)), ("long_r2", (11, 23))]
+    assert {(folder / str(v.video)).resolve() for v in videos} == {clip.resolve()}
+    assert (folder / "sync" / "side_by_side.mp4").is_file()
+    (reference,) = {"long_r1", "long_r2"} - {r["video"] for r in _rows(folder / "sync/sync.csv")}
+    other = "long_r2" if reference == "long_r1" else "long_r1"
+    frames = [int(row["frame"]) for row in _rows(folder / "sync" / "sync.csv")]
+    assert frames == list(range(*next(v.frames for v in videos if v.id == other and v.frames)))
 
 
 def test_sizes_are_read() -> None:

@@ -14,6 +14,7 @@ from imocap_core.views.side_by_side import (
     DIMMED,
     Track,
     crop_windows,
+    grid_shape,
     side_by_side,
     tile,
     tile_shape,
@@ -137,6 +138,15 @@ def test_windows_have_the_tile_s_proportions_and_hold_the_performer(made: Made) 
     unseen = video.model_copy(update={"person_box_px": boxes * np.nan})
     whole = crop_windows(unseen, shape)[0]
     assert whole[2] >= SIZE[0] - 1 or whole[3] >= SIZE[1] - 1
+
+
+def test_many_tiles_stay_on_a_screen(made: Made) -> None:
+    for count in (1, 2, 4, 5, 12, 30):
+        rows, columns = grid_shape(count)
+        assert rows * columns >= count
+        assert columns <= 4
+        height, _ = tile_shape(made.keypoints.videos[:1] * count)
+        assert rows * (height + 6) <= 1206
 
 
 def _films(folder: Path, made: Made) -> dict[str, Path]:
