@@ -65,11 +65,20 @@ def score(
     return rows
 
 
-def against_truth(answer: Answer, keypoints: Keypoints, truth: Truth | None) -> dict[str, float]:
-    """Metric -> mean over the videos, of what needs neither images nor the body's surface."""
+def against_truth(
+    answer: Answer,
+    keypoints: Keypoints,
+    truth: Truth | None,
+    noses: Mapping[str, Array] | None = None,
+) -> dict[str, float]:
+    """Metric -> mean over the videos, of what needs neither images nor the body's surface.
+
+    ``noses``: video id -> (T, 3) in camera axes, for the set of 17 joints.
+    """
     rows: list[Row] = []
     for seen, motion in zip(keypoints.videos, answer.motions, strict=True):
-        rows += _pose(answer.name, seen, motion, truth.videos.get(seen.id) if truth else None)
+        own = None if truth is None else truth.videos.get(seen.id)
+        rows += _pose(answer.name, seen, motion, own, (noses or {}).get(seen.id))
     if answer.cameras is not None and answer.sync is not None:
         rows += _cameras(answer.name, answer.cameras, answer.sync.reference, truth)
         rows += _sync(answer.name, answer.sync, keypoints, truth)

@@ -63,7 +63,8 @@ def markdown(table: Ablations) -> str:
         "this result (TCC: one training).",
         _variants(table),
         "## What the paper claims",
-        "Paired differences over actions, mean ± standard error; positive is as claimed. "
+        "Paired differences over actions, mean ± standard error; positive is as claimed. Where one "
+        "side has fewer videos, both are scored on those. "
         "*Undecided*: the mean is within two standard errors of zero.",
         _list(sentences(PAPER_CLAIMS, table.scores)),
         "## What it does not claim",

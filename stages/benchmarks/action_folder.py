@@ -78,7 +78,7 @@ def _write(
     folder: Path, name: str, shots: Sequence[Shot], detector: str, params: dict[str, Any]
 ) -> None:
     truth: dict[str, Any] = {
-        "joint_names": np.array(EVAL_14),
+        "joint_names": np.array(shots[0].names),
         "phase_end": max(float(shots[0].phase[-1]), 1.0),
     }
     videos = []

@@ -67,7 +67,8 @@ def shots_of(choice: Choice, name: str) -> list[Shot]:
         xy = coco18_pixels(recording.xy_px[v, :length])
         kept = sample_frames(choice.sampling, length, v, drawn(name, v, 0))
         filmed = Filmed(camera.K, camera.R, camera.t, xy, SIZE)
-        shots.append(Shot(joints, phase, kept, FPS, filmed=filmed))
+        whole = recording.joints_m[:length]
+        shots.append(Shot(joints, phase, kept, FPS, filmed=filmed, scored_m=whole, names=H36M_17))
     return shots
 
 

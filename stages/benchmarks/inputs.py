@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from imocap_core.conventions import EVAL_14
 from imocap_core.synthetic.captured import VIEWPOINTS, to_stage
 from imocap_core.synthetic.samplings import sample_frames
 from imocap_core.synthetic.trials import on_one_stage
@@ -43,7 +44,8 @@ class Shot:
     frames that the video keeps. The truth speaks of a common world that may lie elsewhere.
 
     A stranger shows another action: the truth does not speak of it. `filmed`: what a real camera
-    and detector gave, where nothing of it has to be simulated."""
+    and detector gave, where nothing of it has to be simulated. `scored_m`: what the truth holds, in
+    the order of `names`, where that is more than the 14 joints."""
 
     joints_m: Floats
     phase: Floats
@@ -53,11 +55,14 @@ class Shot:
     t_common: Floats = field(default_factory=lambda: np.zeros(3))
     stranger: bool = False
     filmed: Filmed | None = None
+    scored_m: Floats | None = None  # (T, J, 3)
+    names: tuple[str, ...] = EVAL_14
 
     def truth(self, video: str, K: Floats, R: Floats, t: Floats) -> dict[str, Floats]:
         """What truth.npz holds of it; R, t is the camera from the stage."""
         R_cam_from_common = R @ self.R_common_from_stage.T
-        joints = self.joints_m[self.kept] @ self.R_common_from_stage.T + self.t_common
+        scored = self.joints_m if self.scored_m is None else self.scored_m
+        joints = scored[self.kept] @ self.R_common_from_stage.T + self.t_common
         parts = {
             "joints": joints,
             "phase": self.phase[self.kept],

@@ -19,6 +19,11 @@ STAGES_OF = {
 }
 
 
+def first_videos(count: int) -> str:
+    """The name of the loop's result, scored on the first videos alone."""
+    return f"after loop, first {count}"
+
+
 @dataclass(frozen=True)
 class ActionScore:
     """numbers: result -> metric (docs/metrics.md) -> mean over the videos; costs: stage -> seconds

@@ -82,6 +82,14 @@ def test_differences_are_paired_by_action() -> None:
     assert claims.differences(claim, SCALED, scores) == [1.0, 3.0]
 
 
+def test_fewer_videos_are_compared_on_those_that_both_have() -> None:
+    scores = found(videos_2=[10.0], videos_1=[15.0])
+    score = scores["videos_2"]["a0"]
+    score.numbers["after loop, first 1"] = {SCALED: 12.0}
+    claim = claims.Claim("x", "videos_2", "videos_1", (SCALED,), common=1)
+    assert claims.differences(claim, SCALED, scores) == [3.0]
+
+
 def test_a_verdict_needs_two_standard_errors() -> None:
     assert claims.verdict([1.0, 1.1, 0.9]) == "confirmed"
     assert claims.verdict([-1.0, -1.1, -0.9]) == "refuted"

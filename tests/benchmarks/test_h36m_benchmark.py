@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from imocap_core.camera.projection import project
-from imocap_core.conventions import EVAL_12, EVAL_14
+from imocap_core.conventions import EVAL_12, EVAL_14, EVAL_17
 from imocap_core.formats.h36m import H36M_17
 from imocap_core.synthetic.captured import COCO18, VIEWPOINTS, place_camera
 from stages.benchmarks import h36m
@@ -67,6 +67,9 @@ def test_cameras_are_found_from_the_pairs(folder: Path) -> None:
         assert shot.filmed.xy_px.shape == (FRAMES, 18, 2)
         assert (shot.joints_m, shot.fps) == (pytest.approx(joints, abs=1e-5), 50.0)
     assert len(shots[0].kept) == 150
+    truth = shots[0].truth("v1", np.eye(3), np.eye(3), np.zeros(3))
+    assert truth["v1/joints"].shape == (150, 17, 3)
+    assert set(EVAL_17) <= set(shots[0].names)
 
 
 def test_detections_are_named_as_coco_names_them() -> None:

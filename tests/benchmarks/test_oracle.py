@@ -12,7 +12,8 @@ from imocap_core.artifacts.schemas import SyncMap
 from imocap_core.artifacts.schemas.sync import SyncSummary
 from imocap_core.formats.truth import Truth, VideoTruth
 from imocap_core.motion.consensus import Cameras
-from stages.benchmarks.oracle import fit_with_cameras, true_cameras, true_sync
+from stages.benchmarks.oracle import true_cameras, true_sync
+from stages.benchmarks.oracle_fit import fit_with_cameras
 from tests.motion.made import mpjpe_mm
 from tests.motion.test_joint import OPTIONS, in_own_axes, made, whole  # noqa: F401
 
