@@ -16,7 +16,7 @@ from scipy.ndimage import gaussian_filter1d
 from imocap_core.artifacts.schemas import Keypoints, SyncSummary, VideoKeypoints
 from imocap_core.formats.video import read_rgb
 from imocap_core.views.style import color_of
-from imocap_core.views.sync_summary import retimed
+from imocap_core.views.sync_summary import retimed, title_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -60,7 +60,7 @@ def tracks_of(keypoints: Keypoints, sync: SyncSummary, files: dict[str, Path]) -
         r, g, b = (round(255 * c) for c in to_rgb(color_of(sync.ids, video.id)))
         tracks.append(
             Track(
-                name=f"{video.id} (reference)" if video.id == sync.reference else video.id,
+                name=title_of(sync, video.id),
                 rgb=(r, g, b),
                 file=files[video.id],
                 frames=video.frames[index],

@@ -14,7 +14,7 @@ from scipy.special import erfinv
 from imocap_core.artifacts.schemas import Keypoints, Sync, SyncMap, VideoKeypoints
 from imocap_core.views.style import ACCENT, QUIET, color_of, grid, headline, new_figure
 from imocap_core.views.sync_figures import AFFINITY
-from imocap_core.views.sync_summary import seconds_at, sync_rows
+from imocap_core.views.sync_summary import seconds_at, sync_rows, title_of
 
 Array = NDArray[np.float64]
 
@@ -90,8 +90,9 @@ def _matrices(
         there = seconds_at(found.reference_frame, reference.frames, 1.0)
         ax.plot(video.frames, there, color="white", lw=3.2, alpha=0.85)
         ax.plot(video.frames, there, color=ACCENT, lw=1.5)
-        name = video.id if np.isfinite(there).any() else f"{video.id}: unmatched"
-        ax.set_title(name, color=color_of(sync.ids, video.id), fontweight="bold")
+        ax.set_title(
+            title_of(sync, video.id), color=color_of(sync.ids, video.id), fontweight="bold"
+        )
         ax.set_xlabel(f"frame of {video.id}")
         if number % COLUMNS == 0:
             ax.set_ylabel(f"frame of {reference.id}")
@@ -110,11 +111,9 @@ def _warps(ax: Axes, keypoints: Keypoints, sync: Sync, reach_s: float) -> None:
         own = _seconds(video)
         there = _seconds_there(found, reference)
         band = uncertainty_s(found.confidence, reach_s)
-        said = (
-            f"{row.video}: {row.matched:.0%} matched, rate {row.rate:.2f}"
-            if row.matched > 0
-            else f"{row.video}: unmatched"
-        )
+        said = title_of(sync, row.video)
+        if row.matched > 0:
+            said += f": {row.matched:.0%} matched, rate {row.rate:.2f}"
         ax.fill_between(own, there - band, there + band, color=color, alpha=0.25, lw=0)
         ax.plot(own, there, color=color, lw=1.6, label=said)
     ends = _seconds(reference)[[0, -1]]

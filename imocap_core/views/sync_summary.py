@@ -83,3 +83,15 @@ def retimed(found: SyncMap, moments: Sequence[float], fps: float) -> tuple[Ints,
     distance = np.abs(there[None, :] - wanted[:, None]).min(axis=1)
     inside = (wanted >= there[0] - END_FRAMES) & (wanted <= there[-1] + END_FRAMES)
     return np.maximum.accumulate(index), inside & (distance <= max(END_FRAMES, GAP_S * fps))
+
+
+def title_of(sync: SyncSummary, video: str) -> str:
+    """A video's id, and what became of it where that is unusual."""
+    at = next(m for m in sync.maps if m.id == video).reference_frame
+    if video == sync.reference:
+        return f"{video} (reference)"
+    if video in sync.excluded:
+        return f"{video} (excluded)"
+    if not np.isfinite(at).any():
+        return f"{video} (unmatched)"
+    return f"{video} (mirrored)" if video in sync.mirrored else video

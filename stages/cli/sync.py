@@ -16,6 +16,7 @@ from stages.harness.action import FILE_NAME
 from stages.harness.demos import BUILT_IN
 from stages.harness.errors import WorkFailed, WrongUse
 from stages.harness.runner import Display, Job, Outcome
+from stages.harness.stage import Context
 from stages.harness.workspace import Workspace
 
 Made = TypeVar("Made", bound=Artifact)
@@ -65,7 +66,7 @@ def synchronise_action(
     outcomes = runner.run(job, display, job.pipeline.upstream(STAGE))
     keypoints, sync = _made(outcomes, Keypoints), _made(outcomes, Sync)
     if reference is not None and sync.reference != reference:
-        sync = _about(reference, job, keypoints, _made(outcomes, InitialSmpl))
+        sync = _about(reference, job, keypoints, _made(outcomes, InitialSmpl), display)
     folder = out or workspace.root / "artifacts" / job.action.name / STAGE
     try:
         files = _write(folder, job, keypoints, sync, display)
@@ -114,22 +115,28 @@ def _made(outcomes: Sequence[Outcome], kind: type[Made]) -> Made:
     return stored.decode(kind)
 
 
-def _about(reference: str, job: Job, keypoints: Keypoints, initial: InitialSmpl) -> Sync:
+def _about(
+    reference: str, job: Job, keypoints: Keypoints, initial: InitialSmpl, display: Display
+) -> Sync:
     """The synchronisation about another reference than the most central video."""
-    import numpy as np
-
     from stages.sync import synchronise_motions
     from stages.sync_hints import hints_of
 
-    return synchronise_motions(
-        initial.videos,
-        keypoints,
-        job.settings.params.sync,
-        np.random.default_rng([job.settings.seed, *STAGE.encode()]),
-        reference=reference,
-        mirrored=[video.mirrored for video in job.action.videos],
-        hints=hints_of(job.action.anchors, job.action.forbidden, keypoints, str(job.action.file)),
-    )
+    display.progress(0.5, f"again, about {reference}")
+    reads = frozenset(job.pipeline.stages[STAGE].reads)
+    ctx = Context(STAGE, job.settings.seed, reads, display.progress, Path(), job.action)
+    try:
+        return synchronise_motions(
+            initial.videos,
+            keypoints,
+            job.settings.params.sync,
+            ctx.rng(),
+            reference=reference,
+            mirrored=ctx.mirrored(),
+            hints=hints_of(*ctx.hints(), keypoints, str(ctx.action_file())),
+        )
+    except ValueError as error:
+        raise WorkFailed(f"{STAGE}: {error}") from None
 
 
 def _write(

@@ -71,7 +71,7 @@ def sync_command(
             sets=sets,
             display=display,
         )
-    for sentence in (*found.said, found.sync.status):
+    for sentence in (*found.said, *found.sync.notes, found.sync.status):
         console.print(escape(sentence))
     console.print(_table(found.keypoints, found.sync))
     for file in found.files:
@@ -91,10 +91,11 @@ def _table(keypoints: object, sync: object) -> Table:
         if row.video == sync.reference:
             table.add_row(row.video, "reference", "", "", "")
         elif row.matched == 0:
-            table.add_row(row.video, "unmatched", "", "", "")
+            why = "excluded" if row.video in sync.excluded else "unmatched"
+            table.add_row(row.video, why, "", "", "")
         else:
             table.add_row(
-                row.video,
+                f"{row.video} (mirrored)" if row.video in sync.mirrored else row.video,
                 f"{row.matched:.0%}",
                 f"{row.rate:.2f}",
                 f"{row.confidence:.2f}",

@@ -74,7 +74,7 @@ def test_keypoints_alone_give_a_table_and_a_picture(
     assert "mean rate" in said
     assert sorted(f.name for f in out.iterdir()) == ["sync.csv", "sync.png"]
     rows = _rows(out / "sync.csv")
-    assert list(rows[0]) == ["video", "frame", "reference_frame", "confidence"]
+    assert list(rows[0]) == ["video", "frame", "reference_frame", "confidence", "phase_s"]
     assert {row["video"] for row in rows} == {"a"}
     assert len(rows) == 24
     action = read_action(tmp_path / "artifacts" / "try")

@@ -22,7 +22,7 @@ from imocap_core.views.side_by_side import (
 )
 from imocap_core.views.style import quiet, save
 from imocap_core.views.sync_picture import pace_of, sync_picture, uncertainty_s
-from imocap_core.views.sync_summary import retimed, sync_rows
+from imocap_core.views.sync_summary import retimed, sync_rows, title_of
 from tests.views.made import FPS, SIZE, Made
 
 
@@ -118,8 +118,8 @@ def test_the_picture_is_wide_and_has_every_video(
         for loc in ("left", "center")
     }
     assert {
-        "v2" if lost != "v2" else "v2: unmatched",
-        "v3" if lost != "v3" else "v3: unmatched",
+        "v2" if lost != "v2" else "v2 (unmatched)",
+        "v3" if lost != "v3" else "v3 (unmatched)",
     } <= titles
     assert figure.get_figwidth() * 130 >= 1600
 
@@ -138,6 +138,13 @@ def test_windows_have_the_tile_s_proportions_and_hold_the_performer(made: Made) 
     unseen = video.model_copy(update={"person_box_px": boxes * np.nan})
     whole = crop_windows(unseen, shape)[0]
     assert whole[2] >= SIZE[0] - 1 or whole[3] >= SIZE[1] - 1
+
+
+def test_titles_say_what_became_of_a_video(made: Made) -> None:
+    sync = _without(made.sync, "v3")
+    assert [title_of(sync, i) for i in sync.ids] == ["v1 (reference)", "v2", "v3 (unmatched)"]
+    told = sync.model_copy(update={"excluded": ["v3"], "mirrored": ["v2"]})
+    assert [title_of(told, i) for i in ("v2", "v3")] == ["v2 (mirrored)", "v3 (excluded)"]
 
 
 def test_many_tiles_stay_on_a_screen(made: Made) -> None:
