@@ -11,12 +11,14 @@ import pytest
 
 from imocap_core.formats.joints_npz import read_joints_npz
 from imocap_core.formats.openpose import read_openpose
-from stages.benchmarks import inputs, score
+from stages.benchmarks import inputs, motion, score
 from stages.benchmarks.action_folder import MADE, action_key, is_made, make_action
 from stages.benchmarks.choice import Choice
+from stages.benchmarks.kept import ActionScore
 from stages.cli import main
 from stages.harness.action import read_action
 from stages.harness.errors import WorkFailed, WrongUse
+from stages.harness.workspace import Workspace
 from tests.synthetic.test_captured import figure
 
 SWING = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
@@ -199,6 +201,28 @@ def test_a_finished_action_is_not_scored_again_until_an_artifact_changes(
     kept.write_text("{ half a file")
     assert score.score_action(job, Silent(), kept, costs).of("oracle", "pa_mpjpe_mm") == 1.0
     assert scored == ["one", "two", "two"]
+
+
+def test_a_run_of_one_action_keeps_the_table_of_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def scored(action: str) -> ActionScore:
+        return ActionScore(action, 4, 9, {"after loop": {"mpjpe_scaled_mm": 40.0}}, {}, action)
+
+    valid = {"walk": scored("walk"), "jump": None}
+    monkeypatch.setattr(motion, "action_names", lambda root, choice: ["jump", "kick", "walk"])
+    monkeypatch.setattr(motion, "chosen_names", lambda root, choice: ["kick"])
+    monkeypatch.setattr(motion, "standing_job", lambda w, choice, name, sets: name)
+    monkeypatch.setattr(motion, "standing_score", lambda job, kept: valid[job])
+    monkeypatch.setattr(motion, "one_action", lambda display, root, choice, name: scored(name))
+    for name in valid:
+        file = motion.kept_file(Choice("trials").folder(tmp_path), name)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("{}")
+    found, folder = motion.measure(Workspace(tmp_path), Choice("trials", only=("kick",)), Silent())
+    assert [score.action for score in found.scores] == ["kick", "walk"]
+    assert found.missing == ["jump"]  # its numbers are of other code
+    assert "code): jump.**" in (folder / "table.md").read_text()
 
 
 @pytest.mark.parametrize(

@@ -71,6 +71,16 @@ def test_twelve_joints_are_the_default_set(joints: np.ndarray) -> None:
     assert "head" not in EVAL_12
 
 
+def test_seventeen_joints_by_hand(joints: np.ndarray) -> None:
+    names = (*SMPL_JOINTS, "nose")
+    true = np.concatenate([joints, joints[:, :1] + [0, 0.6, 0]], axis=1)
+    off = true.copy()
+    off[:, -1] += [0.034, 0, 0]
+    rows = _by_metric(pose_rows("final", "v1", _motion(off, names), _motion(true, names), fps=30))
+    assert rows["mpjpe_17_mm"].value == pytest.approx(34.0 / 17)
+    assert rows["mpjpe_14_mm"].value == pytest.approx(0, abs=1e-9)
+
+
 def test_sync_rows_of_equal_clocks() -> None:
     # Equal frame numbers correspond; the map is 2 frames late throughout.
     frames = np.arange(10, 20)
