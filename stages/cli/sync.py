@@ -66,6 +66,11 @@ def synchronise_action(
     outcomes = runner.run(job, display, job.pipeline.upstream(STAGE))
     keypoints, sync = _made(outcomes, Keypoints), _made(outcomes, Sync)
     if reference is not None and sync.reference != reference:
+        if reference in sync.excluded:
+            raise WorkFailed(
+                f"--reference {reference}: {'; '.join(sync.notes)}; choose another video, or keep "
+                f"it with --set sync.outliers=ignore"
+            )
         sync = _about(reference, job, keypoints, _made(outcomes, InitialSmpl), display)
     folder = out or workspace.root / "artifacts" / job.action.name / STAGE
     try:
