@@ -16,6 +16,7 @@ from imocap_core.motion.alternation import Turn, alternate
 from imocap_core.motion.joint import recover_motion
 from imocap_core.motion.state import MotionState
 from stages.harness.stage import Context, Inputs, main
+from stages.joint_work import joint_work
 from stages.motion_values import (
     body_for,
     evidence_joints,
@@ -27,6 +28,7 @@ from stages.motion_values import (
 )
 from stages.params import Params
 from stages.sync import synchronise_motions
+from stages.sync_hints import hints_of
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
@@ -34,9 +36,11 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     keypoints, initial = inputs.get(Keypoints), inputs.get(InitialSmpl)
     first_sync, first_motion = inputs.get(Sync), inputs.get(SmplBa)
     body = body_for(keypoints)
+    work = joint_work(keypoints, inputs.get(CameraMotion), initial, first_sync, body.model)
     observations = observations_of(
-        body, keypoints, inputs.get(CameraMotion), evidence_joints(initial)
+        body, work.keypoints, work.camera_motion, evidence_joints(work.initial)
     )
+    hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))
     options = options_of(params.motion)
     rounds_begun = 0
 
@@ -45,15 +49,21 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
         rounds_begun += 1
         ctx.progress(rounds_begun / (params.refine.max_rounds + 1), f"round {rounds_begun}: sync")
         return synchronise_motions(
-            motion.videos, keypoints, params.sync, ctx.rng(), reference=first_sync.reference
+            motion.videos,
+            keypoints,
+            params.sync,
+            ctx.rng(),
+            reference=first_sync.reference,
+            decided=first_sync,
+            hints=hints,
         )
 
     def recover(sync: Sync, motion: SmplBa) -> SmplBa:
         ctx.progress(rounds_begun / (params.refine.max_rounds + 1), f"round {rounds_begun}: motion")
-        scene = scene_of(body, observations, sync, params.fit)
-        state: MotionState = state_of(motion.videos)
+        scene = scene_of(body, observations, work.sync_in(sync), params.fit)
+        state: MotionState = state_of(work.motions_in(motion.videos))
         found = recover_motion(scene, state, options)
-        return smpl_ba_of(body, found, observations, keypoints, sync.reference)
+        return work.out(smpl_ba_of(body, found, observations, work.keypoints, sync.reference))
 
     done = alternate(
         Turn(first_sync, first_motion, first_motion.misfit, 0.0),

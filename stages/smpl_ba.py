@@ -5,6 +5,7 @@ from __future__ import annotations
 from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, SmplBa, Sync
 from imocap_core.motion.joint import recover_motion
 from stages.harness.stage import Context, Inputs, main
+from stages.joint_work import joint_work
 from stages.motion_values import (
     body_for,
     evidence_joints,
@@ -21,15 +22,16 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> SmplBa:
     """One pass of SMPL-BA on the first correspondences."""
     keypoints, initial, sync = inputs.get(Keypoints), inputs.get(InitialSmpl), inputs.get(Sync)
     body = body_for(keypoints)
-    joints = evidence_joints(initial)
-    observations = observations_of(body, keypoints, inputs.get(CameraMotion), joints)
+    work = joint_work(keypoints, inputs.get(CameraMotion), initial, sync, body.model)
+    joints = evidence_joints(work.initial)
+    observations = observations_of(body, work.keypoints, work.camera_motion, joints)
     motion = recover_motion(
-        scene_of(body, observations, sync, params.fit),
-        state_of(initial.videos),
+        scene_of(body, observations, work.sync_in(sync), params.fit),
+        state_of(work.initial.videos),
         options_of(params.motion),
         progress=lambda said: ctx.progress(0.5, said),
     )
-    return smpl_ba_of(body, motion, observations, keypoints, sync.reference)
+    return work.out(smpl_ba_of(body, motion, observations, work.keypoints, sync.reference))
 
 
 if __name__ == "__main__":

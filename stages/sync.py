@@ -12,13 +12,14 @@ from imocap_core.artifacts.schemas import (
     Keypoints,
     Sync,
     SyncMap,
+    SyncSummary,
     SyncTrust,
     VideoMotion,
     VideoTrust,
 )
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.sync import Hints, Settings, SyncResult, synchronise
-from imocap_core.sync.screening import sentences
+from imocap_core.sync.screening import Screening, sentences
 from stages.harness.stage import Context, Inputs, main
 from stages.params import Params, SyncParams
 from stages.sync_hints import hints_of
@@ -43,11 +44,13 @@ def synchronise_motions(
     reference: str | None = None,
     mirrored: Sequence[bool | None] | None = None,
     hints: Hints | None = None,
+    decided: SyncSummary | None = None,
 ) -> Sync:
     """Synchronise motions by their joints; frames without any detection are bridged.
 
     `videos` in the order of `keypoints`; `reference` the id of the reference video, chosen by
-    centrality when None; `mirrored` what is known of each video; `hints` as of the core.
+    centrality when None; `mirrored` what is known of each video; `hints` as of the core; `decided`:
+    an earlier synchronisation whose mirrored and excluded videos stay as they are.
     """
     ids = [video.id for video in videos]
     seen = [(video.confidence > 0).max(axis=1).astype(float) for video in keypoints.videos]
@@ -65,6 +68,7 @@ def synchronise_motions(
         twins=mirror_indices(SMPL_JOINTS),
         mirrored=mirrored,
         hints=hints,
+        decided=None if decided is None else _screening_of(decided),
     )
     return Sync(
         reference=ids[result.reference],
@@ -81,11 +85,25 @@ def synchronise_motions(
         status=result.status,
         excluded=[ids[v] for v in result.screening.excluded],
         mirrored=[ids[v] for v in result.screening.flipped],
-        notes=sentences(result.screening, ids),
+        notes=sentences(result.screening, ids) if decided is None else decided.notes,
         trust=_trust(result, ids, fps),
         affinity=result.affinity,
         relaxed=result.relaxed,
     )
+
+
+def _screening_of(decided: SyncSummary) -> Screening:
+    """What an earlier synchronisation found about the videos, and did."""
+    out, flipped = (
+        tuple(v for v, name in enumerate(decided.ids) if name in names)
+        for names in (decided.excluded, decided.mirrored)
+    )
+    known = [] if decided.trust is None else decided.trust.videos
+    scores, margins = (
+        np.array([getattr(v, name) for v in known]) if known else np.full(len(decided.ids), np.nan)
+        for name in ("outlier_score", "mirror_margin")
+    )
+    return Screening(out, flipped, out, flipped, scores, margins)
 
 
 def _trust(result: SyncResult, ids: Sequence[str], fps: Sequence[float]) -> SyncTrust:

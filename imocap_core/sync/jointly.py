@@ -11,7 +11,7 @@ from imocap_core.sync.anchors import Hints, bent_comparison
 from imocap_core.sync.comparison import centrality_of, compare
 from imocap_core.sync.cycle import relax, relax_auto
 from imocap_core.sync.paths import dtw_warps
-from imocap_core.sync.phase import Link, common_phase
+from imocap_core.sync.phase import Link, common_phase, inside
 from imocap_core.sync.posterior import directed_maps, posterior_warps
 from imocap_core.sync.report import CycleReport
 from imocap_core.sync.settings import Settings
@@ -58,9 +58,13 @@ def synchronise_jointly(
     confidence: Sequence[Array] | None,
     joint_weights: Array | None,
     reference: int | None,
+    eligible: Sequence[bool],
     hints: Hints,
 ) -> Joint:
-    """Every video against the others; arguments as of `synchronise`."""
+    """Every video against the others; arguments as of `synchronise`.
+
+    `eligible`: the videos to choose the reference from, when one of them is any.
+    """
     lengths = [len(x) for x in poses]
     if settings.warp not in ("posterior", "dtw"):
         raise ValueError(f"warp: expected posterior or dtw, got {settings.warp!r}")
@@ -74,7 +78,8 @@ def synchronise_jointly(
 
     maps, matched = directed_maps(c, fps, settings)
     centrality = centrality_of(c, maps, matched)
-    chosen = int(np.argmax(centrality)) if reference is None else reference
+    able = np.where(eligible, centrality, -1.0) if any(eligible) else centrality
+    chosen = int(np.argmax(able)) if reference is None else reference
     evidence = maps if settings.warp == "posterior" else affinity
     if settings.method == "auto":
         relaxed, report = relax_auto(evidence, c.blocks, rounds=settings.rounds, rng=rng)
@@ -122,9 +127,17 @@ def _phase(
     hints: Hints,
 ) -> list[Array]:
     """The common time axis from all pairwise maps and the refined maps to the reference."""
-    links = [Link(i, j, at, pairs.confidence[i, j]) for (i, j), at in pairs.positions.items()]
+    links = [
+        Link(i, j, at, pairs.confidence[i, j] * inside(at, lengths[j]))
+        for (i, j), at in pairs.positions.items()
+    ]
     links += [
-        Link(v, reference, frames[v], REFINED_WEIGHT * trust[v])
+        Link(
+            v,
+            reference,
+            frames[v],
+            REFINED_WEIGHT * trust[v] * inside(frames[v], lengths[reference]),
+        )
         for v in range(len(lengths))
         if v != reference
     ]

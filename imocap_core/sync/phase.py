@@ -3,8 +3,9 @@
 Each pairwise map says of a frame of video i where in video j it lies, so that its phase is that of
 video j there: one linear equation in the phases of three frames. All equations of all pairs are
 solved together by robust least squares (Geman-McClure weights, re-estimated), with a weak wish for
-an even pace that carries the axis over frames without a counterpart. Frames that two other videos
-share and the reference does not show get a phase too, before its start or after its end.
+an even pace, each video's usual one, that carries the axis over frames without a counterpart.
+Frames that two other videos share and the reference does not show get a phase too, before its
+start or after its end.
 """
 
 from collections.abc import Sequence
@@ -20,9 +21,11 @@ from scipy.sparse.linalg import splu
 Array = NDArray[np.float64]
 
 ROUNDS = 8
-EVEN_PACE_S = 0.3  # weight of the pace: a bend of the axis is spread over about this long
+EVEN_PACE_S = 0.3  # a bend of the axis is spread over about this long
+PACE_WEIGHT = 0.1  # of one equation of bend or pace, against a sure match
 FIRM = 1e3  # weight of an equation that must hold
 LEAST_SCALE_S = 0.02
+END_FRAMES = 0.75
 
 
 @dataclass(frozen=True)
@@ -51,12 +54,15 @@ def common_phase(
     x[known] = np.arange(lengths[reference]) / fps[reference]
     joined = _joined(len(lengths), reference, links)
     rows, weights = _equations(at, [k for k in links if joined[k.i] and joined[k.j]])
-    pace = _pace(at, fps, lengths, joined)
+    pace, bends = _pace(at, fps, lengths, joined)
     free = np.flatnonzero(~known & np.repeat(joined, lengths))
     if len(free):
         robust = np.ones(len(weights))
+        steps = [np.full(n - 1, 1.0 / f) for n, f, j in zip(lengths, fps, joined, strict=True) if j]
+        wanted = np.concatenate([np.zeros(bends), *steps])
         for _ in range(ROUNDS):
-            x[free] = _solved(rows, weights * robust, pace, x, known, free)
+            x[free] = _solved(rows, weights * robust, pace, wanted, x, known, free)
+            wanted = np.concatenate([np.zeros(bends), _usual_steps(x, at, joined)])
             off = np.abs(rows @ x)
             heard = (weights > 0) & (weights < FIRM)
             scale = max(2.0 * float(np.median(off[heard])) if heard.any() else 0.0, LEAST_SCALE_S)
@@ -70,6 +76,11 @@ def common_phase(
                 held = np.maximum(held, np.where(link.weights >= FIRM, FIRM, 1.0))
         phases.append(isotonic_regression(own, weights=held).x if joined[v] else own * np.nan)
     return phases
+
+
+def inside(positions: Array, length: int) -> NDArray[np.bool_]:
+    """Positions that say where a frame lies: at the very ends of a video it may lie beyond."""
+    return np.asarray((positions > END_FRAMES) & (positions < length - 1 - END_FRAMES))
 
 
 def positions_in(phase: Array, other: Array) -> Array:
@@ -122,33 +133,52 @@ def _pace(
     fps: Sequence[float],
     lengths: Sequence[int],
     joined: NDArray[np.bool_],
-) -> csr_array:
-    """Rows of second differences, weighted so that they bend the axis over EVEN_PACE_S."""
-    parts = [csr_array((0, int(at[-1])))]
+) -> tuple[csr_array, int]:
+    """Rows of second differences (their count is returned), then of first differences, weighted so
+    that a bend and a departure from the pace cost alike over EVEN_PACE_S."""
+    total = int(at[-1])
+    bends, steps = [csr_array((0, total))], [csr_array((0, total))]
     for v, length in enumerate(lengths):
-        if length < 3 or not joined[v]:
+        if not joined[v]:
             continue
-        strength = (EVEN_PACE_S * fps[v]) ** 2
-        row = np.arange(length - 2)
-        column = np.concatenate([at[v] + row + k for k in range(3)])
-        value = np.repeat([strength, -2.0 * strength, strength], length - 2)
-        entries = (value, (np.tile(row, 3), column))
-        parts.append(csr_array(coo_array(entries, shape=(length - 2, int(at[-1])))))
-    return csr_array(vstack(parts))
+        span = EVEN_PACE_S * fps[v]
+        bends.append(_stencil(int(at[v]), length - 2, span**2 * np.array([1.0, -2.0, 1.0]), total))
+        steps.append(_stencil(int(at[v]), length - 1, span * np.array([-1.0, 1.0]), total))
+    return csr_array(vstack([*bends, *steps])), sum(b.shape[0] for b in bends)
+
+
+def _stencil(first: int, count: int, values: Array, total: int) -> csr_array:
+    """`count` rows that hold `values` from columns first, first + 1, ... on."""
+    row = np.arange(max(count, 0))
+    column = np.concatenate([first + row + k for k in range(len(values))])
+    entries = (np.repeat(values, len(row)), (np.tile(row, len(values)), column))
+    return csr_array(coo_array(entries, shape=(len(row), total)))
+
+
+def _usual_steps(x: Array, at: NDArray[np.int64], joined: NDArray[np.bool_]) -> Array:
+    """For each pair of neighbouring frames the video's median step."""
+    steps = [np.diff(x[at[v] : at[v + 1]]) for v in np.flatnonzero(joined)]
+    return np.concatenate([np.full(len(s), np.median(s) if len(s) else 0.0) for s in steps])
 
 
 def _solved(
     rows: csr_array,
     weights: Array,
     pace: csr_array,
+    wanted: Array,
     x: Array,
     known: NDArray[np.bool_],
     free: NDArray[np.int64],
 ) -> Array:
     """Weighted least squares for the free phases, the known ones as they are."""
     scaled = rows.multiply(np.sqrt(weights)[:, None])
-    every = csr_array(vstack([scaled, pace * 0.1]))
-    fixed = every @ np.where(known, x, 0.0)
+    strength = PACE_WEIGHT * pace
+    every = csr_array(vstack([scaled, strength]))
+    # a row of first differences says: step = wanted step, both times the row's own strength
+    target = np.concatenate(
+        [np.zeros(rows.shape[0]), strength.max(axis=1).toarray().ravel() * wanted]
+    )
+    fixed = every @ np.where(known, x, 0.0) - target
     own = every[:, free]
     normal = (own.T @ own).tocsc()
     tiny = 1e-9 * float(normal.diagonal().max())

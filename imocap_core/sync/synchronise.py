@@ -61,6 +61,7 @@ def synchronise(
     twins: Sequence[int] | None = None,
     mirrored: Sequence[bool | None] | None = None,
     hints: Hints | None = None,
+    decided: Screening | None = None,
 ) -> SyncResult:
     """Find for every frame of every video its counterpart in the reference video.
 
@@ -68,8 +69,9 @@ def synchronise(
     rigidly), NaN = missing; `fps` per video; `confidence` per video (T_v, J) in [0, 1];
     `joint_weights` (J,); `reference`: the index of the reference video, chosen by centrality when
     None; `twins` (J,): each joint's mirror twin, needed to find mirrored videos; `mirrored`: per
-    video True or False where that is known; `hints`: anchors and forbidden spans. Raises
-    ValueError for shapes that don't fit and for hints that can't be.
+    video True or False where that is known; `hints`: anchors and forbidden spans; `decided`: which
+    videos are mirrored or another action, when that was found before. Raises ValueError for shapes
+    that don't fit and for hints that can't be.
     """
     check_poses(poses, confidence, fps)
     M = len(poses)
@@ -79,7 +81,7 @@ def synchronise(
     hints = hints or Hints()
     check_hints(hints, lengths)
     seen = _without_forbidden(poses, confidence, hints)
-    found = screen(
+    found = decided or screen(
         [x / s for x, s in zip(poses, body_scales(poses), strict=True)],
         joint_weights_of(poses, seen, joint_weights),
         fps,
@@ -100,6 +102,7 @@ def synchronise(
         confidence=None if seen is None else [c for _, c in own if c is not None],
         joint_weights=joint_weights,
         reference=None if reference is None else used.index(reference),
+        eligible=[v not in found.flipped for v in used],
         hints=hints.among(used),
     )
     return _of_all(joint, used, lengths, found)
