@@ -10,7 +10,7 @@ from stages.benchmarks.ablation_tables import Ablations, csv_text, json_text, ma
 from stages.benchmarks.choice import DATA, RESAMPLED, TITLES, Choice
 from stages.benchmarks.kept import ActionScore
 from stages.benchmarks.motion import kept_file
-from stages.benchmarks.parallel import Named, each
+from stages.benchmarks.parallel import Named, each, was_stopped
 from stages.benchmarks.prepare import action_names, chosen_names, ready_job, standing_job
 from stages.benchmarks.rivals import score_rival
 from stages.benchmarks.score import score_action, standing_score
@@ -65,6 +65,8 @@ def one_action(
             named = Named(display, f"{name}, {variant.name}")
             scores[variant.name] = _score(named, Workspace(root), base, name, variant)
         except WorkFailed as error:
+            if was_stopped(error):
+                raise
             faults.append(f"{variant.name}: {error}")
     return scores, faults
 

@@ -95,7 +95,7 @@ def each(
     """Call ``work(display, *arguments)`` for every task (name, arguments), as they end.
 
     With several jobs `work` must be a module's function and everything it takes and gives must
-    pickle. A task that fails does not stop the others.
+    pickle. A task that fails does not stop the others; the user does.
     """
     if jobs == 1 or len(tasks) < 2:
         for name, arguments in tasks:
@@ -123,8 +123,15 @@ def _ended(
     try:
         made = work(display, *arguments)
     except WorkFailed as error:
+        if was_stopped(error):
+            raise
         return Ended(name, None, str(error), time.perf_counter() - began)
     return Ended(name, made, "", time.perf_counter() - began)
+
+
+def was_stopped(error: WorkFailed) -> bool:
+    """Whether it was the user who ended the work: then nothing else shall begin."""
+    return isinstance(error.__context__, KeyboardInterrupt)
 
 
 def _result(future: Future[Ended[Made]], name: str) -> Ended[Made]:

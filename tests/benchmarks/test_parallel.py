@@ -54,6 +54,19 @@ def test_every_task_ends_and_a_fault_stops_no_other(jobs: int) -> None:
         assert all(m is not None and m[1] == "1" and m[2] != os.getpid() for m in made)
 
 
+def stop(display: object, number: int) -> int:
+    try:
+        raise KeyboardInterrupt
+    except KeyboardInterrupt:
+        raise WorkFailed("stopped") from None
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_the_user_stops_everything(jobs: int) -> None:
+    with pytest.raises(WorkFailed, match="stopped"):
+        list(each(stop, [(f"t{n}", (n,)) for n in range(3)], jobs, Recording()))
+
+
 def outcome(how: str) -> Outcome:
     class Kept(Stored):
         key = "k"  # type: ignore[assignment]
