@@ -62,7 +62,9 @@ def true_sync(found: SyncSummary, truth: Truth) -> SyncSummary:
         at = true_reference_frame(_known(truth.videos[video].phase, video), used, reference)
         trust = np.isfinite(at).astype(np.float64)
         maps.append(SyncMap(id=video, reference_frame=at, confidence=trust))
-    return found.model_copy(update={"maps": maps, "method": "none", "status": "true"})
+    told = {"maps": maps, "method": "none", "status": "true"}
+    nothing = {"excluded": [], "mirrored": [], "notes": [], "trust": None}
+    return found.model_copy(update=told | nothing)
 
 
 def true_cameras(sync: SyncSummary, truth: Truth) -> Cameras:

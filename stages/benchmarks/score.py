@@ -110,12 +110,18 @@ def _numbers(
 
 
 def _scored(answer: Answer, keypoints: Keypoints, truth: Truth) -> dict[str, float]:
-    """All metrics; the nose is posed with the body where the truth knows noses."""
+    """All metrics, the nose posed with the body where the truth knows noses; and how much of the
+    videos that the truth does not know was matched all the same."""
     noses = {}
     if any("nose" in video.joint_names for video in truth.videos.values()):
         model = load_free_body()
         noses = {m.id: body_points(model, m, "coco17", np.eye(3)).nose_m for m in answer.motions}
-    return against_truth(answer, keypoints, truth, noses)
+    numbers = against_truth(answer, keypoints, truth, noses)
+    maps = [] if answer.sync is None else answer.sync.maps
+    strangers = [m.reference_frame for m in maps if truth.videos[m.id].joints is None]
+    if strangers:
+        numbers["stranger_matched_share"] = float(np.isfinite(np.concatenate(strangers)).mean())
+    return numbers
 
 
 def _estimator(action: Action, keypoints: Keypoints, truth: Truth) -> dict[str, float]:

@@ -44,7 +44,9 @@ def known_truth() -> Truth:
 
 
 def test_the_oracle_s_frames_are_where_phases_are_equal() -> None:
-    found = true_sync(summary(), known_truth())
+    wrong = summary().model_copy(update={"excluded": ["a"], "mirrored": ["a"]})
+    found = true_sync(wrong, known_truth())
+    assert (found.excluded, found.mirrored) == ([], [])
     assert found.maps[0].reference_frame[:3].tolist() == [0.0, 0.5, 1.0]
     assert np.isnan(found.maps[0].reference_frame[3])
     assert found.maps[0].confidence.tolist() == [1, 1, 1, 0]
