@@ -21,6 +21,7 @@ from imocap_core.motion.scene import JointMotion, JointOptions, Scene
 from imocap_core.motion.shared import (
     Evidence,
     depths_m,
+    estimates_on_axis,
     fit_shared,
     gather,
     reprojection_errors_px,
@@ -89,7 +90,10 @@ def _shared_then_own(
     if options.objective != "single":
         evidence = replace(evidence, stray=first_strays(len(scene.observations)))
     shared = consensus_motion(scene, state, cameras, options)
-    terms = regularisers(scene.prior, weights, scene.fps)
+    terms = regularisers(scene.prior, weights, scene.fps) + estimates_on_axis(
+        scene.body, scene.observations, scene.timeline, shared.trans,
+        evidence_mm=weights.evidence_mm * options.once(scene.fps) ** 0.5,
+    )  # fmt: skip
     spread_m = np.zeros(evidence.weight.shape)
     status = ""
     for stage in ROBUST_STAGES:

@@ -31,7 +31,7 @@ def own_deviations(
     targets = _targets(scene, start, shared, cameras)
     joints = joint_spread_rad(scene.body, shared, spread.keypoints_m)
     joints[:, :, 0] = spread.whole[:, None, 0]
-    once = max(1.0, options.correlation_s * scene.fps)
+    once = options.once(scene.fps)
     on_axis = torch.as_tensor(1 / (joints**2 * once)).to(state.trans)
     joint_weight = to_own_time(on_axis, scene.timeline, state)
     joint_weight[..., 0] *= faces

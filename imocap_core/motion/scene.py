@@ -44,6 +44,10 @@ class JointOptions:
     correlation_s: float
     max_steps: int
 
+    def once(self, fps: float) -> float:
+        """Frames over which errors and deviations persist: evidence of that many counts once."""
+        return max(1.0, self.correlation_s * fps)
+
 
 @dataclass(frozen=True)
 class Scene:

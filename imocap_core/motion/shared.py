@@ -19,11 +19,12 @@ from imocap_core.motion.observations import Observation, person_size_px
 from imocap_core.motion.scene import JointOptions, solve
 from imocap_core.motion.solver import Solution
 from imocap_core.motion.state import MotionState
-from imocap_core.motion.terms import Reprojection, Term, View
+from imocap_core.motion.terms import JointEvidence, Reprojection, Term, View
 from imocap_core.motion.terms.view import project
 from imocap_core.motion.timeline import Timeline, sample_keypoints
 
 Array = NDArray[np.float64]
+EVIDENCE_SCALE = 3.0  # Geman-McClure, in standard deviations of an estimator
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,29 @@ def gather(
     return Evidence(
         np.stack(xy), np.stack(weight), np.stack(sigma), np.stack([o.K for o in observations])
     )
+
+
+def estimates_on_axis(
+    body: Body,
+    observations: Sequence[Observation],
+    timeline: Timeline,
+    like: Tensor,
+    *,
+    evidence_mm: float,
+) -> list[Term]:
+    """Every estimator's joints (24) at the reference's frames, as evidence of articulation."""
+    terms: list[Term] = []
+    for o, at, trust in zip(
+        observations, timeline.from_reference, timeline.confidence, strict=True
+    ):
+        if o.joints is None:
+            continue
+        known = np.isfinite(o.joints).all(-1)
+        joints, given = sample_keypoints(o.joints, known.astype(float), at)
+        weight = given * trust[:, None] / (evidence_mm / 1000) ** 2
+        on_axis, strength = (torch.as_tensor(x).to(like)[None] for x in (joints, weight))
+        terms.append(JointEvidence(body, on_axis, strength, EVIDENCE_SCALE))
+    return terms
 
 
 def views_of(
