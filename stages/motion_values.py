@@ -23,7 +23,7 @@ from imocap_core.motion.observations import Observation, own_view, padded
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.motion.scene import JointMotion, JointOptions, Scene
 from imocap_core.motion.state import MotionState
-from imocap_core.motion.terms.reprojection import project
+from imocap_core.motion.terms.view import project
 from imocap_core.motion.timeline import make_timeline
 from imocap_core.rotations import exp, log, unwrap
 from stages.params import FitParams, MotionParams
