@@ -12,6 +12,8 @@ import pytest
 from stages.benchmarks import docs, tables
 from stages.benchmarks.kept import RESULTS, ActionScore
 from stages.benchmarks.meter import Cost
+from stages.cli import benchmark as cli
+from stages.cli import main
 from stages.harness.errors import WrongUse
 
 
@@ -112,3 +114,17 @@ def test_every_documented_table_has_its_place() -> None:
     for name in ("protocol-released-fine_tuned-4v", "trials-fine_tuned-4v", "yoga",
                  "ablations-trials", "ablations-protocol-released"):  # fmt: skip
         assert docs.replaced(page, name, "x") is not None
+
+
+def test_the_command_puts_its_table_into_the_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "docs").mkdir()
+    (tmp_path / docs.PAGE).write_text("<!-- table ablations-trials -->\n<!-- end -->\n")
+    monkeypatch.setattr(cli, "_measured", lambda *_: ("# Found\n\n| [a] |\n", "short", tmp_path))
+    monkeypatch.setattr("sys.argv", ["imocap"])
+    assert (
+        main(["--root", str(tmp_path), "benchmark", "ablations", "--on", "trials", "--docs"]) == 0
+    )
+    assert "## Found\n\n| [a] |" in (tmp_path / docs.PAGE).read_text()
+    assert "| [a] |" in capsys.readouterr().out
