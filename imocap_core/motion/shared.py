@@ -142,13 +142,13 @@ def fit_shared(
     start: MotionState,
     evidence: Evidence,
     cameras: Cameras,
-    reference: int,
+    free: Sequence[int],
     terms: Sequence[Term],
     options: JointOptions,
     *,
     robust_scale: float,
 ) -> tuple[MotionState, Cameras, Solution]:
-    """Joint Gauss-Newton over the shared motion, its shape and all cameras but the reference's.
+    """Joint Gauss-Newton over the shared motion, its shape and the cameras in ``free``.
 
     Args:
         start: one motion (batch of 1) in the world's axes on the reference's frames.
@@ -157,7 +157,7 @@ def fit_shared(
     Returns:
         The motion, the cameras, and the solver's account.
     """
-    free = [v for v in range(len(cameras.R)) if v != reference and (evidence.weight[v] > 0).any()]
+    free = [v for v in free if (evidence.weight[v] > 0).any()]
     index = torch.tensor(free, dtype=torch.long, device=start.trans.device)
     state = MotionState(
         start.R_local,

@@ -15,8 +15,11 @@ from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, 
 from imocap_core.artifacts.schemas.sync import SyncSummary
 from imocap_core.formats.truth import Truth
 from imocap_core.metrics.sync import true_reference_frame
+from imocap_core.motion.common import common_then_own
 from imocap_core.motion.consensus import Cameras
-from stages.benchmarks.oracle_fit import fit_with_cameras
+from imocap_core.motion.joint import one_body, recover_motion
+from imocap_core.motion.scene import JointMotion, JointOptions, Scene
+from imocap_core.motion.state import MotionState
 from stages.motion_values import (
     LIKE,
     body_for,
@@ -53,6 +56,15 @@ def oracle(
     return smpl_ba_of(body, motion, observations, keypoints, sync.reference), sync
 
 
+def fit_with_cameras(
+    scene: Scene, start: MotionState, cameras: Cameras, options: JointOptions
+) -> JointMotion:
+    """What `recover_motion` does once it has cameras, with cameras that stay as they are."""
+    if len(scene.observations) == 1:
+        return recover_motion(scene, start, options)
+    return common_then_own(scene, one_body(start), cameras, options, cameras_known=True)
+
+
 def true_sync(found: SyncSummary, truth: Truth) -> SyncSummary:
     """The true correspondences to the reference that was found; frames without any are NaN."""
     reference = _known(truth.videos[found.reference].phase, found.reference)
@@ -63,7 +75,7 @@ def true_sync(found: SyncSummary, truth: Truth) -> SyncSummary:
         trust = np.isfinite(at).astype(np.float64)
         maps.append(SyncMap(id=video, reference_frame=at, confidence=trust))
     told = {"maps": maps, "method": "none", "status": "true"}
-    nothing = {"excluded": [], "mirrored": [], "notes": [], "trust": None}
+    nothing: dict[str, object] = {"excluded": [], "mirrored": [], "notes": [], "trust": None}
     return found.model_copy(update=told | nothing)
 
 

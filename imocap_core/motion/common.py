@@ -1,0 +1,111 @@
+"""The common motion of all videos, then each video's own deviation from it."""
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from imocap_core.motion.consensus import Cameras
+from imocap_core.motion.coupled import consensus_motion
+from imocap_core.motion.deviation import Spread, keypoint_spread_m
+from imocap_core.motion.monocular import Progress, regularisers
+from imocap_core.motion.own import own_deviations, single_motion
+from imocap_core.motion.robust import geman_mcclure
+from imocap_core.motion.scene import JointMotion, JointOptions, Scene
+from imocap_core.motion.shared import (
+    Evidence,
+    depths_m,
+    estimates_on_axis,
+    fit_shared,
+    gather,
+    reprojection_errors_px,
+)
+from imocap_core.motion.state import MotionState
+from imocap_core.motion.straying import estimate_strays, first_strays
+
+ROBUST_STAGES = (3.0, 1.0, 1.0)  # of the common fit, relative to the final scale
+
+
+def misfit(
+    scene: Scene, shared: MotionState, cameras: Cameras, stray: np.ndarray | None = None
+) -> float:
+    """Mean Geman-McClure reprojection cost a keypoint of one motion for all videos."""
+    evidence = gather(scene.observations, scene.timeline, noise_share=scene.weights.noise_share)
+    evidence = replace(evidence, stray=stray)
+    errors = reprojection_errors_px(
+        scene.body, shared, evidence, cameras, robust_scale=scene.weights.robust_scale
+    )
+    squared = evidence.weight * np.nan_to_num(errors**2).sum(-1)
+    cost, _ = geman_mcclure(torch.as_tensor(squared), 3 * scene.weights.robust_scale)
+    seen = max(int((evidence.weight > 0).sum()), 1)
+    return float(cost.sum()) / seen
+
+
+def common_then_own(
+    scene: Scene,
+    state: MotionState,
+    cameras: Cameras,
+    options: JointOptions,
+    progress: Progress = lambda _: None,
+    *,
+    cameras_known: bool = False,
+) -> JointMotion:
+    """One motion for all views, then each video's own deviation from it.
+
+    Args:
+        state: every video's motion in its own camera's axes, one body; cameras: where they start,
+            or where they are and stay (``cameras_known``).
+    """
+    weights, costs = scene.weights, list[float]()
+    free = [] if cameras_known else [v for v in range(len(cameras.R)) if v != scene.reference]
+    evidence = gather(scene.observations, scene.timeline, noise_share=weights.noise_share)
+    if options.objective != "single":
+        evidence = replace(evidence, stray=first_strays(len(scene.observations)))
+    shared = consensus_motion(scene, state, cameras, options)
+    terms = regularisers(scene.prior, weights, scene.fps) + estimates_on_axis(
+        scene.body, scene.observations, scene.timeline, shared.trans,
+        evidence_mm=weights.evidence_mm * options.once(scene.fps) ** 0.5,
+    )  # fmt: skip
+    spread_m = np.zeros(evidence.weight.shape)
+    status = ""
+    for stage in ROBUST_STAGES:
+        progress(f"one motion for all views, robust scale {stage:g}x")
+        scale = weights.robust_scale * stage
+        shared, cameras, solution = fit_shared(
+            scene.body, shared, _with_spread(evidence, spread_m, scene, shared, cameras), cameras,
+            free, terms, options, robust_scale=scale,
+        )  # fmt: skip
+        evidence = estimate_strays(scene.body, shared, evidence, cameras, robust_scale=scale)
+        spread_m = _spread_m(evidence, scene, shared, cameras)
+        costs.append(solution.costs[-1])
+        status = solution.status
+    fit = misfit(scene, shared, cameras, evidence.stray)
+    if evidence.stray is None:
+        own = single_motion(scene, state, shared, cameras)
+        return JointMotion(own, cameras, shared, costs, f"one motion for all: {status}", fit)
+    progress("each video's own deviation")
+    spread = Spread(spread_m, evidence.stray)
+    state, cost = own_deviations(scene, state, shared, cameras, spread, options)
+    return JointMotion(state, cameras, shared, [*costs, cost], f"shared motion {status}", fit)
+
+
+def _spread_m(
+    evidence: Evidence, scene: Scene, shared: MotionState, cameras: Cameras
+) -> np.ndarray:
+    errors = reprojection_errors_px(
+        scene.body, shared, evidence, cameras, robust_scale=scene.weights.robust_scale
+    )
+    depth = depths_m(scene.body, shared, cameras)
+    return keypoint_spread_m(
+        errors, evidence.sigma_px, depth, evidence.K[:, 0, 0], window=round(scene.fps / 2)
+    )
+
+
+def _with_spread(
+    evidence: Evidence, spread_m: np.ndarray, scene: Scene, shared: MotionState, cameras: Cameras
+) -> Evidence:
+    """Evidence whose noise holds how far a performance strays from the common one."""
+    depth = depths_m(scene.body, shared, cameras)
+    spread_px = spread_m * (evidence.K[:, 0, 0, None] / depth)[..., None]
+    sigma2 = evidence.sigma_px[..., None] ** 2
+    return replace(evidence, weight=evidence.weight * sigma2 / (sigma2 + spread_px**2))
