@@ -53,7 +53,10 @@ class SyncParams(Group):
     consensus_rounds: Annotated[int, Field(ge=0)]  # refinements against the other videos
     orientation_window_s: Positive  # an estimate's orientation error changes over about this long
     evidence_per_s: Positive  # independent looks at the pose per second of video; less = smoother
-    unmatched_level: Positive  # where between matching and unrelated poses a match ends
+    unmatched_level: Positive  # how unlike poses may be before a match ends
+    regularity: Share  # of warps whose rate changes slowly among those averaged
+    rate_spread: Positive  # standard deviation of the logarithm of a rate
+    rate_persistence_s: Positive  # how long a rate lasts
     positions_per_frame: Count  # positions tried between two reference frames
     max_rate: Positive  # most seconds of the reference per second of another video
     confidence_reach_s: Positive  # confidence = P(match within this much of the reference)

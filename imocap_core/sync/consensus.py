@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from imocap_core.sync.affinity import procrustes_distances
 from imocap_core.sync.view_axes import centred, rotations_onto, squared_distances_in_view
+from imocap_core.sync.whitening import residuals_in_view, whitening
 
 Array = NDArray[np.float64]
 
@@ -81,8 +82,9 @@ def squared_distances_to_others(
     """Per video (T_v, S): squared distance of its frames to the template made of all
     other videos.
 
-    `maps` (T_v, S) soft maps into the reference's positions, rows scaled by how much the video
-    counts; None for the reference, and None in the answer.
+    With `windows` (frames) poses are compared in each video's own axes and its joints by how surely
+    they are known. `maps` (T_v, S) soft maps into the reference's positions, rows scaled by how
+    much the video counts; None for the reference, and None in the answer.
     """
     base = positions_between(poses[reference], weights[reference], per_frame)
     base = Contribution(centred(base.poses, base.weights), base.weights)
@@ -100,7 +102,15 @@ def squared_distances_to_others(
         if windows is None:
             squares.append(procrustes_distances(x, others.poses, w, others.weights) ** 2)
         else:
-            squares.append(
-                squared_distances_in_view(x, w, others.poses, others.weights, p, windows[v])
-            )
+            squares.append(_squares_of_features(x, w, others, p, windows[v]))
     return squares
+
+
+def _squares_of_features(
+    poses: Array, weights: Array, others: Contribution, maps: Array, window: float
+) -> Array:
+    """Distances in the video's axes between features whose errors are independent."""
+    residuals = residuals_in_view(poses, weights, others.poses, others.weights, maps, window)
+    W = whitening(residuals, weights)
+    x, y = centred(poses, weights), centred(others.poses, others.weights)
+    return squared_distances_in_view(W @ x, weights, W @ y, others.weights, maps, window)

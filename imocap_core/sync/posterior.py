@@ -5,25 +5,32 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from imocap_core.sync.comparison import Comparison, neighbour_squares
+from imocap_core.sync.comparison import Comparison
 from imocap_core.sync.consensus import squared_distances_to_others
 from imocap_core.sync.monotone import interpolated_squares, monotone_posterior
+from imocap_core.sync.regular import rates_between, regular_posterior
 from imocap_core.sync.settings import Settings
 from imocap_core.sync.warping import in_order, mass_within, median_positions
 
 Array = NDArray[np.float64]
 
+SKIPPED_SHARE = 0.3  # a frame of the other video left over at an end, of what a matching pair costs
+
 
 def _posterior(
     squares: Array,
     near: float,
-    far: float,
     fps: float,
     fps_to: float,
     per_frame: int,
     settings: Settings,
+    regularity: float,
 ) -> tuple[Array, Array]:
-    """Soft map of one video into another from squared distances (n, S), and P(matched)."""
+    """Soft map of one video into another from squared distances (n, S), and P(matched).
+
+    The mean over all monotone warps, and, with weight `regularity`, over those of slowly changing
+    rate: where frames were left out the first is right, where a performance went on the second.
+    """
     looks = min(settings.evidence_per_s / fps, 4.0)
     known = np.isfinite(squares)
     mean = np.divide(
@@ -33,13 +40,26 @@ def _posterior(
         where=known.any(axis=1),
     )
     cost = looks / near * np.where(known, squares, mean[:, None])
-    level = settings.unmatched_level
-    if np.isfinite(level):
-        # twice the usual square is beyond noise however different unrelated poses are
-        level = near + min(level * max(far - near, 0.0), near)
-    step = settings.max_rate * fps_to / fps * per_frame
+    unmatched = looks * (1.0 + 2.0 * settings.unmatched_level)
+    usual = fps_to / fps * per_frame
+    step = settings.max_rate * usual
     max_step = int(np.ceil(step)) if np.isfinite(step) else None
-    return monotone_posterior(cost, unmatched=looks / near * level, max_step=max_step)
+    maps, matched = monotone_posterior(cost, unmatched=unmatched, max_step=max_step)
+    if regularity == 0:
+        return maps, matched
+    rates = rates_between(
+        usual=usual,
+        spread=settings.rate_spread,
+        persistence_s=settings.rate_persistence_s,
+        max_rate=settings.max_rate,
+        fps=fps,
+    )
+    skipped = SKIPPED_SHARE * looks / usual
+    even, even_matched, _ = regular_posterior(cost, rates, unmatched=unmatched, skipped=skipped)
+    return (
+        (1 - regularity) * maps + regularity * even,
+        (1 - regularity) * matched + regularity * even_matched,
+    )
 
 
 def directed_maps(c: Comparison, fps: Sequence[float], settings: Settings) -> tuple[Array, Array]:
@@ -50,11 +70,19 @@ def directed_maps(c: Comparison, fps: Sequence[float], settings: Settings) -> tu
         for j in range(len(c.poses)):
             if i != j:
                 block = np.asarray(c.blocks.block(c.squares, i, j))
+                near = _typical(block, c)
                 c.blocks.block(maps, i, j)[...], matched[rows, j] = _posterior(
-                    block, c.near, c.far, fps[i], fps[j], 1, settings
+                    block, near, fps[i], fps[j], 1, settings, settings.regularity
                 )
     c.blocks.set_diagonal_to_identity(maps)
     return maps, matched
+
+
+def _typical(squares: Array, c: Comparison) -> float:
+    """The squared distance that matching frames of this pair typically have."""
+    known = np.isfinite(squares).any(axis=1)
+    near = float(np.median(np.nanmin(squares[known], axis=1))) if known.any() else c.near
+    return max(near, c.floor, 1e-6 * c.near)
 
 
 def _spread(maps: Array, per_frame: int) -> Array:
@@ -62,28 +90,6 @@ def _spread(maps: Array, per_frame: int) -> Array:
     frames."""
     fine = interpolated_squares(maps, np.zeros(maps.shape[1] - 1), per_frame)
     return fine / np.maximum(fine.sum(axis=1, keepdims=True), 1e-300)
-
-
-def _fine_squares(
-    c: Comparison,
-    maps: list[Array | None],
-    reference: int,
-    per_frame: int,
-    windows: Sequence[float] | None,
-) -> list[Array | None]:
-    """Squared distances (T_v, S) to positions of the reference: to the template of all others, or,
-    of two videos, to the reference itself."""
-    if len(c.poses) > 2:
-        return squared_distances_to_others(c.poses, c.weights, maps, reference, per_frame, windows)
-    between = neighbour_squares(c.poses[reference], c.weights[reference])
-    return [
-        None
-        if v == reference
-        else interpolated_squares(
-            np.asarray(c.blocks.block(c.squares, v, reference)), between, per_frame
-        )
-        for v in range(len(c.poses))
-    ]
 
 
 def posterior_warps(
@@ -111,17 +117,17 @@ def posterior_warps(
     for round_ in range(settings.consensus_rounds):
         counted = [None if v == reference else soft[v] * seen[v][:, None] for v in range(M)]
         for v, squares in enumerate(
-            _fine_squares(c, counted, reference, per_frame, steady if round_ else None)
+            squared_distances_to_others(
+                c.poses, c.weights, counted, reference, per_frame, steady if round_ else None
+            )
         ):
             if squares is None:
                 continue
-            known = np.isfinite(squares).any(axis=1)
-            near = float(np.median(np.nanmin(squares[known], axis=1))) if known.any() else c.near
-            near = max(near, c.floor, 1e-6 * c.near)
+            near = _typical(squares, c)
             if bend is not None:
                 squares = bend(v, squares, near)
             soft[v], seen[v] = _posterior(
-                squares, near, c.far, fps[v], fps[reference], per_frame, settings
+                squares, near, fps[v], fps[reference], per_frame, settings, 0.0
             )
     reach = settings.confidence_reach_s * fps[reference]
     frames, trust = [], []

@@ -15,7 +15,11 @@ class Settings:
     consensus_rounds: int  # refinements against the other videos' template; 0 = none
     orientation_window_s: float  # an estimate's orientation error changes over about this long
     evidence_per_s: float  # independent looks at the pose per second of video; less = smoother
-    unmatched_level: float  # unmatched beyond this share of the way from matching to unrelated
+    unmatched_level: float  # posterior: unmatched beyond 1 + 2 x this times the usual square;
+    # dtw: beyond this share of the way from matching to unrelated
+    regularity: float  # share of warps of slowly changing rate among those averaged, pairwise maps
+    rate_spread: float  # standard deviation of the logarithm of a rate
+    rate_persistence_s: float  # how long a rate lasts
     positions_per_frame: int  # positions tried between two reference frames
     max_rate: float  # most seconds of reference per second of video; inf = any
     confidence_reach_s: float  # confidence = P(match within this many seconds of the reference)
