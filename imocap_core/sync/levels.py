@@ -7,7 +7,7 @@ have the level of the estimates' noise plus what differs between performances; a
 action lies above that, however its frames are warped.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,6 +85,44 @@ def matched_levels(
             best = np.sort(square)[: max(1, int(np.ceil(share * len(square))))]
             levels[i, j] = np.sqrt(best.mean())
     return levels
+
+
+def alignment_gains(
+    squares: dict[tuple[int, int], Array],
+    fps: Sequence[float],
+    near: float,
+    max_rate: float,
+    count: int,
+) -> Array:
+    """How much better each video (M,) fits the others in their order of time than out of it.
+
+    The logarithm of the mean matched level with the others run backwards or begun at another
+    moment, over the matched level; mean over the two others it fits best. About 0 for a video of
+    another action, whose frames follow nobody's order.
+    """
+    levels = matched_levels(expected_squares(squares, fps, near, max_rate), count)
+    scrambled = [
+        matched_levels(
+            expected_squares({k: turn(s) for k, s in squares.items()}, fps, near, max_rate), count
+        )
+        for turn in (_backwards, _begun(1 / 3), _begun(1 / 2), _begun(2 / 3))
+    ]
+    gains = np.log(np.mean(scrambled, axis=0) / np.maximum(levels, 1e-12))
+    better = np.fmax(gains, gains.T)
+    out = np.full(count, np.nan)
+    for v in range(count):
+        own = np.delete(better[v], v)
+        own = np.sort(own[np.isfinite(own)])
+        out[v] = own[-2:].mean() if len(own) else np.nan
+    return out
+
+
+def _backwards(square: Array) -> Array:
+    return square[:, ::-1]
+
+
+def _begun(share: float) -> Callable[[Array], Array]:
+    return lambda square: np.roll(square, round(share * square.shape[1]), axis=1)
 
 
 def _expected(square: Array, fps: float, fps_to: float, near: float, max_rate: float) -> Array:

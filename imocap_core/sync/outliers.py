@@ -6,6 +6,10 @@ estimates' noise and however differently people perform, because both raise ever
 the two directions of a pair the better one counts: a short clip fits into a long one, and not the
 other way round. A fixed square is added above and below, so that precise estimates don't make an
 outlier of a performance that differs a little.
+
+A bad estimate of the right action lies far from the others too. It still follows their order of
+time, which another action doesn't: a video that fits the others clearly better in order than out
+of it (`levels.alignment_gains`) is no outlier, whatever its score.
 """
 
 import numpy as np
@@ -17,6 +21,8 @@ Array = NDArray[np.float64]
 # against, and a score says less.
 LARGEST_SCORE, LARGEST_OF_THREE = 1.065, 1.1
 PERFORMANCE_M = 0.14  # the fixed part of a level: about how far performances may differ
+LARGEST_GAIN = 0.08  # of a video of another action; calibrated likewise
+SHARE_OF_GAIN = 0.25
 FEWEST = 3  # with two videos nobody can say which of them is the other action
 
 
@@ -34,6 +40,20 @@ def outlier_scores(levels: Array) -> Array:
         if len(own) and len(rest):
             scores[v] = np.sqrt(np.sort(own)[:2].mean() / np.median(rest))
     return scores
+
+
+def may_be_outliers(levels: Array) -> bool:
+    """Whether any score is too large: only then is it worth asking about order."""
+    scores = outlier_scores(levels)
+    largest = LARGEST_OF_THREE if len(levels) == FEWEST else LARGEST_SCORE
+    return bool((scores[np.isfinite(scores)] > largest).any())
+
+
+def follow_the_order(gains: Array) -> NDArray[np.bool_]:
+    """Which videos (M,) follow the others' order of time, by their alignment gains (M,): the more
+    it matters to the others, the more is asked."""
+    others = np.array([np.nanmedian(np.delete(gains, v)) for v in range(len(gains))])
+    return np.asarray(gains > np.maximum(LARGEST_GAIN, SHARE_OF_GAIN * others))
 
 
 def find_outliers(levels: Array, kept: NDArray[np.bool_] | None = None) -> tuple[list[int], Array]:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imocap_core.sync.levels import (
+    alignment_gains,
     expected_squares,
     matched_levels,
     squares_between,
@@ -14,7 +15,7 @@ from imocap_core.sync.levels import (
     typical_square,
 )
 from imocap_core.sync.mirror import find_mirrored, mirror_evidence, mirrored_poses
-from imocap_core.sync.outliers import find_outliers
+from imocap_core.sync.outliers import find_outliers, follow_the_order, may_be_outliers
 
 Array = NDArray[np.float64]
 
@@ -94,10 +95,14 @@ def screen(
         signs = np.ones(M)
         signs[found] = -1
         levels = np.where(np.outer(signs, signs) > 0, levels, matched_levels(turned, M))
+        squares = {(i, j): (squares if signs[i] == signs[j] else other)[i, j] for i, j in squares}
     strangers: list[int] = []
     scores = np.full(M, np.nan)
     if outliers != "ignore":
-        strangers, scores = find_outliers(levels, None if kept is None else np.asarray(kept))
+        stay = np.zeros(M, dtype=bool) if kept is None else np.asarray(kept)
+        if may_be_outliers(levels):
+            stay = stay | follow_the_order(alignment_gains(squares, rates, near, max_rate, M))
+        strangers, scores = find_outliers(levels, stay)
         found = [v for v in found if v not in strangers]  # another action has no mirror image here
     flips = found if mirrored == "flip" else []
     return Screening(

@@ -175,7 +175,7 @@ def view(context: typer.Context, action: ActionName) -> None:
 def benchmark(
     context: typer.Context,
     name: Annotated[
-        Literal["protocol", "trials", "yoga", "h36m", "ablations", "body", "bones"],
+        Literal["protocol", "trials", "yoga", "h36m", "ablations", "trust", "body", "bones"],
         typer.Argument(help="What to measure; docs/benchmark.md says how."),
     ],
     detector: Annotated[
@@ -201,11 +201,14 @@ def benchmark(
     ] = False,
 ) -> None:
     """Measure how good the program is, what its parts are worth, or how fast the body is."""
-    from stages.cli.benchmark import Wanted, body_table, motion_tables
+    from stages.cli.benchmark import Wanted, body_table, motion_tables, trust_table
 
     workspace = _workspace(context)
     if name in ("body", "bones"):
         console.print(body_table(name, workspace))
+        return
+    if name == "trust":
+        console.print(*trust_table(workspace), sep="\n")
         return
     names = tuple(word.strip() for word in variants.split(",") if word.strip())
     wanted = Wanted(name, detector, sampling, videos, tuple(only), on, names, data, jobs, docs)

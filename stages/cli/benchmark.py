@@ -82,6 +82,21 @@ def body_table(name: str, workspace: Workspace) -> Table:
         from stages.benchmarks.bones import measure as fit
 
         rows = fit(data_folder(workspace.root, "trials"))
+    return _table(rows)
+
+
+def trust_table(workspace: Workspace) -> list[Table | str]:
+    """Whether videos of another action and mirrored ones are found (`trust`), and how often."""
+    from stages.benchmarks.trust import measure, totals
+    from stages.params import SyncParams
+
+    chosen = SyncParams.model_validate(workspace.pipeline().defaults["sync"])
+    rows = measure(data_folder(workspace.root, "trials"), chosen)
+    return [_table(rows), *totals(rows)]
+
+
+def _table(rows: Sequence[Any]) -> Table:
+    """A column a field."""
     told = [asdict(row) for row in rows]
     table = Table(*told[0], box=None, pad_edge=False)
     for row in told:

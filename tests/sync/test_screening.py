@@ -7,7 +7,12 @@ import pytest
 
 from imocap_core.sync import SyncResult
 from imocap_core.sync.mirror import find_mirrored, mirrored_poses, signs_of
-from imocap_core.sync.outliers import find_outliers, outlier_scores
+from imocap_core.sync.outliers import (
+    LARGEST_SCORE,
+    find_outliers,
+    follow_the_order,
+    outlier_scores,
+)
 from imocap_core.sync.screening import sentences
 from tests.sync.test_synchronise import SETTINGS, four_phases, run, seen
 
@@ -151,3 +156,19 @@ def test_at_least_two_videos_are_left() -> None:
     found, _ = find_outliers(levels)
     assert len(found) <= 4
     assert np.isnan(outlier_scores(levels[:2, :2])).all()
+
+
+def test_a_bad_estimate_that_follows_the_order_of_time_is_no_outlier() -> None:
+    rng = np.random.default_rng(15)
+    phases = four_phases()
+    poses = [seen(p, rng, 0.15 if v == 1 else 0.03) for v, p in enumerate(phases)]
+    result = run(poses)
+    assert result.screening.outlier_score[1] > LARGEST_SCORE
+    assert result.screening.outliers == ()
+
+
+def test_order_is_asked_for_as_much_as_it_matters_to_the_others() -> None:
+    gains = np.array([0.8, 0.75, 0.15, 0.7])
+    np.testing.assert_array_equal(follow_the_order(gains), [True, True, False, True])
+    assert follow_the_order(np.array([0.1, 0.1, 0.1])).all()
+    assert not follow_the_order(np.array([0.05, 0.3, 0.3]))[0]
