@@ -21,6 +21,7 @@ from imocap_core.views.gallery import draw_film, draw_numbers
 from imocap_core.views.report import Picture, write_report
 from imocap_core.views.scoreboard import Answer, against_truth, cycle_row, score, true_positions
 from imocap_core.views.tables import long_table, metric_tables, round_table, video_table
+from imocap_core.views.trust_tables import trust_tables
 from stages.harness.stage import Context, Inputs, main
 from stages.params import Params
 
@@ -45,6 +46,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
         *metric_tables(rows, summary),
         *([round_table(refined, round_errors)] if len(refined.rounds) > 1 else []),
         video_table(keypoints, camera_motion, refined.sync),
+        *trust_tables(refined.sync),
     ]
     pictures: list[Picture] = []
     if params.evaluate.figures:

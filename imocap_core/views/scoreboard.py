@@ -59,7 +59,7 @@ def score(
         rows += _pose(answer.name, seen, motion, own, points[seen.id].nose_m)
         rows += _image(answer.name, seen, points[seen.id], xy_first_px[seen.id])
     if answer.cameras is not None and answer.sync is not None:
-        rows += _cameras(answer.name, answer.cameras, answer.sync.reference, truth)
+        rows += _cameras(answer.name, answer.cameras, answer.sync, truth)
     if answer.sync is not None:
         rows += _sync(answer.name, answer.sync, keypoints, truth)
     return rows
@@ -80,14 +80,16 @@ def against_truth(
         own = None if truth is None else truth.videos.get(seen.id)
         rows += _pose(answer.name, seen, motion, own, (noses or {}).get(seen.id))
     if answer.cameras is not None and answer.sync is not None:
-        rows += _cameras(answer.name, answer.cameras, answer.sync.reference, truth)
+        rows += _cameras(answer.name, answer.cameras, answer.sync, truth)
         rows += _sync(answer.name, answer.sync, keypoints, truth)
     return {row.metric: row.value for row in scoring.over_videos(rows) if row.value is not None}
 
 
 def cycle_row(name: str, sync: Sync) -> Row:
     """How far frames land from where they started after going round the videos."""
-    value = cycle_residual_frames(sync.relaxed, sync.lengths)
+    used = [n for i, n in zip(sync.ids, sync.lengths, strict=True) if i not in sync.excluded]
+    kept = np.repeat([i not in sync.excluded for i in sync.ids], sync.lengths)
+    value = cycle_residual_frames(sync.relaxed[np.ix_(kept, kept)], used)
     if np.isfinite(value):
         return Row(name, scoring.ALL_VIDEOS, "cycle_residual_frames", value)
     return Row(name, scoring.ALL_VIDEOS, "cycle_residual_frames", None, "there is one video only")
@@ -158,13 +160,17 @@ def _image(name: str, seen: VideoKeypoints, body: BodyPoints, xy_first_px: Array
 
 
 def _cameras(
-    name: str, cameras: Sequence[Camera], reference: str, truth: Truth | None
+    name: str, cameras: Sequence[Camera], sync: SyncSummary, truth: Truth | None
 ) -> list[Row]:
+    reference = sync.reference
     known = {} if truth is None else {i: v.R for i, v in truth.videos.items() if v.R is not None}
     found = {camera.id: camera.R for camera in cameras}
     rows = []
     for video in (i for i in found if i != reference):
-        if video in known and reference in known:
+        if video in sync.excluded or {video, reference} & {*sync.mirrored}:
+            why = "excluded" if video in sync.excluded else "mirrored: it stands in another world"
+            rows.append(Row(name, video, "camera_rotation_error_deg", None, why))
+        elif video in known and reference in known:
             pair = (found[video], found[reference], known[video], known[reference])
             rows.append(scoring.camera_row(name, video, *pair))
         else:
@@ -180,6 +186,10 @@ def _sync(name: str, sync: SyncSummary, keypoints: Keypoints, truth: Truth | Non
     known = true_positions(sync, truth)
     rows = []
     for found in (m for m in sync.maps if m.id != sync.reference):
+        if found.id in sync.excluded:
+            why = "excluded"
+            rows += [Row(name, found.id, metric, None, why) for metric in scoring.SYNC_METRICS]
+            continue
         if found.id not in known or truth is None:
             why = "no true phases"
             rows += [Row(name, found.id, metric, None, why) for metric in scoring.SYNC_METRICS]
