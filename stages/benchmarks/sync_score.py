@@ -71,3 +71,10 @@ def event_errors_frames(
         if v != reference
     ]
     return np.nan_to_num(np.array(found), nan=np.inf)
+
+
+def pair_error_pct(scene: SyncScene, i: int, j: int, positions: Floats) -> float:
+    """Mean error of a map of video i into video j, (T_i,) fractional frames, in % of the motion."""
+    at = np.arange(len(scene.phases[j]), dtype=float)
+    errors = sync_errors(positions, scene.phases[i], at, scene.phases[j], scene.phase_end)
+    return sync_error_pct(errors)

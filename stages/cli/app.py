@@ -175,7 +175,9 @@ def view(context: typer.Context, action: ActionName) -> None:
 def benchmark(
     context: typer.Context,
     name: Annotated[
-        Literal["protocol", "trials", "yoga", "h36m", "ablations", "trust", "body", "bones"],
+        Literal[
+            "protocol", "trials", "yoga", "h36m", "ablations", "sync", "trust", "body", "bones"
+        ],
         typer.Argument(help="What to measure; docs/benchmark.md says how."),
     ],
     detector: Annotated[
@@ -209,6 +211,11 @@ def benchmark(
         return
     if name == "trust":
         console.print(*trust_table(workspace), sep="\n")
+        return
+    if name == "sync":
+        from stages.cli.benchmark import sync_tables
+
+        console.print(_plain(sync_tables(workspace, sampling, tuple(only), variants)))
         return
     names = tuple(word.strip() for word in variants.split(",") if word.strip())
     wanted = Wanted(name, detector, sampling, videos, tuple(only), on, names, data, jobs, docs)

@@ -95,6 +95,33 @@ def trust_table(workspace: Workspace) -> list[Table | str]:
     return [_table(rows), *totals(rows)]
 
 
+def sync_tables(workspace: Workspace, sampling: str, only: tuple[str, ...], methods: str) -> str:
+    """Synchronisation alone: accuracy by method and warp, events, speed (`sync`)."""
+    from imocap_core.sync import Settings
+    from stages.benchmarks.sync import METHODS, accuracy, events, markdown, write_tables
+    from stages.benchmarks.sync_speed import speed
+    from stages.params import SyncParams
+
+    chosen = tuple(word.strip() for word in methods.split(",") if word.strip()) or METHODS
+    if unknown := set(chosen) - set(METHODS):
+        raise WrongUse(f"--variants: expected some of {', '.join(METHODS)}, got {unknown.pop()}")
+    params = SyncParams.model_validate(workspace.pipeline().defaults["sync"])
+    settings = Settings(**params.model_dump())
+    protocol, trials = (data_folder(workspace.root, kind) for kind in ("protocol", "trials"))
+    tables: dict[str, Sequence[Any]] = {
+        f"accuracy-{sampling}": accuracy(protocol, sampling, settings, chosen, only),
+        "events": events(trials, settings, only),
+        "speed": speed(settings) if not only else [],
+    }
+    folder = workspace.root / "artifacts" / "benchmark" / "sync"
+    told = []
+    for name, rows in tables.items():
+        if rows:
+            write_tables(folder, name, rows)
+            told += [f"## {name}", markdown(rows)]
+    return "\n\n".join([*told, f"Kept in {folder}"])
+
+
 def _table(rows: Sequence[Any]) -> Table:
     """A column a field."""
     told = [asdict(row) for row in rows]
