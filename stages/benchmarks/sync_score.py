@@ -54,7 +54,12 @@ def score_maps(
                 trust,
             ]
         )
-    return SyncScore(*(float(x) for x in np.nanmean(rows, axis=0)))
+    return SyncScore(*(_mean_of_known(column) for column in zip(*rows, strict=True)))
+
+
+def _mean_of_known(values: Sequence[float]) -> float:
+    known = [v for v in values if np.isfinite(v)]
+    return float(np.mean(known)) if known else float("nan")
 
 
 def event_errors_frames(

@@ -61,7 +61,7 @@ def speed(settings: Settings) -> list[SpeedRow]:
     return rows
 
 
-def _relaxed(method: str, soft: Floats, blocks: Blocks, rounds: int) -> str:
+def _relaxed(method: str, soft: NDArray[np.floating], blocks: Blocks, rounds: int) -> str:
     return relax(method, soft, blocks, rounds=rounds, rng=np.random.default_rng(0))[1].status
 
 
