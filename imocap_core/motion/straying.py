@@ -20,7 +20,7 @@ from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import Reprojection, View
 
 Array = NDArray[np.float64]
-FIRST_TURN_RAD, FIRST_SHIFT_M = 0.15, 0.15
+FIRST_TURN_RAD, FIRST_SHIFT_M = 0.08, 0.15
 LEAST_TURN_RAD, LEAST_SHIFT_M = 0.01, 0.005
 ROUNDS = 6
 
