@@ -53,7 +53,7 @@ def affinity_figure(sync: Sync, true_positions: Mapping[str, Array]) -> Figure |
         for column, video in enumerate(others):
             ax = axes[row, column]
             block = matrix[slices[video], slices[sync.reference]].T
-            _matrix(ax, block)
+            draw_affinity(ax, block)
             if row == 0:
                 _path(ax, sync, video, true_positions.get(video))
                 ax.set_title(video, color=color_of(sync.ids, video), fontweight="bold")
@@ -70,7 +70,12 @@ def affinity_figure(sync: Sync, true_positions: Mapping[str, Array]) -> Figure |
     return figure
 
 
-def _matrix(ax: Axes, block: NDArray[np.float32]) -> None:
+def draw_affinity(
+    ax: Axes,
+    block: NDArray[np.float32],
+    extent: tuple[float, float, float, float] | None = None,
+) -> None:
+    """A block of affinities, dark = alike, the brightest and darkest 2 and 0.2 % clipped."""
     low, high = np.quantile(block, [0.02, 0.998])
     ax.imshow(
         block,
@@ -80,6 +85,7 @@ def _matrix(ax: Axes, block: NDArray[np.float32]) -> None:
         origin="lower",
         interpolation="nearest",
         aspect="auto",
+        extent=extent,
     )
     for spine in ax.spines.values():
         spine.set_visible(False)

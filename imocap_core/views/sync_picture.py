@@ -13,7 +13,7 @@ from scipy.special import erfinv
 
 from imocap_core.artifacts.schemas import Keypoints, Sync, SyncMap, VideoKeypoints
 from imocap_core.views.style import ACCENT, QUIET, color_of, grid, headline, new_figure
-from imocap_core.views.sync_figures import AFFINITY
+from imocap_core.views.sync_figures import draw_affinity
 from imocap_core.views.sync_summary import seconds_at, sync_rows, title_of
 
 Array = NDArray[np.float64]
@@ -70,22 +70,8 @@ def _matrices(
         video = seen[others[number]]
         a, b = starts[video.id], starts[reference.id]
         block = sync.affinity[a : a + len(video.frames), b : b + len(reference.frames)].T
-        low, high = np.quantile(block, [0.02, 0.998])
-        ax.imshow(
-            block,
-            cmap=AFFINITY,
-            vmin=low,
-            vmax=max(high, low + 1e-6),
-            origin="lower",
-            interpolation="nearest",
-            aspect="auto",
-            extent=(
-                video.frames[0] - 0.5,
-                video.frames[-1] + 0.5,
-                reference.frames[0] - 0.5,
-                reference.frames[-1] + 0.5,
-            ),
-        )
+        across, up = ((v.frames[0] - 0.5, v.frames[-1] + 0.5) for v in (video, reference))
+        draw_affinity(ax, block, (*across, *up))
         found = _map(sync, video.id)
         there = seconds_at(found.reference_frame, reference.frames, 1.0)
         ax.plot(video.frames, there, color="white", lw=3.2, alpha=0.85)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from imocap_core.synthetic.captured import VIEWPOINTS, place_camera
 from imocap_core.synthetic.estimator import estimate
-from stages.benchmarks.inputs import RESAMPLED_MAX_RATE, SIZE, protocol_shots, trial_shots
+from stages.benchmarks.inputs import RESAMPLED_MAX_RATE, SIZE, Shot, protocol_shots, trial_shots
 
 Floats = NDArray[np.float64]
 SEED = 11
@@ -68,15 +68,7 @@ def seen_by_cameras(
 def protocol_scene(file: Path, sampling: str, videos: int = 4, seed: int = SEED) -> SyncScene:
     """The paper's protocol: one motion, resampled for each video."""
     shots = protocol_shots(file, sampling, videos)
-    return seen_by_cameras(
-        file.stem,
-        [s.joints_m for s in shots],
-        [s.phase for s in shots],
-        [s.kept for s in shots],
-        shots[0].fps,
-        seed=seed,
-        max_rate=RESAMPLED_MAX_RATE,
-    )
+    return _of_shots(file.stem, shots, seed, max_rate=RESAMPLED_MAX_RATE)
 
 
 def trial_scene(file: Path, videos: int = 4, seed: int = SEED) -> SyncScene:
@@ -84,15 +76,12 @@ def trial_scene(file: Path, videos: int = 4, seed: int = SEED) -> SyncScene:
     shots = trial_shots(file, videos)
     with np.load(file) as stored:
         events = [int(e) for e in stored["event_frame"][: len(shots)]]
-    return seen_by_cameras(
-        file.stem,
-        [s.joints_m for s in shots],
-        [s.phase for s in shots],
-        [s.kept for s in shots],
-        shots[0].fps,
-        seed=seed,
-        events=events if min(events) >= 0 else None,
-    )
+    return _of_shots(file.stem, shots, seed, events=events if min(events) >= 0 else None)
+
+
+def _of_shots(name: str, shots: Sequence[Shot], seed: int, **told: object) -> SyncScene:
+    joints, phases, kept = ([getattr(s, f) for s in shots] for f in ("joints_m", "phase", "kept"))
+    return seen_by_cameras(name, joints, phases, kept, shots[0].fps, seed=seed, **told)
 
 
 def _number(name: str) -> int:
