@@ -48,18 +48,21 @@ def _encode(text: str, encoding: str) -> bytes:
     return text.encode("latin1")
 
 
-_ALLOWED: dict[tuple[str, str], Any] = {
+ARRAY_NAMES: dict[tuple[str, str], Any] = {  # what a pickle of arrays needs, and nothing more
     ("numpy", "ndarray"): np.ndarray,
     ("numpy", "dtype"): np.dtype,
     ("_codecs", "encode"): _encode,
+}
+for _module in ("numpy.core.multiarray", "numpy._core.multiarray"):
+    ARRAY_NAMES[_module, "_reconstruct"] = _MULTIARRAY
+    ARRAY_NAMES[_module, "scalar"] = _SCALAR
+_ALLOWED: dict[tuple[str, str], Any] = {
+    **ARRAY_NAMES,
     ("copy_reg", "_reconstructor"): _rebuild,
     ("copyreg", "_reconstructor"): _rebuild,
     ("__builtin__", "object"): object,
     ("builtins", "object"): object,
 }
-for _module in ("numpy.core.multiarray", "numpy._core.multiarray"):
-    _ALLOWED[_module, "_reconstruct"] = _MULTIARRAY
-    _ALLOWED[_module, "scalar"] = _SCALAR
 
 
 class _Restricted(pickle.Unpickler):

@@ -15,30 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.lib import format as npy
 
-_ARRAY = np.empty(0).__reduce__()[0]  # numpy's own _reconstruct, wherever it lives today
-
-
-def _encode(text: str, encoding: str) -> bytes:
-    """How pickles of protocol 2 write bytes."""
-    if encoding not in ("latin1", "latin-1"):
-        raise pickle.UnpicklingError(f"it would decode bytes as {encoding!r}")
-    return text.encode("latin1")
-
-
-_ALLOWED: dict[tuple[str, str], Any] = {
-    ("numpy", "ndarray"): np.ndarray,
-    ("numpy", "dtype"): np.dtype,
-    ("_codecs", "encode"): _encode,
-}
-for _module in ("numpy.core.multiarray", "numpy._core.multiarray"):
-    _ALLOWED[_module, "_reconstruct"] = _ARRAY
+from imocap_core.body.unpickle import ARRAY_NAMES
 
 
 class _ArraysOnly(pickle.Unpickler):
     def find_class(self, module: str, name: str) -> Any:
-        if (module, name) not in _ALLOWED:
+        if (module, name) not in ARRAY_NAMES:
             raise pickle.UnpicklingError(f"it names {module}.{name}, which no array needs")
-        return _ALLOWED[module, name]
+        return ARRAY_NAMES[module, name]
 
 
 def read_object(path: Path, name: str) -> Any:

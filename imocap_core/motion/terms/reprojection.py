@@ -71,16 +71,16 @@ class Reprojection:
         return state.trans + rest[:, None]
 
     def _pull(self, view: View, xyz: Tensor) -> Pull:
-        by_camera, residual, _ = self._by_camera_axes(view, xyz)
+        by_camera, residual = self._by_camera_axes(view, xyz)
         return Pull(residual, by_camera @ view.R[:, None, None])
 
-    def _by_camera_axes(self, view: View, xyz: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Weighted derivative by camera-frame points, weighted residual, and the points."""
+    def _by_camera_axes(self, view: View, xyz: Tensor) -> tuple[Tensor, Tensor]:
+        """Weighted derivative by camera-frame points, and the weighted residual."""
         pixels, x_cam = project(view, xyz)
         error = pixels - view.xy_px
         weight = view.weight * geman_mcclure(self._weighted(view, error), self.scale)[1]
         root = weight.sqrt()[..., None]
-        return projection_jacobian(view, x_cam) * root[..., None], error * root, x_cam
+        return projection_jacobian(view, x_cam) * root[..., None], error * root
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """One weighted outer product of the stacked Jacobian rows per frame and view."""
@@ -99,7 +99,7 @@ class Reprojection:
         assert points.d_pose is not None
         assert points.d_beta is not None
         xyz, d = self.placed(view, points.xyz, state)
-        by_camera, residual, _ = self._by_camera_axes(view, xyz)
+        by_camera, residual = self._by_camera_axes(view, xyz)
         by_point = by_camera @ view.R[:, None, None]
         turned = by_point if view.stray is None else by_point @ exp(d[..., None, :3])
         parts = [turned @ points.d_pose, by_point, turned @ points.d_beta]
