@@ -1,0 +1,110 @@
+"""Selected inversion: the diagonal blocks of the inverse of a block-pentadiagonal matrix.
+
+With ``H = W^T D W``, W unit upper and as banded as H, the inverse's blocks follow from the last
+frame to the first (Takahashi et al., 1973): given the two frames after it, frame t is
+``-U_t [x_{t+1}; x_{t+2}]`` plus an independent part of covariance ``D_t^-1``. Time and memory are
+linear in the number of frames; the dense inverse is never formed.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+FLOOR = 1e-9  # of a block's largest diagonal entry, so that unknowns nobody sees stay finite
+
+
+@dataclass(frozen=True)
+class Factored:
+    """``H = W^T D W`` of a symmetric positive definite block-pentadiagonal H (T frames, n each).
+
+    Attributes:
+        factors: T lower Cholesky factors (n, n) of D's blocks.
+        after: T blocks U_t (n, 2n): W's entries at the two frames after t; 0 beyond the last.
+        ok: False where H was not positive definite; everything made from it is NaN.
+    """
+
+    factors: list[Tensor]
+    after: list[Tensor]
+    ok: bool
+
+    def solve(self, right: Tensor) -> Tensor:
+        """(T, n, k) solution of ``H x = right`` for right (T, n, k)."""
+        n = right.shape[1]
+        y: list[Tensor] = []
+        for t in range(len(right)):
+            value = right[t]
+            if t >= 1:
+                value = value - self.after[t - 1][:, :n].T @ y[t - 1]
+            if t >= 2:
+                value = value - self.after[t - 2][:, n:].T @ y[t - 2]
+            y.append(value)
+        later = right.new_zeros(2 * n, right.shape[2])
+        found: list[Tensor] = []
+        for t in reversed(range(len(right))):
+            value = torch.cholesky_solve(y[t], self.factors[t]) - self.after[t] @ later
+            later = torch.cat([value, later[:n]])
+            found.append(value)
+        return self._checked(torch.stack(found[::-1]))
+
+    def inverse_diagonal(self) -> Tensor:
+        """(T, n, n) blocks (t, t) of ``H^-1``."""
+        n = len(self.factors[0])
+        later = self.factors[0].new_zeros(2 * n, 2 * n)  # inverse at the two frames after t
+        found: list[Tensor] = []
+        for factor, after in zip(self.factors[::-1], self.after[::-1], strict=True):
+            cross = -after @ later
+            own = torch.cholesky_inverse(factor) - cross @ after.T
+            own = (own + own.T) / 2
+            found.append(own)
+            later = torch.cat(
+                [
+                    torch.cat([own, cross[:, :n]], 1),
+                    torch.cat([cross[:, :n].T, later[:n, :n]], 1),
+                ]
+            )
+        return self._checked(torch.stack(found[::-1]))
+
+    def _checked(self, value: Tensor) -> Tensor:
+        return value if self.ok else torch.full_like(value, torch.nan)
+
+
+def factorise(diagonal: Tensor, next1: Tensor, next2: Tensor) -> Factored:
+    """Factor a block-pentadiagonal matrix.
+
+    Args:
+        diagonal, next1, next2: (T, n, n) blocks (t, t), (t, t+1), (t, t+2); the last one of
+            ``next1`` and the last two of ``next2`` are ignored.
+
+    Raises:
+        ValueError: the three have different or no block shapes.
+    """
+    if not diagonal.shape == next1.shape == next2.shape or diagonal.ndim != 3:
+        got = [tuple(x.shape) for x in (diagonal, next1, next2)]
+        raise ValueError(f"diagonal, next1 and next2 must be three arrays (T, n, n), got {got}")
+    frames, n = diagonal.shape[:2]
+    blocks = diagonal.clone()
+    entries = torch.diagonal(blocks, dim1=-2, dim2=-1)
+    entries.add_(FLOOR * entries.amax(-1, keepdim=True) + FLOOR)
+    beside = next1.clone()
+    factors: list[Tensor] = []
+    after: list[Tensor] = []
+    ok = True
+    for t in range(frames):
+        factor, info = torch.linalg.cholesky_ex(blocks[t])
+        ok &= int(info) == 0
+        coupled = torch.cat([beside[t], next2[t]], 1)
+        if t + 1 >= frames:
+            coupled = torch.zeros_like(coupled)
+        elif t + 2 >= frames:
+            coupled[:, n:] = 0.0
+        reach = torch.cholesky_solve(coupled, factor)
+        lost = coupled.T @ reach
+        if t + 1 < frames:
+            blocks[t + 1] -= lost[:n, :n]
+            beside[t + 1] -= lost[:n, n:]
+        if t + 2 < frames:
+            blocks[t + 2] -= lost[n:, n:]
+        factors.append(factor)
+        after.append(reach)
+    return Factored(factors, after, ok)
