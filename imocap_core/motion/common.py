@@ -72,11 +72,11 @@ def common_then_own(
         progress(f"one motion for all views, robust scale {stage:g}x")
         scale = weights.robust_scale * stage
         shared, cameras, solution = fit_shared(
-            scene.body, shared, _with_spread(evidence, spread_m, scene, shared, cameras), cameras,
+            scene.body, shared, with_spread(evidence, spread_m, scene, shared, cameras), cameras,
             free, terms, options, robust_scale=scale,
         )  # fmt: skip
         evidence = estimate_strays(scene.body, shared, evidence, cameras, robust_scale=scale)
-        spread_m = _spread_m(evidence, scene, shared, cameras)
+        spread_m = spread_m_of(evidence, scene, shared, cameras)
         costs.append(solution.costs[-1])
         status = solution.status
     fit = misfit(scene, shared, cameras, evidence.stray)
@@ -89,9 +89,10 @@ def common_then_own(
     return JointMotion(state, cameras, shared, [*costs, cost], f"shared motion {status}", fit)
 
 
-def _spread_m(
+def spread_m_of(
     evidence: Evidence, scene: Scene, shared: MotionState, cameras: Cameras
 ) -> np.ndarray:
+    """(M, N, K) how far each keypoint strays from the common motion, metres."""
     errors = reprojection_errors_px(
         scene.body, shared, evidence, cameras, robust_scale=scene.weights.robust_scale
     )
@@ -101,7 +102,7 @@ def _spread_m(
     )
 
 
-def _with_spread(
+def with_spread(
     evidence: Evidence, spread_m: np.ndarray, scene: Scene, shared: MotionState, cameras: Cameras
 ) -> Evidence:
     """Evidence whose noise holds how far a performance strays from the common one."""

@@ -10,6 +10,7 @@ from imocap_core.motion.coupling import Targets, coupling_terms, to_own_axes, to
 from imocap_core.motion.deviation import Spread, joint_spread_rad
 from imocap_core.motion.scene import JointOptions, Scene, own_terms, solve
 from imocap_core.motion.state import MotionState
+from imocap_core.motion.terms import Term
 from imocap_core.rotations import geodesic_angle
 
 FACING_RAD = 0.6  # beyond a monocular estimate's own errors
@@ -25,21 +26,34 @@ def own_deviations(
     options: JointOptions,
 ) -> tuple[MotionState, float]:
     """Each video from its own image, drawn to the common motion as strongly as it follows it."""
-    targets = _targets(scene, state, shared, cameras)
+    targets = targets_of(scene, state, shared, cameras)
     faces = facing_alike(state, targets)
     start = _released(single_motion(scene, state, shared, cameras), state, faces)
-    targets = _targets(scene, start, shared, cameras)
+    terms = own_terms(scene, start.trans)
+    terms += deviation_terms(scene, start, shared, cameras, spread, options, faces)
+    solution = solve(terms, start, options, one_body=True)
+    return solution.state, solution.costs[-1]
+
+
+def deviation_terms(
+    scene: Scene,
+    start: MotionState,
+    shared: MotionState,
+    cameras: Cameras,
+    spread: Spread,
+    options: JointOptions,
+    faces: Tensor,
+) -> list[Term]:
+    """What draws each video to the common motion, a deviation counted once per correlation time."""
+    targets = targets_of(scene, start, shared, cameras)
     joints = joint_spread_rad(scene.body, shared, spread.keypoints_m)
     joints[:, :, 0] = spread.whole[:, None, 0]
     once = options.once(scene.fps)
-    on_axis = torch.as_tensor(1 / (joints**2 * once)).to(state.trans)
-    joint_weight = to_own_time(on_axis, scene.timeline, state)
+    on_axis = torch.as_tensor(1 / (joints**2 * once)).to(start.trans)
+    joint_weight = to_own_time(on_axis, scene.timeline, start)
     joint_weight[..., 0] *= faces
-    path_weight = torch.as_tensor(1 / (spread.whole[:, 3:4] ** 2 * once)).to(state.trans)
-    terms = own_terms(scene, start.trans)
-    terms += coupling_terms(scene.body, targets, start, joint_weight, path_weight)
-    solution = solve(terms, start, options, one_body=True)
-    return solution.state, solution.costs[-1]
+    path_weight = torch.as_tensor(1 / (spread.whole[:, 3:4] ** 2 * once)).to(start.trans)
+    return coupling_terms(scene.body, targets, start, joint_weight, path_weight)
 
 
 def facing_alike(state: MotionState, targets: Targets) -> Tensor:
@@ -67,7 +81,7 @@ def single_motion(
     scene: Scene, state: MotionState, shared: MotionState, cameras: Cameras
 ) -> MotionState:
     """The common motion at every matched frame of every video; unmatched frames keep theirs."""
-    targets = _targets(scene, state, shared, cameras)
+    targets = targets_of(scene, state, shared, cameras)
     matched = (targets.trust > 0)[..., None]
     rest = scene.body.model.shape(shared.betas).joints_rest[:, 0]
     return replace(
@@ -78,7 +92,8 @@ def single_motion(
     )
 
 
-def _targets(scene: Scene, state: MotionState, shared: MotionState, cameras: Cameras) -> Targets:
+def targets_of(scene: Scene, state: MotionState, shared: MotionState, cameras: Cameras) -> Targets:
+    """The common motion at every video's frames and in its axes."""
     videos = len(scene.observations)
     Z = shared.R_local.expand(videos, -1, -1, -1, -1)
     Y = pelvis(scene.body, shared).expand(videos, -1, -1)
