@@ -7,10 +7,13 @@ sees (body shape, cameras) form a border ("arrow"), eliminated by their Schur co
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import torch
 from torch import Tensor
+
+from imocap_core.motion.pentadiagonal import solve_pentadiagonal
+from imocap_core.motion.workers import Each, in_turn
 
 
 @dataclass(frozen=True)
@@ -73,12 +76,21 @@ class NormalEquations:
             corner_gradient=like.new_zeros(batch, m),
         )
 
-    def reduce(self, damping: float) -> Reduced:
-        """Eliminate the frames; ``damping`` is the Levenberg-Marquardt factor on the diagonal."""
+    def plus(self, other: "NormalEquations") -> "NormalEquations":
+        """This system with another one added to it, in place."""
+        for field in fields(self):
+            getattr(self, field.name).add_(getattr(other, field.name))
+        return self
+
+    def reduce(self, damping: float, each: Each = in_turn) -> Reduced:
+        """Eliminate the frames; ``damping`` is the Levenberg-Marquardt factor on the diagonal.
+
+        ``each`` does the two halves of a motion.
+        """
         right = torch.cat([self.gradient[..., None], self.border], dim=-1)
         damped = _damped(self.diagonal, damping)
         systems = zip(damped, self.next1, self.next2, right, strict=True)
-        solved = torch.stack([solve_pentadiagonal(*system) for system in systems])
+        solved = torch.stack([solve_pentadiagonal(*system, each) for system in systems])
         frame_only, response = solved[..., 0], solved[..., 1:]
         schur = self.corner - torch.einsum("btni,btnj->bij", self.border, response)
         rest = self.corner_gradient - torch.einsum("btni,btn->bi", self.border, frame_only)
@@ -92,45 +104,3 @@ def _damped(blocks: Tensor, damping: float) -> Tensor:
     damped = blocks.clone()
     damped.diagonal(dim1=-2, dim2=-1).add_(damping * diagonal + floor)
     return damped
-
-
-def solve_pentadiagonal(diagonal: Tensor, next1: Tensor, next2: Tensor, right: Tensor) -> Tensor:
-    """Block Cholesky solution of a symmetric positive definite block-pentadiagonal system.
-
-    Frame t's factor L gives A = L^-1 [next1 | next2 | right]; the products of A's columns with
-    themselves are what the two frames after it lose.
-
-    Args:
-        diagonal, next1, next2: (T, n, n) blocks (t, t), (t, t+1), (t, t+2); the last one of
-            ``next1`` and the last two of ``next2`` are ignored.
-        right: (T, n, k).
-
-    Returns:
-        (T, n, k) solution, NaN where the matrix is not positive definite (the caller damps and
-        retries).
-    """
-    frames, n = diagonal.shape[:2]
-    rows = torch.cat([diagonal, next1, next2, right], -1).unbind()
-    failed = torch.zeros((), dtype=torch.int32, device=diagonal.device)
-    factors, eliminated = [], []
-    for t in range(frames):
-        factor, info = torch.linalg.cholesky_ex(rows[t][:, :n])
-        failed |= info
-        known = torch.linalg.solve_triangular(factor, rows[t][:, n:], upper=False)
-        factors.append(factor)
-        eliminated.append(known)
-        if t + 1 < frames:
-            lost = known[:, :n].T @ known
-            rows[t + 1][:, : 2 * n] -= lost[:, : 2 * n]
-            rows[t + 1][:, 3 * n :] -= lost[:, 2 * n :]
-        if t + 2 < frames:
-            lost = known[:, n : 2 * n].T @ known[:, n:]
-            rows[t + 2][:, :n] -= lost[:, :n]
-            rows[t + 2][:, 3 * n :] -= lost[:, n:]
-    solution: list[Tensor] = []  # from the last frame to the first
-    for t in range(frames - 1, -1, -1):
-        value = eliminated[t][:, 2 * n :]
-        for step, later in enumerate(solution[:-3:-1]):
-            value = value - eliminated[t][:, step * n : (step + 1) * n] @ later
-        solution.append(torch.linalg.solve_triangular(factors[t].T, value, upper=True))
-    return torch.where(failed != 0, torch.nan, torch.stack(solution[::-1]))

@@ -17,7 +17,7 @@ from imocap_core.motion.consensus import Cameras, pelvis
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.observations import Observation, person_size_px
 from imocap_core.motion.scene import JointOptions, solve
-from imocap_core.motion.solver import Solution
+from imocap_core.motion.solver import HALVES, Solution
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import JointEvidence, Reprojection, Term, View
 from imocap_core.motion.terms.view import project
@@ -168,8 +168,9 @@ def fit_shared(
         cameras.t[index][None],
     )
     views = views_of(evidence, cameras, start.trans, free=free)
-    objective_terms = [Reprojection(body, views, robust_scale), *terms]
-    solution = solve(objective_terms, state, options, one_body=False)
+    halves = [views[k::HALVES] for k in range(min(HALVES, len(views)))]
+    seen = [Reprojection(body, half, robust_scale) for half in halves]
+    solution = solve([*seen, *terms], state, options, one_body=False)
     state = solution.state
     R, t = cameras.R.clone(), cameras.t.clone()
     R[index], t[index] = state.camera_R[0], state.camera_t[0]

@@ -2,15 +2,15 @@
 
 A batch is taken apart into its motions, each of its own length. Motions that share their globals
 step together; others go their own way and stop when they have settled. On a CPU every motion has a
-thread: the blocks are too small for a linear algebra library's own threads to pay.
+thread, and a motion alone has one for each half of its work: the blocks are too small for a linear
+algebra library's own threads to pay.
 """
 
 import os
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import torch
 from torch import Tensor
@@ -18,11 +18,12 @@ from torch import Tensor
 from imocap_core.motion.normal import NormalEquations, Reduced, solve_globals
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms.base import Term
+from imocap_core.motion.workers import Each, in_turn, on
 
 FIRST_DAMPING = 1e-3
 LEAST_DAMPING = 1e-9
 LARGEST_DAMPING = 1e6
-Each = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]  # map, in turn or on threads
+HALVES = 2  # of a motion alone
 
 
 @dataclass(frozen=True)
@@ -48,9 +49,10 @@ class Motion:
     terms: list[Term]
     state: MotionState
 
-    def cost(self) -> float:
-        """Its objective."""
-        return float(objective(self.terms, self.state).sum())
+    def cost(self, each: Each = in_turn) -> float:
+        """Its objective; ``each`` does the terms."""
+        costs = each(partial(_cost_of, state=self.state), self.terms)
+        return float(torch.stack(costs).sum())
 
 
 @dataclass(frozen=True)
@@ -69,16 +71,34 @@ def objective(terms: Sequence[Term], state: MotionState) -> Tensor:
 
 def linearise(terms: Sequence[Term], state: MotionState) -> NormalEquations:
     """The normal equations of all terms at ``state``; padded frames get the identity."""
+    return _with_padding(_of_terms(terms, state), state)
+
+
+def _of_terms(terms: Sequence[Term], state: MotionState) -> NormalEquations:
     batch, frames = state.valid.shape
     normal = NormalEquations.zeros(
         batch, frames, FRAME_UNKNOWNS, state.unknown_globals, state.trans
     )
     for term in terms:
         term.add_to(normal, state)
+    return normal
+
+
+def _with_padding(normal: NormalEquations, state: MotionState) -> NormalEquations:
     torch.diagonal(normal.diagonal, dim1=-2, dim2=-1).add_(
         (~state.valid)[..., None].to(state.trans)
     )
     return normal
+
+
+def linearise_halves(terms: Sequence[Term], state: MotionState, each: Each) -> NormalEquations:
+    """`linearise`, every second term by itself."""
+    halves = [terms[k::HALVES] for k in range(min(HALVES, len(terms)))]
+    first, *others = each(lambda half: _of_terms(half, state), halves)
+    normal: NormalEquations = first
+    for other in others:
+        normal = normal.plus(other)
+    return _with_padding(normal, state)
 
 
 def gauss_newton(
@@ -104,17 +124,19 @@ def gauss_newton(
         shared_globals: one body for the batch; free_shape: False holds the betas.
     """
     motions = take_apart(terms, state)
-    workers = 1 if state.trans.is_cuda else min(len(motions), len(os.sched_getaffinity(0)))
+    alone = len(motions) == 1
+    most = HALVES if alone else len(motions)
+    workers = 1 if state.trans.is_cuda else min(most, len(os.sched_getaffinity(0)))
     with ThreadPoolExecutor(workers) as pool:
 
         def descend(group: list[Motion], each: Each) -> Descent:
             return _descend(group, each, max_steps, relative_tolerance, free_shape)
 
-        if shared_globals:
-            descents = [descend(motions, _on(pool))]
+        if shared_globals or alone:
+            descents = [descend(motions, on(pool))]
         else:
             groups = [[motion] for motion in motions]
-            descents = _on(pool)(lambda group: descend(group, _in_turn), groups)
+            descents = on(pool)(lambda group: descend(group, in_turn), groups)
     found = [motion.state for descent in descents for motion in descent.motions]
     steps = max(len(d.costs) for d in descents)
     costs = [sum(d.costs[min(k, len(d.costs) - 1)] for d in descents) for k in range(steps)]
@@ -156,17 +178,22 @@ def put_together(batch: MotionState, motions: Sequence[MotionState]) -> MotionSt
 def _descend(
     motions: list[Motion], each: Each, max_steps: int, tolerance: float, free_shape: bool
 ) -> Descent:
-    """Bring down the sum of the motions' objectives; their globals move as one."""
-    cost = sum(each(Motion.cost, motions))
+    """Bring down the sum of the motions' objectives; their globals move as one.
+
+    ``each`` does the motions, or the halves of one alone.
+    """
+    each, within = (in_turn, each) if len(motions) == 1 else (each, in_turn)
+    cost_of = partial(Motion.cost, each=within)
+    cost = sum(each(cost_of, motions))
     damping, costs, converged = FIRST_DAMPING, [float(cost)], False
     for _ in range(max_steps):
-        systems = each(partial(_system, free_shape=free_shape), motions)
+        systems = each(partial(_system, free_shape=free_shape, each=within), motions)
         while True:
-            reduced = each(partial(NormalEquations.reduce, damping=damping), systems)
+            reduced = each(partial(NormalEquations.reduce, damping=damping, each=within), systems)
             d_globals = solve_globals(reduced, damping).nan_to_num()
             pairs = list(zip(motions, reduced, strict=True))
             trial = each(partial(_stepped, d_globals=d_globals), pairs)
-            trial_cost = sum(each(Motion.cost, trial))
+            trial_cost = sum(each(cost_of, trial))
             if trial_cost < cost:  # NaN is never better
                 converged = cost - trial_cost <= tolerance * cost
                 motions, cost = trial, trial_cost
@@ -182,8 +209,15 @@ def _descend(
     return Descent(motions, costs, converged)
 
 
-def _system(motion: Motion, free_shape: bool) -> NormalEquations:
-    normal = linearise(motion.terms, motion.state)
+def _cost_of(term: Term, state: MotionState) -> Tensor:
+    return term.cost(state)
+
+
+def _system(motion: Motion, free_shape: bool, each: Each) -> NormalEquations:
+    if each is in_turn:
+        normal = linearise(motion.terms, motion.state)
+    else:
+        normal = linearise_halves(motion.terms, motion.state, each)
     if not free_shape:
         shape = slice(0, motion.state.betas.shape[1])
         normal.border[..., shape] = 0.0
@@ -196,11 +230,3 @@ def _stepped(pair: tuple[Motion, Reduced], d_globals: Tensor) -> Motion:
     motion, reduced = pair
     d_frames = reduced.frames(d_globals[None]).nan_to_num()
     return replace(motion, state=motion.state.retract(d_frames, d_globals[None]))
-
-
-def _in_turn(work: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
-    return [work(item) for item in items]
-
-
-def _on(pool: Executor) -> Each:
-    return lambda work, items: list(pool.map(work, items))

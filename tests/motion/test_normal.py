@@ -1,10 +1,14 @@
 """The block-banded solver against the dense matrix it stands for."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import pytest
 import torch
 from torch import Tensor
 
-from imocap_core.motion.normal import NormalEquations, solve_globals, solve_pentadiagonal
+from imocap_core.motion.normal import NormalEquations, solve_globals
+from imocap_core.motion.pentadiagonal import solve_pentadiagonal
+from imocap_core.motion.workers import on
 
 
 def banded(frames: int, n: int, *, accelerations: bool) -> tuple[Tensor, Tensor, Tensor, Tensor]:
@@ -78,3 +82,19 @@ def test_a_matrix_that_is_not_positive_definite_gives_nan() -> None:
     assert solve_pentadiagonal(diagonal[0], next1[0], next2[0], right).isfinite().all()
     diagonal[0, 2] -= 100 * torch.eye(3, dtype=torch.float64)
     assert solve_pentadiagonal(diagonal[0], next1[0], next2[0], right).isnan().all()
+
+
+def test_halves_on_threads_give_the_same_bits() -> None:
+    diagonal, next1, next2, _ = banded(9, 4, accelerations=True)
+    right = torch.randn(9, 4, 3, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
+    system = (diagonal[0], next1[0], next2[0], right)
+    with ThreadPoolExecutor(2) as pool:
+        assert torch.equal(solve_pentadiagonal(*system, on(pool)), solve_pentadiagonal(*system))
+
+
+def test_the_system_given_is_left_as_it_was() -> None:
+    diagonal, next1, next2, _ = banded(6, 3, accelerations=True)
+    system = (diagonal[0], next1[0], next2[0], torch.ones(6, 3, 2).double())
+    before = [x.clone() for x in system]
+    solve_pentadiagonal(*system)
+    assert all(torch.equal(a, b) for a, b in zip(before, system, strict=True))

@@ -1,5 +1,8 @@
 """The solver: guaranteed descent, made truth recovered, Adam going the same way."""
 
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import fields
+
 import numpy as np
 import pytest
 import torch
@@ -10,9 +13,10 @@ from imocap_core.motion.lifting import best_path, match
 from imocap_core.motion.monocular import fit_monocular, monocular_terms
 from imocap_core.motion.observations import Observation, person_size_px, without_jumps
 from imocap_core.motion.prior import load_pose_prior
-from imocap_core.motion.solver import gauss_newton, objective
+from imocap_core.motion.solver import gauss_newton, linearise, linearise_halves, objective
 from imocap_core.motion.starts import LiftingOptions, Start, lifted_starts, start_at_joints
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
+from imocap_core.motion.workers import in_turn, on
 from tests.motion.made import WEIGHTS, K, Made, mpjpe_mm, scene, wide_prior
 
 
@@ -55,6 +59,21 @@ def test_motions_of_a_batch_do_not_feel_each_other(made: Made) -> None:
     expected = gauss_newton(one, alone, max_steps=3).state
     found = gauss_newton(two, both, max_steps=3).state
     assert torch.allclose(found.R_local[1], expected.R_local[0], atol=1e-8)
+
+
+def test_a_motion_alone_is_linearised_in_halves_that_add_up(made: Made) -> None:
+    terms = monocular_terms(
+        made.body, wide_prior(), made.observations, made.state.trans, WEIGHTS, 1.0
+    )
+    state = disturbed(made.state, 0.1)
+    whole = linearise(terms, state)
+    in_halves = linearise_halves(terms, state, in_turn)
+    with ThreadPoolExecutor(2) as pool:
+        on_threads = linearise_halves(terms, state, on(pool))
+    for field in fields(whole):
+        expected, found, again = (getattr(x, field.name) for x in (whole, in_halves, on_threads))
+        assert torch.allclose(found, expected, rtol=1e-12, atol=1e-9)
+        assert torch.equal(found, again)
 
 
 def test_adam_descends_but_stays_behind_gauss_newton(made: Made) -> None:
