@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from imocap_core.sync.als import als
 from imocap_core.sync.blocks import Blocks
+from imocap_core.sync.contrast import contrasted
 from imocap_core.sync.report import CycleReport
 from imocap_core.sync.softmap import softmap
 from imocap_core.sync.svt import svt
@@ -19,17 +20,10 @@ AUTO_LARGEST = 1600  # frames of all videos up to which `auto` also tries the fa
 
 
 def symmetric_affinity(maps: Matrix, blocks: Blocks) -> Matrix:
-    """Directed soft maps as one symmetric affinity in [0, 1]: rows scaled to peak 1, both
-    directions averaged."""
-    out = np.zeros_like(maps)
-    for i, j in blocks.pairs():
-        there, back = blocks.block(maps, i, j), blocks.block(maps, j, i)
-        peak_there = np.maximum(there.max(axis=1, keepdims=True), 1e-12)
-        peak_back = np.maximum(back.max(axis=1, keepdims=True), 1e-12)
-        mean = 0.5 * (there / peak_there + (back / peak_back).T)
-        blocks.block(out, i, j)[...], blocks.block(out, j, i)[...] = mean, mean.T
-    blocks.set_diagonal_to_identity(out)
-    return out
+    """Directed soft maps or affinities as one symmetric affinity in [0, 1]: how far entries stand
+    out in their rows (`contrasted`), both directions averaged."""
+    risen = contrasted(maps, blocks)
+    return np.asarray(0.5 * (risen + risen.T))
 
 
 def relax(
