@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-FLOOR = 1e-9  # of a block's largest diagonal entry, so that unknowns nobody sees stay finite
+FLOOR = 1e-12  # of a block's largest diagonal entry, so that unknowns nobody sees stay finite
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,40 @@
+"""A term that counts only in part."""
+
+from dataclasses import dataclass, fields, replace
+from typing import Self
+
+from torch import Tensor
+
+from imocap_core.motion.normal import NormalEquations
+from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
+from imocap_core.motion.terms.base import Term
+
+
+@dataclass(frozen=True)
+class Tempered:
+    """``share`` of a term: evidence whose errors persist over n frames counts 1/n a frame.
+
+    Its robust weights are those of the whole term, because a detection is an outlier or not
+    whatever its neighbours are.
+    """
+
+    term: Term
+    share: float
+
+    def of(self, v: int, frames: int) -> Self:
+        """The same share of one motion's term."""
+        return replace(self, term=self.term.of(v, frames))
+
+    def cost(self, state: MotionState) -> Tensor:
+        """(B,)."""
+        return self.share * self.term.cost(state)
+
+    def add_to(self, normal: NormalEquations, state: MotionState) -> None:
+        """Everything that the term adds, times ``share``."""
+        batch, frames = state.valid.shape
+        part = NormalEquations.zeros(
+            batch, frames, FRAME_UNKNOWNS, state.unknown_globals, state.trans
+        )
+        self.term.add_to(part, state)
+        for field in fields(part):
+            getattr(normal, field.name).add_(getattr(part, field.name), alpha=self.share)

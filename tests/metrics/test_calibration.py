@@ -1,0 +1,41 @@
+"""Normalised errors are 1 when claims are honest, and say by which factor they are not."""
+
+import numpy as np
+import pytest
+
+from imocap_core.metrics.calibration import (
+    along_and_across,
+    normalised_error,
+    normalised_errors,
+    total_sigma,
+)
+
+
+def test_honest_claims_give_one_and_doubled_ones_a_half() -> None:
+    rng = np.random.default_rng(0)
+    root = rng.normal(size=(3, 3))
+    covariance = root @ root.T
+    errors = rng.multivariate_normal(np.zeros(3), covariance, (4000, 2))
+    sigma = np.broadcast_to(total_sigma(covariance), (4000, 2))
+    length = np.linalg.norm(errors, axis=-1)
+    assert normalised_error(length, sigma) == pytest.approx(1, abs=0.03)
+    assert normalised_errors(length, 2 * sigma) == pytest.approx([0.5, 0.5], abs=0.03)
+
+
+def test_variance_is_split_between_along_and_across() -> None:
+    along, across = along_and_across(np.diag([1.0, 4.0, 9.0]), np.array([0.0, 0.0, 1.0]))
+    assert along == pytest.approx(3)
+    assert across == pytest.approx(np.sqrt(5))
+    tilted = np.array([0.6, 0.0, 0.8])
+    along, across = along_and_across(np.diag([1.0, 4.0, 9.0]), tilted)
+    assert along**2 + across**2 == pytest.approx(14)
+
+
+def test_what_is_unknown_is_left_out() -> None:
+    assert normalised_error([3.0, np.nan, 1.0], [1.0, 1.0, np.nan]) == pytest.approx(3)
+    assert np.isnan(normalised_error([np.nan], [1.0]))
+
+
+def test_shapes_that_do_not_fit_are_named() -> None:
+    with pytest.raises(ValueError, match=r"both be \(T, J\), got \(4, 2\) and \(4, 3\)"):
+        normalised_errors(np.ones((4, 2)), np.ones((4, 3)))

@@ -1,0 +1,190 @@
+"""Posteriors against dense inverses, numeric derivatives and made truth."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from imocap_core.motion.common_posterior import CommonPosterior, common_posterior, settle_common
+from imocap_core.motion.consensus import Cameras
+from imocap_core.motion.joint import recover_motion
+from imocap_core.motion.joint_covariance import joint_covariance, joint_jacobian
+from imocap_core.motion.noise import Noise
+from imocap_core.motion.normal import NormalEquations
+from imocap_core.motion.own_posterior import own_posteriors
+from imocap_core.motion.scene import JointMotion, Scene, own_terms
+from imocap_core.motion.solver import linearise
+from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
+from imocap_core.motion.terms import Reprojection
+from imocap_core.motion.terms.tempered import Tempered
+from imocap_core.motion.uncertainty import nearest_reference, uncertainty
+from imocap_core.rotations import log
+from tests.motion.made import Made, scene
+from tests.motion.test_joint import FRAMES, OPTIONS, TURNS_DEG, disturbed, in_own_axes, whole
+
+WHITE = Noise(correlation_s=1 / 30, pose_persistence_s=1 / 30)  # made noise is independent
+
+
+@pytest.fixture(scope="module")
+def made() -> Made:
+    return scene(FRAMES, TURNS_DEG, np.random.default_rng(5), noise_px=3.0)
+
+
+@pytest.fixture(scope="module")
+def given(made: Made) -> tuple[Scene, JointMotion]:
+    """A scene and its result."""
+    all_ = whole(made)
+    return all_, recover_motion(all_, disturbed(in_own_axes(made), 0.05), OPTIONS)
+
+
+def few(made: Made, frames: int) -> tuple[Scene, MotionState]:
+    """The first frames of the reference alone."""
+    o = replace(
+        made.observations[0],
+        xy_px=made.observations[0].xy_px[:frames],
+        confidence=made.observations[0].confidence[:frames],
+    )
+    state = in_own_axes(made).of_motion(0, frames)
+    return replace(whole(made), observations=[o]), state
+
+
+def dense(normal: NormalEquations) -> Tensor:
+    """The whole normal matrix of one motion: frames first, then globals."""
+    _, frames, n, m = normal.border.shape
+    H = torch.zeros(frames * n + m, frames * n + m, dtype=torch.float64)
+    for step, blocks in enumerate((normal.diagonal, normal.next1, normal.next2)):
+        for t in range(frames - step):
+            a, b = slice(t * n, t * n + n), slice((t + step) * n, (t + step + 1) * n)
+            H[a, b] = blocks[0, t]
+            H[b, a] = blocks[0, t].T
+    side = normal.border[0].reshape(-1, m)
+    H[: frames * n, frames * n :], H[frames * n :, : frames * n] = side, side.T
+    H[frames * n :, frames * n :] = normal.corner[0]
+    return H
+
+
+def test_joint_covariances_are_those_of_the_dense_inverse(made: Made) -> None:
+    frames = 4
+    one, state = few(made, frames)
+    honest = WHITE.scene(one, 1)
+    own = own_posteriors(honest, state, None, OPTIONS, WHITE)[0]
+    found = joint_covariance(made.body, state, own.given_shape, own.response, own.shape)
+    inverse = torch.linalg.inv(dense(linearise(own_terms(honest, state.trans), state)))
+    by_frame, by_shape = joint_jacobian(made.body, state)
+    for t in range(frames):
+        at = [*range(t * FRAME_UNKNOWNS, (t + 1) * FRAME_UNKNOWNS), *range(-10, 0)]
+        C = inverse[at][:, at]
+        rows = torch.cat([by_frame[t], by_shape[t]], -1)
+        expected = rows @ C @ rows.mT
+        assert torch.allclose(found[t], expected, rtol=1e-4, atol=1e-9)
+
+
+def test_the_gain_is_what_a_displaced_common_motion_does(given: tuple[Scene, JointMotion]) -> None:
+    all_, result = given
+    settled = settle_common(all_, result.state, result.cameras, OPTIONS)
+    own = own_posteriors(WHITE.scene(all_, 3), result.state, settled, OPTIONS, WHITE)[1]
+    size = torch.linalg.eigvals(own.gain).abs()
+    assert float(size.max()) < 1.3  # follows, never overshoots by much
+    elbow = own.gain[FRAMES // 2, 3 * 18 : 3 * 18 + 3, 3 * 18 : 3 * 18 + 3]
+    assert 0.05 < float(elbow.trace()) / 3 < 1.0
+    still = own_posteriors(WHITE.scene(all_, 3), result.state, None, OPTIONS, WHITE)[1]
+    assert float(still.gain.abs().max()) == 0.0
+    drop = torch.linalg.eigvalsh(still.given_shape - own.given_shape)
+    assert float(drop.min()) > -1e-8  # to know the common motion never hurts
+
+
+def test_seen_by_a_camera_is_the_numeric_derivative(given: tuple[Scene, JointMotion]) -> None:
+    all_, result = given
+    settled = settle_common(all_, result.state, result.cameras, OPTIONS)
+    posterior = common_posterior(WHITE.scene(all_, 1), settled, WHITE)
+    motion, v, step = posterior.common.motion, 2, 1e-6
+    size = motion.unknown_globals
+    for k in range(10, size):
+        one_hot = torch.zeros(size, dtype=torch.float64)
+        one_hot[k] = 1.0
+        lone: CommonPosterior = replace(
+            posterior,
+            given_globals=torch.zeros_like(posterior.given_globals),
+            response=torch.zeros_like(posterior.response),
+            globals_=one_hot[:, None] * one_hot,
+        )
+        moved = motion.retract(
+            torch.zeros(1, FRAMES, FRAME_UNKNOWNS, dtype=torch.float64), step * one_hot[None]
+        )
+        before, after = (_in_camera(m, posterior.free.index(v)) for m in (motion, moved))
+        turn = log(before[0].mT @ after[0]) / step
+        shift = (after[1] - before[1]) / step
+        column = torch.cat([turn, shift], -1)
+        seen = lone.seen_by(v)
+        rows = [0, 1, 2, 72, 73, 74]
+        expected = column[:, :, None] * column[:, None]
+        assert torch.allclose(seen[:, rows][:, :, rows], expected, atol=1e-4)
+
+
+def _in_camera(motion: MotionState, camera: int) -> tuple[Tensor, Tensor]:
+    """Root orientation (N, 3, 3) and path (N, 3) in a free camera's axes."""
+    R, t = motion.camera_R[0, camera], motion.camera_t[0, camera]
+    return R @ motion.R_local[0, :, 0], motion.trans[0] @ R.T + t
+
+
+def test_the_common_motion_s_covariance_is_the_dense_inverse_s(made: Made) -> None:
+    all_ = whole(made)
+    truth = in_own_axes(made)
+    cameras = Cameras(torch.as_tensor(made.R), torch.as_tensor(made.t))
+    posterior = common_posterior(
+        WHITE.scene(all_, 1), settle_common(all_, truth, cameras, OPTIONS), WHITE
+    )
+    inverse = torch.linalg.inv(dense(posterior.normal))
+    expected = torch.stack(
+        [
+            inverse[t * FRAME_UNKNOWNS :, t * FRAME_UNKNOWNS :][:FRAME_UNKNOWNS, :FRAME_UNKNOWNS]
+            for t in range(FRAMES)
+        ]
+    )
+    found = posterior.seen_by(0)  # the reference: the world's axes
+    scale = expected.diagonal(dim1=-2, dim2=-1).sqrt()
+    error = (found - expected).abs() / (scale[:, :, None] * scale[:, None])
+    assert float(error.max()) < 1e-3
+
+
+def test_claims_are_honest_on_a_made_scene(made: Made, given: tuple[Scene, JointMotion]) -> None:
+    all_, result = given
+    found = uncertainty(all_, result.state, result.cameras, OPTIONS, WHITE)
+    joints, true = (
+        made.body.positions(made.body.joints, s).xyz.numpy()
+        for s in (result.state, in_own_axes(made))
+    )
+    joints, true = (x - x[:, :, 1:3].mean(2, keepdims=True) for x in (joints, true))
+    sigma = np.sqrt(np.einsum("vtjxx->vtj", np.stack(found.covariances_m2)))
+    seen = [4, 5, 7, 8, 16, 17, 18, 19, 20, 21]  # knees, ankles, arms
+    ratio = np.linalg.norm(joints - true, axis=-1)[..., seen] / sigma[..., seen]
+    assert 0.4 < float(np.sqrt((ratio**2).mean())) < 2.0
+
+
+def test_persistent_errors_count_less(given: tuple[Scene, JointMotion]) -> None:
+    all_, result = given
+    slow = replace(WHITE, correlation_s=0.3)
+    pairs = [
+        uncertainty(all_, result.state, result.cameras, OPTIONS, noise).covariances_m2[0]
+        for noise in (WHITE, slow)
+    ]
+    narrow, wide = (np.einsum("tjxx->", x) for x in pairs)
+    assert 1.3 < wide / narrow < 9.0
+
+
+def test_a_tempered_term_is_its_share(made: Made) -> None:
+    one, state = few(made, 3)
+    term = own_terms(one, state.trans)[0]
+    assert isinstance(term, Reprojection)
+    whole_, part = (linearise([t], state) for t in (term, Tempered(term, 0.25)))
+    assert torch.allclose(part.diagonal, 0.25 * whole_.diagonal)
+    assert torch.allclose(part.border, 0.25 * whole_.border)
+    assert torch.allclose(Tempered(term, 0.25).cost(state), 0.25 * term.cost(state))
+
+
+def test_frames_without_a_match_take_their_neighbours_place() -> None:
+    at = nearest_reference(np.array([np.nan, 2.2, np.nan, 6.6, np.nan]), 7)
+    assert at.tolist() == [2, 2, 4, 6, 6]
+    assert nearest_reference(np.full(3, np.nan), 7).tolist() == [0, 0, 0]
