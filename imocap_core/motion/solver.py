@@ -183,30 +183,34 @@ def _descend(
     ``each`` does the motions, or the halves of one alone.
     """
     each, within = (in_turn, each) if len(motions) == 1 else (each, in_turn)
-    cost_of = partial(Motion.cost, each=within)
-    cost = sum(each(cost_of, motions))
+    cost = sum(each(partial(Motion.cost, each=within), motions))
     damping, costs, converged = FIRST_DAMPING, [float(cost)], False
     for _ in range(max_steps):
-        systems = each(partial(_system, free_shape=free_shape, each=within), motions)
-        while True:
-            reduced = each(partial(NormalEquations.reduce, damping=damping, each=within), systems)
-            d_globals = solve_globals(reduced, damping).nan_to_num()
-            pairs = list(zip(motions, reduced, strict=True))
-            trial = each(partial(_stepped, d_globals=d_globals), pairs)
-            trial_cost = sum(each(cost_of, trial))
-            if trial_cost < cost:  # NaN is never better
-                converged = cost - trial_cost <= tolerance * cost
-                motions, cost = trial, trial_cost
-                damping = max(damping / 5, LEAST_DAMPING)
-                break
-            damping *= 8
-            if damping > LARGEST_DAMPING:
-                converged = True
-                break
+        motions, lower, damping = _stepped_down(motions, cost, damping, free_shape, each, within)
+        converged = not cost - lower > tolerance * cost  # NaN has nowhere to go
+        cost = lower
         costs.append(float(cost))
         if converged:
             break
     return Descent(motions, costs, converged)
+
+
+def _stepped_down(
+    motions: list[Motion], cost: float, damping: float, free_shape: bool, each: Each, within: Each
+) -> tuple[list[Motion], float, float]:
+    """Motions after one step that lowers their objective, or as they were, it, and the damping to
+    go on with. The normal equations, most of the memory in use, end here."""
+    systems = each(partial(_system, free_shape=free_shape, each=within), motions)
+    while damping <= LARGEST_DAMPING:
+        reduced = each(partial(NormalEquations.reduce, damping=damping, each=within), systems)
+        d_globals = solve_globals(reduced, damping).nan_to_num()
+        pairs = list(zip(motions, reduced, strict=True))
+        trial = each(partial(_moved, d_globals=d_globals), pairs)
+        trial_cost = sum(each(partial(Motion.cost, each=within), trial))
+        if trial_cost < cost:  # NaN is never better
+            return trial, trial_cost, max(damping / 5, LEAST_DAMPING)
+        damping *= 8
+    return motions, cost, damping
 
 
 def _cost_of(term: Term, state: MotionState) -> Tensor:
@@ -226,7 +230,7 @@ def _system(motion: Motion, free_shape: bool, each: Each) -> NormalEquations:
     return normal
 
 
-def _stepped(pair: tuple[Motion, Reduced], d_globals: Tensor) -> Motion:
+def _moved(pair: tuple[Motion, Reduced], d_globals: Tensor) -> Motion:
     motion, reduced = pair
     d_frames = reduced.frames(d_globals[None]).nan_to_num()
     return replace(motion, state=motion.state.retract(d_frames, d_globals[None]))
