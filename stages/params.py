@@ -88,7 +88,7 @@ class FitParams(Group):
 
 class MotionParams(Group):
     objective: Literal["shared", "paper", "single"]
-    solver: Literal["gauss_newton", "adam"]
+    solver: Literal["gauss_newton", "lbfgs", "adam"]
     rank: Count  # s of Eq. 4 and 5
     rounds: Count  # alternations of Eq. 8 (objective paper)
     coupling_rad: Positive  # difference of a joint between videos that costs 1 (lambda_r1)

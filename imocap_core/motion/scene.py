@@ -10,6 +10,7 @@ from torch import Tensor
 from imocap_core.motion.adam import adam
 from imocap_core.motion.consensus import Cameras
 from imocap_core.motion.kinematics import Body
+from imocap_core.motion.lbfgs import lbfgs
 from imocap_core.motion.monocular import FitWeights, monocular_terms
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import PosePrior
@@ -18,7 +19,7 @@ from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import Term
 from imocap_core.motion.timeline import Timeline
 
-ADAM_STEPS_PER_NEWTON_STEP = 25
+GRADIENT_STEPS_PER_NEWTON_STEP = 25
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class JointOptions:
     """How SMPL-BA proceeds (pipeline.yaml, group ``motion``).
 
     Attributes:
-        objective: "shared", "paper" or "single"; solver: "gauss_newton" or "adam".
+        objective: "shared", "paper" or "single"; solver: "gauss_newton", "lbfgs" or "adam".
         rank: s of Eq. 4 and 5; rounds: alternations of Eq. 8.
         coupling_rad, coupling_path_m: differences between videos that cost 1 (lambda_r1, r2).
         agreement_rad: a joint further than this from the other videos stops following them.
@@ -97,9 +98,11 @@ def solve(
     terms: Sequence[Term], state: MotionState, options: JointOptions, *, one_body: bool
 ) -> Solution:
     """Minimise with the solver of choice."""
+    steps = options.max_steps * GRADIENT_STEPS_PER_NEWTON_STEP
     if options.solver == "adam":
-        steps = options.max_steps * ADAM_STEPS_PER_NEWTON_STEP
         return adam(terms, state, max_steps=steps, shared_globals=one_body)
+    if options.solver == "lbfgs":
+        return lbfgs(terms, state, max_steps=steps, shared_globals=one_body)
     return gauss_newton(
         terms,
         state,

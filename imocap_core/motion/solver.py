@@ -183,13 +183,13 @@ def _descend(
     ``each`` does the motions, or the halves of one alone.
     """
     each, within = (in_turn, each) if len(motions) == 1 else (each, in_turn)
-    cost = sum(each(partial(Motion.cost, each=within), motions))
-    damping, costs, converged = FIRST_DAMPING, [float(cost)], False
+    cost = float(sum(each(partial(Motion.cost, each=within), motions)))
+    damping, costs, converged = FIRST_DAMPING, [cost], False
     for _ in range(max_steps):
         motions, lower, damping = _stepped_down(motions, cost, damping, free_shape, each, within)
         converged = not cost - lower > tolerance * cost  # NaN has nowhere to go
         cost = lower
-        costs.append(float(cost))
+        costs.append(cost)
         if converged:
             break
     return Descent(motions, costs, converged)
@@ -206,7 +206,7 @@ def _stepped_down(
         d_globals = solve_globals(reduced, damping).nan_to_num()
         pairs = list(zip(motions, reduced, strict=True))
         trial = each(partial(_moved, d_globals=d_globals), pairs)
-        trial_cost = sum(each(partial(Motion.cost, each=within), trial))
+        trial_cost = float(sum(each(partial(Motion.cost, each=within), trial)))
         if trial_cost < cost:  # NaN is never better
             return trial, trial_cost, max(damping / 5, LEAST_DAMPING)
         damping *= 8

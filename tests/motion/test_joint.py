@@ -145,3 +145,13 @@ def test_a_still_performance_is_coupled_tightly(made: Made) -> None:
     loose = joint_spread_rad(made.body, made.state, np.full((3, FRAMES, 25), 0.1))
     assert (still <= loose).all()
     assert (loose[:, :, 18] > still[:, :, 18]).all()
+
+
+@pytest.mark.parametrize("solver", ["lbfgs", "adam"])
+def test_the_comparison_solvers_go_the_same_way(made: Made, solver: str) -> None:
+    truth = in_own_axes(made)
+    start = disturbed(truth, 0.12)
+    found = recover_motion(whole(made), start, replace(OPTIONS, solver=solver, max_steps=2))
+    before, after = (mpjpe_mm(made.body, s, truth) for s in (start, found.state))
+    assert after < 0.7 * before
+    assert {"lbfgs": "L-BFGS", "adam": "Adam"}[solver] in found.status

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from imocap_core.motion.adam import adam
+from imocap_core.motion.lbfgs import lbfgs
 from imocap_core.motion.library import make_library
 from imocap_core.motion.lifting import best_path, match
 from imocap_core.motion.monocular import fit_monocular, monocular_terms
@@ -16,7 +17,9 @@ from imocap_core.motion.prior import load_pose_prior
 from imocap_core.motion.solver import gauss_newton, linearise, linearise_halves, objective
 from imocap_core.motion.starts import LiftingOptions, Start, lifted_starts, start_at_joints
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
+from imocap_core.motion.terms import PathCoupling, PoseCoupling, Term
 from imocap_core.motion.workers import in_turn, on
+from imocap_core.rotations import geodesic_angle
 from tests.motion.made import WEIGHTS, K, Made, mpjpe_mm, scene, wide_prior
 
 
@@ -85,6 +88,73 @@ def test_adam_descends_but_stays_behind_gauss_newton(made: Made) -> None:
     quick = gauss_newton(terms, start, max_steps=8)
     assert quick.costs[-1] < min(slow.costs) < 0.7 * slow.costs[0]
     assert float(objective(terms, slow.state).sum()) == pytest.approx(min(slow.costs))
+
+
+def mean_angle(a: torch.Tensor, b: torch.Tensor) -> float:
+    return float(geodesic_angle(a, b).mean())
+
+
+@pytest.fixture(scope="module")
+def well_posed() -> tuple[list[Term], MotionState]:
+    """Four frames in which nothing is left open: keypoints, and a known motion near them."""
+    made = scene(4, [0.0], np.random.default_rng(3))
+    terms = monocular_terms(
+        made.body, wide_prior(), made.observations, made.state.trans, WEIGHTS, 3.0
+    )
+    trust = torch.full((1, 4, 24), 0.03**-2, dtype=torch.float64)
+    known = [PoseCoupling(made.state.R_local, trust), PathCoupling(made.state.trans, trust[..., 0])]
+    return [*terms, *known], disturbed(made.state, 0.03)
+
+
+def test_all_solvers_reach_the_same_objective(
+    well_posed: tuple[list[Term], MotionState],
+) -> None:
+    """L-BFGS to 0.01 %, Adam, whose steps have a fixed length, to 0.5 %."""
+    terms, start = well_posed
+    newton = gauss_newton(terms, start, max_steps=60, relative_tolerance=1e-9)
+    quasi = lbfgs(terms, start, max_steps=300, relative_tolerance=1e-8)
+    plain = adam(terms, start, max_steps=300, learning_rate=0.003)
+    lowest = newton.costs[-1]
+    assert lowest < 0.4 * newton.costs[0]
+    assert quasi.costs[-1] == pytest.approx(lowest, rel=1e-4)
+    assert min(plain.costs) == pytest.approx(lowest, rel=5e-3)
+    for solution in (newton, quasi, plain):
+        reached = float(objective(terms, solution.state).sum())
+        assert reached == pytest.approx(min(solution.costs), rel=1e-9)
+    found = mean_angle(newton.state.R_local, quasi.state.R_local)
+    assert found < 0.1 * mean_angle(newton.state.R_local, start.R_local)
+    assert "converged after" in quasi.status
+    assert bool(quasi.converged.all())
+
+
+def test_lbfgs_never_takes_a_step_that_raises_the_objective(made: Made) -> None:
+    terms = monocular_terms(
+        made.body, wide_prior(), made.observations, made.state.trans, WEIGHTS, 1.0
+    )
+    found = lbfgs(terms, disturbed(made.state, 0.3), max_steps=12)
+    assert len(found.costs) == 13
+    assert all(b < a for a, b in zip(found.costs, found.costs[1:], strict=False))
+    assert found.status == "L-BFGS stopped after 12 steps before it settled"
+    assert not bool(found.converged.any())
+
+
+def test_lbfgs_stops_where_nothing_is_lower(well_posed: tuple[list[Term], MotionState]) -> None:
+    terms, start = well_posed
+    there = gauss_newton(terms, start, max_steps=60, relative_tolerance=1e-12).state
+    found = lbfgs(terms, there, max_steps=50, relative_tolerance=1e-15)
+    assert found.costs[-1] <= found.costs[0]
+    assert found.costs[-1] == pytest.approx(found.costs[0], rel=1e-6)
+
+
+def test_one_body_stays_one_body_with_every_solver(made: Made) -> None:
+    two = made.observations * 2
+    both = made.state.rows(torch.tensor([0, 0]))
+    start = disturbed(both, 0.05)
+    terms = monocular_terms(made.body, wide_prior(), two, both.trans, WEIGHTS, 3.0)
+    for solver in (gauss_newton, lbfgs, adam):
+        found = solver(terms, start, max_steps=3, shared_globals=True).state
+        assert torch.equal(found.betas[0], found.betas[1])
+        assert not torch.equal(found.betas, start.betas)
 
 
 def test_two_dimensional_keypoints_alone_lead_near_the_truth(made: Made) -> None:
