@@ -1,1 +1,1 @@
-"""The seven stages, each a short script: read -> call the core -> write."""
+"""The eight stages, each a short script: read -> call the core -> write."""

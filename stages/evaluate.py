@@ -10,6 +10,7 @@ from imocap_core.artifacts.schemas import (
     RefineSync,
     SmplBa,
     Sync,
+    Uncertainty,
 )
 from imocap_core.body import Model, load_free_body
 from imocap_core.formats.pose2sim_truth import has_pose2sim_truth, read_pose2sim_truth
@@ -18,12 +19,16 @@ from imocap_core.metrics.scoring import ALL_VIDEOS, Row, over_videos
 from imocap_core.views.bodies import body_points
 from imocap_core.views.film import Shot
 from imocap_core.views.gallery import draw_film, draw_numbers
+from imocap_core.views.observability_text import observability_markdown, open_table
 from imocap_core.views.report import Picture, write_report
 from imocap_core.views.scoreboard import Answer, against_truth, cycle_row, score, true_positions
 from imocap_core.views.tables import long_table, metric_tables, round_table, video_table
 from imocap_core.views.trust_tables import trust_tables
+from imocap_core.views.uncertainty_tables import normalised_rows, uncertainty_tables
 from stages.harness.stage import Context, Inputs, main
 from stages.params import Params
+
+OPEN = "observability.md"
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
@@ -37,6 +42,8 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
     ctx.progress(0.1, "scoring")
     rows = [row for a in answers for row in score_of(a, keypoints, camera_motion, truth, model)]
     rows += [cycle_row("single pass", sync), cycle_row("after loop", refined.sync)]
+    claimed, motions = inputs.get(Uncertainty), refined.motion.videos
+    rows += normalised_rows("after loop", claimed, motions, truth)
     summary = over_videos(rows)
     round_errors = [
         against_truth(Answer("round", r.motion.videos, r.motion.cameras, r.sync), keypoints, truth)
@@ -47,6 +54,8 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
         *([round_table(refined, round_errors)] if len(refined.rounds) > 1 else []),
         video_table(keypoints, camera_motion, refined.sync),
         *trust_tables(refined.sync),
+        open_table(claimed),
+        *uncertainty_tables(claimed, motions, truth, [*rows, *summary]),
     ]
     pictures: list[Picture] = []
     if params.evaluate.figures:
@@ -61,7 +70,9 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
     files = write_report(
         ctx.report, ctx.action_file().parent.name, lead_of(refined), tables, every, pictures
     )
-    return Evaluate(tables=[*tables, every], files=files)
+    name = ctx.action_file().parent.name
+    (ctx.report / OPEN).write_text(observability_markdown(name, claimed), encoding="utf-8")
+    return Evaluate(tables=[*tables, every], files=sorted([*files, OPEN]))
 
 
 def truth_of(ctx: Context, keypoints: Keypoints) -> Truth | None:

@@ -103,6 +103,13 @@ class RefineParams(Group):
     settled_frames: NonNegative  # mean movement of the correspondences that ends the loop
 
 
+class UncertaintyParams(Group):
+    correlation_s: Positive  # detector errors and deviations count once per this time
+    pose_persistence_s: Positive  # the pose prior counts once per this time
+    weak_limit: Positive  # times the action's median that a joint's deviation is reported above
+    near_limit_deg: Positive  # two videos whose views differ by less are named
+
+
 class EvaluateParams(Group):
     figures: bool
 
@@ -118,4 +125,5 @@ class Params(Group):
     repetitions: RepetitionParams
     motion: MotionParams
     refine: RefineParams
+    uncertainty: UncertaintyParams
     evaluate: EvaluateParams

@@ -23,6 +23,7 @@ BY_STAGE: dict[str, type[schemas.Artifact]] = {
     "sync": schemas.Sync,
     "smpl_ba": schemas.SmplBa,
     "refine_sync": schemas.RefineSync,
+    "uncertainty": schemas.Uncertainty,
     "evaluate": schemas.Evaluate,
 }
 HEAD = """\

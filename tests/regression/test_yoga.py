@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
@@ -39,6 +40,18 @@ def test_every_camera_is_found(yoga: Scored) -> None:
     degrees = yoga.by_video("after loop", "camera_rotation_error_deg")
     assert len(degrees) == 3  # all but the reference
     assert max(degrees.values()) <= 6.0, degrees
+
+
+def test_claimed_uncertainty_is_honest(yoga: Scored, root: Path) -> None:
+    """Normalised errors within a factor of two: of every video, and of every joint."""
+    by_video = yoga.by_video("after loop", "normalised_error")
+    assert len(by_video) == 4
+    assert all(0.5 <= value <= 2.0 for value in by_video.values()), by_video
+    report = root / "artifacts" / MADE / "report" / "metrics.json"
+    joints = json.loads(report.read_text(encoding="utf-8"))["uncertainty_joints"]
+    by_joint = {row["joint"]: row["normalised_error"] for row in joints}
+    assert len(by_joint) == 12
+    assert all(0.5 <= value <= 2.0 for value in by_joint.values()), by_joint
 
 
 def test_a_planted_fault_fails(

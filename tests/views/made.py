@@ -18,9 +18,12 @@ from imocap_core.artifacts.schemas import (
     SmplBa,
     Sync,
     SyncMap,
+    Uncertainty,
     VideoCameraMotion,
     VideoKeypoints,
     VideoMotion,
+    VideoUncertainty,
+    Viewpoint,
 )
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
@@ -76,6 +79,7 @@ class Made:
         self.refined = RefineSync(
             rounds=rounds, best=1, sync=after, motion=single, status="settled"
         )
+        self.claimed = self._claimed(sigma_mm=20.0)
 
     def write_truth(self, path: Path) -> None:
         """truth.npz: the world is the first camera turned by some rotation."""
@@ -156,6 +160,35 @@ class Made:
             R_first_from_frame=eye,
             inliers=np.full(frames, 80),
             xy_first_px=self.keypoints.videos[v].xy_px,
+        )
+
+    def _claimed(self, sigma_mm: float) -> Uncertainty:
+        """Every joint is as uncertain as every other, in all directions alike."""
+        videos = []
+        for video, frames in zip(self.ids, self.frames, strict=True):
+            all_ = np.full((len(frames), 24), sigma_mm)
+            covariance = np.tile(sigma_mm**2 / 3 * np.eye(3), (len(frames), 24, 1, 1))
+            videos.append(
+                VideoUncertainty(
+                    id=video,
+                    frames=frames,
+                    sigma_mm=all_,
+                    depth_mm=all_ / np.sqrt(3),
+                    across_mm=all_ * np.sqrt(2 / 3),
+                    covariance_mm2=covariance.astype(np.float32),
+                    azimuth_deg=0.0,
+                )
+            )
+        return Uncertainty(
+            videos=videos,
+            median_mm=sigma_mm,
+            weak=[],
+            near=[],
+            near_limit_deg=20.0,
+            weak_limit=2.0,
+            viewpoints=[Viewpoint(azimuth_deg=a, reduction=0.3 - a / 1800) for a in (0, 90, 180)],
+            azimuth_from="performer",
+            status="made",
         )
 
     def _sync(self, shift: float) -> Sync:

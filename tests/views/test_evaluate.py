@@ -22,7 +22,8 @@ class Inputs:
 
     def __init__(self, made: Made) -> None:
         given = (made.keypoints, made.camera_motion, made.initial, made.sync, made.single)
-        self._given = {type(artifact): artifact for artifact in (*given, made.refined)}
+        given = (*given, made.refined, made.claimed)
+        self._given = {type(artifact): artifact for artifact in given}
 
     def get(self, kind: type) -> Any:
         return self._given[kind]
@@ -105,6 +106,21 @@ def test_one_video_alone_has_poses_and_no_synchronisation(evaluate: Runs) -> Non
     assert not any(t.name == "sync" for t in result.tables)
     assert "warp.png" not in result.files
     assert "moments.jpg" in result.files
+
+
+def test_claims_are_held_against_the_errors(made: Made, evaluate: Runs, tmp_path: Path) -> None:
+    result = evaluate(made, truth=True)
+    joints = next(t for t in result.tables if t.name == "uncertainty_joints")
+    row = next(r for r in joints.rows if r[0] == "left_ankle")
+    ankle = dict(zip(joints.columns, row, strict=True))
+    assert ankle["sigma_mm"] == pytest.approx(20)
+    assert ankle["normalised_error"] == pytest.approx(ankle["error_mm"] / 20)
+    values = _values(result, "after loop", "normalised_error")
+    every = [r[3] for r in joints.rows]
+    expected = np.sqrt(np.mean(np.square(np.array(every, dtype=float))))
+    assert values["all videos"] == pytest.approx(expected, rel=0.02)
+    assert "made" in (tmp_path / "r" / "observability.md").read_text()
+    assert "What the videos leave open" in (tmp_path / "r" / "index.html").read_text()
 
 
 def test_report_is_whole_and_repeats_itself(made: Made, evaluate: Runs, tmp_path: Path) -> None:

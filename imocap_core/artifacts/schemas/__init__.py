@@ -20,6 +20,13 @@ from imocap_core.artifacts.schemas.sync import (
     SyncTrust,
     VideoTrust,
 )
+from imocap_core.artifacts.schemas.uncertainty import (
+    NearPair,
+    Uncertainty,
+    VideoUncertainty,
+    Viewpoint,
+    WeakSpan,
+)
 
 __all__ = [
     "Artifact",
@@ -33,6 +40,7 @@ __all__ = [
     "InitialSmpl",
     "Ints",
     "Keypoints",
+    "NearPair",
     "RefineSync",
     "Round",
     "Shape",
@@ -42,9 +50,13 @@ __all__ = [
     "SyncSummary",
     "SyncTrust",
     "Table",
+    "Uncertainty",
     "Value",
     "VideoCameraMotion",
     "VideoKeypoints",
     "VideoMotion",
     "VideoTrust",
+    "VideoUncertainty",
+    "Viewpoint",
+    "WeakSpan",
 ]

@@ -1,0 +1,61 @@
+"""What `uncertainty` makes: how far joints may be off, and what the videos leave open."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from imocap_core.artifacts.schemas.base import Artifact, Floats, Floats32, Ints, Shape, Value
+
+
+class VideoUncertainty(Value):
+    """One video, in the axes of its first-frame camera; joints about the middle of the hips."""
+
+    id: str
+    frames: Annotated[Ints, Shape("T")]  # source frame numbers
+    sigma_mm: Annotated[Floats, Shape("T", 24)]  # root of the covariance's trace
+    depth_mm: Annotated[Floats, Shape("T", 24)]  # along the line of sight to the performer
+    across_mm: Annotated[Floats, Shape("T", 24)]  # the two directions across it together
+    covariance_mm2: Annotated[Floats32, Shape("T", 24, 3, 3)]
+    azimuth_deg: float  # where its camera stands about the performer; NaN when excluded
+
+
+class WeakSpan(Value):
+    """A joint that is ill-determined for a while."""
+
+    video: str
+    joint: str
+    first_frame: int  # source frames, both within
+    last_frame: int
+    begin_s: float
+    end_s: float
+    sigma_mm: float  # root mean square over the span
+    of_median: float  # how many times the action's median
+
+
+class NearPair(Value):
+    """Two videos that see the performer from nearly the same side."""
+
+    videos: list[str]
+    angle_deg: float
+    seen_across: bool  # whether another video looks across their line of sight
+
+
+class Viewpoint(Value):
+    """One more camera, and by how much it would help."""
+
+    azimuth_deg: float
+    reduction: float  # share of the common motion's summed joint variance
+
+
+class Uncertainty(Artifact):
+    """Standard deviations of every joint and the observability report."""
+
+    videos: list[VideoUncertainty]
+    median_mm: float  # of 14 joints in all frames of all videos
+    weak: list[WeakSpan]  # worst first
+    near: list[NearPair]
+    near_limit_deg: float
+    weak_limit: float  # times the median
+    viewpoints: list[Viewpoint]
+    azimuth_from: Literal["performer", "camera"]  # what azimuth 0 faces; 90 is the performer's left
+    status: str

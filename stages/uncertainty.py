@@ -1,0 +1,68 @@
+"""uncertainty: how far every joint may be off, and what the videos leave open."""
+
+from __future__ import annotations
+
+from imocap_core.artifacts.schemas import (
+    CameraMotion,
+    InitialSmpl,
+    Keypoints,
+    RefineSync,
+    Uncertainty,
+)
+from imocap_core.motion.noise import Noise
+from imocap_core.motion.observability import observe
+from imocap_core.motion.uncertainty import uncertainty
+from stages.harness.stage import Context, Inputs, main
+from stages.joint_work import joint_work
+from stages.motion_values import (
+    body_for,
+    evidence_joints,
+    observations_of,
+    options_of,
+    scene_of,
+    state_of,
+)
+from stages.params import Params
+from stages.uncertainty_groups import Group, cameras_of, groups_of
+from stages.uncertainty_values import Claims, uncertainty_of
+
+
+def run(ctx: Context, inputs: Inputs, params: Params) -> Uncertainty:
+    """The posterior of the loop's result; a video kept out of it is looked at by itself."""
+    refined = inputs.get(RefineSync)
+    groups = groups_of(
+        inputs.get(Keypoints), inputs.get(CameraMotion), inputs.get(InitialSmpl), refined
+    )
+    claims = []
+    for k, group in enumerate(groups):
+        said = f"the posterior of {', '.join(v.id for v in group.keypoints.videos)}"
+        ctx.progress(k / len(groups), said)
+        claims.append(claims_of(group, params))
+    return uncertainty_of(claims, inputs.get(Keypoints), refined, params.uncertainty)
+
+
+def claims_of(group: Group, params: Params) -> Claims:
+    """Covariances and viewpoints of videos that were solved together."""
+    body = body_for(group.keypoints)
+    work = joint_work(group.keypoints, group.camera_motion, group.initial, group.sync, body.model)
+    observations = observations_of(
+        body, work.keypoints, work.camera_motion, evidence_joints(work.initial)
+    )
+    scene = scene_of(body, observations, work.sync_in(group.sync), params.fit)
+    state, cameras = state_of(work.motions_in(group.motions)), cameras_of(group, work)
+    told = params.uncertainty
+    noise = Noise(told.correlation_s, told.pose_persistence_s)
+    found = uncertainty(scene, state, cameras, options_of(params.motion), noise)
+    left_open = observe(
+        scene,
+        state,
+        cameras,
+        found,
+        near_limit_deg=told.near_limit_deg,
+        evidence_share=noise.evidence_share(scene.fps),
+    )
+    return Claims(work, found.covariances_m2, left_open)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main("uncertainty"))
