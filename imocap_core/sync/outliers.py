@@ -1,15 +1,19 @@
-"""Does one video show another action? Its matched level against that of the other videos.
+"""Does one video show another action? It lies further from the others than they from each other,
+and follows their order of time no better than any other.
 
-A video's score is its level with the two others that it fits best, divided by the median level of
-the pairs it has no part in (root mean squares). Videos of one action score about 1, whatever the
-estimates' noise and however differently people perform, because both raise every level alike. Of
-the two directions of a pair the better one counts: a short clip fits into a long one, and not the
-other way round. A fixed square is added above and below, so that precise estimates don't make an
-outlier of a performance that differs a little.
+Two kinds of evidence, in natural logarithms:
 
-A bad estimate of the right action lies far from the others too. It still follows their order of
-time, which another action doesn't: a video that fits the others clearly better in order than out
-of it (`levels.alignment_gains`) is no outlier, whatever its score.
+* the video's level with the two others that it fits best, over the median level of the pairs it
+  has no part in (root mean squares). Videos of one action have about 0, whatever the estimates'
+  noise and however differently people perform, because both raise every level alike. Of the two
+  directions of a pair the better one counts: a short clip fits into a long one, and not the other
+  way round. A fixed square is added above and below, so that precise estimates don't make an
+  outlier of a performance that differs a little;
+* less what the video gains by the others' order of time (`order.alignment_gains`), with the two
+  that it gains most with, beyond a fifth of what is usual among the others. A bad estimate of the
+  right action lies far from the others too, and yet follows them.
+
+The score is the exponential of the sum.
 """
 
 import numpy as np
@@ -17,61 +21,67 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Calibrated on training clips (docs/sync.md); among three videos one pair is all there is to hold
-# against, and a score says less.
-LARGEST_SCORE, LARGEST_OF_THREE = 1.065, 1.1
-PERFORMANCE_M = 0.14  # the fixed part of a level: about how far performances may differ
-LARGEST_GAIN = 0.08  # of a video of another action; calibrated likewise
-SHARE_OF_GAIN = 0.25
+# Chosen on training clips with each action left out in turn (docs/sync.md). Videos of one action
+# stay below 1.06 there.
+LARGEST_SCORE = 1.1
+FITTING_SHARE = 0.8  # of the frames; what is left out is room for what only one video shows
+ORDER_WEIGHT = 5.0
+OWED_SHARE = 0.2
+PERFORMANCE_M = 0.05  # the fixed part of a level
+CLOSEST = 2  # others that a video is held against
 FEWEST = 3  # with two videos nobody can say which of them is the other action
 
 
-def outlier_scores(levels: Array) -> Array:
-    """Scores (M,) of videos with matched levels (M, M) in metres; NaN for fewer than three."""
+def outlier_scores(levels: Array, gains: Array) -> Array:
+    """Scores (M,) of videos with matched levels (M, M) in metres and alignment gains (M, M); NaN
+    for fewer than three, and where nothing is known."""
     M = len(levels)
-    if M < FEWEST:
-        return np.full(M, np.nan)
-    better = np.fmin(levels, levels.T) ** 2 + PERFORMANCE_M**2
     scores = np.full(M, np.nan)
+    if M < FEWEST:
+        return scores
+    better = np.fmin(levels, levels.T) ** 2 + PERFORMANCE_M**2
+    follows = _followed(gains)
     for v in range(M):
-        own = np.delete(better[v], v)
+        own = _others(better[v], v)
         rest = np.delete(np.delete(better, v, axis=0), v, axis=1)
-        own, rest = own[np.isfinite(own)], rest[np.isfinite(rest)]
+        rest = rest[np.isfinite(rest)]
         if len(own) and len(rest):
-            scores[v] = np.sqrt(np.sort(own)[:2].mean() / np.median(rest))
+            further = 0.5 * np.log(np.sort(own)[:CLOSEST].mean() / np.median(rest))
+            owed = OWED_SHARE * float(np.median(np.delete(follows, v)))
+            scores[v] = np.exp(further - ORDER_WEIGHT * max(follows[v] - owed, 0.0))
     return scores
 
 
-def may_be_outliers(levels: Array) -> bool:
-    """Whether any score is too large: only then is it worth asking about order."""
-    scores = outlier_scores(levels)
-    largest = LARGEST_OF_THREE if len(levels) == FEWEST else LARGEST_SCORE
-    return bool((scores[np.isfinite(scores)] > largest).any())
+def _followed(gains: Array) -> Array:
+    """What each video (M,) gains by the others' order of time; 0 where nothing is known."""
+    own = [np.sort(_others(row, v))[-CLOSEST:] for v, row in enumerate(gains)]
+    return np.array([float(g.mean()) if len(g) else 0.0 for g in own])
 
 
-def follow_the_order(gains: Array) -> NDArray[np.bool_]:
-    """Which videos (M,) follow the others' order of time, by their alignment gains (M,): the more
-    it matters to the others, the more is asked."""
-    others = np.array([np.nanmedian(np.delete(gains, v)) for v in range(len(gains))])
-    return np.asarray(gains > np.maximum(LARGEST_GAIN, SHARE_OF_GAIN * others))
+def _others(row: Array, v: int) -> Array:
+    others = np.delete(row, v)
+    return np.asarray(others[np.isfinite(others)])
 
 
-def find_outliers(levels: Array, kept: NDArray[np.bool_] | None = None) -> tuple[list[int], Array]:
+def find_outliers(
+    levels: Array, gains: Array, kept: NDArray[np.bool_] | None = None
+) -> tuple[list[int], Array]:
     """The videos of another action, in the order of finding, and every video's score (M,).
 
-    The worst is taken out and the rest judged again, until none stands out or two are left. An
-    outlier's score is the one it was taken out by; `kept` (M,) marks videos that must stay.
+    The worst is taken out and the rest judged again, until none stands out or no more than half of
+    the videos would be left: what most of them show is the action. An outlier's score is the one it
+    was taken out by; `kept` (M,) marks videos that must stay.
     """
+    most = (len(levels) - 1) // 2
     left = list(range(len(levels)))
     scores = np.full(len(levels), np.nan)
     found: list[int] = []
     while True:
-        now = outlier_scores(levels[np.ix_(left, left)])
+        now = outlier_scores(levels[np.ix_(left, left)], gains[np.ix_(left, left)])
         scores[left] = now
         able = [k for k, v in enumerate(left) if kept is None or not kept[v]]
         judged = [k for k in able if np.isfinite(now[k])]
         worst = max(judged, key=lambda k: now[k], default=None)
-        largest = LARGEST_OF_THREE if len(left) == FEWEST else LARGEST_SCORE
-        if worst is None or now[worst] <= largest:
+        if worst is None or now[worst] <= LARGEST_SCORE or len(found) == most:
             return found, scores
         found.append(left.pop(worst))

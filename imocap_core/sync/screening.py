@@ -6,16 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from imocap_core.sync.levels import (
-    alignment_gains,
-    expected_squares,
-    matched_levels,
-    squares_between,
-    thinned,
-    typical_square,
-)
-from imocap_core.sync.mirror import find_mirrored, mirror_evidence, mirrored_poses
-from imocap_core.sync.outliers import find_outliers, follow_the_order, may_be_outliers
+from imocap_core.sync.levels import thinned
+from imocap_core.sync.mirror import mirrored_poses
+from imocap_core.sync.outliers import LARGEST_SCORE
+from imocap_core.sync.suspects import Seen, mirrored_among, outliers_among
 
 Array = NDArray[np.float64]
 
@@ -74,35 +68,21 @@ def screen(
     if M < 2 or (outliers == "ignore" and not look_mirrored):
         return nothing_found(M, told)
     thin, w, rates = thinned(poses, weights, fps)
-    reflected = [x if twins is None else mirrored_poses(x, twins) for x in thin]
-    seen_in_mirror = w if twins is None else [v[:, list(twins)] for v in w]
-    for v in told:
-        thin[v], reflected[v] = reflected[v], thin[v]
-        w[v], seen_in_mirror[v] = seen_in_mirror[v], w[v]
-    squares = squares_between(thin, w, thin, w)
-    near = typical_square(squares)
-    fits = expected_squares(squares, rates, near, max_rate)
-    levels = matched_levels(fits, M)
+    order = list(range(poses[0].shape[1])) if twins is None else list(twins)
+    straight = Seen(thin, w)
+    turned = Seen([mirrored_poses(x, order) for x in thin], [v[:, order] for v in w])
+    straight, turned = straight.swapped(told, turned)
     found: list[int] = []
     margins = np.full(M, np.nan)
     if look_mirrored:
-        other = squares_between(thin, w, reflected, seen_in_mirror)
-        turned = expected_squares(other, rates, near, max_rate)
-        # compared frame for frame, so that what only one video shows weighs alike on both sides
-        whole = [matched_levels(f, M, share=1.0) for f in (fits, turned)]
-        evidence = mirror_evidence(whole[0], whole[1])
-        found, margins = find_mirrored(evidence, [d is not None for d in declared])
-        signs = np.ones(M)
-        signs[found] = -1
-        levels = np.where(np.outer(signs, signs) > 0, levels, matched_levels(turned, M))
-        squares = {(i, j): (squares if signs[i] == signs[j] else other)[i, j] for i, j in squares}
+        pinned = [d is not None for d in declared]
+        found, margins = mirrored_among(straight, turned, rates, max_rate, pinned)
     strangers: list[int] = []
     scores = np.full(M, np.nan)
     if outliers != "ignore":
         stay = np.zeros(M, dtype=bool) if kept is None else np.asarray(kept)
-        if may_be_outliers(levels):
-            stay = stay | follow_the_order(alignment_gains(squares, rates, near, max_rate, M))
-        strangers, scores = find_outliers(levels, stay)
+        alike, _ = straight.swapped(found, turned)
+        strangers, scores = outliers_among(alike, rates, max_rate, stay)
         found = [v for v in found if v not in strangers]  # another action has no mirror image here
     flips = found if mirrored == "flip" else []
     return Screening(
@@ -125,9 +105,9 @@ def sentences(found: Screening, names: Sequence[str]) -> list[str]:
             else "used all the same (sync.outliers: report)"
         )
         said.append(
-            f"{names[v]} seems to show another action: its poses stay further from the other "
-            f"videos than those from each other (score {found.outlier_score[v]:.2f}, 1 is usual): "
-            f"{done}"
+            f"{names[v]} seems to show another action: it stays further from the other videos than "
+            f"they from each other, and their order of time explains little of it (score "
+            f"{found.outlier_score[v]:.2f}, above {LARGEST_SCORE} is another action): {done}"
         )
     for v in found.mirrored:
         margin = found.mirror_margin[v]

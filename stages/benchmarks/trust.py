@@ -1,32 +1,35 @@
 """`imocap benchmark trust`: are videos of another action, and mirrored ones, found?
 
-Each action of trials is filmed as four simulated estimates and screened three times: as it is,
-with one video replaced by another action's, and with one video mirrored. No motion is solved.
+Each action of trials is screened three times: as it is, with one video replaced by another
+action's, and with one video mirrored. What is screened are the pipeline's own monocular fits; the
+true poses are screened likewise, which tells what nobody can find.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imocap_core.conventions import EVAL_14, mirror_indices
 from imocap_core.sync.mirror import mirrored_poses
 from imocap_core.sync.poses import body_scales
 from imocap_core.sync.screening import Screening, screen
-from imocap_core.synthetic.captured import VIEWPOINTS, place_camera
-from imocap_core.synthetic.estimator import estimate
-from stages.benchmarks.inputs import SIZE, Shot, drawn, trial_shots
-from stages.params import SyncParams
+from stages.benchmarks.inputs import drawn
 
 Floats = NDArray[np.float64]
 
-VIDEOS = 4
-TWINS = mirror_indices(EVAL_14)
 PURPOSE = 11  # of the random numbers: which video, and by which action it is replaced
+
+
+@dataclass(frozen=True)
+class Seen:
+    """An action's videos: poses (T_v, J, 3), fps, and each joint's mirror twin (J,)."""
+
+    poses: list[Floats]
+    fps: list[float]
+    twins: tuple[int, ...]
 
 
 @dataclass(frozen=True)
@@ -45,40 +48,57 @@ class TrustRow:
     clean_margin: float
 
 
-def measure(folder: Path, params: SyncParams) -> list[TrustRow]:
-    """One row an action file below `folder`; of `params` only the largest rate counts."""
-    files = sorted(folder.glob("*.npz"))
-    return [_row(file, files, params) for file in files]
+def measure(actions: Mapping[str, Seen], max_rate: float) -> list[TrustRow]:
+    """One row an action, in the order of their names; `max_rate` as `sync.max_rate`."""
+    names = sorted(actions)
+    return [_row(name, names, actions, max_rate) for name in names]
 
 
-def totals(rows: Sequence[TrustRow]) -> list[str]:
-    """How many were found, and how often something was found that is not there."""
+def totals(rows: Sequence[TrustRow], of: str) -> list[str]:
+    """How many were found, how often something that is not there was; `of` which poses."""
     n = len(rows)
-    outliers = sum(r.found_outliers == r.replaced.split(" ")[0] for r in rows)
-    mirrored = sum(r.found_mirrored == r.mirrored for r in rows)
-    clean = sum(r.clean != "-" for r in rows)
-    return [
-        f"the video of another action found, and no other: {outliers} of {n}",
-        f"the mirrored video found, and no other: {mirrored} of {n}",
-        f"something found where nothing is: {clean} of {n}",
-    ]
+    counts = {
+        "the video of another action found, and no other": sum(map(outlier_found, rows)),
+        "the mirrored video found, and no other": sum(map(mirrored_found, rows)),
+        "something found where nothing is": sum(r.clean != "-" for r in rows),
+    }
+    return [f"{of}: {what}: {count} of {n}" for what, count in counts.items()]
 
 
-def _row(file: Path, files: Sequence[Path], params: SyncParams) -> TrustRow:
-    shots = trial_shots(file, VIDEOS)
-    rng = drawn(file.stem, 0, PURPOSE)
-    v, w = (int(k) for k in rng.integers(0, VIDEOS, 2))
-    other = [f for f in files if f != file][int(rng.integers(0, len(files) - 1))]
-    seen = [_filmed(shot, k, file.stem) for k, shot in enumerate(shots)]
-    fps = [shot.fps for shot in shots]
-    strange, turned = list(seen), list(seen)
-    strange[v] = _filmed(trial_shots(other, 1)[0], v, f"{file.stem} {other.stem}")
-    turned[w] = mirrored_poses(seen[w], TWINS)
-    clean, outlier, mirror = (_screened(x, fps, params) for x in (seen, strange, turned))
+def among_decidable(rows: Sequence[TrustRow], true: Sequence[TrustRow]) -> list[str]:
+    """The same of the cases that the true poses decide."""
+    told = []
+    for what, found in (("another action", outlier_found), ("mirrored", mirrored_found)):
+        able = [r for r, t in zip(rows, true, strict=True) if found(t)]
+        told.append(f"decided by the true poses: {what}: {sum(map(found, able))} of {len(able)}")
+    return told
+
+
+def outlier_found(row: TrustRow) -> bool:
+    """Whether the replaced video and no other was called an outlier."""
+    return row.found_outliers == row.replaced.split(" ")[0]
+
+
+def mirrored_found(row: TrustRow) -> bool:
+    """Whether the mirrored video and no other was called anything."""
+    return row.found_mirrored == row.mirrored
+
+
+def _row(name: str, names: Sequence[str], actions: Mapping[str, Seen], max_rate: float) -> TrustRow:
+    seen = actions[name]
+    M = len(seen.poses)
+    rng = drawn(name, 0, PURPOSE)
+    v, w = (int(k) for k in rng.integers(0, M, 2))
+    other = [n for n in names if n != name][int(rng.integers(0, len(names) - 1))]
+    stranger = actions[other]
+    at = min(v, len(stranger.poses) - 1)
+    strange = _with(seen, v, stranger.poses[at], stranger.fps[at])
+    turned = _with(seen, w, mirrored_poses(seen.poses[w], seen.twins), seen.fps[w])
+    clean, outlier, mirror = (_screened(s, max_rate) for s in (seen, strange, turned))
     return TrustRow(
-        action=file.stem,
+        action=name,
         clean=_named((*clean.outliers, *clean.mirrored)),
-        replaced=f"{_named((v,))} {other.stem}",
+        replaced=f"{_named((v,))} {other}",
         found_outliers=_named(outlier.outliers),
         mirrored=_named((w,)),
         found_mirrored=_named((*mirror.outliers, *mirror.mirrored)),
@@ -89,23 +109,24 @@ def _row(file: Path, files: Sequence[Path], params: SyncParams) -> TrustRow:
     )
 
 
-def _filmed(shot: Shot, view: int, name: str) -> Floats:
-    """A simulated monocular estimate (T, 14, 3) of a performance from one of four sides."""
-    _, R, t = place_camera(VIEWPOINTS[view], shot.joints_m, SIZE)
-    return estimate(shot.joints_m @ R.T + t, shot.fps, drawn(name, view, PURPOSE + 1))
+def _with(seen: Seen, v: int, poses: Floats, fps: float) -> Seen:
+    """The videos with one of them replaced."""
+    every, rates = list(seen.poses), list(seen.fps)
+    every[v], rates[v] = poses, fps
+    return Seen(every, rates, seen.twins)
 
 
-def _screened(poses: Sequence[Floats], fps: Sequence[float], params: SyncParams) -> Screening:
-    scales = body_scales(poses)
+def _screened(seen: Seen, max_rate: float) -> Screening:
+    scales = body_scales(seen.poses)
     return screen(
-        [x / s for x, s in zip(poses, scales, strict=True)],
-        [np.ones(x.shape[:2]) for x in poses],
-        fps,
+        [x / s for x, s in zip(seen.poses, scales, strict=True)],
+        [np.ones(x.shape[:2]) for x in seen.poses],
+        seen.fps,
         outliers="exclude",
         mirrored="flip",
-        twins=TWINS,
-        declared=[None] * len(poses),
-        max_rate=params.max_rate,
+        twins=seen.twins,
+        declared=[None] * len(seen.poses),
+        max_rate=max_rate,
     )
 
 

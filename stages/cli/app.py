@@ -210,7 +210,9 @@ def benchmark(
         console.print(body_table(name, workspace))
         return
     if name == "trust":
-        console.print(*trust_table(workspace), sep="\n")
+        with Terminal(console) as display:
+            tables = trust_table(workspace, display)
+        console.print(*tables, sep="\n")
         return
     if name == "sync":
         from stages.cli.benchmark import sync_tables

@@ -85,14 +85,17 @@ def body_table(name: str, workspace: Workspace) -> Table:
     return _table(rows)
 
 
-def trust_table(workspace: Workspace) -> list[Table | str]:
+def trust_table(workspace: Workspace, display: Display) -> list[Table | str]:
     """Whether videos of another action and mirrored ones are found (`trust`), and how often."""
-    from stages.benchmarks.trust import measure, totals
+    from stages.benchmarks.trust import among_decidable, measure, totals
+    from stages.benchmarks.trust_inputs import fitted, true_poses
     from stages.params import SyncParams
 
-    chosen = SyncParams.model_validate(workspace.pipeline().defaults["sync"])
-    rows = measure(data_folder(workspace.root, "trials"), chosen)
-    return [_table(rows), *totals(rows)]
+    max_rate = SyncParams.model_validate(workspace.pipeline().defaults["sync"]).max_rate
+    rows = measure(fitted(workspace, display), max_rate)
+    true = measure(true_poses(workspace), max_rate)
+    said = [*totals(rows, "monocular fits"), *totals(true, "true poses")]
+    return [_table(rows), _table(true), *said, *among_decidable(rows, true)]
 
 
 def sync_tables(workspace: Workspace, sampling: str, only: tuple[str, ...], methods: str) -> str:
