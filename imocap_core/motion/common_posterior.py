@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from imocap_core.motion.common import spread_m_of, with_spread
+from imocap_core.motion.common import ROBUST_STAGES, spread_m_of, with_spread
 from imocap_core.motion.consensus import Cameras
 from imocap_core.motion.coupled import consensus_motion
 from imocap_core.motion.deviation import Spread
@@ -27,7 +27,7 @@ from imocap_core.motion.straying import estimate_strays, first_strays
 from imocap_core.motion.terms import Reprojection, Term
 from imocap_core.rotations import hat
 
-STEPS = 3  # of settling on the cameras that are given
+STEPS = 2  # of settling on the cameras that are given
 
 
 @dataclass(frozen=True)
@@ -64,6 +64,10 @@ class CommonPosterior:
     given_globals: Tensor
     response: Tensor
     globals_: Tensor
+
+    def __len__(self) -> int:
+        """N."""
+        return len(self.given_globals)
 
     def seen_by(self, v: int) -> Tensor:
         """(N, 75, 75) covariance of the common motion in the axes of camera ``v``."""
@@ -104,7 +108,8 @@ def settle_common(
     motion, _, _ = fit_shared(
         scene.body, motion, evidence, cameras, (), terms, few, robust_scale=scale
     )
-    evidence = estimate_strays(scene.body, motion, evidence, cameras, robust_scale=scale)
+    for _ in ROBUST_STAGES:  # as often as the fit does: expectation maximisation is slow
+        evidence = estimate_strays(scene.body, motion, evidence, cameras, robust_scale=scale)
     spread_m = spread_m_of(evidence, scene, motion, cameras)
     seen = with_spread(evidence, spread_m, scene, motion, cameras)
     assert evidence.stray is not None

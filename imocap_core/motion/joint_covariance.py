@@ -1,5 +1,7 @@
 """From the covariance of the unknowns to that of the joints, through the kinematic Jacobian."""
 
+from dataclasses import dataclass
+
 import torch
 from torch import Tensor
 
@@ -10,18 +12,30 @@ from imocap_core.motion.state import MotionState
 HIPS = [SMPL_JOINTS.index("left_hip"), SMPL_JOINTS.index("right_hip")]
 
 
-def joint_covariance(
-    body: Body, motion: MotionState, frames: Tensor, response: Tensor, shape: Tensor
-) -> Tensor:
-    """(T, 24, 3, 3) m^2, joints about the middle of the hips, in the motion's axes.
+@dataclass(frozen=True)
+class JointClaim:
+    """Joints about the middle of the hips, in a motion's axes: given_shape (T, 24, 3, 3) m^2 their
+    covariance if the shape were known; by_shape (T, 24, 3, 10) how they follow the shape."""
+
+    given_shape: Tensor
+    by_shape: Tensor
+
+    def covariance(self, shape: Tensor) -> Tensor:
+        """(T, 24, 3, 3) m^2 when the shape has this covariance (10, 10)."""
+        return self.given_shape + self.by_shape @ shape @ self.by_shape.mT
+
+
+def joint_claim(body: Body, motion: MotionState, frames: Tensor, response: Tensor) -> JointClaim:
+    """What the covariance of a motion's increments says of its joints.
 
     Args:
         motion: a batch of 1; frames: (T, 75, 75) covariance of its increments, the shape known.
-        response: (T, 75, 10) with -response, frames follow the shape; shape: (10, 10) covariance.
+        response: (T, 75, 10) with -response, frames follow the shape.
     """
     by_frame, by_shape = joint_jacobian(body, motion)
-    by_shape = by_shape - torch.einsum("tjxn,tni->tjxi", by_frame, response)
-    return _carried(by_frame, frames) + _carried(by_shape, shape.expand(len(frames), -1, -1))
+    half = (by_frame.flatten(1, 2) @ frames).unflatten(1, by_frame.shape[1:3])
+    follow = torch.einsum("tjxn,tni->tjxi", by_frame, response)
+    return JointClaim(half @ by_frame.mT, by_shape - follow)
 
 
 def joint_jacobian(body: Body, motion: MotionState) -> tuple[Tensor, Tensor]:
@@ -37,9 +51,3 @@ def joint_jacobian(body: Body, motion: MotionState) -> tuple[Tensor, Tensor]:
 
 def _about_hips(rows: Tensor) -> Tensor:
     return rows - rows[:, HIPS].mean(1, keepdim=True)
-
-
-def _carried(rows: Tensor, covariance: Tensor) -> Tensor:
-    """(T, J, 3, 3): J C J^T of each joint."""
-    half = (rows.flatten(1, 2) @ covariance).unflatten(1, rows.shape[1:3])
-    return half @ rows.mT

@@ -18,31 +18,42 @@ from imocap_core.motion.terms import PathCoupling, PoseCoupling, Term
 
 
 @dataclass(frozen=True)
+class OwnFit:
+    """One video's own fit (batch of 1, no padding): its motion, all its terms, and those of them
+    that draw it to the common motion."""
+
+    state: MotionState
+    terms: list[Term]
+    drawn: list[Term]
+
+
+@dataclass(frozen=True)
 class OwnPosterior:
-    """Covariance of one video's local increments and of the body's shape, the common motion given.
+    """Covariance of one video's local increments, the common motion given.
 
     Attributes:
         normal: the normal matrix that all this is the inverse of.
         given_shape: (T, 75, 75) covariance of each frame if the shape were known.
-        response: (T, 75, 10) how the frames follow the shape; shape: (10, 10) its covariance.
+        response: (T, 75, 10) how the frames follow the shape; schur: (10, 10) what this video
+            tells of the shape (inverse covariance; videos of one body add up).
         gain: (T, 75, 75) what a lasting displacement of the common motion does to each frame.
     """
 
     normal: NormalEquations
     given_shape: Tensor
     response: Tensor
-    shape: Tensor
+    schur: Tensor
     gain: Tensor
 
 
-def own_posteriors(
+def own_fits(
     scene: Scene,
     state: MotionState,
     common: Common | None,
     options: JointOptions,
     noise: Noise,
-) -> list[OwnPosterior]:
-    """One posterior a video from the normal matrices of the own fits; all share one body.
+) -> list[OwnFit]:
+    """Every video's own fit, as a posterior counts its evidence.
 
     Args:
         scene: with the priors of a posterior (`Noise.scene`).
@@ -57,17 +68,20 @@ def own_posteriors(
         drawn = deviation_terms(
             scene, state, common.motion, common.cameras, common.spread, options, faces
         )
-    parts, schurs = [], []
-    motions = take_apart(terms + drawn, state)
-    for motion in motions:
-        normal = linearise(motion.terms, motion.state)
-        factored = factorise(normal.diagonal[0], normal.next1[0], normal.next2[0])
-        response = factored.solve(normal.border[0])
-        schurs.append(normal.corner[0] - torch.einsum("tni,tnj->ij", normal.border[0], response))
-        pull = torch.diag_embed(_pull(motion.terms[len(terms) :], motion.state))
-        parts.append((normal, factored.inverse_diagonal(), response, factored.solve(pull)))
-    shared = torch.linalg.inv(torch.stack(schurs).sum(0))
-    return [OwnPosterior(n, given, response, shared, gain) for n, given, response, gain in parts]
+    return [
+        OwnFit(motion.state, motion.terms, motion.terms[len(terms) :])
+        for motion in take_apart(terms + drawn, state)
+    ]
+
+
+def own_posterior(fit: OwnFit) -> OwnPosterior:
+    """The inverse of an own fit's normal matrix, without damping."""
+    normal = linearise(fit.terms, fit.state)
+    factored = factorise(normal.diagonal[0], normal.next1[0], normal.next2[0])
+    response = factored.solve(normal.border[0])
+    schur = normal.corner[0] - torch.einsum("tni,tnj->ij", normal.border[0], response)
+    gain = factored.solve(torch.diag_embed(_pull(fit.drawn, fit.state)))
+    return OwnPosterior(normal, factored.inverse_diagonal(), response, schur, gain)
 
 
 def _pull(drawn: list[Term], state: MotionState) -> Tensor:

@@ -16,17 +16,21 @@ lens, the body model's own misfit, and everything not Gaussian: a limb on the wr
 depth flip, or taken for its twin, is not covered by any of these numbers.
 """
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from imocap_core.motion.common_posterior import CommonPosterior, common_posterior, settle_common
 from imocap_core.motion.consensus import Cameras
-from imocap_core.motion.joint_covariance import joint_covariance
+from imocap_core.motion.joint_covariance import JointClaim, joint_claim
 from imocap_core.motion.noise import Noise
 from imocap_core.motion.normal import NormalEquations
-from imocap_core.motion.own_posterior import OwnPosterior, own_posteriors
+from imocap_core.motion.own_posterior import own_fits, own_posterior
 from imocap_core.motion.scene import JointOptions, Scene
 from imocap_core.motion.state import MotionState
 
@@ -61,33 +65,26 @@ def uncertainty(
     """
     videos, options = len(scene.observations), noise.options(options)
     if videos == 1:
-        own = own_posteriors(noise.scene(scene, 1), state, None, options, noise)
-        joints = _joints(scene, state, own, None)
-        return Uncertainty(joints, state, own[0].normal, None)
+        (fit,) = own_fits(noise.scene(scene, 1), state, None, options, noise)
+        own = own_posterior(fit)
+        claim = joint_claim(scene.body, fit.state, own.given_shape, own.response)
+        alone = claim.covariance(torch.linalg.inv(own.schur)).cpu().numpy()
+        return Uncertainty([alone], state, own.normal, None)
     settled = settle_common(scene, state, cameras, options)
     common = common_posterior(noise.scene(scene, 1), settled, noise)
-    own = own_posteriors(noise.scene(scene, videos), state, settled, options, noise)
-    joints = _joints(scene, state, own, common)
+    fits = own_fits(noise.scene(scene, videos), state, settled, options, noise)
+
+    def claimed(v: int) -> tuple[JointClaim, Tensor]:
+        own = own_posterior(fits[v])
+        carried = common.seen_by(v)[nearest_reference(scene.timeline.to_reference[v], len(common))]
+        frames = own.given_shape + own.gain @ carried @ own.gain.mT
+        return joint_claim(scene.body, fits[v].state, frames, own.response), own.schur
+
+    with ThreadPoolExecutor(min(videos, len(os.sched_getaffinity(0)))) as pool:
+        claims, schurs = zip(*pool.map(claimed, range(videos)), strict=True)
+    shape = torch.linalg.inv(torch.stack(schurs).sum(0))
+    joints = [claim.covariance(shape).cpu().numpy() for claim in claims]
     return Uncertainty(joints, settled.motion, common.normal, common)
-
-
-def _joints(
-    scene: Scene,
-    state: MotionState,
-    own: list[OwnPosterior],
-    common: CommonPosterior | None,
-) -> list[Array]:
-    found = []
-    for v, posterior in enumerate(own):
-        frames = posterior.given_shape
-        if common is not None:
-            at = nearest_reference(scene.timeline.to_reference[v], common.given_globals.shape[0])
-            frames = frames + posterior.gain @ common.seen_by(v)[at] @ posterior.gain.mT
-        covariance = joint_covariance(
-            scene.body, state.of_motion(v, len(frames)), frames, posterior.response, posterior.shape
-        )
-        found.append(covariance.cpu().numpy())
-    return found
 
 
 def nearest_reference(to_reference: Array, frames: int) -> NDArray[np.int64]:

@@ -10,10 +10,10 @@ from torch import Tensor
 from imocap_core.motion.common_posterior import CommonPosterior, common_posterior, settle_common
 from imocap_core.motion.consensus import Cameras
 from imocap_core.motion.joint import recover_motion
-from imocap_core.motion.joint_covariance import joint_covariance, joint_jacobian
+from imocap_core.motion.joint_covariance import joint_claim, joint_jacobian
 from imocap_core.motion.noise import Noise
 from imocap_core.motion.normal import NormalEquations
-from imocap_core.motion.own_posterior import own_posteriors
+from imocap_core.motion.own_posterior import own_fits, own_posterior
 from imocap_core.motion.scene import JointMotion, Scene, own_terms
 from imocap_core.motion.solver import linearise
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
@@ -69,8 +69,9 @@ def test_joint_covariances_are_those_of_the_dense_inverse(made: Made) -> None:
     frames = 4
     one, state = few(made, frames)
     honest = WHITE.scene(one, 1)
-    own = own_posteriors(honest, state, None, OPTIONS, WHITE)[0]
-    found = joint_covariance(made.body, state, own.given_shape, own.response, own.shape)
+    own = own_posterior(own_fits(honest, state, None, OPTIONS, WHITE)[0])
+    claim = joint_claim(made.body, state, own.given_shape, own.response)
+    found = claim.covariance(torch.linalg.inv(own.schur))
     inverse = torch.linalg.inv(dense(linearise(own_terms(honest, state.trans), state)))
     by_frame, by_shape = joint_jacobian(made.body, state)
     for t in range(frames):
@@ -84,12 +85,12 @@ def test_joint_covariances_are_those_of_the_dense_inverse(made: Made) -> None:
 def test_the_gain_is_what_a_displaced_common_motion_does(given: tuple[Scene, JointMotion]) -> None:
     all_, result = given
     settled = settle_common(all_, result.state, result.cameras, OPTIONS)
-    own = own_posteriors(WHITE.scene(all_, 3), result.state, settled, OPTIONS, WHITE)[1]
+    own = own_posterior(own_fits(WHITE.scene(all_, 3), result.state, settled, OPTIONS, WHITE)[1])
     size = torch.linalg.eigvals(own.gain).abs()
     assert float(size.max()) < 1.3  # follows, never overshoots by much
     elbow = own.gain[FRAMES // 2, 3 * 18 : 3 * 18 + 3, 3 * 18 : 3 * 18 + 3]
     assert 0.05 < float(elbow.trace()) / 3 < 1.0
-    still = own_posteriors(WHITE.scene(all_, 3), result.state, None, OPTIONS, WHITE)[1]
+    still = own_posterior(own_fits(WHITE.scene(all_, 3), result.state, None, OPTIONS, WHITE)[1])
     assert float(still.gain.abs().max()) == 0.0
     drop = torch.linalg.eigvalsh(still.given_shape - own.given_shape)
     assert float(drop.min()) > -1e-8  # to know the common motion never hurts
