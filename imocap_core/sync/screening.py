@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imocap_core.sync.levels import thinned
-from imocap_core.sync.mirror import mirrored_poses
+from imocap_core.sync.mirror import CLEAR_MARGIN, mirrored_poses
 from imocap_core.sync.outliers import LARGEST_SCORE
 from imocap_core.sync.suspects import Seen, mirrored_among, outliers_among
 
@@ -84,7 +84,7 @@ def screen(
         alike, _ = straight.swapped(found, turned)
         strangers, scores = outliers_among(alike, rates, max_rate, stay)
         found = [v for v in found if v not in strangers]  # another action has no mirror image here
-    flips = found if mirrored == "flip" else []
+    flips = [v for v in found if margins[v] > CLEAR_MARGIN] if mirrored == "flip" else []
     return Screening(
         outliers=tuple(sorted(strangers)),
         mirrored=tuple(sorted({*found, *told})),
@@ -116,7 +116,11 @@ def sentences(found: Screening, names: Sequence[str]) -> list[str]:
             if np.isfinite(margin) and margin > 0
             else "is declared mirrored"
         )
-        done = "treated as its mirror image" if v in found.flipped else "left as it is"
+        done = (
+            "treated as its mirror image"
+            if v in found.flipped
+            else "left as it is (mirrored: true in action.yaml flips it)"
+        )
         said.append(f"{names[v]} {why}: {done}")
     left = len(names) - len(found.excluded)
     if found.excluded and left == 2:

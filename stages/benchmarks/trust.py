@@ -37,11 +37,13 @@ class TrustRow:
     """One action: which video was replaced or mirrored, what was found in each case."""
 
     action: str
-    clean: str
+    clean: str  # called outliers or mirrored
+    clean_flipped: str
     replaced: str  # video and the action it was replaced by
     found_outliers: str
     mirrored: str
     found_mirrored: str
+    flipped: str
     outlier_score: float  # of the replaced video
     clean_score: float  # the largest without it
     mirror_margin: float  # of the mirrored video
@@ -60,7 +62,9 @@ def totals(rows: Sequence[TrustRow], of: str) -> list[str]:
     counts = {
         "the video of another action found, and no other": sum(map(outlier_found, rows)),
         "the mirrored video found, and no other": sum(map(mirrored_found, rows)),
+        "it and no other flipped": sum(r.flipped == r.mirrored for r in rows),
         "something found where nothing is": sum(r.clean != "-" for r in rows),
+        "a video flipped that is not mirrored": sum(r.clean_flipped != "-" for r in rows),
     }
     return [f"{of}: {what}: {count} of {n}" for what, count in counts.items()]
 
@@ -71,7 +75,9 @@ def among_decidable(rows: Sequence[TrustRow], true: Sequence[TrustRow]) -> list[
     for what, found in (("another action", outlier_found), ("mirrored", mirrored_found)):
         able = [r for r, t in zip(rows, true, strict=True) if found(t)]
         told.append(f"decided by the true poses: {what}: {sum(map(found, able))} of {len(able)}")
-    return told
+    still = [r for r, t in zip(rows, true, strict=True) if t.clean == "-"]
+    alarms = sum(r.clean != "-" for r in still)
+    return [*told, f"nothing in the true poses, and yet something found: {alarms} of {len(still)}"]
 
 
 def outlier_found(row: TrustRow) -> bool:
@@ -98,10 +104,12 @@ def _row(name: str, names: Sequence[str], actions: Mapping[str, Seen], max_rate:
     return TrustRow(
         action=name,
         clean=_named((*clean.outliers, *clean.mirrored)),
+        clean_flipped=_named(clean.flipped),
         replaced=f"{_named((v,))} {other}",
         found_outliers=_named(outlier.outliers),
         mirrored=_named((w,)),
         found_mirrored=_named((*mirror.outliers, *mirror.mirrored)),
+        flipped=_named(mirror.flipped),
         outlier_score=float(outlier.outlier_score[v]),
         clean_score=float(np.nanmax(clean.outlier_score)),
         mirror_margin=float(mirror.mirror_margin[w]),

@@ -44,12 +44,13 @@ def test_planted_faults_of_very_different_actions_are_found() -> None:
 
 
 def test_only_the_right_video_alone_counts_as_found() -> None:
-    good = TrustRow("a", "-", "v2 b", "v2", "v3", "v3", 1.2, 1.0, 0.2, -0.1)
-    bad = TrustRow("a", "v1", "v2 b", "v2 v3", "v3", "-", 1.2, 1.0, 0.2, -0.1)
+    good = TrustRow("a", "-", "-", "v2 b", "v2", "v3", "v3", "v3", 1.2, 1.0, 0.2, -0.1)
+    bad = TrustRow("a", "v1", "v1", "v2 b", "v2 v3", "v3", "-", "-", 1.2, 1.0, 0.2, -0.1)
     said = totals([good, bad], "fits")
-    assert [line.rsplit(": ", 1)[1] for line in said] == ["1 of 2", "1 of 2", "1 of 2"]
+    assert [line.rsplit(": ", 1)[1] for line in said] == ["1 of 2"] * 5
     assert all(line.startswith("fits: ") for line in said)
     # what the true poses don't decide is nobody's fault
     able = among_decidable([good, bad], [good, bad])
-    assert [line.rsplit(": ", 1)[1] for line in able] == ["1 of 1", "1 of 1"]
-    assert [line.rsplit(": ", 1)[1] for line in among_decidable([bad], [good])] == ["0 of 1"] * 2
+    assert [line.rsplit(": ", 1)[1] for line in able] == ["1 of 1", "1 of 1", "0 of 1"]
+    missed = among_decidable([bad], [good])
+    assert [line.rsplit(": ", 1)[1] for line in missed] == ["0 of 1", "0 of 1", "1 of 1"]

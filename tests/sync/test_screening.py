@@ -102,6 +102,17 @@ def test_reported_mirrored_videos_are_neither_flipped_nor_outliers() -> None:
     assert "left as it is" in sentences(result.screening, "abcd")[0]
 
 
+def test_a_little_evidence_is_reported_and_flips_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("imocap_core.sync.screening.CLEAR_MARGIN", 10.0)
+    rng = np.random.default_rng(13)
+    poses = [seen(p, rng) for p in four_phases()]
+    poses[2] = mirrored_poses(poses[2], TWINS)
+    result = run(poses, twins=TWINS)
+    assert result.screening.mirrored == (2,)
+    assert flipped(result) == ()
+    assert "mirrored: true in action.yaml" in sentences(result.screening, "abcd")[0]
+
+
 def test_what_the_user_declares_overrides_what_is_seen() -> None:
     rng = np.random.default_rng(13)
     poses = [seen(p, rng) for p in four_phases()]
