@@ -73,7 +73,7 @@ def observe(
 ) -> Open:
     """The viewpoints of a result: its motions (batch of M), cameras and posterior."""
     directions = view_directions(scene, state, cameras)
-    mean = np.nanmean(directions, axis=1)
+    mean = _mean(directions)
     ground = stage_of(scene.body, found.motion, cameras.R.cpu().numpy(), mean[scene.reference])
     angles = angles_deg(directions)
     pairs = near_pairs(angles, near_limit_deg)
@@ -125,6 +125,14 @@ def view_directions(scene: Scene, state: MotionState, cameras: Cameras) -> Array
     unmatched = (aligned.weight <= 0)[..., None]
     directions: Array = torch.where(unmatched, torch.nan, world).cpu().numpy()
     return directions
+
+
+def _mean(directions: Array) -> Array:
+    """(M, 3) over the frames that are known; NaN for a video without any."""
+    known = np.isfinite(directions).all(-1, keepdims=True)
+    count = known.sum(1)
+    total = np.where(known, directions, 0.0).sum(1)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 def angles_deg(directions: Array) -> Array:

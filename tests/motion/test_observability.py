@@ -30,8 +30,11 @@ NOISE = Noise(correlation_s=0.1, pose_persistence_s=0.1)
 FPS = 30.0
 
 
-def looked_at(turns_deg: list[float], unseen: dict[int, slice] | None = None) -> tuple[Made, Scene]:
-    """Cameras at these turns about the performer; keypoints that no video sees for a while."""
+def looked_at(
+    turns_deg: list[float], unseen: dict[int, slice] | None = None, *, matched: int | None = None
+) -> tuple[Made, Scene]:
+    """Cameras at these turns about the performer; keypoints that no video sees for a while; videos
+    from ``matched`` on correspond to nothing."""
     made = scene(FRAMES, turns_deg, np.random.default_rng(5))
     observations = []
     for o in made.observations:
@@ -40,7 +43,9 @@ def looked_at(turns_deg: list[float], unseen: dict[int, slice] | None = None) ->
             confidence[span, keypoint] = 0.0
         observations.append(replace(o, confidence=confidence))
     maps = [np.arange(float(FRAMES)) for _ in turns_deg]
-    trust = [np.ones(FRAMES) for _ in turns_deg]
+    for unmatched in maps[matched or len(maps) :]:
+        unmatched[:] = np.nan
+    trust = [np.isfinite(m).astype(float) for m in maps]
     timeline = make_timeline(maps, trust, FRAMES)
     return made, Scene(made.body, wide_prior(), observations, timeline, trust, 0, WEIGHTS)
 
@@ -93,6 +98,16 @@ def test_one_video_is_told_to_add_a_side() -> None:
     assert left_open.pairs == []
     helps = dict(zip(AZIMUTHS_DEG, left_open.reductions, strict=True))
     assert max(helps, key=lambda a: helps[a]) in (90, 270)
+
+
+def test_a_video_without_any_match_has_claims_but_no_place() -> None:
+    made, seen = looked_at([0.0, 80.0, -70.0], matched=2)
+    found, left_open = posterior(made, seen)
+    assert all(np.isfinite(c).all() for c in found.covariances_m2)
+    together, alone = (np.einsum("tjxx->", found.covariances_m2[v]) for v in (1, 2))
+    assert alone > together
+    assert np.isfinite(left_open.azimuths_deg).tolist() == [True, True, False]
+    assert np.isfinite(left_open.reductions).all()
 
 
 def test_a_joint_that_nobody_sees_for_a_while_is_ill_determined_then() -> None:
