@@ -7,7 +7,9 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+from imocap_core.conventions import SMPL_JOINTS
 
 Count = Annotated[int, Field(ge=1)]
 NonNegative = Annotated[float, Field(ge=0)]
@@ -47,6 +49,8 @@ class InitialSmplParams(Group):
 
 class SyncParams(Group):
     affinity: Literal["reciprocal", "gaussian"]  # the paper's map of distances, or a sharper one
+    velocity_weight_s: NonNegative  # 1 m/s counts as much as this many metres; 0 = poses alone
+    joint_weights: dict[str, NonNegative]  # by SMPL's joint names; 1 where none is given
     method: Literal["als", "svt", "softmap", "none", "auto"]  # cycle consistency
     rounds: Count  # compositions of softmap
     warp: Literal["posterior", "dtw"]  # mean over all monotone warps, or the paper's one path
@@ -64,6 +68,15 @@ class SyncParams(Group):
     normalise_scale: bool  # divide each video by its body size
     outliers: Literal["exclude", "report", "ignore"]  # a video that shows another action
     mirrored: Literal["flip", "report", "ignore"]  # a left-handed flip of picture or performer
+
+    @field_validator("joint_weights")
+    @classmethod
+    def _of_known_joints(cls, given: dict[str, float]) -> dict[str, float]:
+        if unknown := sorted(set(given) - set(SMPL_JOINTS)):
+            raise ValueError(f"expected joints of {', '.join(SMPL_JOINTS)}, got {unknown[0]}")
+        if sum(given.get(name, 1.0) > 0 for name in SMPL_JOINTS) < 3:
+            raise ValueError("expected at least three joints of weight above 0")
+        return given
 
 
 class RepetitionParams(Group):

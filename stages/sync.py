@@ -58,12 +58,13 @@ def synchronise_motions(
     result = synchronise(
         [video.joints for video in videos],
         fps=fps,
-        settings=Settings(**params.model_dump()),
+        settings=settings_of(params),
         rng=rng,
         confidence=[
             np.repeat(s[:, None], video.joints.shape[1], axis=1)
             for s, video in zip(seen, videos, strict=True)
         ],
+        joint_weights=joint_weights_of(params),
         reference=None if reference is None else ids.index(reference),
         twins=mirror_indices(SMPL_JOINTS),
         mirrored=mirrored,
@@ -90,6 +91,17 @@ def synchronise_motions(
         affinity=result.affinity,
         relaxed=result.relaxed,
     )
+
+
+def settings_of(params: SyncParams) -> Settings:
+    """The core's settings; joints have no names there."""
+    return Settings(**params.model_dump(exclude={"joint_weights"}))
+
+
+def joint_weights_of(params: SyncParams) -> np.ndarray | None:
+    """Weights (24,) of SMPL's joints, None where all are alike."""
+    given = params.joint_weights
+    return np.array([given.get(name, 1.0) for name in SMPL_JOINTS]) if given else None
 
 
 def _screening_of(decided: SyncSummary) -> Screening:

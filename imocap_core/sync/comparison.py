@@ -10,6 +10,7 @@ from imocap_core.sync.affinity import procrustes_distances
 from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.poses import body_scales, joint_weights_of, stack
 from imocap_core.sync.settings import Settings
+from imocap_core.sync.velocity import with_velocity
 
 Array = NDArray[np.float64]
 
@@ -32,22 +33,15 @@ def compare(
     poses: Sequence[Array],
     confidence: Sequence[Array] | None,
     joint_weights: Array | None,
+    fps: Sequence[float],
     settings: Settings,
 ) -> Comparison:
     weights = joint_weights_of(poses, confidence, joint_weights)
     scales = body_scales(poses) if settings.normalise_scale else np.ones(len(poses))
     floor = settings.least_difference_m**2
     everything, blocks = stack(poses, scales)
-    stacked = np.concatenate(weights)
-    squares = np.full((blocks.total, blocks.total), np.nan)
-    for v in range(len(poses) - 1):
-        rows = blocks.rows(v)
-        rest = slice(rows.stop, None)
-        squares[rows, rest] = (
-            procrustes_distances(everything[rows], everything[rest], stacked[rows], stacked[rest])
-            ** 2
-        )
-        squares[rest, rows] = squares[rows, rest].T
+    split = [everything[blocks.rows(v)] for v in range(len(poses))]
+    squares = _all_squares(split, weights, fps, blocks, settings.velocity_weight_s)
     near, far = [], []
     for i, j in blocks.pairs():
         block = np.asarray(blocks.block(squares, i, j))
@@ -58,8 +52,34 @@ def compare(
     # identical clips have distance 0: keep the unit positive
     typical_far = float(np.mean(far)) if far else 1.0
     typical_near = max(float(np.mean(near)), floor, 1e-6 * typical_far, 1e-12) if near else 1.0
-    split = [everything[blocks.rows(v)] for v in range(len(poses))]
     return Comparison(split, weights, blocks, squares, typical_near, typical_far, floor)
+
+
+def _all_squares(
+    poses: Sequence[Array],
+    weights: Sequence[Array],
+    fps: Sequence[float],
+    blocks: Blocks,
+    velocity_weight_s: float,
+) -> Array:
+    """Squared distances (N_a, N_a) between frames of different videos; own blocks are NaN."""
+    shown, counted = list(poses), list(weights)
+    if velocity_weight_s > 0:
+        for v, x in enumerate(poses):
+            shown[v], counted[v] = with_velocity(x, weights[v], fps[v], velocity_weight_s)
+    # a mean over twice as many points, of which half are poses
+    points = 2.0 if velocity_weight_s > 0 else 1.0
+    everything, stacked = np.concatenate(shown), np.concatenate(counted)
+    squares = np.full((blocks.total, blocks.total), np.nan)
+    for v in range(len(poses) - 1):
+        rows = blocks.rows(v)
+        rest = slice(rows.stop, None)
+        distances = procrustes_distances(
+            everything[rows], everything[rest], stacked[rows], stacked[rest]
+        )
+        squares[rows, rest] = points * distances**2
+        squares[rest, rows] = squares[rows, rest].T
+    return squares
 
 
 def neighbour_squares(poses: Array, weights: Array) -> Array:

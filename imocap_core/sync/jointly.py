@@ -71,7 +71,7 @@ def synchronise_jointly(
     to_affinity = {"reciprocal": reciprocal_affinity, "gaussian": gaussian_affinity}
     if settings.affinity not in to_affinity:
         raise ValueError(f"affinity: expected reciprocal or gaussian, got {settings.affinity!r}")
-    c = compare(poses, confidence, joint_weights, settings)
+    c = compare(poses, confidence, joint_weights, fps, settings)
     c = bent_comparison(c, hints, fps, settings.evidence_per_s)
     affinity = to_affinity[settings.affinity](np.sqrt(c.squares), np.sqrt(c.near))
     c.blocks.set_diagonal_to_identity(affinity)

@@ -9,6 +9,7 @@ class Settings:
     docs."""
 
     affinity: str  # reciprocal (the paper's) | gaussian
+    velocity_weight_s: float  # 1 m/s counts as much as this many metres; 0 = poses alone
     method: str  # cycle consistency: softmap | als | svt | none | auto
     rounds: int  # compositions of softmap
     warp: str  # posterior (mean over all monotone warps) | dtw (the paper's)

@@ -50,13 +50,14 @@ def speed(settings: Settings) -> list[SpeedRow]:
     fps = [FPS] * VIDEOS
     for size in SIZES:
         poses = made_poses(size, np.random.default_rng(size))
-        rows.append(_row(rows, "affinity", size, partial(compare, poses, None, None, settings)))
-        c = compare(poses, None, None, settings)
+        work = partial(compare, poses, None, None, fps, settings)
+        rows.append(_row(rows, "affinity", size, work))
+        c = work()
         soft = symmetric_affinity(directed_maps(c, fps, settings)[0], c.blocks)
         for method in ("softmap", "als", "svt"):
             if size <= LARGEST.get(method, size):
-                work = partial(_relaxed, method, soft, c.blocks, settings.rounds)
-                rows.append(_row(rows, method, size, work))
+                relaxed = partial(_relaxed, method, soft, c.blocks, settings.rounds)
+                rows.append(_row(rows, method, size, relaxed))
         rows.append(_row(rows, "whole, default", size, partial(_whole, poses, fps, settings)))
     return rows
 

@@ -100,16 +100,16 @@ def trust_table(workspace: Workspace, display: Display) -> list[Table | str]:
 
 def sync_tables(workspace: Workspace, sampling: str, only: tuple[str, ...], methods: str) -> str:
     """Synchronisation alone: accuracy by method and warp, events, speed (`sync`)."""
-    from imocap_core.sync import Settings
     from stages.benchmarks.sync import METHODS, accuracy, events, markdown, write_tables
     from stages.benchmarks.sync_speed import speed
     from stages.params import SyncParams
+    from stages.sync import settings_of
 
     chosen = tuple(word.strip() for word in methods.split(",") if word.strip()) or METHODS
     if unknown := set(chosen) - set(METHODS):
         raise WrongUse(f"--variants: expected some of {', '.join(METHODS)}, got {unknown.pop()}")
     params = SyncParams.model_validate(workspace.pipeline().defaults["sync"])
-    settings = Settings(**params.model_dump())
+    settings = settings_of(params)
     protocol, trials = (data_folder(workspace.root, kind) for kind in ("protocol", "trials"))
     tables: dict[str, Sequence[Any]] = {
         f"accuracy-{sampling}": accuracy(protocol, sampling, settings, chosen, only),

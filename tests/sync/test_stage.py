@@ -8,7 +8,7 @@ from stages.params import SyncParams
 from stages.sync import synchronise_motions
 from tests.sync.test_synchronise import SETTINGS, pose_at
 
-PARAMS = SyncParams(**(vars(SETTINGS) | {"max_rate": 20.0}))
+PARAMS = SyncParams(**(vars(SETTINGS) | {"max_rate": 20.0, "joint_weights": {}}))
 
 
 def made(ids: list[str], offsets_s: list[float]) -> tuple[list[VideoMotion], Keypoints]:

@@ -11,6 +11,7 @@ from imocap_core.sync import Settings, synchronise
 
 SETTINGS = Settings(
     affinity="reciprocal",
+    velocity_weight_s=0.0,
     method="softmap",
     rounds=2,
     warp="posterior",
