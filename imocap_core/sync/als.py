@@ -15,9 +15,12 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from imocap_core.sync.blocks import Blocks
-from imocap_core.sync.report import CycleReport
+from imocap_core.sync.report import CycleReport, outcome_of
 
 Matrix = NDArray[np.floating]
+
+
+START_SCALE = 10.0  # about the root of how many frames of all videos resemble one
 
 
 def project(matrix: Matrix, blocks: Blocks) -> Matrix:
@@ -71,7 +74,8 @@ def als(
     Z = project(affinity.astype(np.float32), blocks)
     reward = Z - np.float32(sparsity)
     Y = np.zeros_like(Z)
-    A = rng.random((N, rank), dtype=np.float32)
+    # random combinations of Z's columns: nearer to the answer's range than random numbers are
+    A = Z @ (rng.standard_normal((N, rank), dtype=np.float32) / np.float32(START_SCALE))
     mu = 64.0
     history: list[float] = []
     for _ in range(max_iterations):
@@ -87,6 +91,5 @@ def als(
             break
         mu = balanced_penalty(mu, primal, dual)
     converged = history[-1] < tolerance
-    outcome = "converged" if converged else "not converged"
-    status = f"als: {outcome} after {len(history)} iterations, rank bound {rank}"
+    status = f"als: {outcome_of(history, tolerance)}, rank bound {rank}"
     return Z, CycleReport("als", converged, tuple(history), status)

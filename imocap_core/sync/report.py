@@ -1,5 +1,6 @@
 """What a cycle-consistency method says of its own run."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 
@@ -17,3 +18,11 @@ class CycleReport:
     def iterations(self) -> int:
         """How many iterations were run."""
         return len(self.change)
+
+
+def outcome_of(residuals: Sequence[float], tolerance: float) -> str:
+    """Whether the last residual is below the tolerance, after how many iterations, for people."""
+    after = f"after {len(residuals)} iterations"
+    if residuals[-1] < tolerance:
+        return f"converged {after}"
+    return f"not converged {after} (residual {residuals[-1]:.2g}, {tolerance:.2g} was asked)"

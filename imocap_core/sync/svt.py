@@ -12,7 +12,7 @@ from scipy.linalg import eigh
 
 from imocap_core.sync.als import balanced_penalty, project
 from imocap_core.sync.blocks import Blocks
-from imocap_core.sync.report import CycleReport
+from imocap_core.sync.report import CycleReport, outcome_of
 
 Matrix = NDArray[np.floating]
 
@@ -54,5 +54,5 @@ def svt(
             break
         mu = balanced_penalty(mu, primal, dual)
     converged = history[-1] < tolerance
-    status = f"svt: {'converged' if converged else 'not converged'} after {len(history)} iterations"
+    status = f"svt: {outcome_of(history, tolerance)}"
     return X, CycleReport("svt", converged, tuple(history), status)

@@ -57,7 +57,7 @@ def als_naive(
 ) -> tuple[np.ndarray, list[float]]:
     """The same with Q = A B', every row of a factor by its own least squares with ridge rows."""
     Z, mu, Y, said = in_c(S, blocks), 64.0, np.zeros_like(S), []
-    W, A = Z - ALPHA, rng.random((len(S), rank), dtype=np.float32).astype(float)
+    W, A = Z - ALPHA, Z @ rng.standard_normal((len(S), rank), dtype=np.float32).astype(float) / 10
 
     def solved(factor: np.ndarray, target: np.ndarray, ridge: float) -> np.ndarray:
         system = np.vstack([factor, np.sqrt(ridge) * np.eye(rank)])
@@ -133,6 +133,7 @@ def test_the_report_says_whether_the_residuals_are_below_the_tolerance(method: s
         assert (report.change[-1] < 1e-4) is within
         assert min(report.change[:-1], default=1.0) >= 1e-4
         assert ("not converged" in report.status) is not within
+        assert (f"residual {report.change[-1]:.2g}" in report.status) is not within
 
 
 def test_contrast_is_blind_to_a_constant_and_to_scale() -> None:
