@@ -137,6 +137,31 @@ def refine_by_pnp(
     return Cameras(R, t)
 
 
+def shared_problem(
+    body: Body,
+    start: MotionState,
+    evidence: Evidence,
+    cameras: Cameras,
+    free: Sequence[int],
+    *,
+    robust_scale: float,
+) -> tuple[list[Term], MotionState]:
+    """What all views say of one motion, as two halves of them that can be worked on at the same
+    time, and the start with the cameras in ``free`` among its unknowns."""
+    index = torch.tensor(free, dtype=torch.long, device=start.trans.device)
+    state = MotionState(
+        start.R_local,
+        start.trans,
+        start.betas,
+        start.valid,
+        cameras.R[index][None],
+        cameras.t[index][None],
+    )
+    views = views_of(evidence, cameras, start.trans, free=free)
+    halves = [views[k::HALVES] for k in range(min(HALVES, len(views)))]
+    return [Reprojection(body, half, robust_scale) for half in halves], state
+
+
 def fit_shared(
     body: Body,
     start: MotionState,
@@ -158,21 +183,11 @@ def fit_shared(
         The motion, the cameras, and the solver's account.
     """
     free = [v for v in free if (evidence.weight[v] > 0).any()]
-    index = torch.tensor(free, dtype=torch.long, device=start.trans.device)
-    state = MotionState(
-        start.R_local,
-        start.trans,
-        start.betas,
-        start.valid,
-        cameras.R[index][None],
-        cameras.t[index][None],
-    )
-    views = views_of(evidence, cameras, start.trans, free=free)
-    halves = [views[k::HALVES] for k in range(min(HALVES, len(views)))]
-    seen = [Reprojection(body, half, robust_scale) for half in halves]
+    seen, state = shared_problem(body, start, evidence, cameras, free, robust_scale=robust_scale)
     solution = solve([*seen, *terms], state, options, one_body=False)
     state = solution.state
     R, t = cameras.R.clone(), cameras.t.clone()
+    index = torch.tensor(free, dtype=torch.long, device=start.trans.device)
     R[index], t[index] = state.camera_R[0], state.camera_t[0]
     motion = MotionState.of(state.R_local, state.trans, state.betas, state.valid)
     return motion, Cameras(R, t), solution
