@@ -93,7 +93,11 @@ class FitParams(Group):
     shape_prior: NonNegative
     limits: NonNegative
     velocity: NonNegative  # lambda_t of Eq. 7, relative to the speeds of real motion
-    acceleration: NonNegative
+    acceleration: NonNegative  # relative to the accelerations of real motion
+    acceleration_scale: Positive  # of cost: larger accelerations cost the logarithm
+    foot_speed_m_s: Positive  # speed of any foot that costs 1
+    foot_hold_m_s: Positive  # speed of a foot that stands in the common motion that costs 1
+    foot_scale: Positive  # square root of the most that a foot's speed costs
     path_velocity_m_s: Positive  # root speed that costs 1
     path_acceleration_m_s2: Positive
     evidence_mm: Positive  # standard deviation of a monocular estimator's 3D joints

@@ -5,7 +5,7 @@ from imocap_core.body.jacobian import keypoints_with_jacobian
 from imocap_core.body.layouts import layout_names, layouts
 from imocap_core.body.model import Mesh, Model, Posed, Shaped
 from imocap_core.body.official import ModelStatus, load_body, model_status
-from imocap_core.body.points import PointSet, join_points, make_points
+from imocap_core.body.points import PointSet, join_points, make_points, pick_points
 
 __all__ = [
     "Mesh",
@@ -22,4 +22,5 @@ __all__ = [
     "load_free_body",
     "make_points",
     "model_status",
+    "pick_points",
 ]

@@ -13,7 +13,7 @@ So a layout on any number of bodies is one matrix product, and so are its deriva
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -62,6 +62,23 @@ class PointSet:
         directions = self.levers_shapedirs[..., :count]
         offsets = shaped.coefficients @ directions.flatten(0, -2).T
         return self.levers_template + offsets.unflatten(-1, self.levers_template.shape)
+
+
+def pick_points(points: PointSet, names: Sequence[str]) -> PointSet:
+    """Some points of a set, by name."""
+    rows = [points.names.index(name) for name in names]
+    corrections = points.corrections
+    if corrections is not None:
+        corrections = replace(corrections, shares=corrections.shares[rows])
+    return replace(
+        points,
+        names=tuple(names),
+        levers_template=points.levers_template[rows],
+        levers_shapedirs=points.levers_shapedirs[rows],
+        moved_by=points.moved_by[rows],
+        columns=tuple(points.columns[row] for row in rows),
+        corrections=corrections,
+    )
 
 
 def make_points(

@@ -29,6 +29,7 @@ MOTION_METRICS = (
     "root_path_error_mm",
     "root_path_aligned_error_mm",
     "foot_sliding_mm_s",
+    "planted_foot_speed_mm_s",
 )
 POSE_METRICS = (
     *(
@@ -106,8 +107,10 @@ def _motion_rows(result: str, video: str, predicted: Motion, true: Motion, fps: 
         trajectory.root_path_error_mm(*roots),
         trajectory.root_path_aligned_error_mm(*roots),
         trajectory.foot_sliding_mm_s(feet, standing, fps, moving=true_feet),
+        trajectory.planted_foot_speed_mm_s(feet, standing, fps),
     )
-    why = ("no three frames in a row", "no frame has both", "too few frames", "no foot stands")
+    stood = "no foot stands"
+    why = ("no three frames in a row", "no frame has both", "too few frames", stood, stood)
     return [_row(result, video, *item) for item in zip(MOTION_METRICS, values, why, strict=True)]
 
 

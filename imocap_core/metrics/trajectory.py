@@ -71,6 +71,19 @@ def foot_sliding_mm_s(
     return float(speed.mean()) if len(speed) else float("nan")
 
 
+def planted_foot_speed_mm_s(feet_m: ArrayLike, standing: ArrayLike, fps: float) -> float:
+    """Median speed of feet (T, F, 3) while they should stand (T, F), in mm a second.
+
+    What a viewer sees as sliding: the truth's own small motion is not subtracted. NaN when no foot
+    stands for two frames in a row.
+    """
+    x, stand = np.asarray(feet_m, dtype=np.float64), np.asarray(standing, dtype=bool)
+    speed = fps * MM_PER_M * np.linalg.norm(np.diff(x, axis=0), axis=-1)
+    speed = speed[stand[1:] & stand[:-1]]
+    speed = speed[np.isfinite(speed)]
+    return float(np.median(speed)) if len(speed) else float("nan")
+
+
 def _seen(predicted_m: ArrayLike, true_m: ArrayLike) -> tuple[Array, Array]:
     predicted = np.asarray(predicted_m, dtype=np.float64)
     true = np.asarray(true_m, dtype=np.float64)

@@ -62,7 +62,7 @@ def common_then_own(
     if options.objective != "single":
         evidence = replace(evidence, stray=first_strays(len(scene.observations)))
     shared = consensus_motion(scene, state, cameras, options)
-    terms = regularisers(scene.prior, weights, scene.fps) + estimates_on_axis(
+    terms = regularisers(scene.body, scene.prior, weights, scene.fps) + estimates_on_axis(
         scene.body, scene.observations, scene.timeline, shared.trans,
         evidence_mm=weights.evidence_mm * options.once(scene.fps) ** 0.5,
     )  # fmt: skip

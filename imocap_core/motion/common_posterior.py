@@ -102,7 +102,7 @@ def settle_common(
         scene.body, scene.observations, scene.timeline, motion.trans,
         evidence_mm=weights.evidence_mm * options.once(scene.fps) ** 0.5,
     )  # fmt: skip
-    terms = [*regularisers(scene.prior, weights, scene.fps), *estimates]
+    terms = [*regularisers(scene.body, scene.prior, weights, scene.fps), *estimates]
     few = replace(options, max_steps=STEPS)
     scale = weights.robust_scale
     motion, _, _ = fit_shared(
@@ -131,7 +131,7 @@ def common_posterior(scene: Scene, common: Common, noise: Noise) -> CommonPoster
     terms = [
         *noise.temper([image], scene.fps),
         *common.estimates,  # counted once per correlation time by their own weights
-        *regularisers(scene.prior, scene.weights, scene.fps),
+        *regularisers(scene.body, scene.prior, scene.weights, scene.fps),
     ]
     normal = linearise(terms, state)
     factored = factorise(normal.diagonal[0], normal.next1[0], normal.next2[0])

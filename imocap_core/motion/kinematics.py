@@ -4,8 +4,16 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from imocap_core.body import Model, PointSet, join_points, keypoints_with_jacobian
+from imocap_core.body import (
+    Model,
+    PointSet,
+    join_points,
+    keypoints_with_jacobian,
+    pick_points,
+)
 from imocap_core.motion.state import MotionState
+
+FEET = ("left_ankle", "right_ankle", "left_foot", "right_foot")
 
 
 @dataclass(frozen=True)
@@ -24,16 +32,19 @@ class Points:
 
 @dataclass(frozen=True)
 class Body:
-    """A body model with the keypoints of one layout and the 24 joints."""
+    """A body model with the keypoints of one layout, the 24 joints, and those of the feet."""
 
     model: Model
     keypoints: PointSet
     joints: PointSet
+    feet: PointSet
 
     @classmethod
     def of(cls, model: Model, *layouts: str) -> "Body":
         """The model seen through the keypoints of one or several layouts, one after another."""
-        return cls(model, join_points([model.points(x) for x in layouts]), model.points("smpl24"))
+        joints = model.points("smpl24")
+        keypoints = join_points([model.points(x) for x in layouts])
+        return cls(model, keypoints, joints, pick_points(joints, FEET))
 
     def positions(self, points: PointSet, state: MotionState) -> Points:
         """Positions only."""

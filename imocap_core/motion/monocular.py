@@ -27,6 +27,7 @@ from imocap_core.motion.terms import (
     PoseSmoothness,
     Reprojection,
     ShapePrior,
+    StandingFeet,
     Term,
 )
 from imocap_core.motion.timeline import sample
@@ -45,7 +46,9 @@ class FitWeights:
         robust_scale: final Geman-McClure scale in standard deviations.
         pose_prior, shape_prior, limits: weights of those terms.
         velocity, acceleration: weight of Eq. 7 and of accelerations, relative to the spread
-            that real motion shows.
+            that real motion shows; acceleration_scale: cost from which one is logarithmic.
+        foot_speed_m_s: speed of any foot that costs 1; foot_hold_m_s: of one that stands in the
+            motion common to all videos; foot_scale: square root of the most that a speed costs.
         path_velocity_m_s, path_acceleration_m_s2: root speeds and accelerations that cost 1.
         evidence_mm: standard deviation of an estimator's joints.
     """
@@ -57,6 +60,10 @@ class FitWeights:
     limits: float
     velocity: float
     acceleration: float
+    acceleration_scale: float
+    foot_speed_m_s: float
+    foot_hold_m_s: float
+    foot_scale: float
     path_velocity_m_s: float
     path_acceleration_m_s2: float
     evidence_mm: float
@@ -75,16 +82,19 @@ class MonocularFit:
     status: str
 
 
-def regularisers(prior: PosePrior, weights: FitWeights, fps: float) -> list[Term]:
+def regularisers(body: Body, prior: PosePrior, weights: FitWeights, fps: float) -> list[Term]:
     """Everything in the objective that does not look at the videos, at a frame rate."""
     pace = fps / PRIOR_FPS
     step = prior.velocity_rad.clamp_min(1e-3) / pace
     bend = prior.acceleration_rad.clamp_min(1e-3) / pace**2
     return [
+        StandingFeet(body, (fps / weights.foot_speed_m_s) ** 2, weights.foot_scale),
         PosePriorTerm(prior, weights.pose_prior),
         ShapePrior(weights.shape_prior),
         HingeLimits(weights.limits),
-        PoseSmoothness(weights.velocity / step**2, weights.acceleration / bend**2),
+        PoseSmoothness(
+            weights.velocity / step**2, weights.acceleration / bend**2, weights.acceleration_scale
+        ),
         PathSmoothness(
             (fps / weights.path_velocity_m_s) ** 2, (fps**2 / weights.path_acceleration_m_s2) ** 2
         ),
@@ -168,7 +178,7 @@ def monocular_terms(
     fps = float(np.median([o.fps for o in observations]))
     return [
         Reprojection(body, (view,), weights.robust_scale * scale),
-        *regularisers(prior, weights, fps),
+        *regularisers(body, prior, weights, fps),
         *evidence_term(body, observations, like, weights),
     ]
 

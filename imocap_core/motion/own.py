@@ -10,11 +10,14 @@ from imocap_core.motion.coupling import Targets, coupling_terms, to_own_axes, to
 from imocap_core.motion.deviation import Spread, joint_spread_rad
 from imocap_core.motion.scene import JointOptions, Scene, own_terms, solve
 from imocap_core.motion.state import MotionState
-from imocap_core.motion.terms import Term
+from imocap_core.motion.terms import StandingFeet, Term
+from imocap_core.motion.terms.standing import standing_share
 from imocap_core.rotations import geodesic_angle
 
 FACING_RAD = 0.6  # beyond a monocular estimate's own errors
 FACING_FRAMES = 7
+STANDING_M_S, SWINGING_M_S = 0.05, 0.2  # of a foot by the common motion, by one video alone
+HOLD = 4.0  # square root of what a foot that stands would pay at most for a step
 
 
 def own_deviations(
@@ -29,7 +32,7 @@ def own_deviations(
     targets = targets_of(scene, state, shared, cameras)
     faces = facing_alike(state, targets)
     start = _released(single_motion(scene, state, shared, cameras), state, faces)
-    terms = own_terms(scene, start.trans)
+    terms = [*own_terms(scene, start.trans), held_feet(scene, start, state)]
     terms += deviation_terms(scene, start, shared, cameras, spread, options, faces)
     solution = solve(terms, start, options, one_body=True)
     return solution.state, solution.costs[-1]
@@ -44,7 +47,11 @@ def deviation_terms(
     options: JointOptions,
     faces: Tensor,
 ) -> list[Term]:
-    """What draws each video to the common motion, a deviation counted once per correlation time."""
+    """What draws each video to the common motion, a deviation counted once per correlation time.
+
+    Args:
+        start: the common motion at every video's own frames (unmatched ones keep their own).
+    """
     targets = targets_of(scene, start, shared, cameras)
     joints = joint_spread_rad(scene.body, shared, spread.keypoints_m)
     joints[:, :, 0] = spread.whole[:, None, 0]
@@ -54,6 +61,18 @@ def deviation_terms(
     joint_weight[..., 0] *= faces
     path_weight = torch.as_tensor(1 / (spread.whole[:, 3:4] ** 2 * once)).to(start.trans)
     return coupling_terms(scene.body, targets, start, joint_weight, path_weight)
+
+
+def held_feet(scene: Scene, common: MotionState, own: MotionState) -> Term:
+    """Feet that stand hold their place: all videos have voted in the common motion, none objects.
+
+    Args:
+        common: the common motion at every video's own frames; own: what each video said before.
+    """
+    hold = (scene.fps / scene.weights.foot_hold_m_s) ** 2
+    voted = standing_share(scene.body, common, scene.fps, speed_m_s=STANDING_M_S)
+    stands = standing_share(scene.body, own, scene.fps, speed_m_s=SWINGING_M_S)
+    return StandingFeet(scene.body, hold * voted * stands, HOLD)
 
 
 def facing_alike(state: MotionState, targets: Targets) -> Tensor:

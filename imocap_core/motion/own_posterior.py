@@ -9,7 +9,7 @@ from torch import Tensor
 from imocap_core.motion.common_posterior import Common
 from imocap_core.motion.noise import Noise
 from imocap_core.motion.normal import NormalEquations
-from imocap_core.motion.own import deviation_terms, facing_alike, targets_of
+from imocap_core.motion.own import deviation_terms, facing_alike, held_feet, targets_of
 from imocap_core.motion.scene import JointOptions, Scene, own_terms
 from imocap_core.motion.selected import factorise
 from imocap_core.motion.solver import linearise, take_apart
@@ -60,7 +60,8 @@ def own_fits(
         state: every video's motion in its own camera's axes.
         common: None for videos that were fitted by themselves.
     """
-    terms = noise.temper(own_terms(scene, state.trans), scene.fps)
+    terms = [*own_terms(scene, state.trans), held_feet(scene, state, state)]
+    terms = noise.temper(terms, scene.fps)
     drawn: list[Term] = []
     if common is not None:
         targets = targets_of(scene, state, common.motion, common.cameras)

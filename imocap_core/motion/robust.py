@@ -19,6 +19,15 @@ def geman_mcclure(squared: Tensor, scale: float) -> tuple[Tensor, Tensor]:
     return squared * ratio, ratio**2
 
 
-def quadratic(squared: Tensor) -> tuple[Tensor, Tensor]:
-    """The squared loss: cost ``s``, weight 1."""
-    return squared, torch.ones_like(squared)
+def cauchy(squared: Tensor, scale: float) -> tuple[Tensor, Tensor]:
+    """Cauchy loss and its IRLS weight: Student's t as a cost.
+
+    Args:
+        squared: (...) squared residual norms.
+        scale: residual norm beyond which the loss turns from quadratic to logarithmic.
+
+    Returns:
+        cost: (...) ``scale^2 log(1 + s / scale^2)``; equals ``s`` for small residuals.
+        weight: (...) its derivative in ``s``, in (0, 1].
+    """
+    return scale**2 * torch.log1p(squared / scale**2), scale**2 / (scale**2 + squared)

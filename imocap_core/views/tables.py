@@ -36,6 +36,7 @@ POSE = (
     "root_path_error_mm",
     "root_path_aligned_error_mm",
     "foot_sliding_mm_s",
+    "planted_foot_speed_mm_s",
     "reprojection_px",
     "reprojection_pct",
 )

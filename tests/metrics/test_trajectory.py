@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from imocap_core.metrics.trajectory import (
     foot_sliding_mm_s,
+    planted_foot_speed_mm_s,
     root_path_aligned_error_mm,
     root_path_error_mm,
     standing_feet,
@@ -54,6 +55,14 @@ def test_sliding_by_hand() -> None:
     assert foot_sliding_mm_s(predicted, standing, 25) == pytest.approx(50)
     assert foot_sliding_mm_s(true, standing, 25) == pytest.approx(0)
     assert np.isnan(foot_sliding_mm_s(true, np.zeros((10, 2), bool), 25))
+
+
+def test_planted_speed_is_the_median_of_standing_frames() -> None:
+    feet = np.zeros((6, 1, 3))
+    feet[:, 0, 0] = np.cumsum([0, 0.001, 0.002, 0.003, 0.5, 0.5])  # the last two steps swing
+    standing = np.array([True, True, True, True, False, False])[:, None]
+    assert planted_foot_speed_mm_s(feet, standing, 10) == pytest.approx(20)
+    assert np.isnan(planted_foot_speed_mm_s(feet, ~np.ones((6, 1), bool), 10))
 
 
 def test_the_foot_s_own_motion_does_not_count_as_sliding() -> None:

@@ -10,7 +10,7 @@ import torch
 from imocap_core.body import load_free_body
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.prior import mixture
-from imocap_core.motion.robust import geman_mcclure
+from imocap_core.motion.robust import cauchy, geman_mcclure
 from imocap_core.motion.solver import linearise, objective
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms import (
@@ -23,9 +23,11 @@ from imocap_core.motion.terms import (
     PoseSmoothness,
     Reprojection,
     ShapePrior,
+    StandingFeet,
     Term,
     View,
 )
+from imocap_core.motion.terms.standing import standing_share
 from imocap_core.motion.terms.stray import strayed, without_strays
 from imocap_core.motion.terms.view import project
 from imocap_core.rotations import exp
@@ -100,8 +102,10 @@ TERMS: dict[str, Callable[[Body, MotionState], Term]] = {
     "pose prior": pose_prior,
     "shape prior": lambda b, s: ShapePrior(2.0),
     "limits": lambda b, s: HingeLimits(2.0),
-    "velocity": lambda b, s: PoseSmoothness(normal(24).abs(), torch.zeros(24).double()),
-    "acceleration": lambda b, s: PoseSmoothness(torch.zeros(24).double(), normal(24).abs()),
+    "velocity": lambda b, s: PoseSmoothness(normal(24).abs(), torch.zeros(24).double(), 1.0),
+    "acceleration": lambda b, s: PoseSmoothness(torch.zeros(24).double(), normal(24).abs(), 0.7),
+    "standing feet": lambda b, s: StandingFeet(b, 40.0, 1.5),
+    "held feet": lambda b, s: StandingFeet(b, normal(B, T - 1, 4, seed=13).abs(), 1.5),
     "path": lambda b, s: PathSmoothness(3.0, 2.0),
     "pose coupling": lambda b, s: PoseCoupling(
         exp(normal(B, T, 24, 3, seed=7, spread=0.3)), normal(B, T, 24, seed=8).abs() * seen(s)
@@ -195,6 +199,35 @@ def test_padding_takes_no_part(name: str, body: Body, state: MotionState) -> Non
         state.R_local, moved, state.betas, state.valid, state.camera_R, state.camera_t
     )
     assert torch.allclose(term.cost(state), term.cost(other), rtol=1e-12)
+
+
+def test_cauchy_is_quadratic_near_zero_and_logarithmic_far_away() -> None:
+    squared = torch.tensor([0.0, 1e-6, 16.0, 1e12], dtype=torch.float64, requires_grad=True)
+    cost, weight = cauchy(squared, 4.0)
+    (slope,) = torch.autograd.grad(cost.sum(), squared)
+    assert torch.allclose(slope, weight)
+    cost = cost.detach()
+    assert float(cost[1]) == pytest.approx(1e-6, rel=1e-6)
+    assert float(cost[2]) == pytest.approx(16 * np.log(2))
+    assert float(cost[3]) == pytest.approx(16 * np.log(1e12 / 16), rel=1e-6)
+
+
+def test_slow_feet_stand_and_fast_ones_swing(body: Body) -> None:
+    still = torch.zeros(1, 30, 3).double()
+    walking = still.clone()
+    walking[..., 0] = torch.arange(30).double() * (1.5 / 30)  # the whole body at 1.5 m/s
+    generator = torch.Generator().manual_seed(0)
+    jitter = 0.01 * torch.randn(1, 30, 3, generator=generator, dtype=torch.float64)
+    upright = torch.eye(3).double().expand(1, 30, 24, 3, 3)
+    valid = torch.ones(1, 30, dtype=torch.bool)
+
+    def share(trans: torch.Tensor) -> torch.Tensor:
+        state = MotionState.of(upright, trans, torch.zeros(1, 10).double(), valid)
+        return standing_share(body, state, 30.0, speed_m_s=0.2)
+
+    assert float(share(still).min()) == 1.0
+    assert float(share(walking).max()) < 0.01
+    assert float(share(still + jitter).median()) > 0.5  # 0.4 m/s from frame to frame
 
 
 def test_geman_mcclure_is_quadratic_near_zero_and_bounded() -> None:

@@ -12,6 +12,7 @@ from imocap_core.motion.terms.pose_prior import PosePriorTerm
 from imocap_core.motion.terms.reprojection import Reprojection
 from imocap_core.motion.terms.shape_prior import ShapePrior
 from imocap_core.motion.terms.smoothness import PathSmoothness, PoseSmoothness
+from imocap_core.motion.terms.standing import StandingFeet
 from imocap_core.motion.terms.view import View
 
 __all__ = [
@@ -24,6 +25,7 @@ __all__ = [
     "PoseSmoothness",
     "Reprojection",
     "ShapePrior",
+    "StandingFeet",
     "Term",
     "View",
 ]

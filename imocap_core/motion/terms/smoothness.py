@@ -1,4 +1,8 @@
-"""Temporal smoothness: Eq. 7 on the rotation manifold, and accelerations."""
+"""Temporal smoothness: Eq. 7 on the rotation manifold, and accelerations.
+
+Real accelerations are heavy-tailed: nearly none most of the time, and large in a strike or a step.
+Their cost is logarithmic (the likelihood of Student's t), so rest is smooth and strikes stay sharp.
+"""
 
 from dataclasses import dataclass
 from typing import Self
@@ -7,6 +11,7 @@ import torch
 from torch import Tensor
 
 from imocap_core.motion.normal import NormalEquations
+from imocap_core.motion.robust import cauchy
 from imocap_core.motion.state import POSE, MotionState
 from imocap_core.rotations import log
 
@@ -17,11 +22,13 @@ class PoseSmoothness:
 
     Attributes:
         velocity_weight: (24,) per joint, 1 / (rad per frame)^2.
-        acceleration_weight: (24,) per joint, 1 / (rad per frame^2)^2.
+        acceleration_weight: (24,) per joint, 1 / (rad per frame^2)^2, of small accelerations.
+        acceleration_scale: at this cost an acceleration begins to cost the logarithm.
     """
 
     velocity_weight: Tensor
     acceleration_weight: Tensor
+    acceleration_scale: float
 
     def of(self, v: int, frames: int) -> Self:
         """The same for every motion."""
@@ -30,8 +37,12 @@ class PoseSmoothness:
     def cost(self, state: MotionState) -> Tensor:
         """(B,)."""
         step = _steps(state).square().sum(-1) * self.velocity_weight
-        bend = _chords(state).square().sum((-1, -2)) / 2 * self.acceleration_weight
-        return step.sum((1, 2)) + bend.sum((1, 2))
+        return step.sum((1, 2)) + self._bend(_chords(state))[0].sum((1, 2))
+
+    def _bend(self, chord: Tensor) -> tuple[Tensor, Tensor]:
+        """(B, T-2, 24) cost of second differences and its slope by their weighted square."""
+        squared = chord.square().sum((-1, -2)) / 2 * self.acceleration_weight
+        return cauchy(squared, self.acceleration_scale)
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """Velocity: its gradient by the increments is exactly (-r, +r), because a rotation's
@@ -55,8 +66,9 @@ class PoseSmoothness:
         frames = state.valid.shape[1]
         if frames < 3:
             return
-        weight = self.acceleration_weight * _triples(state.valid)[..., None] / 2
         chord = _chords(state)
+        weight = self.acceleration_weight * _triples(state.valid)[..., None] / 2
+        weight = weight * self._bend(chord)[1]
         coefficients = (1.0, -2.0, 1.0)
         blocks = (normal.diagonal, normal.next1, normal.next2)
         R = [state.R_local[:, k : frames - 2 + k] for k in range(3)]
