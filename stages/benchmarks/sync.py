@@ -5,13 +5,9 @@ Poses of the simulated estimator go straight into `synchronise`; no stage is run
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,6 +15,12 @@ from imocap_core.sync import Settings, SyncResult, synchronise
 from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.dtw import dtw, positions_of_rows
 from imocap_core.sync.warping import median_positions
+from stages.benchmarks.sync_calibration import (
+    CalibrationRow,
+    calibration,
+    confidences_and_errors,
+)
+from stages.benchmarks.sync_rivals import RIVALS, rival
 from stages.benchmarks.sync_scenes import SyncScene, protocol_scene, trial_scene
 from stages.benchmarks.sync_score import event_errors_frames, pair_error_pct, score_maps
 
@@ -53,7 +55,7 @@ class EventRow:
 def accuracy(
     folder: Path, sampling: str, settings: Settings, methods: Sequence[str], only: Sequence[str]
 ) -> list[AccuracyRow]:
-    """Every clip with every method and warp, before the loop, and the means."""
+    """Every clip with every method and warp, before the loop, rivals, and the means."""
     rows = []
     for file in sorted(folder.glob("*.npz")):
         if only and file.stem not in only:
@@ -61,14 +63,30 @@ def accuracy(
         scene = protocol_scene(file, sampling)
         for warp in WARPS:
             rows += [_accuracy(scene, settings, warp, method) for method in methods]
-    return rows + _means(rows, methods)
+        reference = _synchronised(scene, _fit_for(scene, settings)).reference
+        rows += [_rival(scene, kind, reference) for kind in RIVALS]
+    return rows + _means(rows)
+
+
+def calibrated(
+    folder: Path, sampling: str, settings: Settings, only: Sequence[str]
+) -> list[CalibrationRow]:
+    """The confidence of every clip's frames against their errors, with the default settings."""
+    pairs = []
+    for file in sorted(folder.glob("*.npz")):
+        if not only or file.stem in only:
+            scene = protocol_scene(file, sampling)
+            found = _synchronised(scene, _fit_for(scene, settings))
+            pairs.append(
+                confidences_and_errors(
+                    scene, found.reference, found.reference_frame, found.confidence
+                )
+            )
+    return calibration(np.concatenate(pairs), settings.confidence_reach_s) if pairs else []
 
 
 def _accuracy(scene: SyncScene, settings: Settings, warp: str, method: str) -> AccuracyRow:
-    chosen = replace(settings, warp=warp, method=method)
-    if scene.max_rate is not None:
-        chosen = replace(chosen, max_rate=scene.max_rate)
-    found = _synchronised(scene, chosen)
+    found = _synchronised(scene, replace(_fit_for(scene, settings), warp=warp, method=method))
     score = score_maps(scene, found.reference, found.reference_frame, found.confidence)
     blocks, M = Blocks(tuple(map(len, scene.poses))), len(scene.poses)
     errors = []
@@ -85,19 +103,30 @@ def _accuracy(scene: SyncScene, settings: Settings, warp: str, method: str) -> A
     )  # fmt: skip
 
 
+def _rival(scene: SyncScene, kind: str, reference: int) -> AccuracyRow:
+    """A rival's maps to the reference; it has none between other videos."""
+    frames, trust = rival(kind, scene, reference)
+    score = score_maps(scene, reference, frames, trust)
+    return AccuracyRow(
+        scene.name, "-", kind, float("nan"), score.error_pct, score.error_frames,
+        score.matched, score.within_one, score.confidence,
+    )  # fmt: skip
+
+
+def _fit_for(scene: SyncScene, settings: Settings) -> Settings:
+    return settings if scene.max_rate is None else replace(settings, max_rate=scene.max_rate)
+
+
 def _synchronised(scene: SyncScene, settings: Settings) -> SyncResult:
     return synchronise(scene.poses, fps=scene.fps, settings=settings, rng=np.random.default_rng(0))
 
 
-def _means(rows: Sequence[AccuracyRow], methods: Sequence[str]) -> list[AccuracyRow]:
+def _means(rows: Sequence[AccuracyRow]) -> list[AccuracyRow]:
+    """One row a way to synchronise: the mean over the clips."""
     means = []
-    for warp in WARPS:
-        for method in methods:
-            same = [
-                list(asdict(r).values())[3:] for r in rows if (r.warp, r.method) == (warp, method)
-            ]
-            if same:
-                means.append(AccuracyRow("mean", warp, method, *map(float, np.mean(same, axis=0))))
+    for warp, method in dict.fromkeys((r.warp, r.method) for r in rows):
+        same = [list(asdict(r).values())[3:] for r in rows if (r.warp, r.method) == (warp, method)]
+        means.append(AccuracyRow("mean", warp, method, *map(float, np.mean(same, axis=0))))
     return means
 
 
@@ -114,25 +143,3 @@ def events(folder: Path, settings: Settings, only: Sequence[str]) -> list[EventR
         errors = event_errors_frames(scene, found.reference, found.reference_frame)
         rows.append(EventRow(scene.name, float(np.median(errors)), float(errors.max())))
     return rows
-
-
-def markdown(rows: Sequence[Any]) -> str:
-    """A column a field, two decimals."""
-    told = [asdict(row) for row in rows]
-    lines = [list(told[0]), ["---"] * len(told[0])]
-    lines += [[f"{v:.2f}" if isinstance(v, float) else str(v) for v in t.values()] for t in told]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def write_tables(folder: Path, name: str, rows: Sequence[Any]) -> None:
-    """`name`.md, .csv and .json in `folder`."""
-    folder.mkdir(parents=True, exist_ok=True)
-    told = [asdict(row) for row in rows]
-    (folder / f"{name}.md").write_text(markdown(rows) + "\n")
-    out = io.StringIO()
-    writer = csv.DictWriter(out, list(told[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(told)
-    (folder / f"{name}.csv").write_text(out.getvalue())
-    plain = [{k: None if v in (float("inf"),) else v for k, v in t.items()} for t in told]
-    (folder / f"{name}.json").write_text(json.dumps(plain, indent=1) + "\n")

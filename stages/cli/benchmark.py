@@ -100,8 +100,9 @@ def trust_table(workspace: Workspace, display: Display) -> list[Table | str]:
 
 def sync_tables(workspace: Workspace, sampling: str, only: tuple[str, ...], methods: str) -> str:
     """Synchronisation alone: accuracy by method and warp, events, speed (`sync`)."""
-    from stages.benchmarks.sync import METHODS, accuracy, events, markdown, write_tables
+    from stages.benchmarks.sync import METHODS, accuracy, calibrated, events
     from stages.benchmarks.sync_speed import speed
+    from stages.benchmarks.sync_tables import markdown, write_tables
     from stages.params import SyncParams
     from stages.sync import settings_of
 
@@ -113,6 +114,7 @@ def sync_tables(workspace: Workspace, sampling: str, only: tuple[str, ...], meth
     protocol, trials = (data_folder(workspace.root, kind) for kind in ("protocol", "trials"))
     tables: dict[str, Sequence[Any]] = {
         f"accuracy-{sampling}": accuracy(protocol, sampling, settings, chosen, only),
+        f"calibration-{sampling}": calibrated(protocol, sampling, settings, only),
         "events": events(trials, settings, only),
         "speed": speed(settings) if not only else [],
     }

@@ -1,14 +1,19 @@
 """The sync benchmark's own parts: scores of known maps, tables."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from stages.benchmarks.sync import EventRow, markdown, write_tables
+from imocap_core.baselines.tcc import POSES
+from stages.benchmarks.sync import EventRow
+from stages.benchmarks.sync_calibration import calibration, confidences_and_errors
+from stages.benchmarks.sync_rivals import rival, rooted
 from stages.benchmarks.sync_scenes import SyncScene
 from stages.benchmarks.sync_score import event_errors_frames, pair_error_pct, score_maps
+from stages.benchmarks.sync_tables import markdown, write_tables
 
 
 def scene() -> SyncScene:
@@ -43,3 +48,43 @@ def test_tables_are_written_for_people_and_programs(tmp_path: Path) -> None:
     assert "| serve | 0.25 | inf |" in markdown(rows)
     assert json.loads((tmp_path / "events.json").read_text())[0]["largest_frames"] is None
     assert (tmp_path / "events.csv").read_text().startswith("action,median_frames")
+
+
+def test_the_confidence_is_held_against_the_errors() -> None:
+    made = scene()
+    own, true = np.arange(101.0), np.arange(90.0) + 5.0
+    found = true.copy()
+    found[:45] += 6.0  # 0.2 s off
+    trust = np.where(np.arange(90) < 45, 0.3, 0.95)
+    found[80:] = np.nan
+    pairs = confidences_and_errors(made, 0, [own, found], [np.ones(101), trust])
+    assert len(pairs) == 80
+    rows = {r.confidence: r for r in calibration(pairs, 0.1)}
+    assert list(rows) == ["0.2 to 0.4", "0.9 to 1.0", "0.0 to 1.0"]
+    assert (rows["0.2 to 0.4"].within, rows["0.9 to 1.0"].within) == (0.0, 1.0)
+    assert rows["0.2 to 0.4"].median_s == pytest.approx(0.2)
+    assert rows["0.0 to 1.0"].frames == 80
+    assert rows["0.0 to 1.0"].within == pytest.approx(35 / 80)
+
+
+def test_rivals_answer_in_the_reference() -> None:
+    rng = np.random.default_rng(0)
+    phases = [np.linspace(0.0, 1.0, n) for n in (40, 30)]
+    way = rng.normal(size=(14, 3))
+    rest = rng.normal(size=(14, 3))
+    poses = [rest + np.sin(5 * p)[:, None, None] * way for p in phases]
+    made = SyncScene("made", poses, [100 * p for p in phases], [30.0, 25.0], 100.0)
+    frames, _ = rival("stretch", made, 0)
+    np.testing.assert_allclose(frames[1], np.linspace(0.0, 39.0, 30))
+    few = replace(POSES, steps=5)
+    frames, trust = rival("tcc", made, 0, tcc=few)
+    np.testing.assert_array_equal(frames[0], np.arange(40.0))
+    assert len(frames[1]) == len(trust[1]) == 30
+    assert np.nanmax(frames[1]) <= 39.0
+    with pytest.raises(ValueError, match="expected one of tcc, stretch"):
+        rival("guess", made, 0)
+
+
+def test_a_clip_about_the_hips_knows_neither_place_nor_size() -> None:
+    poses = np.random.default_rng(1).normal(size=(6, 14, 3))
+    np.testing.assert_allclose(rooted(3.0 * poses + [1.0, 2.0, 5.0]), rooted(poses), atol=1e-5)
