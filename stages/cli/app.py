@@ -176,7 +176,16 @@ def benchmark(
     context: typer.Context,
     name: Annotated[
         Literal[
-            "protocol", "trials", "yoga", "h36m", "ablations", "sync", "trust", "body", "bones"
+            "protocol",
+            "trials",
+            "yoga",
+            "h36m",
+            "ablations",
+            "solver",
+            "sync",
+            "trust",
+            "body",
+            "bones",
         ],
         typer.Argument(help="What to measure; docs/benchmark.md says how."),
     ],
@@ -187,7 +196,7 @@ def benchmark(
         Literal["released", "paper"], typer.Option(help="How one motion is resampled.")
     ] = "released",
     videos: Annotated[int, typer.Option(help="Videos an action, 1 to 4.")] = 4,
-    only: Annotated[list[str], typer.Option(help="Run only this action.")] = [],  # noqa: B006
+    only: Annotated[list[str], typer.Option(help="Run only this action (solver: part).")] = [],  # noqa: B006
     on: Annotated[
         Literal["protocol", "trials", "yoga", "h36m"], typer.Option(help="Data of the ablations.")
     ] = "trials",
@@ -203,7 +212,13 @@ def benchmark(
     ] = False,
 ) -> None:
     """Measure how good the program is, what its parts are worth, or how fast the body is."""
-    from stages.cli.benchmark import Wanted, body_table, motion_tables, trust_table
+    from stages.cli.benchmark import (
+        Wanted,
+        body_table,
+        motion_tables,
+        solver_table,
+        trust_table,
+    )
 
     workspace = _workspace(context)
     if name in ("body", "bones"):
@@ -222,7 +237,10 @@ def benchmark(
     names = tuple(word.strip() for word in variants.split(",") if word.strip())
     wanted = Wanted(name, detector, sampling, videos, tuple(only), on, names, data, jobs, docs)
     with Terminal(console) as display:
-        text, said = motion_tables(wanted, workspace, display)
+        if name == "solver":
+            text, said = solver_table(wanted, workspace, display)
+        else:
+            text, said = motion_tables(wanted, workspace, display)
     console.print(_plain(text), *(_plain(line) for line in said), sep="\n")
 
 

@@ -71,6 +71,21 @@ def _measured(
     return text, summary, folder
 
 
+def solver_table(wanted: Wanted, workspace: Workspace, display: Display) -> tuple[str, list[str]]:
+    """The solver's speed, its rivals' and how it grows, as Markdown; where it was written."""
+    from stages.benchmarks.docs import check_marks, put_into_docs
+    from stages.benchmarks.solver import measure
+
+    if wanted.docs:
+        check_marks(workspace.root, "solver")
+    folder = workspace.root / "artifacts" / "benchmark" / "solver"
+    text = measure(workspace, wanted.only, display, folder)
+    said = [f"Kept in {folder}"]
+    if wanted.docs:
+        said += [f"Put into {f}" for f in put_into_docs(workspace.root, "solver", text, text)]
+    return text, said
+
+
 def body_table(name: str, workspace: Workspace) -> Table:
     """The body's speed (`body`) or how well its bones fit measured skeletons (`bones`)."""
     rows: Sequence[Any]

@@ -1,0 +1,85 @@
+"""The solver's benchmark: its scenes are what they claim, its clocks stop, its table is honest."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from imocap_core.motion.solver import gauss_newton
+from stages.benchmarks.solver import HEADS, markdown, measure
+from stages.benchmarks.solver_growth import grown
+from stages.benchmarks.solver_race import NEWTON, common_problem, newton, race, watched
+from stages.benchmarks.solver_scene import DISTANCE_M, NOISE_PX, K, made_scene
+from stages.harness.errors import WrongUse
+from stages.harness.workspace import Workspace
+from stages.motion_values import options_of, weights_of
+from stages.params import FitParams, MotionParams
+
+ROOT = Path(__file__).parents[2]
+DEFAULTS = Workspace(ROOT).pipeline().defaults
+FIT = FitParams.model_validate(DEFAULTS["fit"])
+MOTION = MotionParams.model_validate({**DEFAULTS["motion"], "max_steps": 1})
+
+
+def test_a_made_scene_is_seen_whole_and_starts_near() -> None:
+    made = made_scene(3, 25, weights_of(FIT), 0)
+    assert made.start.R_local.shape == (3, 25, 24, 3, 3)
+    xyz = made.scene.body.positions(made.scene.body.keypoints, made.start).xyz
+    assert float((xyz[..., 2] - DISTANCE_M).abs().max()) < 2.0
+    xy = xyz[..., :2] / xyz[..., 2:] * K[0, 0] + torch.as_tensor(K[:2, 2])
+    away = np.abs(np.stack([o.xy_px for o in made.scene.observations]) - xy.numpy())
+    assert NOISE_PX < np.median(away) < 30 * NOISE_PX
+    again = made_scene(3, 25, weights_of(FIT), 0)
+    assert torch.equal(again.start.R_local, made.start.R_local)
+    other = made_scene(3, 25, weights_of(FIT), 1)
+    assert not torch.equal(other.start.R_local, made.start.R_local)
+
+
+def test_a_race_ends_for_everybody_and_gauss_newton_is_its_measure() -> None:
+    made = made_scene(2, 6, weights_of(FIT), 0)
+    rows = race(made, options_of(MOTION), most_times=2.0)
+    assert [row.solver for row in rows] == [NEWTON, "lbfgs", "adam"] * 2
+    for row in rows:
+        assert row.reached == (row.above_pct <= 0.1 + 1e-9)
+        if row.solver == NEWTON:
+            assert row.reached
+            assert row.times == 1.0
+
+
+def test_a_rival_out_of_time_is_said_not_to_have_got_there() -> None:
+    made = made_scene(2, 6, weights_of(FIT), 0)
+    terms, start = common_problem(made, options_of(MOTION), strays=False)
+    row = watched("p", "s", gauss_newton_once, terms, start, mark=1e-3, limit_s=1e-9)
+    assert not row.reached
+    assert row.evaluations == 1
+    lowest = newton(terms, start).costs[-1]
+    there = watched("p", "s", newton, terms, start, mark=1.001 * lowest, limit_s=1e9)
+    assert there.reached
+    assert there.above_pct <= 0.1
+
+
+def gauss_newton_once(terms, start):  # type: ignore[no-untyped-def]
+    return gauss_newton(terms, start, max_steps=1)
+
+
+def test_growth_counts_time_and_memory() -> None:
+    row = grown(FIT, MOTION, 0, 2, 8)
+    assert row.processor_s > 0
+    assert row.processor_ms_per_frame == pytest.approx(1e3 * row.processor_s / 16)
+    assert 0.1 < row.peak_gb < 16
+
+
+def test_the_table_says_what_was_not_measured(tmp_path: Path) -> None:
+    rows = [{"solver": "adam", "reached": False, "above_pct": 3.21}]
+    (tmp_path / "race.json").write_text(json.dumps(rows))
+    text = markdown(tmp_path)
+    assert HEADS["race"] in text
+    assert "| adam | did not reach it | 3.21 |" in text
+    assert "**Not measured: growth.**" in text
+
+
+def test_an_unknown_part_is_named(tmp_path: Path) -> None:
+    with pytest.raises(WrongUse, match="--only nothing: expected some of stages, race, growth"):
+        measure(Workspace(ROOT), ["nothing"], None, tmp_path)  # type: ignore[arg-type]
