@@ -23,7 +23,7 @@ class VideoTrust(Value):
 
     id: str
     phase_s: Annotated[Floats, Shape("T")]  # seconds of the reference
-    outlier_score: float  # about 1 when the video shows the same action as the others
+    outlier_score: float  # above 1.1 is another action, below 0.9 is usual
     mirror_margin: float  # > 0 when it fits the others better reflected
     left_out_frames: float  # own map to the reference against the way through the others
     left_out_s: float
