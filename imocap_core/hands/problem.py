@@ -1,0 +1,125 @@
+"""What the fit of hands works on: a batch of hands over time, each seen by one or more views.
+
+A hand's wrist turns against the forearm, which the body's fit gives for every view; so one hand
+that is common to several videos has one set of rotations, and every view its own forearm, place of
+the wrist and camera.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import torch
+from torch import Tensor
+
+from imocap_core.rotations import exp
+
+
+@dataclass(frozen=True)
+class HandViews:
+    """B hands of T frames, each seen by V views (batch first in every tensor).
+
+    Attributes:
+        bones: (B, 5, 4, 3), axes: (B, 5, 3, 3, 21): the skeleton of each hand.
+        R_forearm: (B, T, V, 3, 3) camera from forearm; wrist_m: (B, T, V, 3) in camera axes;
+            K: (B, V, 3, 3).
+        xy_px: (B, T, V, 21, 2); weight: (B, T, V, 21) 1 / variance in pixels, 0 where unseen.
+        R_body: (B, T, 3, 3) forearm from hand as the body's fit has it.
+        valid: (B, T) bool, False pads.
+    """
+
+    bones: Tensor
+    axes: Tensor
+    R_forearm: Tensor
+    wrist_m: Tensor
+    K: Tensor
+    xy_px: Tensor
+    weight: Tensor
+    R_body: Tensor
+    valid: Tensor
+
+    def frames(self, at: Tensor) -> HandViews:
+        """Some frames (N,) of the batch."""
+        per_frame = ("R_forearm", "wrist_m", "xy_px", "weight", "R_body", "valid")
+        return replace(self, **{name: getattr(self, name)[:, at] for name in per_frame})
+
+    def single_frames(self, copies: int) -> HandViews:
+        """Every frame as a motion of its own, `copies` times: batch B T copies of one frame."""
+        batch, frames = self.valid.shape
+        parts = {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name in ("bones", "axes", "K"):
+                value = value[:, None].expand(batch, frames, *value.shape[1:])
+            value = value.flatten(0, 1)[:, None].expand(-1, copies, *value.shape[2:])
+            value = value.flatten(0, 1)
+            parts[field.name] = value if field.name in ("bones", "axes", "K") else value[:, None]
+        return HandViews(**parts)
+
+
+@dataclass(frozen=True)
+class HandState:
+    """The unknowns: R_wrist (B, T, 3, 3) forearm from hand; angles (B, T, 21) radians; offset_m
+    (B, T, V, 3) of the wrist from the body's, camera axes; size: factor of the bones, one for all.
+    """
+
+    R_wrist: Tensor
+    angles: Tensor
+    offset_m: Tensor
+    size: float = 1.0
+
+    def retract(self, step: Tensor) -> HandState:
+        """The state after increments (B, T, 24 + 3 V)."""
+        return replace(
+            self,
+            R_wrist=self.R_wrist @ exp(step[..., :3]),
+            angles=self.angles + step[..., 3:24],
+            offset_m=self.offset_m + step[..., 24:].reshape(self.offset_m.shape),
+        )
+
+    def where(self, take: Tensor, other: HandState) -> HandState:
+        """This state for the hands of the batch where `take` (B,), else the other."""
+
+        def pick(a: Tensor, b: Tensor) -> Tensor:
+            return torch.where(take.reshape(-1, *[1] * (a.ndim - 1)), a, b)
+
+        return replace(
+            self,
+            R_wrist=pick(self.R_wrist, other.R_wrist),
+            angles=pick(self.angles, other.angles),
+            offset_m=pick(self.offset_m, other.offset_m),
+        )
+
+
+@dataclass(frozen=True)
+class CommonHand:
+    """The motion common to all videos at each frame: R_wrist (B, T, 3, 3), angles (B, T, 21), and
+    the trust (B, T) in [0, 1] of each frame's correspondence."""
+
+    R_wrist: Tensor
+    angles: Tensor
+    trust: Tensor
+
+
+@dataclass(frozen=True)
+class HandWeights:
+    """How much each term counts (pipeline.yaml, group ``hands``).
+
+    Attributes:
+        robust_scale: standard deviations at which a keypoint's cost reaches half its ceiling.
+        wrist_rad, offset_m: spread of the wrist about the body's.
+        pose_prior: of the spread of everyday poses; limit_rad: transgression that costs 1.
+        coupling_rad: difference from the common motion that costs 1; agreement_rad: beyond it a
+            finger or wrist stops following.
+        acceleration_rad_s2, offset_acceleration_m_s2: of real motion, one standard deviation.
+    """
+
+    robust_scale: float
+    wrist_rad: float
+    offset_m: float
+    pose_prior: float
+    limit_rad: float
+    coupling_rad: float
+    agreement_rad: float
+    acceleration_rad_s2: float
+    offset_acceleration_m_s2: float

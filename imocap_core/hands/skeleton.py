@@ -1,0 +1,109 @@
+"""The bones, the joint axes and the ranges of motion of two hands.
+
+Bones are those of the body that is given (the free body's fingers are MakeHuman's, CC0). A hand
+has 21 angles: each finger bends at three joints and spreads at its knuckle; the thumb's root turns
+about three axes. Angles are 0 in the body's rest pose, in which fingers are straight but for about
+20 degrees a joint; positive ones close the hand. Ranges are about those of clinical goniometry,
+counted from there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from imocap_core.body.model import Shaped
+
+SIDES = ("left", "right")
+FINGERS = ("index", "middle", "pinky", "ring", "thumb")  # SMPL+H's order
+ANGLES = 21
+POINTS = 21
+OPENPOSE_FINGERS = (4, 0, 1, 3, 2)  # OpenPose goes from the thumb to the little finger
+
+_FINGER = ("bend1", "spread", "bend2", "bend3")
+_THUMB = ("root_bend", "root_spread", "root_twist", "bend2", "bend3")
+ANGLE_NAMES: tuple[str, ...] = (
+    *(f"{finger}_{angle}" for finger in FINGERS[:4] for angle in _FINGER),
+    *(f"thumb_{angle}" for angle in _THUMB),
+)
+# degrees from the rest pose: least, most, and the spread of everyday poses
+_RANGE_DEG = {"bend1": (-35, 75, 35), "spread": (-20, 20, 8), "bend2": (-25, 95, 40)}
+_RANGE_DEG |= {"bend3": (-20, 70, 30)}
+_THUMB_RANGE_DEG = {"root_bend": (-35, 40, 18), "root_spread": (-35, 35, 18)}
+_THUMB_RANGE_DEG |= {"root_twist": (-30, 30, 12), "bend2": (-15, 60, 22), "bend3": (-25, 75, 30)}
+
+
+@dataclass(frozen=True)
+class HandSkeleton:
+    """A left and a right hand of one person (first axis of every tensor: left, right).
+
+    Attributes:
+        bones: (2, 5, 4, 3) metres, per finger from the wrist to its root and on to the tip.
+        axes: (2, 5, 3, 3, 21) rotation vector of each joint per unit of each angle.
+        lower, upper, spread: (21,) radians.
+    """
+
+    bones: Tensor
+    axes: Tensor
+    lower: Tensor
+    upper: Tensor
+    spread: Tensor
+
+    @property
+    def length_m(self) -> Tensor:
+        """(2,) from the wrist to the tip of the middle finger, along its bones."""
+        return self.bones[:, 1].norm(dim=-1).sum(-1)
+
+
+def hand_skeleton(shaped: Shaped) -> HandSkeleton:
+    """The hands of a body with SMPL+H's fingers, of one shape (coefficients (n,))."""
+    names, rest = shaped.model.joint_names, shaped.joints_rest
+    if "left_index1" not in names:
+        raise ValueError(f"body: expected one with fingers, got {shaped.model.name}")
+    still = torch.eye(3, dtype=rest.dtype).expand(len(names), 3, 3)
+    posed = shaped.pose(still, torch.zeros(3, dtype=rest.dtype))
+    bones, axes = [], []
+    for side in SIDES:
+        points = shaped.model.points(f"{side}_hand21")
+        place = dict(zip(points.names, posed.keypoints(points), strict=True))
+        wrist = place[f"{side}_hand_root"]
+        fingers = torch.stack(
+            [torch.stack([place[f"{side}_{f}{end}"] for end in (1, 2, 3, "_tip")]) for f in FINGERS]
+        )
+        start = torch.cat([wrist.expand(5, 1, 3), fingers[:, :-1]], dim=1)
+        bones.append(fingers - start)
+        axes.append(_axes(fingers - wrist, 1.0 if side == "left" else -1.0))
+    ranges = np.deg2rad([_range(name) for name in ANGLE_NAMES])
+    lower, upper, spread = torch.as_tensor(ranges).to(rest).unbind(-1)
+    return HandSkeleton(torch.stack(bones), torch.stack(axes), lower, upper, spread)
+
+
+def _range(name: str) -> tuple[int, int, int]:
+    finger, angle = name.split("_", 1)
+    return _THUMB_RANGE_DEG[angle] if finger == "thumb" else _RANGE_DEG[angle]
+
+
+def _axes(fingers: Tensor, sign: float) -> Tensor:
+    """(5, 3, 3, 21) of one hand; fingers (5, 4, 3) at rest from the wrist."""
+    back = sign * torch.linalg.cross(fingers[0, 0], fingers[2, 0])  # out of the hand's back
+    bones = torch.nn.functional.normalize(fingers[:, 1:] - fingers[:, :-1], dim=-1)
+    axes = fingers.new_zeros(5, 3, 3, ANGLES)
+    for f in range(4):
+        for joint, angle in enumerate((0, 2, 3)):
+            axes[f, joint, :, 4 * f + angle] = _unit(torch.linalg.cross(back, bones[f, joint]))
+        axes[f, 0, :, 4 * f + 1] = _unit(back)
+    # the thumb bends across the palm, towards the root of the little finger and in front of it
+    before = fingers[2, 0] - 0.5 * _unit(back) * (fingers[0, 0] - fingers[2, 0]).norm()
+    for joint, angle in enumerate((16, 19, 20)):
+        across = before - fingers[4, joint]
+        axes[4, joint, :, angle] = _unit(torch.linalg.cross(bones[4, joint], across))
+    axes[4, 0, :, 17] = _unit(torch.linalg.cross(axes[4, 0, :, 16], bones[4, 0]))
+    axes[4, 0, :, 18] = bones[4, 0]
+    return axes
+
+
+def _unit(vector: Tensor) -> Tensor:
+    return vector / vector.norm()
