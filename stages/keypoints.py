@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
+from imocap_core.artifacts.schemas import HandKeypoints, Keypoints, VideoKeypoints
 from imocap_core.camera.tracking import choose_performer
 from imocap_core.formats.openpose import Detections, read_openpose
+from imocap_core.formats.openpose_hands import read_openpose_hands
 from imocap_core.formats.video import VideoInfo, probe
 from stages.harness.action import Declaration
 from stages.harness.stage import Context, Inputs, main
@@ -82,7 +83,18 @@ def _performer_of(declared: Declaration, ctx: Context, params: KeypointsParams) 
         tracks_found=performer.tracks_found,
         presence=performer.presence,
         note=performer.note,
+        hands=_hands_of(declared, folder, frames, performer.xy_px),
     )
+
+
+def _hands_of(
+    declared: Declaration, folder: Path, frames: np.ndarray, body_xy_px: np.ndarray
+) -> HandKeypoints | None:
+    """The performer's hands, where the detector found any."""
+    if declared.format != "openpose":
+        return None
+    found = read_openpose_hands(folder, frames, body_xy_px)
+    return None if found is None else HandKeypoints(xy_px=found[0], confidence=found[1])
 
 
 def _must_fit_picture(xy_px: np.ndarray, size: tuple[int, int], folder: Path) -> None:

@@ -188,7 +188,9 @@ def _without_arrays(value: Any, path: str, arrays: dict[str, npt.NDArray]) -> An
         arrays[path] = value
         return {REFERENCE: path}
     if isinstance(value, BaseModel):
-        value = {name: getattr(value, name) for name in type(value).model_fields}
+        unsaid: frozenset[str] = getattr(value, "OPTIONAL", frozenset())
+        fields = {name: getattr(value, name) for name in type(value).model_fields}
+        value = {k: v for k, v in fields.items() if v is not None or k not in unsaid}
     inside = f"{path}/" if path else ""
     if isinstance(value, dict):
         return {k: _without_arrays(v, f"{inside}{k}", arrays) for k, v in value.items()}

@@ -14,7 +14,15 @@ from mcap.reader import make_reader
 
 from imocap_core.artifacts import codec, ndarray
 from imocap_core.artifacts.codec import ArtifactCorrupt, Content
-from imocap_core.artifacts.schemas import CameraMotion, Evaluate, Sync, Table
+from imocap_core.artifacts.schemas import (
+    CameraMotion,
+    Evaluate,
+    HandKeypoints,
+    Keypoints,
+    Sync,
+    Table,
+    VideoKeypoints,
+)
 
 
 def write(file: Path, content: Content) -> Path:
@@ -127,3 +135,32 @@ def test_strided_and_big_endian_arrays_are_written_in_order() -> None:
     array = np.arange(12.0).reshape(3, 4)
     for same in (np.asfortranarray(array), array.astype(">f8"), np.repeat(array, 2, 1)[:, ::2]):
         assert ndarray.to_bytes("x", same) == ndarray.to_bytes("x", array)
+
+
+def test_what_is_optional_is_not_written_when_there_is_none() -> None:
+    video = VideoKeypoints(
+        id="a",
+        fps=30.0,
+        size=(4, 3),
+        layout="body25",
+        video=None,
+        focal_px=None,
+        initial=None,
+        initial_format=None,
+        frames=np.arange(2),
+        xy_px=np.zeros((2, 25, 2)),
+        confidence=np.zeros((2, 25)),
+        person_box_px=np.zeros((2, 4)),
+        tracks_found=1,
+        presence=1.0,
+        note="",
+    )
+    without = codec.pack(Keypoints(videos=[video]))
+    assert b"hands" not in without.header
+    assert b'"video":null' in without.header
+    assert codec.unpack(without, Keypoints).videos[0].hands is None
+    hands = HandKeypoints(xy_px=np.zeros((2, 2, 21, 2)), confidence=np.ones((2, 2, 21)))
+    held = codec.pack(Keypoints(videos=[video.model_copy(update={"hands": hands})]))
+    found = codec.unpack(held, Keypoints).videos[0].hands
+    assert found is not None
+    assert np.array_equal(found.confidence, hands.confidence)

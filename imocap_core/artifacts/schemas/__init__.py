@@ -3,7 +3,7 @@
 from imocap_core.artifacts.schemas.base import Artifact, Floats, Floats32, Ints, Shape, Value
 from imocap_core.artifacts.schemas.camera_motion import CameraMotion, VideoCameraMotion
 from imocap_core.artifacts.schemas.evaluate import Evaluate, Table
-from imocap_core.artifacts.schemas.keypoints import Keypoints, VideoKeypoints
+from imocap_core.artifacts.schemas.keypoints import HandKeypoints, Keypoints, VideoKeypoints
 from imocap_core.artifacts.schemas.motion import (
     Camera,
     Hypothesis,
@@ -36,6 +36,7 @@ __all__ = [
     "Evaluate",
     "Floats",
     "Floats32",
+    "HandKeypoints",
     "Hypothesis",
     "InitialSmpl",
     "Ints",

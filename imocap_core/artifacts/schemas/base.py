@@ -11,7 +11,7 @@ and every field of one value must agree about `T` and `K`. Numbers are exact, a 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any, ClassVar, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -83,6 +83,7 @@ class Value(BaseModel):
     """An immutable record, validated when it is made."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
+    OPTIONAL: ClassVar[frozenset[str]] = frozenset()  # fields that are not written when None
 
     @model_validator(mode="after")
     def _symbols_agree(self) -> Value:

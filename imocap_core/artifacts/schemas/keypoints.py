@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import model_validator
 
 from imocap_core.artifacts.schemas.base import Artifact, Floats, Ints, Shape, Value, unique
 
 
+class HandKeypoints(Value):
+    """Both hands, left first, OpenPose's 21 points each; NaN with confidence 0 where unseen."""
+
+    xy_px: Annotated[Floats, Shape("T", 2, 21, 2)]
+    confidence: Annotated[Floats, Shape("T", 2, 21)]
+
+
 class VideoKeypoints(Value):
     """One video's detections. A joint that was not seen is NaN with confidence 0."""
+
+    OPTIONAL: ClassVar[frozenset[str]] = frozenset({"hands"})
 
     id: str
     fps: float
@@ -27,6 +36,7 @@ class VideoKeypoints(Value):
     tracks_found: int  # people followed before the performer was chosen
     presence: float  # share of frames in which the performer was found
     note: str
+    hands: HandKeypoints | None = None  # None when no frame has any
 
 
 class Keypoints(Artifact):
