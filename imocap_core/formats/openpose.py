@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-POINTS = {"body25": 25, "body25b": 25, "coco18": 18}  # points of each layout OpenPose writes
+POINTS = {"body25": 25, "body25b": 25, "coco18": 18}  # points of each layout OpenPose writes,
+POINTS |= {"coco17": 17, "halpe26": 26, "wholebody133": 133}  # and other tools in its form
 _FAULTS_SHOWN = 5
 
 
