@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,12 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imocap_core.body.layouts import layout_names
+from imocap_core.formats.guess_file import guess_file
+from imocap_core.formats.people import read_json
 
 Array = NDArray[np.float64]
 
 FILES_LOOKED_AT = 60
 CLEARLY = 2.0  # one layout fits this many times better than the other
-OPENPOSE_COUNTS = {18: ("coco18",), 25: ("body25", "body25b")}
+COUNTS = {
+    17: ("coco17",),
+    18: ("coco18",),
+    25: ("body25", "body25b"),
+    26: ("halpe26",),
+    33: ("mediapipe33",),
+    133: ("wholebody133",),
+    136: ("halpe136",),
+}
 # Points that lie (nearly) in the middle of two others, in each layout of 25 points.
 MIDDLES: dict[str, tuple[tuple[str, str, str], ...]] = {
     "body25": (("neck", "left_shoulder", "right_shoulder"), ("mid_hip", "left_hip", "right_hip")),
@@ -37,7 +46,13 @@ def guess_detections(path: Path, *, layout: str | None = None) -> tuple[str, str
             give by hand.
     """
     if not path.is_dir():
-        return _guess_file(path, layout)
+        kind, found, people = guess_file(path)
+        if kind is None or not (layout or found or people):
+            what = (
+                "not known" if kind is None else f"{kind}, but its layout is not told by the file"
+            )
+            raise ValueError(f"{path}: the format is {what}; give --format and --layout")
+        return kind, layout or found or layout_of(path, people)
     files = sorted(path.glob("*.json"))
     if not files:
         raise ValueError(
@@ -45,29 +60,30 @@ def guess_detections(path: Path, *, layout: str | None = None) -> tuple[str, str
             "no .json file"
         )
     step = max(1, len(files) // FILES_LOOKED_AT)
-    contents = [_read(file) for file in files[::step]]
+    contents = [read_json(file) for file in files[::step]]
     if not all(isinstance(c, dict) and isinstance(c.get("people"), list) for c in contents):
         raise ValueError(
             f"{path}: expected OpenPose's JSON (a list `people` in every file), got something "
             "else; say what it is with --format and --layout"
         )
-    return "openpose", layout or _openpose_layout(path, list(_people(contents)))
+    return "openpose", layout or layout_of(path, list(_people(contents)))
 
 
-def _openpose_layout(path: Path, people: list[Array]) -> str:
+def layout_of(path: Path, people: Sequence[Array]) -> str:
+    """The layout of some people (K, 3), by their number of points and where these are."""
     counts = sorted({len(person) for person in people})
     if not counts:
         raise ValueError(
             f"{path}: nobody was detected in the {FILES_LOOKED_AT} frames looked at, so the layout "
             "can't be told; give it with --layout"
         )
-    if len(counts) > 1 or counts[0] not in OPENPOSE_COUNTS:
-        known = ", ".join(f"{n} ({' or '.join(ls)})" for n, ls in OPENPOSE_COUNTS.items())
+    if len(counts) > 1 or counts[0] not in COUNTS:
+        known = ", ".join(f"{n} ({' or '.join(ls)})" for n, ls in COUNTS.items())
         raise ValueError(
             f"{path}: expected {known} points a person, got {', '.join(map(str, counts))}; keep "
             "one detector's output in a folder, and say what it is with --format and --layout"
         )
-    fitting = OPENPOSE_COUNTS[counts[0]]
+    fitting = COUNTS[counts[0]]
     if len(fitting) == 1:
         return fitting[0]
     misfits = {name: _misfit(name, np.stack(people)) for name in fitting}
@@ -108,30 +124,3 @@ def _people(contents: Sequence[Any]) -> Iterator[Array]:
                     continue
                 if (body[:, 2] > 0).any():
                     yield body
-
-
-def _guess_file(path: Path, layout: str | None) -> tuple[str, str]:
-    """Result files that hold a whole clip."""
-    kind = "npz" if path.suffix == ".npz" else None
-    if path.suffix == ".json":
-        content = _read(path)
-        first = content[0] if isinstance(content, list) and content else content
-        if isinstance(first, dict) and "image_id" in first:
-            kind = "alphapose" if "box" in first or "idx" in first else "coco"
-        elif isinstance(first, dict) and ("instance_info" in first or "instances" in first):
-            kind = "mmpose"
-        elif isinstance(first, dict) and "people" in first:
-            raise ValueError(
-                f"{path}: is one frame of OpenPose's output; name the folder that holds all frames"
-            )
-    if kind is None or layout is None:
-        what = "not known" if kind is None else f"{kind}, but its layout is not told by the file"
-        raise ValueError(f"{path}: the format is {what}; give --format and --layout")
-    return kind, layout
-
-
-def _read(file: Path) -> Any:
-    try:
-        return json.loads(file.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{file}: is not JSON ({error}); run the detector again") from None

@@ -24,6 +24,17 @@ def load_arrays(path: Path) -> dict[str, NDArray]:
         raise ValueError(f"{path}: is not a readable npz file ({error}); write it again") from None
 
 
+def array_names(path: Path) -> set[str]:
+    """The names of an npz file's arrays. ValueError when it is missing or broken."""
+    if not path.is_file():
+        raise ValueError(f"{path}: there is no such file; check its path in action.yaml")
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return {name.removesuffix(".npy") for name in archive.namelist()}
+    except (zipfile.BadZipFile, OSError) as error:
+        raise ValueError(f"{path}: is not a readable npz file ({error}); write it again") from None
+
+
 def numbers(
     arrays: dict[str, NDArray], name: str, shape: Sequence[int | str], path: Path
 ) -> NDArray[np.float64]:

@@ -1,0 +1,184 @@
+"""Small files of 2D keypoints in every format's true form, from frame -> people (K, 3)."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from imocap_core.body.layouts import layout_names
+
+SIZE = (640, 360)
+People = dict[int, list[np.ndarray]]
+
+
+def people(layout: str, frames: int = 3, persons: int = 2) -> People:
+    """Whole pixels and hundredths, which every format keeps; one point was not found."""
+    rng = np.random.default_rng(0)
+    count = len(layout_names(layout))
+    made = {}
+    for frame in range(frames):
+        made[frame] = []
+        for _ in range(persons):
+            xy = rng.integers(10, 350, size=(count, 2)).astype(float)
+            person = np.column_stack([xy, rng.integers(20, 99, size=count) / 100])
+            person[5] = (np.nan, np.nan, 0.0)
+            made[frame].append(person)
+    return made
+
+
+def _flat(person: np.ndarray) -> list[float]:
+    return np.nan_to_num(person).ravel().tolist()
+
+
+def write_openpose(folder: Path, made: People, hands: bool = False) -> Path:
+    path = folder / "frames"
+    path.mkdir()
+    for frame, found in made.items():
+        entries: list[dict[str, Any]] = [{"pose_keypoints_2d": _flat(p)} for p in found]
+        if hands:
+            for entry in entries:
+                entry |= {f"hand_{side}_keypoints_2d": [1.0] * 63 for side in ("left", "right")}
+                entry |= {"person_id": [-1], "face_keypoints_2d": [2.0] * 210}
+        name = f"clip_{frame:012d}_keypoints.json"
+        (path / name).write_text(json.dumps({"version": 1.3, "people": entries}))
+    return path
+
+
+def write_alphapose(folder: Path, made: People) -> Path:
+    entries = [
+        {"image_id": f"{frame}.jpg", "category_id": 1, "keypoints": _flat(person), "score": 2.5,
+         "box": [1.0, 2.0, 3.0, 4.0], "idx": [0.0]}
+        for frame, found in made.items() for person in found
+    ]  # fmt: skip
+    return _json(folder / "alphapose-results.json", entries)
+
+
+def write_coco(folder: Path, made: People) -> Path:
+    entries = [
+        {"image_id": frame, "category_id": 1, "keypoints": _flat(person), "score": 0.9}
+        for frame, found in made.items() for person in found
+    ]  # fmt: skip
+    return _json(folder / "results.json", entries)
+
+
+def write_coco_wholebody(folder: Path, made: People) -> Path:
+    names = ("keypoints", "foot_kpts", "face_kpts", "lefthand_kpts", "righthand_kpts")
+    ends = np.cumsum([0, 17, 6, 68, 21, 21])
+    entries = [
+        {"image_id": frame, "category_id": 1, "score": 0.9}
+        | {n: _flat(person[a:b]) for n, a, b in zip(names, ends[:-1], ends[1:], strict=True)}
+        for frame, found in made.items() for person in found
+    ]  # fmt: skip
+    return _json(folder / "wholebody.json", entries)
+
+
+def write_mmpose(folder: Path, made: People) -> Path:
+    listed = [
+        {"frame_id": frame + 1, "instances": [_instance(person) for person in found]}
+        for frame, found in made.items()
+    ]
+    content = {"meta_info": {"dataset_name": "coco"}, "instance_info": listed}
+    return _json(folder / "results_clip.json", content)
+
+
+def write_mmpose_inferencer(folder: Path, made: People) -> Path:
+    listed = [
+        {"frame_id": frame, "instances": [_instance(person) for person in found]}
+        for frame, found in made.items()
+    ]
+    return _json(folder / "clip.json", listed)
+
+
+def _instance(person: np.ndarray) -> dict[str, Any]:
+    xy = np.nan_to_num(person[:, :2]).tolist()
+    scores = person[:, 2].tolist()
+    return {"keypoints": xy, "keypoint_scores": scores, "bbox": [[1, 2, 3, 4]], "bbox_score": 0.9}
+
+
+def write_npz(folder: Path, made: People) -> Path:
+    table = np.array(list(made.values()))
+    path = folder / "rtmlib.npz"
+    np.savez(path, keypoints=table[..., :2], scores=table[..., 2], frames=np.array(list(made)))
+    return path
+
+
+def write_mediapipe(folder: Path, made: People, shares: bool = True) -> Path:
+    listed = []
+    for frame, found in made.items():
+        persons = [
+            [
+                {"x": x / (SIZE[0] if shares else 1), "y": y / (SIZE[1] if shares else 1),
+                 "z": 0.1, "visibility": v, "presence": 0.9}
+                for x, y, v in np.nan_to_num(person)
+            ]
+            for person in found
+        ]  # fmt: skip
+        world = [[{"x": 0.1 * k, "y": 0.2, "z": 0.3} for k in range(33)] for _ in found]
+        listed.append({"frame": frame, "pose_landmarks": persons, "pose_world_landmarks": world})
+    return _json(folder / "mediapipe.json", listed)
+
+
+def write_cpn_npz(folder: Path, made: People) -> Path:
+    """One camera of one action: one person, no confidence."""
+    table = np.array([found[0][:, :2] for found in made.values()], dtype=np.float32)
+    return write_positions(folder, {"S9": {"Walking 1": [table]}}, "h36m")
+
+
+def write_positions(folder: Path, positions: Any, layout_name: str) -> Path:
+    path = folder / "data_2d_h36m_cpn_ft_h36m_dbb.npz"
+    metadata = {"layout_name": layout_name, "num_joints": 17, "keypoints_symmetry": [[4], [1]]}
+    np.savez(
+        path,
+        positions_2d=np.array(positions, dtype=object),
+        metadata=np.array(metadata, dtype=object),
+    )
+    return path
+
+
+def write_deeplabcut(folder: Path, made: People, layout: str = "coco17") -> Path:
+    persons = max(len(found) for found in made.values())
+    parts = [name.title().replace("_", "") for name in layout_names(layout)]
+    heading = [(f"p{i}", part, c) for i in range(persons) for part in parts for c in _COORDS]
+    rows = [["scorer"] + ["DLC_resnet50"] * len(heading)]
+    if persons > 1:
+        rows.append(["individuals", *(who for who, _, _ in heading)])
+    rows += [
+        ["bodyparts", *(part for _, part, _ in heading)],
+        ["coords", *(c for _, _, c in heading)],
+    ]
+    for frame, found in made.items():
+        cells = [_cell(number) for person in found for number in person.ravel()]
+        rows.append([str(frame), *cells, *[""] * (len(heading) - len(cells))])
+    return _csv(folder / "clipDLC_resnet50.csv", rows)
+
+
+_COORDS = ("x", "y", "likelihood")
+
+
+def write_sleap(folder: Path, made: People, layout: str = "coco17") -> Path:
+    names = [name.replace("_", "-") for name in layout_names(layout)]
+    heading = [f"{name}.{what}" for name in names for what in ("x", "y", "score")]
+    rows = [["track", "frame_idx", "instance.score", *heading]]
+    for frame, found in made.items():
+        for i, person in enumerate(found):
+            rows.append([f"track_{i}", str(frame), "0.9", *(_cell(n) for n in person.ravel())])
+    return _csv(folder / "clip.analysis.csv", rows)
+
+
+def _cell(number: float) -> str:
+    return "" if np.isnan(number) else repr(float(number))
+
+
+def _csv(path: Path, rows: list[list[str]]) -> Path:
+    with path.open("w", newline="") as stream:
+        csv.writer(stream).writerows(rows)
+    return path
+
+
+def _json(path: Path, content: Any) -> Path:
+    path.write_text(json.dumps(content))
+    return path
