@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from imocap_core.artifacts.schemas import HandKeypoints, Keypoints, VideoKeypoints
-from imocap_core.camera.tracking import choose_performer
-from imocap_core.formats.openpose import Detections, read_openpose
+from imocap_core.body.layouts import hand_columns
+from imocap_core.camera.tracking import Performer, choose_performer
+from imocap_core.formats.detectors import format_and_layout, read_detections
+from imocap_core.formats.openpose import Detections
 from imocap_core.formats.openpose_hands import read_openpose_hands
 from imocap_core.formats.video import VideoInfo, probe
 from stages.harness.action import Declaration
@@ -34,22 +36,20 @@ def _all_have_keypoints(declarations: tuple[Declaration, ...], ctx: Context) -> 
         raise ValueError(
             f"{ctx.action_file()}: no 2D keypoints for {', '.join(without)}: run a detector such "
             "as OpenPose on the video and name its folder of JSON files in `keypoints`, with "
-            "`format: openpose` and its `layout`"
-        )
-    unread = [f"{v.id} ({v.format})" for v in declarations if v.format != "openpose"]
-    if unread:
-        raise ValueError(
-            f"{ctx.action_file()}: format: expected openpose, got {', '.join(unread)}; "
-            "convert these detections to OpenPose's JSON, one file a frame"
+            "`format: openpose` and its `layout` (docs/formats.md lists what else is read)"
         )
 
 
 def _performer_of(declared: Declaration, ctx: Context, params: KeypointsParams) -> VideoKeypoints:
     folder, video = ctx.detections(declared.id), ctx.video(declared.id)
     assert folder is not None
-    assert declared.layout is not None
-    found = read_openpose(folder, declared.layout)
-    info = _video_info(declared, found, video)
+    probed = None if video is None else probe(video)
+    kind, layout = format_and_layout(folder, declared.format, declared.layout)
+    size = declared.size if probed is None else probed.size
+    assert size is not None
+    names = (declared.id, *((video.name, video.stem) if video is not None else ()))
+    found = read_detections(folder, kind, layout, size=size, names=names)
+    info = probed or _declared_info(declared, found)
     frames = _used_frames(declared, info.frame_count, ctx.action_file())
     people_of = dict(zip(found.frames.tolist(), found.people, strict=True))
     nobody = np.zeros((0, *found.people[0].shape[1:]))
@@ -71,7 +71,7 @@ def _performer_of(declared: Declaration, ctx: Context, params: KeypointsParams) 
         id=declared.id,
         fps=info.fps,
         size=info.size,
-        layout=declared.layout,
+        layout=layout,
         video=declared.video,
         focal_px=declared.focal_px,
         initial=declared.initial,
@@ -83,17 +83,23 @@ def _performer_of(declared: Declaration, ctx: Context, params: KeypointsParams) 
         tracks_found=performer.tracks_found,
         presence=performer.presence,
         note=performer.note,
-        hands=_hands_of(declared, folder, frames, performer.xy_px),
+        hands=_hands_of(kind, layout, folder, frames, performer),
     )
 
 
 def _hands_of(
-    declared: Declaration, folder: Path, frames: np.ndarray, body_xy_px: np.ndarray
+    kind: str, layout: str, folder: Path, frames: np.ndarray, performer: Performer
 ) -> HandKeypoints | None:
     """The performer's hands, where the detector found any."""
-    if declared.format != "openpose":
+    columns = hand_columns(layout)
+    if columns is not None:
+        seen = performer.confidence[:, columns]
+        if not (seen > 0).any():
+            return None
+        return HandKeypoints(xy_px=performer.xy_px[:, columns], confidence=seen)
+    if kind != "openpose":
         return None
-    found = read_openpose_hands(folder, frames, body_xy_px)
+    found = read_openpose_hands(folder, frames, performer.xy_px)
     return None if found is None else HandKeypoints(xy_px=found[0], confidence=found[1])
 
 
@@ -108,10 +114,8 @@ def _must_fit_picture(xy_px: np.ndarray, size: tuple[int, int], folder: Path) ->
         )
 
 
-def _video_info(declared: Declaration, found: Detections, video: Path | None) -> VideoInfo:
-    """From the video when there is one, else as declared."""
-    if video is not None:
-        return probe(video)
+def _declared_info(declared: Declaration, found: Detections) -> VideoInfo:
+    """As action.yaml declares a video that is not there."""
     assert declared.fps is not None
     assert declared.size is not None
     return VideoInfo(declared.fps, declared.size, int(found.frames[-1]) + 1)

@@ -50,6 +50,15 @@ def layout_keypoints(layout: str) -> tuple[Keypoint, ...]:
     return tuple(_expand(layout))
 
 
+def hand_columns(layout: str) -> list[list[int]] | None:
+    """Columns of the left and of the right hand's 21 points, of layouts that have them."""
+    names = layout_names(layout)
+    hands = [layout_names(f"{side}_hand21") for side in ("left", "right")]
+    if not all(name in names for hand in hands for name in hand):
+        return None
+    return [[names.index(name) for name in hand] for hand in hands]
+
+
 def layout_points(model: Model, layout: str) -> PointSet:
     """A layout on a body. What the body cannot provide is left out: see `PointSet.columns`."""
     found = [

@@ -17,7 +17,14 @@ import numpy as np
 from imocap_core.body.layouts import layout_names
 from imocap_core.formats.openpose import Detections
 from imocap_core.formats.part_names import LAYOUTS, known_columns
-from imocap_core.formats.people import Array, cleaned, detections, frame_number, must_be_known
+from imocap_core.formats.people import (
+    Array,
+    cleaned,
+    detections,
+    frame_number,
+    must_be_file,
+    must_be_known,
+)
 
 _H5 = (
     "is HDF5, which is not read here; export the results as CSV (DeepLabCut's save_as_csv, SLEAP's "
@@ -63,8 +70,7 @@ def read_csv(path: Path) -> list[list[str]]:
     """The rows of a CSV file that are not empty. ValueError says what is wrong."""
     if path.suffix.lower() in (".h5", ".hdf5"):
         raise ValueError(f"{path}: {_H5}")
-    if not path.is_file():
-        raise ValueError(f"{path}: there is no such file; check `keypoints` in action.yaml")
+    must_be_file(path)
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
             rows = [row for row in csv.reader(stream) if any(cell.strip() for cell in row)]

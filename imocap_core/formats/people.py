@@ -31,12 +31,20 @@ LAST_FRAME = 10_000_000
 
 def read_json(path: Path) -> Any:
     """A JSON file. ValueError says when it is missing or is none."""
-    if not path.is_file():
-        raise ValueError(f"{path}: there is no such file; check `keypoints` in action.yaml")
+    must_be_file(path)
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ValueError(f"{path}: is not JSON ({error}); run the detector again") from None
+
+
+def must_be_file(path: Path, field: str = "keypoints") -> None:
+    """ValueError when there is none at the path."""
+    if not path.is_file():
+        found = "a folder" if path.is_dir() else "no such file"
+        raise ValueError(
+            f"{path}: expected a file, found {found}; correct `{field}` in action.yaml"
+        )
 
 
 def kind(value: Any) -> str:

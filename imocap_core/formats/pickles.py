@@ -27,6 +27,7 @@ import torch
 from numpy.lib import format as npy
 
 from imocap_core.body.unpickle import ARRAY_NAMES
+from imocap_core.formats.people import must_be_file
 
 _DECOMPRESS: tuple[tuple[bytes, Callable[[bytes], bytes]], ...] = (
     (b"\x78", zlib.decompress),
@@ -119,8 +120,7 @@ def read_results(path: Path) -> Any:
     Raises:
         ValueError: the file is missing or damaged, or would run code.
     """
-    if not path.is_file():
-        raise ValueError(f"{path}: there is no such file; check `initial` in action.yaml")
+    must_be_file(path, "initial")
     try:
         return _plain(_load(path.read_bytes()))
     except _UNREADABLE as error:

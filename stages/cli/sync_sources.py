@@ -10,7 +10,7 @@ from pathlib import Path
 from stages.harness.action import DetectionFormat, Layout
 from stages.harness.errors import WorkFailed, WrongUse
 
-KEYPOINT_SUFFIXES = (".json", ".npz", ".pkl", ".h5")
+KEYPOINT_SUFFIXES = (".json", ".npz", ".csv", ".h5")
 # Where keypoints of videos/clip.mp4 are looked for; {} is the video's name without its suffix.
 BESIDE = ("{}", "{}_keypoints", "{}_json", "keypoints/{}", "../keypoints/{}")
 

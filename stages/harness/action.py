@@ -24,6 +24,8 @@ DetectionFormat = Literal[
     "wholebody",
     "cpn_npz",
     "npz",
+    "deeplabcut",
+    "sleap",
 ]
 Layout = Literal[
     "body25",
@@ -31,12 +33,22 @@ Layout = Literal[
     "coco17",
     "coco18",
     "halpe26",
+    "halpe136",
     "wholebody133",
     "h36m17",
     "mediapipe33",
 ]
 InitialFormat = Literal[
-    "smpl_npz", "joints_npz", "hmr2", "wham", "gvhmr", "vibe", "mediapipe_world"
+    "smpl_npz",
+    "joints_npz",
+    "hmr2",
+    "wham",
+    "gvhmr",
+    "vibe",
+    "hmmr",
+    "tram",
+    "sam3d_body",
+    "mediapipe_world",
 ]
 Id = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")]
 Positive = Annotated[float, Field(gt=0)]
@@ -68,12 +80,6 @@ class Declaration(BaseModel):
             faults.append(f"frames {list(self.frames)} are empty: expected [first, one past last]")
         if self.video is None and (self.keypoints is None or self.keypoints == DETECT):
             faults.append("needs a video, or keypoints with fps and size")
-        if self.keypoints not in (None, DETECT):
-            faults += [
-                f"keypoints are given, so {name} must be too"
-                for name in ("format", "layout")
-                if getattr(self, name) is None
-            ]
         if self.video is None and (self.fps is None or self.size is None):
             faults.append("without a video, fps and size must be given")
         if self.initial is not None and self.initial_format is None:

@@ -41,7 +41,7 @@ def test_a_good_action(tmp_path: Path) -> None:
         (GOOD.replace("focal_px: null", "focal_px: -3"), "videos.1.focal_px: Input should be"),
         (GOOD.replace("focal_px", "focal"), "videos.1.focal: is no known field"),
         (GOOD.replace("video: b.mp4, ", ""), "videos.1: needs a video"),
-        (GOOD.replace(", layout: body25", ""), "keypoints are given, so layout must be too"),
+        (GOOD.replace("body25", "body26"), "videos.0.layout: Input should be"),
         (GOOD.replace("video: videos/v1.mp4, ", ""), "fps and size must be given"),
         (GOOD.replace("focal_px: null", "initial: a.npz"), "initial_format must be too"),
         (GOOD.replace("name: yoga", "name: ../yoga"), "name: String should match"),

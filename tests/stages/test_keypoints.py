@@ -10,6 +10,7 @@ from stages import keypoints
 from stages.harness.action import Action, Declaration
 from stages.harness.stage import Context, Inputs
 from stages.params import KeypointsParams, Params
+from tests.formats import made_keypoints
 
 SIZE = (640, 360)
 PARAMS = Params.model_construct(keypoints=KeypointsParams(min_confidence=0.05, max_gap_s=1.0))
@@ -75,8 +76,44 @@ def test_missing_keypoints_are_one_sentence_with_advice(folder):
     assert "\n" not in str(said.value)
 
 
-def test_formats_that_are_not_read_are_named(folder):
-    with pytest.raises(ValueError, match=r"expected openpose, got v1 \(alphapose\)"):
+def test_what_is_not_declared_is_told_by_the_files(folder):
+    given = run(folder)
+    for left_out in ({"format": None}, {"layout": None}, {"format": None, "layout": None}):
+        if "layout" in left_out:
+            with pytest.raises(ValueError, match="25 points a person are BODY_25 or BODY_25B"):
+                run(folder, **left_out)
+        else:
+            assert np.array_equal(run(folder, **left_out).xy_px, given.xy_px, equal_nan=True)
+
+
+def test_other_formats_give_the_same_performer(folder):
+    given = run(folder)
+    people = {
+        t: [
+            np.reshape(b["pose_keypoints_2d"], (25, 3)) for b in (body(500, 0.5), body(100 + 5 * t))
+        ]
+        for t in range(20)
+    }
+    path = made_keypoints.write_alphapose(folder, people)
+    for declared in ({"format": "alphapose"}, {"format": None}):
+        found = run(folder, keypoints=path.name, **declared)
+        assert found.layout == "body25"
+        assert np.allclose(found.xy_px, given.xy_px)
+
+
+def test_whole_body_keypoints_bring_their_hands(folder):
+    people = made_keypoints.people("wholebody133", frames=6, persons=1)
+    for found in people.values():
+        found[0][:, :2] = people[0][0][:, :2]
+    path = made_keypoints.write_coco_wholebody(folder, people)
+    found = run(folder, keypoints=path.name, format="wholebody", layout=None, frames=(0, 6))
+    assert found.layout == "wholebody133"
+    assert found.hands.xy_px.shape == (6, 2, 21, 2)
+    assert np.allclose(found.hands.xy_px[0].reshape(42, 2), people[0][0][91:, :2])
+
+
+def test_a_format_that_the_files_are_not_is_refused(folder):
+    with pytest.raises(ValueError, match="keypoints/v1: expected a file, found a folder"):
         run(folder, format="alphapose")
 
 
