@@ -5,6 +5,7 @@ from __future__ import annotations
 from imocap_core.artifacts.schemas import (
     CameraMotion,
     Evaluate,
+    Hands,
     InitialSmpl,
     Keypoints,
     RefineSync,
@@ -19,6 +20,7 @@ from imocap_core.metrics.scoring import ALL_VIDEOS, Row, over_videos
 from imocap_core.views.bodies import body_points
 from imocap_core.views.film import Shot
 from imocap_core.views.gallery import draw_film, draw_numbers
+from imocap_core.views.hand_tables import hand_rows, hand_tables
 from imocap_core.views.observability_text import observability_markdown, open_table
 from imocap_core.views.report import Picture, write_report
 from imocap_core.views.scoreboard import Answer, against_truth, cycle_row, score, true_positions
@@ -44,6 +46,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
     rows += [cycle_row("single pass", sync), cycle_row("after loop", refined.sync)]
     claimed, motions = inputs.get(Uncertainty), refined.motion.videos
     rows += normalised_rows("after loop", claimed, motions, truth)
+    rows += hand_rows("after loop", inputs.get(Hands), truth)
     summary = over_videos(rows)
     round_errors = [
         against_truth(Answer("round", r.motion.videos, r.motion.cameras, r.sync), keypoints, truth)
@@ -51,6 +54,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
     ]
     tables = [
         *metric_tables(rows, summary),
+        *hand_tables([*rows, *summary]),
         *([round_table(refined, round_errors)] if len(refined.rounds) > 1 else []),
         video_table(keypoints, camera_motion, refined.sync),
         *trust_tables(refined.sync),

@@ -127,6 +127,24 @@ class UncertaintyParams(Group):
     near_limit_deg: Positive  # two videos whose views differ by less are named
 
 
+class HandsParams(Group):
+    noise_share: Positive  # keypoint noise (one standard deviation), share of the hand's length
+    robust_scale_sigma: Positive  # Geman-McClure scale in standard deviations
+    min_confidence: Share  # keypoints below it are not used
+    min_points: Count  # a hand with fewer keypoints counts as unseen
+    wrist_rad: Positive  # spread of a hand's turn about the body's
+    offset_m: Positive  # spread of a wrist's place about the body's
+    pose_prior: NonNegative  # of the spread of everyday poses
+    limit_rad: Positive  # transgression of a joint's range that costs 1
+    coupling_rad: Positive  # difference from the common hands that costs 1
+    agreement_rad: Positive  # a finger or wrist further from them stops following
+    acceleration_rad_s2: Positive  # of wrists and fingers, one standard deviation
+    offset_acceleration_m_s2: Positive
+    size_spread: Positive  # of the logarithm of the hands' size, for the performer's shape
+    stride_s: Positive  # between the frames in which many turns of the wrist are tried
+    max_steps: Count
+
+
 class EvaluateParams(Group):
     figures: bool
 
@@ -143,4 +161,5 @@ class Params(Group):
     motion: MotionParams
     refine: RefineParams
     uncertainty: UncertaintyParams
+    hands: HandsParams
     evaluate: EvaluateParams

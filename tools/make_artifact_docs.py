@@ -24,6 +24,7 @@ BY_STAGE: dict[str, type[schemas.Artifact]] = {
     "smpl_ba": schemas.SmplBa,
     "refine_sync": schemas.RefineSync,
     "uncertainty": schemas.Uncertainty,
+    "hands": schemas.Hands,
     "evaluate": schemas.Evaluate,
 }
 HEAD = """\

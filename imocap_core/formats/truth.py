@@ -16,8 +16,9 @@ from imocap_core.formats.npz import load_arrays, names, numbers, rows_for_frames
 class VideoTruth:
     """One video at its T used frames: ``joints`` (T, J, 3) metres in the world, ``K`` (3, 3), ``R``
     (3, 3) and ``t`` (3,) camera from world (first used frame), ``phase`` (T,), ``R_frames``
-    (T, 3, 3) camera from world in each frame of a camera that turns about its centre. None for
-    what the file does not hold."""
+    (T, 3, 3) camera from world in each frame of a camera that turns about its centre, ``hands``
+    (T, 2, 21, 3) OpenPose's points of the left and the right hand in the world. None for what the
+    file does not hold."""
 
     joints: NDArray[np.float64] | None
     joint_names: tuple[str, ...]
@@ -26,6 +27,7 @@ class VideoTruth:
     t: NDArray[np.float64] | None
     phase: NDArray[np.float64] | None
     R_frames: NDArray[np.float64] | None = None
+    hands: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)
@@ -70,4 +72,13 @@ def _video(
     if R_frames is not None and R is not None:
         t = None if t is None else R_frames[0] @ R.T @ t  # the centre -R^T t stays
         R = R_frames[0]
-    return VideoTruth(joints, joint_names, part("K", 3, 3), R, t, at_used("phase"), R_frames)
+    return VideoTruth(
+        joints,
+        joint_names,
+        part("K", 3, 3),
+        R,
+        t,
+        at_used("phase"),
+        R_frames,
+        at_used("hands", 2, 21, 3),
+    )

@@ -55,19 +55,21 @@ DECIMALS = {"mm": 1, "px": 1, "pct": 2, "deg": 2, "frames": 2, "ms": 1, "s2": 2,
 def metric_tables(rows: Sequence[Row], summary: Sequence[Row]) -> list[Table]:
     """The report's tables: summary, pose, joint sets, sync, cameras, and what was not scored."""
     rows_and_summary = [*(r for r in rows if r.video != ALL_VIDEOS), *summary]
-    joint_sets = [r.metric for r in summary if "mpjpe" in r.metric]
+    joint_sets = [r.metric for r in summary if "mpjpe" in r.metric and "hand" not in r.metric]
     made = [
-        _wide("summary", "In short: mean over the videos", summary, SUMMARY, per_video=False),
-        _wide("pose", "Pose, path and image, by video (12 joints)", rows_and_summary, POSE),
-        _wide(
+        wide_table("summary", "In short: mean over the videos", summary, SUMMARY, per_video=False),
+        wide_table("pose", "Pose, path and image, by video (12 joints)", rows_and_summary, POSE),
+        wide_table(
             "joint_sets",
             "Pose on 12, 14 and 17 joints, mean over the videos",
             summary,
             tuple(dict.fromkeys(joint_sets)),
             per_video=False,
         ),
-        _wide("sync", "Synchronisation, by video", rows_and_summary, SYNC_METRICS),
-        _wide("cameras", "Cameras, by video", rows_and_summary, ("camera_rotation_error_deg",)),
+        wide_table("sync", "Synchronisation, by video", rows_and_summary, SYNC_METRICS),
+        wide_table(
+            "cameras", "Cameras, by video", rows_and_summary, ("camera_rotation_error_deg",)
+        ),
         unscored_table(summary),
     ]
     return [table for table in made if table.rows]
@@ -137,7 +139,7 @@ def long_table(rows: Sequence[Row]) -> Table:
     )
 
 
-def _wide(
+def wide_table(
     name: str, title: str, rows: Iterable[Row], metrics: Sequence[str], *, per_video: bool = True
 ) -> Table:
     """One line for each result and video, one column a metric; empty columns are left out."""

@@ -34,7 +34,9 @@ def changed(tmp_path: Path, content: dict[str, Any]) -> Pipeline[Params]:
 
 
 def test_the_paper_s_figure_is_in_the_graph(pipeline: Pipeline[Params]) -> None:
-    names = "keypoints camera_motion initial_smpl sync smpl_ba refine_sync uncertainty evaluate"
+    names = (
+        "keypoints camera_motion initial_smpl sync smpl_ba refine_sync uncertainty hands evaluate"
+    )
     assert list(pipeline.stages) == names.split()
     assert pipeline.upstream("sync")[-1] == "sync"
     assert "smpl_ba" not in pipeline.upstream("sync")

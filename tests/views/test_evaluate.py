@@ -10,11 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imocap_core.artifacts.schemas import Evaluate
+from imocap_core.artifacts.schemas import Evaluate, Hands
 from stages.evaluate import run
 from tests.views.made import Made
 
 Runs = Callable[..., Evaluate]
+
+
+NO_HANDS = Hands(videos=[], model="", model_digest="", size=1.0, status="no hand keypoints")
 
 
 class Inputs:
@@ -22,7 +25,7 @@ class Inputs:
 
     def __init__(self, made: Made) -> None:
         given = (made.keypoints, made.camera_motion, made.initial, made.sync, made.single)
-        given = (*given, made.refined, made.claimed)
+        given = (*given, made.refined, made.claimed, NO_HANDS)
         self._given = {type(artifact): artifact for artifact in given}
 
     def get(self, kind: type) -> Any:

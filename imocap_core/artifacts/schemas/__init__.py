@@ -3,6 +3,7 @@
 from imocap_core.artifacts.schemas.base import Artifact, Floats, Floats32, Ints, Shape, Value
 from imocap_core.artifacts.schemas.camera_motion import CameraMotion, VideoCameraMotion
 from imocap_core.artifacts.schemas.evaluate import Evaluate, Table
+from imocap_core.artifacts.schemas.hands import Hands, VideoHands
 from imocap_core.artifacts.schemas.keypoints import HandKeypoints, Keypoints, VideoKeypoints
 from imocap_core.artifacts.schemas.motion import (
     Camera,
@@ -37,6 +38,7 @@ __all__ = [
     "Floats",
     "Floats32",
     "HandKeypoints",
+    "Hands",
     "Hypothesis",
     "InitialSmpl",
     "Ints",
@@ -54,6 +56,7 @@ __all__ = [
     "Uncertainty",
     "Value",
     "VideoCameraMotion",
+    "VideoHands",
     "VideoKeypoints",
     "VideoMotion",
     "VideoTrust",

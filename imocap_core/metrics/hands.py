@@ -1,0 +1,25 @@
+"""Hands: position errors of their 21 keypoints about the wrist, both hands together."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from imocap_core.metrics import position
+
+
+def hand_mpjpe_mm(predicted_m: ArrayLike, true_m: ArrayLike) -> float:
+    """Mean distance of keypoints (T, 2, 21, 3), each hand relative to its wrist; nothing turned."""
+    return position.mpjpe_mm(*(_hands_as_frames(x) for x in (predicted_m, true_m)))
+
+
+def hand_pa_mpjpe_mm(predicted_m: ArrayLike, true_m: ArrayLike) -> float:
+    """The same after a similarity Procrustes alignment of each hand in each frame: the fingers."""
+    return position.pa_mpjpe_mm(*(_hands_as_frames(x) for x in (predicted_m, true_m)))
+
+
+def _hands_as_frames(points_m: ArrayLike) -> np.ndarray:
+    points = np.asarray(points_m, dtype=np.float64)
+    if points.ndim != 4 or points.shape[1:] != (2, 21, 3):
+        raise ValueError(f"hands: expected (T, 2, 21, 3), got {points.shape}")
+    return (points - points[:, :, :1]).reshape(-1, 21, 3)
