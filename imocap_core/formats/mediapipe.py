@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from imocap_core.body.layouts import layout_names
+from imocap_core.formats.estimates import Entries, Wanted, performer_rows, picked
 from imocap_core.formats.joints_npz import JointsEstimate
 from imocap_core.formats.npz import load_arrays, numbers
 from imocap_core.formats.openpose import Detections
@@ -43,6 +44,36 @@ def read_mediapipe(path: Path, layout: str, size: tuple[int, int]) -> Detections
             f"{path}: layout: expected {LAYOUT}, the only one MediaPipe has, got {layout!r}; "
             "correct `layout` in action.yaml"
         )
+    seen = {
+        frame: [cleaned(person[:, [0, 1, 3]]) for person in found]
+        for frame, found in _in_pixels(path, size).items()
+    }
+    return detections(seen, layout, path)
+
+
+def read_mediapipe_world(path: Path, wanted: Wanted) -> JointsEstimate:
+    """World landmarks at the used frames (T,) as 3D joints, metres in camera axes.
+
+    Frames without them are NaN; of several people the performer is found by the picture landmarks.
+    ValueError names file, field, what is wrong, or says that no used frame has any.
+    """
+    people = dict(_frames(path, WORLD))
+    found = [(frame, n, person) for frame, ps in people.items() for n, person in enumerate(ps)]
+    if not found:
+        raise ValueError(f"{path}: {WORLD[0]}: expected a person in some frame, got none")
+    places = None
+    if any(len(here) > 1 for here in people.values()):
+        seen = _in_pixels(path, wanted.size)
+        if all(len(seen.get(frame, ())) == len(here) for frame, here in people.items()):
+            places = np.array([np.nanmean(seen[frame][n][:, :2], axis=0) for frame, n, _ in found])
+    frames, track = (np.array([entry[i] for entry in found]) for i in (0, 1))
+    rows = performer_rows(Entries(frames, track, places), wanted, path)
+    joints = picked(np.stack([person[:, :3] for _, _, person in found]), rows)
+    return JointsEstimate(joints, layout_names(LAYOUT))
+
+
+def _in_pixels(path: Path, size: tuple[int, int]) -> dict[int, list[Array]]:
+    """Frame -> people (33, 4) whose x, y are pixels of a picture of `size`."""
     people = dict(_frames(path, PICTURE))
     every = [person[:, :2] for found in people.values() for person in found]
     sizes = np.abs(np.concatenate(every)) if every else np.zeros((0, 2))
@@ -51,30 +82,7 @@ def read_mediapipe(path: Path, layout: str, size: tuple[int, int]) -> Detections
         for found in people.values():
             for person in found:
                 person[:, :2] *= size
-    seen = {
-        frame: [cleaned(person[:, [0, 1, 3]]) for person in found]
-        for frame, found in people.items()
-    }
-    return detections(seen, layout, path)
-
-
-def read_mediapipe_world(path: Path, used_frames: np.ndarray) -> JointsEstimate:
-    """World landmarks at the used frames (T,) as 3D joints, metres in camera axes.
-
-    Frames without them are NaN; of several people the first of each frame is taken.
-    ValueError names file, field, what is wrong, or says that no used frame has any.
-    """
-    people = dict(_frames(path, WORLD))
-    joints = np.full((len(used_frames), POINTS, 3), np.nan)
-    for row, frame in enumerate(used_frames):
-        if people.get(int(frame)):
-            joints[row] = people[int(frame)][0][:, :3]
-    if not np.isfinite(joints).any():
-        raise ValueError(
-            f"{path}: {WORLD[0]}: expected some in frames {used_frames[0]} to {used_frames[-1]}, "
-            "got none; save them with their `frame` numbers"
-        )
-    return JointsEstimate(joints, layout_names(LAYOUT))
+    return people
 
 
 def _frames(path: Path, names: tuple[str, ...]) -> Iterator[tuple[int, list[Array]]]:
