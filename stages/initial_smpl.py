@@ -10,9 +10,16 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from imocap_core.artifacts.schemas import CameraMotion, Hypothesis, InitialSmpl, Keypoints
+from imocap_core.artifacts.schemas import (
+    CameraMotion,
+    Hypothesis,
+    InitialSmpl,
+    Keypoints,
+    VideoKeypoints,
+)
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.formats.joints_npz import read_joints_npz
+from imocap_core.formats.estimates import Wanted
+from imocap_core.formats.estimators import JOINTS, ROTATIONS
 from imocap_core.formats.smpl_npz import read_smpl_npz
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.library import Library, make_library
@@ -24,6 +31,7 @@ from imocap_core.motion.starts import (
     LiftingOptions,
     Start,
     fit_rotations_to_joints,
+    interpolate_rotations,
     lifted_starts,
     start_at_joints,
     start_at_motion,
@@ -38,7 +46,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
     """A motion for every video by itself."""
     keypoints, cameras = inputs.get(Keypoints), inputs.get(CameraMotion)
     body, prior = body_for(keypoints), load_pose_prior()
-    given = {v.id: _given(ctx, v.id, v.initial_format, v.frames) for v in keypoints.videos}
+    given = {v.id: _given(ctx, v) for v in keypoints.videos}
     joints = {k: g for k, g in given.items() if isinstance(g, np.ndarray)}
     observations = observations_of(body, keypoints, cameras, joints)
     lifting = params.initial_smpl
@@ -76,16 +84,19 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
     )  # fmt: skip
 
 
-def _given(
-    ctx: Context, video: str, kind: str | None, frames: np.ndarray
-) -> np.ndarray | Start | None:
-    """An estimator's joints (T, 24, 3), its SMPL motion as a start, or None."""
-    path = ctx.initial(video)
+Given = np.ndarray | Start | torch.Tensor | None
+
+
+def _given(ctx: Context, video: VideoKeypoints) -> Given:
+    """An estimator's joints (T, 24, 3), its SMPL motion as a start, its joint rotations
+    (T, 24, 3, 3), or None."""
+    path, kind = ctx.initial(video.id), video.initial_format
     if path is None:
         return None
-    if kind == "joints_npz":
-        estimate = read_joints_npz(path, frames)
-        joints = np.full((len(frames), 24, 3), np.nan)
+    wanted = Wanted(video.frames, video.person_box_px, video.size)
+    if kind in JOINTS:
+        estimate = JOINTS[kind](path, wanted)
+        joints = np.full((len(video.frames), 24, 3), np.nan)
         for k, name in enumerate(estimate.joint_names):
             if name in SMPL_JOINTS:
                 joints[:, SMPL_JOINTS.index(name)] = estimate.joints[:, k]
@@ -95,17 +106,24 @@ def _given(
                 f"({', '.join(SMPL_JOINTS)}), got {', '.join(estimate.joint_names)}"
             )
         return joints
+    if kind in ROTATIONS:
+        R_local = torch.as_tensor(ROTATIONS[kind](path, wanted))
+        keys = R_local.isfinite().flatten(1).all(1).nonzero()[:, 0].cpu().numpy()
+        if len(keys) == 0:
+            raise ValueError(f"{path}: every used frame has numbers that are not finite")
+        return interpolate_rotations(R_local[keys], keys, len(R_local))
     if kind == "smpl_npz":
-        smpl = read_smpl_npz(path, frames)
+        smpl = read_smpl_npz(path, video.frames)
         R_local = exp(torch.as_tensor(smpl.theta.reshape(-1, 24, 3)))
         R_local[:, 0] = torch.as_tensor(smpl.R) @ R_local[:, 0]
         try:
             return start_at_motion(R_local, torch.as_tensor(smpl.trans @ smpl.R.T + smpl.t))
         except ValueError as error:
             raise ValueError(f"{path}: poses, trans: {error}") from None
+    known = ", ".join(["smpl_npz", *JOINTS, *ROTATIONS])
     raise ValueError(
-        f"{ctx.action_file()}: videos: {video}: initial_format: expected joints_npz or smpl_npz, "
-        f"got {kind!r}; convert the estimate to one of them"
+        f"{ctx.action_file()}: videos: {video.id}: initial_format: expected one of {known}, got "
+        f"{kind!r}; convert the estimate to one of them"
     )
 
 
@@ -113,12 +131,14 @@ def _starts(
     body: Body,
     library: Library,
     observation: Observation,
-    given: np.ndarray | Start | None,
+    given: Given,
     params: Params,
 ) -> list[Start]:
     """Where the fit of one video begins."""
     if isinstance(given, Start):
         return [given]
+    if isinstance(given, torch.Tensor):
+        return [start_at_joints(body, given.to(library.R_view), observation)]
     if given is not None:
         return [start_at_joints(body, fit_rotations_to_joints(body, library, given), observation)]
     lifting = params.initial_smpl

@@ -17,6 +17,7 @@ from imocap_core.artifacts.schemas import (
     VideoMotion,
 )
 from imocap_core.body import load_free_body
+from imocap_core.formats.estimators import JOINTS
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular import FitWeights
 from imocap_core.motion.observations import Observation, own_view, padded
@@ -181,4 +182,4 @@ def smpl_ba_of(
 
 def evidence_joints(initial: InitialSmpl) -> dict[str, np.ndarray]:
     """Monocular 3D joints that stay evidence in SMPL-BA: those a real estimator gave."""
-    return {v.id: v.joints for v in initial.videos if initial.source.get(v.id, "") == "joints_npz"}
+    return {v.id: v.joints for v in initial.videos if initial.source.get(v.id, "") in JOINTS}

@@ -46,7 +46,7 @@ class InitialSmpl(Artifact):
     model: str
     model_digest: str
     videos: list[VideoMotion]
-    source: dict[str, str]  # video id -> joints_npz | smpl_npz | monocular
+    source: dict[str, str]  # video id -> its initial_format | monocular
     hypotheses: list[Hypothesis] = Field(default_factory=list)
 
 

@@ -1,0 +1,103 @@
+"""The stage initial_smpl: an estimator's result becomes a start where the keypoints are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, get_args
+
+import numpy as np
+import pytest
+import torch
+
+from imocap_core.artifacts.schemas import VideoKeypoints
+from imocap_core.body import load_free_body
+from imocap_core.body.layouts import layouts
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.formats.detectors import FORMATS
+from imocap_core.formats.estimators import JOINTS, ROTATIONS
+from imocap_core.motion.kinematics import Body
+from imocap_core.motion.observations import Observation
+from imocap_core.rotations import exp
+from stages.harness.action import Action, Declaration, DetectionFormat, InitialFormat, Layout
+from stages.harness.stage import Context
+from stages.initial_smpl import _given, _starts
+from tests.formats import made_estimates as made
+
+WRITERS = {
+    "hmr2": made.write_phalp,
+    "wham": made.write_wham,
+    "vibe": made.write_vibe,
+    "hmmr": made.write_hmmr,
+    "tram": made.write_tram,
+    "sam3d_body": made.write_sam3d_body,
+    "mediapipe_world": made.write_mediapipe,
+}
+
+
+def video(kind: str, frames: int = made.FRAMES) -> VideoKeypoints:
+    box = made.PERFORMER.box_px[np.minimum(np.arange(frames), made.FRAMES - 1)]
+    return VideoKeypoints(
+        id="v1", fps=30.0, size=made.SIZE, layout="body25", video=None, focal_px=None,
+        initial="given", initial_format=kind, frames=np.arange(frames),
+        xy_px=np.zeros((frames, 25, 2)), confidence=np.ones((frames, 25)), person_box_px=box,
+        tracks_found=1, presence=1.0, note="",
+    )  # fmt: skip
+
+
+def given(folder: Path, kind: str, path: Path, frames: int = made.FRAMES) -> Any:
+    declared = {"id": "v1", "keypoints": "k", "fps": 30.0, "size": made.SIZE}
+    declared |= {"initial": path.name, "initial_format": kind}
+    context = Context(
+        stage="initial_smpl",
+        seed=0,
+        reads=frozenset(("initial",)),
+        progress=lambda share, what: None,
+        report=folder,
+        _action=Action(folder, "made", (Declaration(**declared),)),
+    )
+    return _given(context, video(kind, frames))
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_every_format_arrives(kind: str, tmp_path: Path) -> None:
+    found = given(tmp_path, kind, WRITERS[kind](tmp_path))
+    if isinstance(found, torch.Tensor):
+        np.testing.assert_allclose(found.numpy(), made.PERFORMER.R, atol=1e-5)
+    else:
+        known = np.isfinite(found).all(axis=(0, 2))
+        assert known[SMPL_JOINTS.index("left_knee")]
+        assert known.sum() in (12, 13)
+
+
+def test_frames_without_an_estimate_lie_between_their_neighbours(tmp_path: Path) -> None:
+    """Frame 2 is missing: half way from 1 to 3."""
+    path = made.write_wham(tmp_path, frame_ids=np.array([0, 1, 20, 3, 4, 5]))
+    found = given(tmp_path, "wham", path)
+    ahead = found[1].transpose(-1, -2) @ found[2]
+    torch.testing.assert_close(ahead, found[2].transpose(-1, -2) @ found[3], atol=1e-5, rtol=0)
+
+
+def test_what_action_yaml_may_name_is_read_and_nothing_else_is() -> None:
+    assert set(get_args(InitialFormat)) == {"smpl_npz", *JOINTS, *ROTATIONS}
+    assert set(get_args(DetectionFormat)) == set(FORMATS)
+    assert set(get_args(Layout)) <= set(layouts())
+
+
+def test_the_body_is_placed_where_the_keypoints_are() -> None:
+    """Rotations alone: depth and place come from the picture."""
+    body = Body.of(load_free_body(), "body25")
+    theta = 0.1 * np.random.default_rng(0).normal(size=(8, 24, 3))
+    R_local = exp(torch.as_tensor(theta))
+    R_local[:, 0] = exp(torch.tensor([np.pi, 0.0, 0.0], dtype=torch.float64)) @ R_local[:, 0]
+    trans = torch.tensor([0.3, 0.1, 4.0], dtype=torch.float64).expand(8, 3)
+    xyz = (
+        body.model.shape(torch.zeros(1, 10).double()).pose(R_local, trans).keypoints(body.keypoints)
+    )
+    K = np.array([[600.0, 0, 320], [0, 600.0, 180], [0, 0, 1]])
+    xy = (xyz / xyz[..., 2:]).numpy() @ K.T
+    seen = Observation(xy[..., :2], np.ones(xy.shape[:2]), K, 30.0)
+    library = SimpleNamespace(R_view=R_local)
+    (start,) = _starts(body, library, seen, R_local, None)  # type: ignore[arg-type]
+    assert torch.equal(start.R_local, R_local)
+    assert float((start.trans - trans).norm(dim=-1).max()) < 0.25  # weak perspective, 4 m away
