@@ -25,7 +25,7 @@ POINTS: tuple[str, ...] = SMPL_JOINTS + SKIN
 # (R_local (N, 24, 3, 3), pelvis (N, 3)) -> POINTS (N, P, 3) and their derivatives (N, P, 3, 72)
 # by right local increments of the rotations
 Forward = Callable[[Floats, Floats], tuple[Floats, Floats]]
-Place = tuple[str, str]  # (side, "front" | "back" | "return" | "hands")
+Place = tuple[str, str]  # (side, "front" | "back" | "return" | "hands" | "wide" | "forward")
 
 _INDEX = {name: i for i, name in enumerate(SMPL_JOINTS)}
 _SIDES = ("left", "right")
@@ -33,6 +33,8 @@ _HAND_REACH_M = 0.17  # hands are planted this far in front of the balls of the 
 _HAND_HALF_WIDTH_M = 0.19
 _FOOT_HALF_WIDTH_M = 0.09
 _STRIDE_M = 1.22  # from the planted wrists back to the balls of the rear feet
+_WIDE_M = 0.15  # a wide stance, further out than a narrow one
+_STEP_M = 0.38  # a step to the front
 _STEP_LIFT_M = 0.10
 _ROLL_LIFT_M = 0.07  # of a foot that rolls over its toes
 _ROLL_DEG = 30.0
@@ -91,6 +93,10 @@ def floor_plan(joints_rest: Floats, sole_height: float) -> dict[Place, Floats]:
         reach = plan[side, "front"][2] + _HAND_REACH_M
         plan[side, "hands"] = np.array([sign * _HAND_HALF_WIDTH_M, _CLEARANCE_M["wrist"], reach])
         plan[side, "back"] = np.array([x, max(height, 0.03), reach - _STRIDE_M])
+    for side, sign in zip(_SIDES, (1.0, -1.0), strict=True):
+        near = plan[side, "front"]
+        plan[side, "wide"] = near + np.array([sign * _WIDE_M, 0.0, 0.0])
+        plan[side, "forward"] = near + np.array([sign * 0.3 * _WIDE_M, 0.0, _STEP_M])
     return plan
 
 

@@ -60,11 +60,11 @@ def detect(
     shape = xy_px.shape[:2]
     scale = height_px[:, None, None]
     hard = rng.uniform(0.7, 1.3, (1, shape[1], 1))  # some joints are harder than others
-    deviation = hard * _noise(xy_px.shape, errors.persistence_s * fps, rng)
+    deviation = hard * persistent_noise(xy_px.shape, errors.persistence_s * fps, rng)
     outlier = rng.random(shape) < errors.outlier_rate
     offset = scale * errors.noise * deviation
     offset += outlier[..., None] * scale * rng.normal(0.0, errors.outlier_noise, xy_px.shape)
-    confidence = _confidence(
+    confidence = believed(
         np.linalg.norm(offset, axis=-1) / (height_px[:, None] * errors.noise), rng
     )
     seen = _swap_limbs(xy_px, names, errors, rng) + offset
@@ -72,7 +72,9 @@ def detect(
     return Detections(np.where(missed[..., None], 0.0, seen), np.where(missed, 0.0, confidence))
 
 
-def _noise(shape: tuple[int, ...], persistence_frames: float, rng: np.random.Generator) -> Floats:
+def persistent_noise(
+    shape: tuple[int, ...], persistence_frames: float, rng: np.random.Generator
+) -> Floats:
     """Unit variance, half of it white and half an AR(1) process along the first axis."""
     rho = np.exp(-1.0 / persistence_frames)
     driven = rng.normal(size=shape)
@@ -82,10 +84,10 @@ def _noise(shape: tuple[int, ...], persistence_frames: float, rng: np.random.Gen
     return mixed
 
 
-def _confidence(error_in_sigma: Floats, rng: np.random.Generator) -> Floats:
+def believed(error_in_sigma: Floats, rng: np.random.Generator) -> Floats:
     """Falls with the error, but loosely: a fifth of what it says is its own invention."""
-    believed = 0.92 / (1.0 + (error_in_sigma / 6.0) ** 2)
-    return np.clip(0.8 * believed + 0.2 * rng.beta(5, 2, error_in_sigma.shape), 0.05, 0.99)
+    known = 0.92 / (1.0 + (error_in_sigma / 6.0) ** 2)
+    return np.clip(0.8 * known + 0.2 * rng.beta(5, 2, error_in_sigma.shape), 0.05, 0.99)
 
 
 def _swap_limbs(

@@ -33,6 +33,14 @@ _BETA_SPREAD = 0.5
 
 
 @dataclass(frozen=True)
+class HandTake:
+    """Both hands, left first: points_m (T, 2, 21, 3) in the world, and what a detector said."""
+
+    points_m: Floats
+    detections: Detections  # xy_px (T, 2, 21, 2), confidence (T, 2, 21)
+
+
+@dataclass(frozen=True)
 class Take:
     """Everything true about one video, and what the detector said about it.
 
@@ -49,6 +57,8 @@ class Take:
     xy_px: Floats
     detections: Detections
     strangers: list[Detections | None]
+    azimuth_deg: float
+    hands: HandTake | None = None
 
 
 def draw_betas(seed: int, count: int) -> Floats:
@@ -81,7 +91,18 @@ def yoga_take(seed: int, index: int, shaped: Shaped) -> Take:
     detections = detect(xy_px, height_px, points.names, clip.fps, detector_rng)
     others = strangers(detections, SIZE, detector_rng)
     joints = posed.joints.numpy()
-    return Take(clip.fps, SIZE, performance, transl, joints, camera, xy_px, detections, others)
+    return Take(
+        clip.fps,
+        SIZE,
+        performance,
+        transl,
+        joints,
+        camera,
+        xy_px,
+        detections,
+        others,
+        view.azimuth_deg,
+    )
 
 
 def pictures(take: Take, seed: int, index: int, shaped: Shaped) -> Iterator[Image]:
@@ -94,7 +115,7 @@ def pictures(take: Take, seed: int, index: int, shaped: Shaped) -> Iterator[Imag
     colors = outfit(model.face_parts.numpy(), model.part_names, clothes_rng)
     faces = model.faces.numpy().astype(np.int64)
     camera = take.camera
-    surfaces = room(index, YOGA_VIEWPOINTS[index].azimuth_deg, scene_rng)
+    surfaces = room(index, take.azimuth_deg, scene_rng)
     plate = render_plate(surfaces, camera, take.size)
     width, height = take.size
     grain = grain_rng.normal(0.0, _SENSOR_NOISE, (2 * height, 2 * width, 1)).astype(np.float32)

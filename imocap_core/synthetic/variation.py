@@ -123,7 +123,7 @@ def _vary(keys: Sequence[Key], rng: np.random.Generator) -> tuple[Floats, Floats
     departure = spread * (style + moment) / np.sqrt(2.0)
     authored = np.stack([local_rotations(key).as_matrix() for key in keys])
     turned = Rotation.from_rotvec(departure.reshape(-1, 3)).as_matrix().reshape(authored.shape)
-    hips = np.array([[0.0, *key.hips_m] for key in keys])
+    hips = np.array([[key.side_m, *key.hips_m] for key in keys])
     hips = hips + rng.normal(0.0, _HIPS_SPREAD_M, hips.shape)
     return authored @ turned, hips, _name_returns(keys)
 

@@ -39,6 +39,8 @@ class Arms:
     wrist: float = 0.0  # back of the hand to the forearm
     shrug: float = 0.0  # collar bones up
     planted: bool = False
+    twist: float = 0.0  # upper arm about itself; -90: a hanging arm's elbow bends to the front
+    forearm: float = 0.0  # about itself, palm from facing down to facing up
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,7 @@ class Key:
     """One held moment: when, and how the body is arranged.
 
     hips_m: height and forward position of the pelvis, a first guess that contact corrects.
+    right_arm: where it differs from the left, which then is `arms`.
     """
 
     name: str
@@ -57,6 +60,9 @@ class Key:
     left: Leg = Leg()
     right: Leg = Leg()
     arms: Arms = Arms()
+    right_arm: Arms | None = None
+    side_m: float = 0.0  # pelvis to the left
+    turn: float = 0.0  # trunk to the left, over pelvis and spine, degrees
 
 
 _HANGING = Arms(lift=75, open=5, elbow=10, wrist=60, shrug=8, planted=True)
@@ -194,6 +200,10 @@ def _rotations(key: Key) -> dict[str, Rotation]:
         "neck": _about_x(0.5 * key.neck),
         "head": _about_x(0.5 * key.neck),
     }
+    if key.turn:
+        share = Rotation.from_euler("y", key.turn / 4, degrees=True)
+        for joint in ("pelvis", "spine1", "spine2", "spine3"):
+            named[joint] = share * named[joint]
     for side, leg in (("left", key.left), ("right", key.right)):
         named[f"{side}_hip"] = _about_x(-leg.hip)
         named[f"{side}_knee"] = _about_x(leg.knee)
@@ -201,18 +211,21 @@ def _rotations(key: Key) -> dict[str, Rotation]:
         named[f"{side}_ankle"] = _about_x(-leg.ankle - level)
         named[f"{side}_foot"] = _about_x(-leg.toes)
     named |= {f"left_{joint}": rotation for joint, rotation in _left_arm(key.arms).items()}
-    named |= {f"right_{joint}": _mirrored(r) for joint, r in _left_arm(key.arms).items()}
+    right = _left_arm(key.right_arm or key.arms)
+    named |= {f"right_{joint}": _mirrored(r) for joint, r in right.items()}
     return named
 
 
 def _left_arm(arms: Arms) -> dict[str, Rotation]:
     """In the rest pose the left arm lies along +x with its palm down: to the front, then lift."""
     to_front = Rotation.from_euler("y", arms.open - 90.0, degrees=True)
+    shoulder = _about_x(-arms.lift) * to_front
+    wrist = Rotation.from_euler("z", arms.wrist, degrees=True)
     return {
         "collar": Rotation.from_euler("z", arms.shrug, degrees=True),
-        "shoulder": _about_x(-arms.lift) * to_front,
+        "shoulder": shoulder * _about_x(arms.twist) if arms.twist else shoulder,
         "elbow": Rotation.from_euler("y", -arms.elbow, degrees=True),
-        "wrist": Rotation.from_euler("z", arms.wrist, degrees=True),
+        "wrist": _about_x(arms.forearm) * wrist if arms.forearm else wrist,
     }
 
 

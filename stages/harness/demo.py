@@ -1,4 +1,5 @@
-"""Made actions: `actions/yoga`, four videos of one sun salutation, from a seed.
+"""Made actions from a seed: `actions/yoga`, four videos of one sun salutation, and
+`actions/taichi`, four of one tai chi form, whose detections have hands.
 
 By hand, and how docs/images/yoga_contact_sheet.jpg is made:
 
@@ -25,12 +26,15 @@ from imocap_core.body import Shaped, load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.formats.video import read_rgb, write_h264
 from imocap_core.render.arrays import Floats, Image
+from imocap_core.synthetic import taichi, yoga
 from imocap_core.synthetic.detector import Detections
+from imocap_core.synthetic.taichi_take import TAICHI_CLIPS, taichi_body, taichi_take
 from imocap_core.synthetic.take import LAYOUT, YOGA_CLIPS, Take, draw_betas, pictures, yoga_take
 from imocap_core.synthetic.variation import PHASE_PER_S
-from imocap_core.synthetic.yoga import DURATION_S
 
-DEMOS = ("yoga",)
+DEMOS = ("yoga", "taichi")
+_COUNT = {"yoga": len(YOGA_CLIPS), "taichi": len(TAICHI_CLIPS)}
+_DURATION_S = {"yoga": yoga.DURATION_S, "taichi": taichi.DURATION_S}
 DEFAULT_SEED = 7
 _WORKERS = 2
 _CRF = 18  # H.264 quality: little is lost
@@ -51,7 +55,7 @@ def make_demo(
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as made:
         draft = Path(made) / "new"
-        truth = _film_all(seed, draft, progress)
+        truth = _film_all(name, seed, draft, progress)
         np.savez(draft / "truth.npz", **truth)
         (draft / "action.yaml").write_text(yaml.safe_dump(_declaration(name), sort_keys=False))
         if folder.exists():
@@ -73,42 +77,49 @@ def _declaration(name: str) -> dict[str, Any]:
             "format": "openpose",
             "layout": LAYOUT,
         }
-        for index in range(len(YOGA_CLIPS))
+        for index in range(_COUNT[name])
     ]
     return {"name": name, "videos": videos, "truth": "truth.npz"}
 
 
-def _film_all(seed: int, draft: Path, progress: Callable[[str], None] | None) -> dict[str, Any]:
+def _film_all(
+    name: str, seed: int, draft: Path, progress: Callable[[str], None] | None
+) -> dict[str, Any]:
     """Write all videos and keypoints below `draft`; return the arrays of truth.npz."""
-    count = len(YOGA_CLIPS)
+    count = _COUNT[name]
     truths: dict[int, dict[str, Floats]] = {}
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(_WORKERS, mp_context=spawn) as pool:
-        jobs = {pool.submit(_film_one, seed, index, draft): index for index in range(count)}
+        jobs = {pool.submit(_film_one, name, seed, index, draft): index for index in range(count)}
         for done, job in enumerate(as_completed(jobs), start=1):
             truths[jobs[job]] = job.result()
             if progress is not None:
                 progress(f"made {video_id(jobs[job])} ({done} of {count} videos)")
     truth: dict[str, Any] = {
         "joint_names": np.array(SMPL_JOINTS),
-        "phase_end": np.float64(DURATION_S * PHASE_PER_S),
+        "phase_end": np.float64(_DURATION_S[name] * PHASE_PER_S),
     }
     for index in range(count):
         truth |= {f"{video_id(index)}/{key}": value for key, value in truths[index].items()}
     return truth
 
 
-def _film_one(seed: int, index: int, draft: Path) -> dict[str, Floats]:
+def _film_one(demo: str, seed: int, index: int, draft: Path) -> dict[str, Floats]:
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
-    shaped = demo_body(seed)
-    take = yoga_take(seed, index, shaped)
+    if demo == "yoga":
+        shaped = demo_body(seed)
+        take = yoga_take(seed, index, shaped)
+    else:
+        shaped = taichi_body(seed)
+        take = taichi_take(seed, index, shaped)
     name = video_id(index)
     _write_keypoints(draft / "keypoints" / name, name, take)
     video = draft / "videos" / f"{name}.mp4"
     video.parent.mkdir(parents=True, exist_ok=True)
     write_h264(video, pictures(take, seed, index, shaped), take.fps, crf=_CRF)
-    return {
+    hands = {} if take.hands is None else {"hands": take.hands.points_m}
+    return hands | {
         "joints": take.joints,
         "K": take.camera.K,
         "R": take.camera.R_cam_from_world[0],
@@ -119,7 +130,7 @@ def _film_one(seed: int, index: int, draft: Path) -> dict[str, Floats]:
 
 
 def demo_body(seed: int) -> Shaped:
-    """The performer of a seed."""
+    """The performer of yoga of a seed."""
     model = load_free_body(dtype=torch.float64)
     return model.shape(torch.as_tensor(draw_betas(seed, model.num_betas)))
 
@@ -129,6 +140,8 @@ def _write_keypoints(folder: Path, name: str, take: Take) -> None:
     folder.mkdir(parents=True)
     for frame, stranger in enumerate(take.strangers):
         people = [_person(take.detections, frame)]
+        if take.hands is not None:
+            people[0] |= _hands(take.hands.detections, frame)
         if stranger is not None:
             people.insert(frame % 2, _person(stranger, 0))
         file = folder / f"{name}_{frame:012d}_keypoints.json"
@@ -138,6 +151,17 @@ def _write_keypoints(folder: Path, name: str, take: Take) -> None:
 def _person(detections: Detections, frame: int) -> dict[str, Any]:
     rows = np.column_stack([detections.xy_px[frame], detections.confidence[frame]])
     return {"person_id": [-1], "pose_keypoints_2d": [round(float(v), 4) for v in rows.ravel()]}
+
+
+def _hands(detections: Detections, frame: int) -> dict[str, Any]:
+    rows = np.concatenate(
+        [detections.xy_px[frame], detections.confidence[frame][..., None]], axis=-1
+    )
+    sides = zip(("left", "right"), rows, strict=True)
+    return {
+        f"hand_{side}_keypoints_2d": [round(float(v), 4) for v in hand.ravel()]
+        for side, hand in sides
+    }
 
 
 def contact_sheet(folder: Path) -> Image:
@@ -152,12 +176,13 @@ def contact_sheet(folder: Path) -> Image:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="make the demo action yoga")
+    parser = argparse.ArgumentParser(description="make a demo action")
     parser.add_argument("folder", type=Path)
+    parser.add_argument("--name", choices=DEMOS, default=DEMOS[0])
     parser.add_argument("--seed", type=int, default=DEFAULT_SEED)
     parser.add_argument("--sheet", type=Path, help="also write a contact sheet (jpg or png)")
     arguments = parser.parse_args()
-    make_demo("yoga", arguments.folder, arguments.seed, print)
+    make_demo(arguments.name, arguments.folder, arguments.seed, print)
     if arguments.sheet:
         sheet = contact_sheet(arguments.folder)
         cv2.imwrite(str(arguments.sheet), sheet[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 70])

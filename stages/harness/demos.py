@@ -12,7 +12,7 @@ from stages.harness.source import closure
 if TYPE_CHECKING:
     from stages.harness.runner import Display
 
-BUILT_IN = ("yoga",)
+BUILT_IN = ("yoga", "taichi")
 MADE = ".made.json"
 SCRIPT = Path(__file__).with_name("demo.py")
 

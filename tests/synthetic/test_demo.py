@@ -116,7 +116,7 @@ def test_a_failing_run_leaves_nothing_behind(quick, tmp_path, monkeypatch):
 
 
 def test_unknown_demos_are_refused(tmp_path):
-    with pytest.raises(ValueError, match=r"expected one of yoga, got 'tennis'"):
+    with pytest.raises(ValueError, match=r"expected one of yoga, taichi, got 'tennis'"):
         demo.make_demo("tennis", tmp_path / "tennis", SEED)
 
 

@@ -1,0 +1,66 @@
+"""The tai chi takes: hands that open, point and close, seen by a detector that errs as it says."""
+
+import numpy as np
+import pytest
+
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.formats.openpose import read_openpose
+from imocap_core.formats.openpose_hands import read_openpose_hands
+from imocap_core.hands.skeleton import hand_skeleton
+from imocap_core.synthetic.taichi import HAND_POSES, HANDS, TAI_CHI
+from imocap_core.synthetic.taichi_take import SIZE, TAICHI_CLIPS, taichi_body, taichi_take
+from imocap_core.synthetic.take import Take
+from stages.harness import demo
+
+SEED, INDEX = 3, 2
+
+
+@pytest.fixture(scope="module")
+def take() -> Take:
+    return taichi_take(SEED, INDEX, taichi_body(SEED))
+
+
+def test_the_form_has_hands_at_every_key_within_their_ranges() -> None:
+    assert len(HANDS) == len(TAI_CHI)
+    assert {name for pair in HANDS for name in pair} == set(HAND_POSES)
+    skeleton = hand_skeleton(taichi_body(SEED))
+    for pose in HAND_POSES.values():
+        assert (np.deg2rad(pose) <= skeleton.upper.numpy() + 1e-9).all()
+        assert (np.deg2rad(pose) >= skeleton.lower.numpy() - 1e-9).all()
+
+
+def test_hands_hang_on_the_wrists_and_close(take: Take) -> None:
+    assert take.hands is not None
+    wrists = take.joints[:, [SMPL_JOINTS.index(f"{s}_wrist") for s in ("left", "right")]]
+    assert np.abs(take.hands.points_m[:, :, 0] - wrists).max() < 1e-6
+    reach = np.linalg.norm(take.hands.points_m[:, :, 12] - take.hands.points_m[:, :, 0], axis=-1)
+    assert (reach.max(axis=0) > 1.8 * reach.min(axis=0)).all()  # from open hands to fists
+
+
+def test_the_planted_foot_stays_and_the_person_is_in_the_picture(take: Take) -> None:
+    ball = take.joints[:, SMPL_JOINTS.index("right_foot")]
+    assert np.ptp(ball, axis=0).max() < 0.08
+    assert (take.xy_px > 0).all()
+    assert (take.xy_px < SIZE).all()
+
+
+def test_the_same_seed_gives_the_same_hands(take: Take) -> None:
+    again = taichi_take(SEED, INDEX, taichi_body(SEED))
+    assert take.hands is not None
+    assert again.hands is not None
+    assert np.array_equal(take.hands.detections.xy_px, again.hands.detections.xy_px)
+
+
+def test_readers_find_the_hands_with_the_performer(take: Take, tmp_path) -> None:
+    assert take.hands is not None
+    demo._write_keypoints(tmp_path / "v3", "v3", take)
+    frames = np.arange(TAICHI_CLIPS[INDEX].frames)
+    assert len(read_openpose(tmp_path / "v3", "body25").frames) == len(frames)
+    body = np.where(take.detections.confidence[..., None] > 0, take.detections.xy_px, np.nan)
+    found = read_openpose_hands(tmp_path / "v3", frames, body)
+    assert found is not None
+    told = take.hands.detections
+    assert np.allclose(found[1], told.confidence, atol=1e-4)
+    seen = told.confidence > 0
+    assert 0.6 < seen.mean() < 0.99
+    assert np.allclose(found[0][seen], told.xy_px[seen], atol=1e-4)
