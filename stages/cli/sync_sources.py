@@ -11,7 +11,8 @@ from stages.harness.action import DetectionFormat, Layout
 from stages.harness.errors import WorkFailed, WrongUse
 
 KEYPOINT_SUFFIXES = (".json", ".npz", ".csv", ".h5")
-# Where keypoints of videos/clip.mp4 are looked for; {} is the video's name without its suffix.
+# Where keypoints of videos/clip.mp4 are looked for: folders of these names, and (but for the first)
+# files of these names with one of the suffixes; {} is the video's name without its suffix.
 BESIDE = ("{}", "{}_keypoints", "{}_json", "keypoints/{}", "../keypoints/{}")
 
 
@@ -56,8 +57,8 @@ def sources_of(words: Sequence[str]) -> list[Source]:
         raise WorkFailed(
             f"{', '.join(blind)} {'has' if len(blind) == 1 else 'have'} no keypoints, and this "
             f"version does not detect people itself: run a 2D pose detector (OpenPose, for "
-            f"example), then put its folder of JSON files beside the video as "
-            f"{Path(blind[0]).stem}_keypoints, or name it: {blind[0]}:FOLDER"
+            f"example; docs/formats.md lists what is read), then put its folder of JSON files "
+            f"beside the video as {Path(blind[0]).stem}_keypoints, or name it: {blind[0]}:FOLDER"
         )
     return found
 
@@ -83,7 +84,9 @@ def _parts(word: str) -> tuple[Path | None, Path | None]:
 def _beside(video: Path) -> Path | None:
     """The keypoints of a video, where people put them."""
     places = [video.parent / pattern.format(video.stem) for pattern in BESIDE]
-    return next((p for p in places if p.is_dir() and any(p.glob("*.json"))), None)
+    folders = [p for p in places if p.is_dir() and any(p.glob("*.json"))]
+    files = [p.with_name(p.name + suffix) for p in places[1:] for suffix in KEYPOINT_SUFFIXES]
+    return next(iter([*folders, *(file for file in files if file.is_file())]), None)
 
 
 def labels(sources: Sequence[Source]) -> list[str]:

@@ -15,6 +15,7 @@ from stages.cli import main
 from stages.cli.sync_sources import labels, read_size, sources_of
 from stages.harness.action import read_action
 from stages.harness.errors import WorkFailed, WrongUse
+from tests.formats import made_keypoints
 from tests.views.made import FPS, SIZE, Made
 
 Capture = pytest.CaptureFixture[str]
@@ -163,6 +164,29 @@ def test_keypoints_are_found_where_people_put_them(made: Made, tmp_path: Path) -
         assert labels([source]) == ["c"]
     with pytest.raises(WorkFailed, match="has no keypoints"):
         sources_of([str(_video(tmp_path / "d.mp4", 1))])
+    for n, place in enumerate(("e_keypoints.json", "keypoints/e.csv", "e_keypoints.npz")):
+        clip = _video(tmp_path / "files" / str(n) / "e.mp4", 1)
+        file = clip.parent / place
+        file.parent.mkdir(exist_ok=True)
+        file.write_text("")
+        assert sources_of([str(clip)])[0].keypoints == file
+
+
+def test_files_of_other_detectors_are_synchronised(run, made: Made, tmp_path: Path) -> None:
+    files = []
+    for v, write in enumerate((made_keypoints.write_alphapose, made_keypoints.write_mmpose)):
+        seen, columns = made.keypoints.videos[v], list(made.model.points("body25").columns)
+        people = {}
+        for n, xy in enumerate(seen.xy_px):
+            person = np.zeros((25, 3))
+            person[columns] = np.column_stack([xy, np.full(len(xy), 0.9)])
+            people[n] = [person]
+        files.append(write(tmp_path, people))
+    out = tmp_path / "out"
+    assert run(*files, *KNOWN, *QUICK, "--out", out, "--name", "files") == 0
+    videos = read_action(tmp_path / "artifacts" / "files").videos
+    assert [(v.format, v.layout) for v in videos] == [("alphapose", "body25"), ("mmpose", "body25")]
+    assert len(_rows(out / "sync.csv")) == 24
 
 
 def test_a_clip_without_repetitions_is_not_cut(
