@@ -11,11 +11,21 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ExportedHands:
+    """What `<id>.npz` holds besides where keypoints had hands; left, right."""
+
+    poses_smplh: Array  # (T, 156) axis-angle radians: 22 joints of the body, 15 a hand
+    points: Array  # (T, 2, 21, 3) metres, OpenPose's points
+    seen: NDArray[np.bool_]  # (T, 2)
 
 
 @dataclass(frozen=True)
@@ -36,11 +46,19 @@ class ExportedVideo:
     t: Array  # metres
     model: str  # name and digest of the body model
     up_axis: str
+    hands: ExportedHands | None = None
 
 
 def write_video(folder: Path, video: ExportedVideo) -> Path:
     """Write folder/<id>.npz and return its path."""
     file = folder / f"{video.id}.npz"
+    fingers: dict[str, Any] = {}
+    if video.hands is not None:
+        fingers = {
+            "poses_smplh": video.hands.poses_smplh,
+            "hand_points": video.hands.points,
+            "hand_seen": video.hands.seen,
+        }
     np.savez(
         file,
         poses=video.poses,
@@ -55,6 +73,7 @@ def write_video(folder: Path, video: ExportedVideo) -> Path:
         t=video.t,
         model=np.array(video.model),
         up_axis=np.array(video.up_axis),
+        **fingers,
     )
     return file
 

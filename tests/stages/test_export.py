@@ -13,11 +13,13 @@ from scipy.spatial.transform import Rotation
 from imocap_core.artifacts.schemas import (
     Artifact,
     Camera,
+    Hands,
     Keypoints,
     RefineSync,
     SmplBa,
     Sync,
     SyncMap,
+    VideoHands,
     VideoKeypoints,
     VideoMotion,
 )
@@ -202,3 +204,44 @@ def test_what_is_missing_is_said(store: Store, tmp_path: Path) -> None:
     store.current("walk", "refine_sync").unlink()
     with pytest.raises(WorkFailed, match=r"walk has no refine_sync artifact yet; run it with"):
         export_npz(store, "walk", tmp_path, None)
+
+
+def hands(video: str) -> VideoHands:
+    """Hands whose wrists bend a little; their points lie along the body's wrists."""
+    count = LENGTHS[video]
+    points = np.repeat(motion(video).joints[:, 20:22, None], 21, axis=2)
+    return VideoHands(
+        id=video,
+        frames=frames(video),
+        fingers=np.full((count, 2, 15, 3), 0.3),
+        wrists=np.full((count, 2, 3), 0.1),
+        points_m=points,
+        seen=np.ones((count, 2), dtype=np.int64),
+    )
+
+
+@pytest.mark.parametrize("up", [None, "y"])
+def test_hands_make_it_smplh(store: Store, tmp_path: Path, up: str | None) -> None:
+    found = Hands(
+        videos=[hands(v) for v in LENGTHS], model="f", model_digest="d", size=1.0, status=""
+    )
+    store.publish("walk", "hands", store.put("hands", "k", found, {}, {}))
+    export_npz(store, "walk", tmp_path, up)
+    with np.load(tmp_path / "b.npz") as data:
+        assert data["joints"].shape == (20, 24, 3)
+        assert data["poses_smplh"].shape == (20, 156)
+        np.testing.assert_array_equal(data["poses_smplh"][:, :60], data["poses"][:, :60])
+        assert (data["poses_smplh"][:, 60:66] == 0.1).all()
+        assert (data["poses_smplh"][:, 66:] == 0.3).all()
+        np.testing.assert_allclose(
+            data["hand_points"][:, :, 7], data["joints"][:, 20:22], atol=1e-12
+        )
+        assert data["hand_seen"].all()
+
+
+def test_without_hands_nothing_is_said_of_them(store: Store, tmp_path: Path) -> None:
+    none = Hands(videos=[], model="", model_digest="", size=1.0, status="")
+    store.publish("walk", "hands", store.put("hands", "k", none, {}, {}))
+    export_npz(store, "walk", tmp_path, None)
+    with np.load(tmp_path / "a.npz") as data:
+        assert not [name for name in data.files if "hand" in name or "smplh" in name]
