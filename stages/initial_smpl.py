@@ -15,29 +15,21 @@ from imocap_core.artifacts.schemas import (
     Hypothesis,
     InitialSmpl,
     Keypoints,
-    VideoKeypoints,
 )
-from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.formats.estimates import Wanted
-from imocap_core.formats.estimators import JOINTS, ROTATIONS
-from imocap_core.formats.smpl_npz import read_smpl_npz
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.library import Library, make_library
 from imocap_core.motion.monocular import fit_monocular
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.motion.starts import (
-    MIN_JOINTS,
     LiftingOptions,
     Start,
     fit_rotations_to_joints,
-    interpolate_rotations,
     lifted_starts,
     start_at_joints,
-    start_at_motion,
 )
-from imocap_core.rotations import exp
 from stages.harness.stage import Context, Inputs, main
+from stages.initial_estimates import Estimate, estimate_of
 from stages.motion_values import body_for, motions_of, observations_of, weights_of
 from stages.params import Params
 
@@ -46,7 +38,10 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
     """A motion for every video by itself."""
     keypoints, cameras = inputs.get(Keypoints), inputs.get(CameraMotion)
     body, prior = body_for(keypoints), load_pose_prior()
-    given = {v.id: _given(ctx, v) for v in keypoints.videos}
+    given = {
+        v.id: estimate_of(ctx, v, torch.as_tensor(camera.R_first_from_frame))
+        for v, camera in zip(keypoints.videos, cameras.videos, strict=True)
+    }
     joints = {k: g for k, g in given.items() if isinstance(g, np.ndarray)}
     observations = observations_of(body, keypoints, cameras, joints)
     lifting = params.initial_smpl
@@ -84,54 +79,11 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
     )  # fmt: skip
 
 
-Given = np.ndarray | Start | torch.Tensor | None
-
-
-def _given(ctx: Context, video: VideoKeypoints) -> Given:
-    """An estimator's joints (T, 24, 3), its SMPL motion as a start, its joint rotations
-    (T, 24, 3, 3), or None."""
-    path, kind = ctx.initial(video.id), video.initial_format
-    if path is None:
-        return None
-    wanted = Wanted(video.frames, video.person_box_px, video.size)
-    if kind in JOINTS:
-        estimate = JOINTS[kind](path, wanted)
-        joints = np.full((len(video.frames), 24, 3), np.nan)
-        for k, name in enumerate(estimate.joint_names):
-            if name in SMPL_JOINTS:
-                joints[:, SMPL_JOINTS.index(name)] = estimate.joints[:, k]
-        if np.isfinite(joints).all(-1).sum(1).max() < MIN_JOINTS:
-            raise ValueError(
-                f"{path}: joints: expected numbers for at least {MIN_JOINTS} of SMPL's joints "
-                f"({', '.join(SMPL_JOINTS)}), got {', '.join(estimate.joint_names)}"
-            )
-        return joints
-    if kind in ROTATIONS:
-        R_local = torch.as_tensor(ROTATIONS[kind](path, wanted))
-        keys = R_local.isfinite().flatten(1).all(1).nonzero()[:, 0].cpu().numpy()
-        if len(keys) == 0:
-            raise ValueError(f"{path}: every used frame has numbers that are not finite")
-        return interpolate_rotations(R_local[keys], keys, len(R_local))
-    if kind == "smpl_npz":
-        smpl = read_smpl_npz(path, video.frames)
-        R_local = exp(torch.as_tensor(smpl.theta.reshape(-1, 24, 3)))
-        R_local[:, 0] = torch.as_tensor(smpl.R) @ R_local[:, 0]
-        try:
-            return start_at_motion(R_local, torch.as_tensor(smpl.trans @ smpl.R.T + smpl.t))
-        except ValueError as error:
-            raise ValueError(f"{path}: poses, trans: {error}") from None
-    known = ", ".join(["smpl_npz", *JOINTS, *ROTATIONS])
-    raise ValueError(
-        f"{ctx.action_file()}: videos: {video.id}: initial_format: expected one of {known}, got "
-        f"{kind!r}; convert the estimate to one of them"
-    )
-
-
 def _starts(
     body: Body,
     library: Library,
     observation: Observation,
-    given: Given,
+    given: Estimate,
     params: Params,
 ) -> list[Start]:
     """Where the fit of one video begins."""

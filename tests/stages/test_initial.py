@@ -21,7 +21,8 @@ from imocap_core.motion.observations import Observation
 from imocap_core.rotations import exp
 from stages.harness.action import Action, Declaration, DetectionFormat, InitialFormat, Layout
 from stages.harness.stage import Context
-from stages.initial_smpl import _given, _starts
+from stages.initial_estimates import estimate_of
+from stages.initial_smpl import _starts
 from tests.formats import made_estimates as made
 
 WRITERS = {
@@ -33,6 +34,9 @@ WRITERS = {
     "sam3d_body": made.write_sam3d_body,
     "mediapipe_world": made.write_mediapipe,
 }
+PLACE_OF_KNEE = {"sam3d_body": (11, 70), "mediapipe_world": (25, 33)}
+# Each frame's camera is turned a little further from the first one's.
+TURNED = exp(torch.arange(made.FRAMES)[:, None] * torch.tensor([0.0, 0.1, 0.05])).double().numpy()
 
 
 def video(kind: str, frames: int = made.FRAMES) -> VideoKeypoints:
@@ -56,18 +60,29 @@ def given(folder: Path, kind: str, path: Path, frames: int = made.FRAMES) -> Any
         report=folder,
         _action=Action(folder, "made", (Declaration(**declared),)),
     )
-    return _given(context, video(kind, frames))
+    return estimate_of(context, video(kind, frames), torch.as_tensor(TURNED))
 
 
 @pytest.mark.parametrize("kind", WRITERS)
 def test_every_format_arrives(kind: str, tmp_path: Path) -> None:
     found = given(tmp_path, kind, WRITERS[kind](tmp_path))
     if isinstance(found, torch.Tensor):
-        np.testing.assert_allclose(found.numpy(), made.PERFORMER.R, atol=1e-5)
+        expected = made.PERFORMER.R.copy()
+        expected[:, 0] = TURNED @ expected[:, 0]
+        np.testing.assert_allclose(found.numpy(), expected, atol=1e-5)
     else:
         known = np.isfinite(found).all(axis=(0, 2))
-        assert known[SMPL_JOINTS.index("left_knee")]
         assert known.sum() in (12, 13)
+        knee, place, count = SMPL_JOINTS.index("left_knee"), *PLACE_OF_KNEE[kind]
+        expected = np.einsum("tij,tj->ti", TURNED, made.joints_of(made.PERFORMER, count)[:, place])
+        np.testing.assert_allclose(found[:, knee], expected, atol=1e-9)
+
+
+def test_the_projects_own_joints_are_in_the_first_cameras_axes(tmp_path: Path) -> None:
+    joints = made.joints_of(made.PERFORMER, 8)
+    np.savez(tmp_path / "joints.npz", joints=joints, joint_names=np.array(SMPL_JOINTS[:8]))
+    found = given(tmp_path, "joints_npz", tmp_path / "joints.npz")
+    np.testing.assert_array_equal(found[:, :8], joints)
 
 
 def test_frames_without_an_estimate_lie_between_their_neighbours(tmp_path: Path) -> None:
@@ -76,6 +91,7 @@ def test_frames_without_an_estimate_lie_between_their_neighbours(tmp_path: Path)
     found = given(tmp_path, "wham", path)
     ahead = found[1].transpose(-1, -2) @ found[2]
     torch.testing.assert_close(ahead, found[2].transpose(-1, -2) @ found[3], atol=1e-5, rtol=0)
+    assert found.isfinite().all()
 
 
 def test_what_action_yaml_may_name_is_read_and_nothing_else_is() -> None:
