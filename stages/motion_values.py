@@ -20,13 +20,14 @@ from imocap_core.body import load_free_body
 from imocap_core.formats.estimators import JOINTS
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular import FitWeights
-from imocap_core.motion.observations import Observation, own_view, padded
+from imocap_core.motion.observations import Observation, own_view, padded, person_size_px
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.motion.scene import JointMotion, JointOptions, Scene
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms.view import project
 from imocap_core.motion.timeline import make_timeline
 from imocap_core.rotations import exp, log, unwrap
+from imocap_core.sync.by_images import Filmed, Pictures
 from stages.params import FitParams, MotionParams
 
 torch.set_num_threads(1)  # blocks of 75 to 150: the solver's own threads, one a motion, pay
@@ -116,6 +117,25 @@ def scene_of(
     timeline = make_timeline(maps, trust, sync.lengths[reference])
     prior = load_pose_prior()
     return Scene(body, prior, observations, timeline, trust, reference, weights_of(fit))
+
+
+def pictures_of(
+    body: Body,
+    observations: Sequence[Observation],
+    motions: Sequence[VideoMotion],
+    cameras: Sequence[Camera],
+    fit: FitParams,
+) -> Pictures:
+    """What every video's detections can be held against: all motions in one world."""
+    xyz = body.positions(body.keypoints, state_of(motions)).xyz.numpy()
+    films = []
+    for o, x, camera in zip(observations, xyz, cameras, strict=True):
+        world = (x[: len(o.xy_px)] - camera.t) @ camera.R
+        noise = fit.noise_share * person_size_px(o)
+        weight = o.confidence / noise[:, None] ** 2
+        xy = np.where(weight[..., None] > 0, o.xy_px, 0.0)
+        films.append(Filmed(world, xy, weight, camera.K, camera.R, camera.t))
+    return Pictures(films)
 
 
 def state_of(videos: Sequence[VideoMotion]) -> MotionState:

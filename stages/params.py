@@ -118,6 +118,7 @@ class MotionParams(Group):
 class RefineParams(Group):
     max_rounds: Annotated[int, Field(ge=0)]
     settled_frames: NonNegative  # mean movement of the correspondences that ends the loop
+    evidence: Literal["poses", "pictures"]  # what the loop synchronises by in the end
 
 
 class UncertaintyParams(Group):

@@ -15,6 +15,7 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.motion.alternation import Turn, alternate
 from imocap_core.motion.joint import recover_motion
 from imocap_core.motion.state import MotionState
+from imocap_core.sync.by_images import Pictures
 from stages.harness.stage import Context, Inputs, main
 from stages.joint_work import joint_work
 from stages.motion_values import (
@@ -22,6 +23,7 @@ from stages.motion_values import (
     evidence_joints,
     observations_of,
     options_of,
+    pictures_of,
     scene_of,
     smpl_ba_of,
     state_of,
@@ -44,6 +46,10 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     options = options_of(params.motion)
     rounds_begun = 0
 
+    def pictures(motion: SmplBa) -> Pictures:
+        motions, cameras = work.motions_in(motion.videos), work.cameras_in(motion)
+        return pictures_of(body, observations, motions, cameras, params.fit)
+
     def synchronise(motion: SmplBa) -> Sync:
         nonlocal rounds_begun
         rounds_begun += 1
@@ -56,6 +62,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
             reference=first_sync.reference,
             decided=first_sync,
             hints=hints,
+            pictures=pictures(motion) if params.refine.evidence == "pictures" else None,
         )
 
     def recover(sync: Sync, motion: SmplBa) -> SmplBa:

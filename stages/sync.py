@@ -19,6 +19,7 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.sync import Hints, Settings, SyncResult, synchronise
+from imocap_core.sync.by_images import Pictures
 from imocap_core.sync.screening import Screening, sentences
 from stages.harness.stage import Context, Inputs, main
 from stages.params import Params, SyncParams
@@ -45,6 +46,7 @@ def synchronise_motions(
     mirrored: Sequence[bool | None] | None = None,
     hints: Hints | None = None,
     decided: SyncSummary | None = None,
+    pictures: Pictures | None = None,
 ) -> Sync:
     """Synchronise motions by their joints; frames without any detection are bridged.
 
@@ -70,6 +72,7 @@ def synchronise_motions(
         mirrored=mirrored,
         hints=hints,
         decided=None if decided is None else _screening_of(decided),
+        pictures=pictures,
     )
     return Sync(
         reference=ids[result.reference],

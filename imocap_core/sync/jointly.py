@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from imocap_core.sync.affinity import gaussian_affinity, reciprocal_affinity
 from imocap_core.sync.anchors import Hints, bent_comparison
+from imocap_core.sync.by_images import Pictures
 from imocap_core.sync.comparison import centrality_of, compare
 from imocap_core.sync.cycle import relax, relax_auto
 from imocap_core.sync.paths import dtw_warps
@@ -60,6 +61,7 @@ def synchronise_jointly(
     reference: int | None,
     eligible: Sequence[bool],
     hints: Hints,
+    pictures: Pictures | None = None,
 ) -> Joint:
     """Every video against the others; arguments as of `synchronise`.
 
@@ -91,7 +93,7 @@ def synchronise_jointly(
     if settings.warp == "posterior":
         ties = ties_to_reference(hints, pairs, len(poses), chosen)
         bend = bend_of(ties, fps, chosen, settings)
-        frames, trust = posterior_warps(c, relaxed, matched, chosen, fps, settings, bend)
+        frames, trust = posterior_warps(c, relaxed, matched, chosen, fps, settings, bend, pictures)
     else:
         frames, trust = dtw_warps(c, relaxed, maps, chosen, fps, settings)
     frames[chosen], trust[chosen] = np.arange(float(lengths[chosen])), np.ones(lengths[chosen])

@@ -1,10 +1,12 @@
 """Warps as the mean over all monotone paths, refined against what the other videos agree on."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from imocap_core.sync.by_images import Pictures
 from imocap_core.sync.comparison import Comparison
 from imocap_core.sync.consensus import squared_distances_to_others
 from imocap_core.sync.monotone import interpolated_squares, monotone_posterior
@@ -14,6 +16,8 @@ from imocap_core.sync.warping import in_order, mass_within, median_positions
 
 Array = NDArray[np.float64]
 
+PICTURE_ROUNDS = 2
+PICTURES_PER_S = 60.0  # a detector's errors persist far less than those of poses
 SKIPPED_SHARE = 0.3  # a frame of the other video left over at an end, of what a matching pair costs
 
 
@@ -100,11 +104,13 @@ def posterior_warps(
     fps: Sequence[float],
     settings: Settings,
     bend: Callable[[int, Array, float], Array] | None = None,
+    pictures: Pictures | None = None,
 ) -> tuple[list[Array], list[Array]]:
     """Warps from the relaxed maps, refined `consensus_rounds` times against the other videos.
 
     `bend`: video, squared distances (T_v, S), typical square -> squares that the user's anchors
-    have bent.
+    have bent. `pictures`: with them the last refinements hold detections against the others'
+    motion, where these tell more than poses.
     """
     M, per_frame = len(c.poses), settings.positions_per_frame
     soft = [
@@ -129,6 +135,8 @@ def posterior_warps(
             soft[v], seen[v] = _posterior(
                 squares, near, fps[v], fps[reference], per_frame, settings, 0.0
             )
+    if pictures is not None:
+        _seen_in_pictures(soft, pictures, reference, fps, settings, bend)
     reach = settings.confidence_reach_s * fps[reference]
     frames, trust = [], []
     for v in range(M):
@@ -138,3 +146,28 @@ def posterior_warps(
         frames.append(position)
         trust.append(np.where(np.isfinite(position), np.minimum(certain * seen[v], 1.0), 0.0))
     return frames, trust
+
+
+def _seen_in_pictures(
+    soft: list[Array],
+    pictures: Pictures,
+    reference: int,
+    fps: Sequence[float],
+    settings: Settings,
+    bend: Callable[[int, Array, float], Array] | None,
+) -> None:
+    """Refine the maps (T_v, S) by the pictures; which frames are matched stays."""
+    sharp = replace(settings, unmatched_level=np.inf, evidence_per_s=PICTURES_PER_S)
+    for _ in range(PICTURE_ROUNDS):
+        before = list(soft)
+        for v in range(len(soft)):
+            if v == reference:
+                continue
+            squares = pictures.squares(v, before, reference, settings.positions_per_frame)
+            if squares is None:
+                continue
+            if bend is not None:
+                squares = bend(v, squares, 1.0)
+            soft[v], _ = _posterior(
+                squares, 1.0, fps[v], fps[reference], settings.positions_per_frame, sharp, 0.0
+            )

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from imocap_core.sync.anchors import Hints, check_hints
 from imocap_core.sync.blocks import Blocks
+from imocap_core.sync.by_images import Pictures
 from imocap_core.sync.jointly import Joint, synchronise_jointly
 from imocap_core.sync.mirror import mirrored_poses
 from imocap_core.sync.poses import body_scales, check_poses, joint_weights_of
@@ -62,6 +63,7 @@ def synchronise(
     mirrored: Sequence[bool | None] | None = None,
     hints: Hints | None = None,
     decided: Screening | None = None,
+    pictures: Pictures | None = None,
 ) -> SyncResult:
     """Find for every frame of every video its counterpart in the reference video.
 
@@ -70,8 +72,9 @@ def synchronise(
     `joint_weights` (J,); `reference`: the index of the reference video, chosen by centrality when
     None; `twins` (J,): each joint's mirror twin, needed to find mirrored videos; `mirrored`: per
     video True or False where that is known; `hints`: anchors and forbidden spans; `decided`: which
-    videos are mirrored or another action, when that was found before. Raises ValueError for shapes
-    that don't fit and for hints that can't be.
+    videos are mirrored or another action, when that was found before; `pictures`: of the videos
+    that are not excluded, as reflected. Raises ValueError for shapes that don't fit and for hints
+    that can't be.
     """
     check_poses(poses, confidence, fps)
     M = len(poses)
@@ -104,6 +107,7 @@ def synchronise(
         reference=None if reference is None else used.index(reference),
         eligible=[v not in found.flipped for v in used],
         hints=hints.among(used),
+        pictures=pictures,
     )
     return _of_all(joint, used, lengths, found)
 

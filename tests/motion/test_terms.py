@@ -144,7 +144,7 @@ def test_strays_leave_the_gradient_that_of_the_cost(body: Body, state: MotionSta
     found = linearise([term], state)
     for mine, theirs in zip((found.gradient, found.corner_gradient), expected, strict=True):
         error = (2 * mine - theirs).norm() / theirs.norm()
-        assert float(error) < 0.02  # three inner steps, and the root's own shape is left out
+        assert float(error) < 0.02  # the root's own shape is left out
 
 
 def test_strays_of_a_turned_and_shifted_performance_are_found(

@@ -15,7 +15,8 @@ from torch import Tensor
 
 from imocap_core.rotations import exp, hat
 
-INNER_STEPS = 3
+INNER_STEPS = 30  # at most
+SETTLED = 1e-4  # rad, m: strays that move less have settled
 RIGID = 6
 
 
@@ -67,7 +68,9 @@ def settle(
         gradient = (rows.transpose(-1, -2) @ pull.residual.flatten(2)[..., None])[..., 0]
         sharpness = rows.transpose(-1, -2) @ rows + torch.diag_embed(precision)
         step = torch.linalg.solve(sharpness, (gradient + precision * d)[..., None])[..., 0]
-        d = torch.cat([d[..., :3] - step[..., :3], d[..., 3:] - step[..., 3:]], -1)
+        d = d - step
+        if float(step.abs().max()) < SETTLED:
+            break
     return d, sharpness
 
 

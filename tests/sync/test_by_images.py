@@ -1,0 +1,106 @@
+"""Time told by pictures: the law is a known motion, known cameras and noise of known size."""
+
+import numpy as np
+import pytest
+
+from imocap_core.sync.by_images import Filmed, Pictures, projected, squares_in_picture
+
+K = np.array([[900.0, 0, 500], [0, 900, 500], [0, 0, 1]])
+NOISE_PX = 3.0
+POINTS = 14
+
+
+def motion(phase: np.ndarray) -> np.ndarray:
+    """(T, 14, 3) smooth swings of a body of 1.8 m, 4 m before the camera."""
+    rng = np.random.default_rng(0)
+    base = rng.uniform([-0.4, -0.9, 3.8], [0.4, 0.9, 4.2], (POINTS, 3))
+    sway, pace, begin = (rng.normal(size=(POINTS, 3)) for _ in range(3))
+    return base + 0.25 * sway * np.sin(
+        phase[:, None, None] * (1.5 + 0.5 * np.abs(pace)) + 3 * begin
+    )
+
+
+def view(angle: float) -> tuple[np.ndarray, np.ndarray]:
+    """A camera that has gone round the body's middle by ``angle``."""
+    c, s = np.cos(angle), np.sin(angle)
+    R, middle = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]), np.array([0, 0, 4.0])
+    return R, middle - R @ middle
+
+
+def film(phase: np.ndarray, angle: float, seed: int, spread_m: float = 0.0) -> Filmed:
+    rng = np.random.default_rng(seed)
+    (R, t), true = view(angle), motion(phase)
+    true = true + spread_m * rng.normal(size=(1, POINTS, 3))
+    x = true @ R.T + t
+    xy = (
+        x[..., :2] / x[..., 2:] * K[0, 0] + K[:2, 2] + NOISE_PX * rng.normal(size=(*x.shape[:2], 2))
+    )
+    weight = np.where(rng.random(x.shape[:2]) < 0.05, 0.0, NOISE_PX**-2.0)
+    return Filmed(true, xy, weight, K, R, t)
+
+
+def blurred(true_at: np.ndarray, positions: np.ndarray, width: float) -> np.ndarray:
+    soft = np.exp(-0.5 * ((true_at[:, None] - positions) / width) ** 2)
+    return soft / soft.sum(1, keepdims=True)
+
+
+def test_derivatives_by_strays_are_those_of_the_projection() -> None:
+    video = film(np.linspace(0, 1, 3), 0.7, 1)
+    x = motion(np.linspace(0, 1, 3))
+    seen, middle, small = projected(x, video), x.mean(1, keepdims=True), 1e-5
+    for axis in range(3):
+        turn = np.zeros(3)
+        turn[axis] = small
+        moved = x + np.cross(turn, x - middle)
+        slope = (projected(moved, video).xy_px - seen.xy_px) / small
+        assert np.abs(slope - seen.by_stray[..., axis]).max() < 0.1  # px per rad, of some 200
+        slope = (projected(x + turn, video).xy_px - seen.xy_px) / small
+        assert np.abs(slope - seen.by_stray[..., 3 + axis]).max() < 0.1
+
+
+def test_a_performance_turned_and_shifted_keeps_its_time() -> None:
+    phase = np.linspace(0, 4, 81)
+    video = film(phase, 0.7, 2)
+    turned = Filmed(
+        video.xyz_m, video.xy_px + np.array([15.0, -8.0]), video.weight, K, video.R, video.t
+    )
+    squares = squares_in_picture(projected(motion(phase), video), turned, np.arange(81))
+    assert np.abs(squares.argmin(1) - np.arange(81)).mean() < 1.0
+    assert np.median(squares.min(1)) < 1.5
+
+
+def test_pictures_sharpen_a_blurred_map() -> None:
+    per_frame, frames = 4, 61
+    reference, other = np.linspace(0, 6, frames), np.linspace(0.3, 5.7, 140)
+    third = np.linspace(0, 6, 90)
+    videos = [film(reference, 0.0, 3), film(other, 1.6, 4), film(third, 3.1, 5)]
+    positions = np.arange((frames - 1) * per_frame + 1) / per_frame
+    true = [phase / 6 * (frames - 1) for phase in (reference, other, third)]
+    rng = np.random.default_rng(6)
+    maps = [blurred(at + 1.0 * rng.normal(size=len(at)), positions, 1.5) for at in true]
+    squares = Pictures(videos).squares(1, maps, 0, per_frame)
+    assert squares is not None
+    error = np.abs(positions[squares.argmin(1)] - true[1])
+    assert error.mean() < 0.25  # of reference frames; it was 0.8
+
+
+def test_pictures_of_a_performance_that_differs_are_not_used() -> None:
+    phase = np.linspace(0, 6, 61)
+    videos = [film(phase, a, 7 + k, spread_m=0.08) for k, a in enumerate((0.0, 1.6, 3.1))]
+    positions = np.arange(60 * 4 + 1) / 4
+    maps = [blurred(np.arange(61.0), positions, 0.5)] * 3
+    assert Pictures(videos).squares(1, maps, 0, 4) is None
+
+
+def test_the_others_motion_is_without_the_video_itself() -> None:
+    phase = np.linspace(0, 6, 61)
+    videos = [film(phase, a, 10 + k) for k, a in enumerate((0.0, 1.6, 3.1))]
+    positions = np.arange(60 * 4 + 1) / 4
+    maps = [blurred(np.arange(61.0), positions, 0.3)] * 3
+    squares = Pictures(videos).squares(1, maps, 0, 4)
+    moved = Filmed(
+        videos[1].xyz_m + 5.0, *(getattr(videos[1], n) for n in ("xy_px", "weight", "K", "R", "t"))
+    )
+    again = Pictures([videos[0], moved, videos[2]]).squares(1, maps, 0, 4)
+    assert squares is not None
+    assert again == pytest.approx(squares)
