@@ -6,7 +6,7 @@
 #   make baseline          accept today's numbers as those that tests/regression holds
 #   make clean             remove what was built (.venv, caches); actions/ and artifacts/ stay
 #
-# ACTION is a name below actions/ (or a built-in one: yoga), or a path to a folder with an action.yaml.
+# ACTION is a name below actions/ (or a built-in one: yoga, taichi), or a path to a folder with an action.yaml.
 
 ACTION ?= yoga
 VENV   := .venv

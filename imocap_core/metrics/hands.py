@@ -13,6 +13,11 @@ def hand_mpjpe_mm(predicted_m: ArrayLike, true_m: ArrayLike) -> float:
     return position.mpjpe_mm(*(_hands_as_frames(x) for x in (predicted_m, true_m)))
 
 
+def hand_mpjpe_scaled_mm(predicted_m: ArrayLike, true_m: ArrayLike) -> float:
+    """The same after each predicted hand is multiplied by |true|_F / |predicted|_F."""
+    return position.mpjpe_scaled_mm(*(_hands_as_frames(x) for x in (predicted_m, true_m)))
+
+
 def hand_pa_mpjpe_mm(predicted_m: ArrayLike, true_m: ArrayLike) -> float:
     """The same after a similarity Procrustes alignment of each hand in each frame: the fingers."""
     return position.pa_mpjpe_mm(*(_hands_as_frames(x) for x in (predicted_m, true_m)))

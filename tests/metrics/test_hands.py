@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.metrics.hands import hand_mpjpe_mm, hand_pa_mpjpe_mm
+from imocap_core.metrics.hands import hand_mpjpe_mm, hand_mpjpe_scaled_mm, hand_pa_mpjpe_mm
 
 HANDS = np.random.default_rng(0).normal(0.0, 0.05, (5, 2, 21, 3))
 
@@ -24,6 +24,11 @@ def test_turn_and_size_are_taken_out_by_procrustes_alone() -> None:
     turned = 1.3 * HANDS @ Rotation.from_rotvec([0.3, 0.2, -0.5]).as_matrix().T
     assert hand_pa_mpjpe_mm(turned, HANDS) == pytest.approx(0.0, abs=1e-6)
     assert hand_mpjpe_mm(turned, HANDS) > 10.0
+
+
+def test_size_alone_is_taken_out_by_scaling() -> None:
+    assert hand_mpjpe_scaled_mm(1.2 * HANDS, HANDS) == pytest.approx(0.0, abs=1e-9)
+    assert hand_mpjpe_mm(1.2 * HANDS, HANDS) > 5.0
 
 
 def test_frames_without_a_hand_are_left_out() -> None:
