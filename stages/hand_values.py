@@ -14,7 +14,6 @@ from imocap_core.artifacts.schemas import (
     VideoMotion,
 )
 from imocap_core.body.kinematics import world_rotations
-from imocap_core.body.layouts import layout_names
 from imocap_core.camera.projection import warp
 from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
 from imocap_core.hands.assemble import VideoHands, point_weights
@@ -29,29 +28,11 @@ ELBOWS = [SMPL_JOINTS.index(f"{side}_elbow") for side in SIDES]
 WRISTS = [SMPL_JOINTS.index(f"{side}_wrist") for side in SIDES]
 
 
-def has_hands(video: VideoKeypoints) -> bool:
-    """Whether a video's keypoints have hands, of their own or among the body's."""
-    return video.hands is not None or _columns(video.layout) is not None
-
-
-def _columns(layout: str) -> list[list[int]] | None:
-    """Where a layout of the whole body has the points of both hands, None where it has not."""
-    names = layout_names(layout)
-    wanted = [layout_names(f"{side}_hand21") for side in SIDES]
-    if not all(name in names for hand in wanted for name in hand):
-        return None
-    return [[names.index(name) for name in hand] for hand in wanted]
-
-
 def _seen_hands(video: VideoKeypoints) -> HandKeypoints:
     if video.hands is not None:
         return video.hands
-    columns = _columns(video.layout)
-    if columns is None:
-        frames = len(video.frames)
-        nothing = np.full((frames, 2, 21, 2), np.nan)
-        return HandKeypoints(xy_px=nothing, confidence=np.zeros((frames, 2, 21)))
-    return HandKeypoints(xy_px=video.xy_px[:, columns], confidence=video.confidence[:, columns])
+    nothing = np.full((len(video.frames), 2, 21, 2), np.nan)
+    return HandKeypoints(xy_px=nothing, confidence=np.zeros(nothing.shape[:3]))
 
 
 def arms_and_hands(

@@ -13,7 +13,6 @@ from imocap_core.motion.timeline import Timeline
 from imocap_core.rotations import log, unwrap
 from stages.hand_values import (
     arms_and_hands,
-    has_hands,
     members_of,
     plan_of,
     timeline_of,
@@ -28,7 +27,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Hands:
     torch.set_num_threads(1)
     keypoints, refined = inputs.get(Keypoints), inputs.get(RefineSync)
     motions = {v.id: v for v in refined.motion.videos}
-    if not any(has_hands(video) for video in keypoints.videos):
+    if all(video.hands is None for video in keypoints.videos):
         return Hands(videos=[], model="", model_digest="", size=1.0, status="no hand keypoints")
     body = load_free_body(hands=True)
     reference = refined.sync.reference
