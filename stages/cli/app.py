@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import typer
 from rich.console import Console
 
+from stages.cli.repeated import job_in_parts
 from stages.cli.show import Terminal, reasons
 from stages.cli.sync_command import sync_command
 from stages.harness import runner
@@ -67,9 +68,11 @@ def run_command(
     """Run every stage of an action that has changed, to its report."""
     with Terminal(console) as display:
         began = time.perf_counter()
-        job = _workspace(context).ready_job(action, sets, display)
+        job, cuts = job_in_parts(_workspace(context), action, sets, display)
         stages = list(job.pipeline.stages) if until is None else _upstream(job, until)
         outcomes = runner.run(job, display, stages, frozenset(stages if force else []))
+    for sentence in cuts:
+        console.print(_plain(sentence))
     console.print(_summary(job, outcomes, time.perf_counter() - began))
 
 

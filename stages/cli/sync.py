@@ -5,21 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
 from imocap_core.artifacts.schemas import InitialSmpl, Keypoints, Sync
-from imocap_core.artifacts.schemas.base import Artifact
-from stages.cli.sync_action import write_instances, write_sources
+from stages.cli.repeated import cut, job_in_parts, made
+from stages.cli.sync_action import write_sources
 from stages.cli.sync_sources import Given, sources_of
 from stages.harness import runner
 from stages.harness.action import FILE_NAME
 from stages.harness.demos import BUILT_IN
 from stages.harness.errors import WorkFailed, WrongUse
-from stages.harness.runner import Display, Job, Outcome
+from stages.harness.runner import Display, Job
 from stages.harness.stage import Context
 from stages.harness.workspace import Workspace
-
-Made = TypeVar("Made", bound=Artifact)
 
 STAGE = "sync"
 CSV, PICTURE, FILM = "sync.csv", "sync.png", "side_by_side.mp4"
@@ -50,12 +47,11 @@ def synchronise_action(
 ) -> Synchronised:
     """Run an action's stages up to sync and write what they say. Raises WorkFailed, WrongUse."""
     action = _action_of(workspace, words, given, name)
-    job = workspace.ready_job(action, sets, display)
-    said: list[str] = []
     if repetitions:
-        action, sentence = _cut(workspace, job, name, display)
-        said.append(sentence)
-        job = workspace.ready_job(action, sets, display)
+        job, said = _cut(workspace, action, name, sets, display)
+    else:
+        job, said = job_in_parts(workspace, action, sets, display)
+    action = str(job.action.folder) if said else action
     if len(job.action.videos) < 2:
         raise WrongUse(
             f"{action} is one video: give two or more, or cut a long clip with --repetitions"
@@ -64,14 +60,14 @@ def synchronise_action(
     if reference is not None and reference not in ids:
         raise WrongUse(f"--reference {reference}: there is no such video; got {', '.join(ids)}")
     outcomes = runner.run(job, display, job.pipeline.upstream(STAGE))
-    keypoints, sync = _made(outcomes, Keypoints), _made(outcomes, Sync)
+    keypoints, sync = made(outcomes, Keypoints), made(outcomes, Sync)
     if reference is not None and sync.reference != reference:
         if reference in sync.excluded:
             raise WorkFailed(
                 f"--reference {reference}: {'; '.join(sync.notes)}; choose another video, or keep "
                 f"it with --set sync.outliers=ignore"
             )
-        sync = _about(reference, job, keypoints, _made(outcomes, InitialSmpl), display)
+        sync = _about(reference, job, keypoints, made(outcomes, InitialSmpl), display)
     folder = out or workspace.root / "artifacts" / job.action.name / STAGE
     try:
         files = _write(folder, job, keypoints, sync, display)
@@ -95,29 +91,16 @@ def _is_action(workspace: Workspace, word: str) -> bool:
     return word in BUILT_IN or Path(word).name == FILE_NAME or any(p.is_file() for p in places)
 
 
-def _cut(workspace: Workspace, job: Job, name: str | None, display: Display) -> tuple[str, str]:
-    """The folder of an action whose videos are the repetitions in a job's one video."""
+def _cut(
+    workspace: Workspace, action: str, name: str | None, sets: list[str], display: Display
+) -> tuple[Job, list[str]]:
+    """The job of an action whose videos are the repetitions in an action's one video."""
+    job = workspace.ready_job(action, sets, display)
     if len(job.action.videos) != 1:
         raise WrongUse(f"--repetitions: expected one long clip, got {len(job.action.videos)}")
-    from imocap_core.sync.repetition import find_repetitions
-
-    outcomes = runner.run(job, display, job.pipeline.upstream("initial_smpl"))
-    video, motion = _made(outcomes, Keypoints).videos[0], _made(outcomes, InitialSmpl).videos[0]
-    found = find_repetitions(
-        motion.joints, video.fps, **job.settings.params.repetitions.model_dump()
-    )
-    if len(found.spans) < 2:
-        raise WorkFailed(f"{video.id}: {found.status}; nothing to synchronise")
-    frames = [(int(video.frames[a]), int(video.frames[b - 1]) + 1) for a, b in found.spans]
-    folder = write_instances(
-        workspace.root, job.action, f"{name or job.action.name}-repetitions", frames
-    )
-    return str(folder), f"{video.id}: {found.status}"
-
-
-def _made(outcomes: Sequence[Outcome], kind: type[Made]) -> Made:
-    stored = next(o.stored for o in outcomes if o.stored.schema == kind.__name__)
-    return stored.decode(kind)
+    only = [job.action.videos[0].id]
+    folder, said = cut(workspace, job, only, f"{name or job.action.name}-repetitions", display)
+    return workspace.ready_job(str(folder), sets, display), said
 
 
 def _about(

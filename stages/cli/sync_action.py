@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from stages.cli.sync_sources import Given, Source, labels
 from stages.harness.action import FILE_NAME, Action, Declaration
 from stages.harness.errors import WorkFailed, WrongUse
 
-HEAD = "# Written by imocap sync, which writes it again; copy it to actions/ to change it.\n"
+HEAD = "# Written by imocap, which writes it again; copy it to actions/ to change it.\n"
 
 
 def write_sources(root: Path, name: str | None, sources: Sequence[Source], given: Given) -> Path:
@@ -42,23 +42,30 @@ def write_sources(root: Path, name: str | None, sources: Sequence[Source], given
 
 
 def write_instances(
-    root: Path, action: Action, name: str, frames: Sequence[tuple[int, int]]
+    root: Path, action: Action, name: str, spans: Mapping[str, Sequence[tuple[int, int]]]
 ) -> Path:
-    """The folder of an action whose videos are parts (first, stop) of an action's one video."""
-    long_clip = action.videos[0]
+    """The folder of an action in which parts (first, stop) of some videos stand for these."""
     folder = own_folder(root, name)
     videos = []
-    for number, (first, stop) in enumerate(frames, start=1):
-        part = long_clip.model_copy(
-            update={"id": f"{long_clip.id}_r{number}", "frames": (first, stop)}
-        )
-        videos.append(_moved(part, action.folder, folder))
-    return write(folder, videos)
+    for video in action.videos:
+        whole = video.model_copy(update={"repetitions": None})
+        if video.id not in spans:
+            videos.append(_moved(whole, action.folder, folder))
+            continue
+        for number, frames in enumerate(spans[video.id], start=1):
+            part = whole.model_copy(update={"id": f"{video.id}_r{number}", "frames": frames})
+            videos.append(_moved(part, action.folder, folder))
+    return write(folder, videos, action.params)
 
 
-def write(folder: Path, videos: Sequence[dict[str, Any]]) -> Path:
+def write(
+    folder: Path, videos: Sequence[dict[str, Any]], params: dict[str, Any] | None = None
+) -> Path:
     """folder/action.yaml with these videos; untouched when it says just that."""
-    text = HEAD + yaml.safe_dump({"name": folder.name, "videos": list(videos)}, sort_keys=False)
+    said: dict[str, Any] = {"name": folder.name, "videos": list(videos)}
+    if params:
+        said["params"] = params
+    text = HEAD + yaml.safe_dump(said, sort_keys=False)
     file = folder / FILE_NAME
     if not (file.is_file() and file.read_text(encoding="utf-8") == text):
         folder.mkdir(parents=True, exist_ok=True)

@@ -72,6 +72,7 @@ class Declaration(BaseModel):
     initial: str | None = None
     initial_format: InitialFormat | None = None
     mirrored: bool | None = None  # None: sync looks for itself
+    repetitions: bool | None = None  # True: a long clip, cut into its repetitions
 
     @model_validator(mode="after")
     def _complete(self) -> Declaration:

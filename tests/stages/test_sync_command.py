@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from imocap_core.formats.video import probe, write_h264
 from imocap_core.sync.repetition import Repetitions
@@ -218,6 +219,41 @@ def test_repetitions_enter_as_videos_of_the_same_file(
     other = "long_r2" if reference == "long_r1" else "long_r1"
     frames = [int(row["frame"]) for row in _rows(folder / "sync" / "sync.csv")]
     assert frames == list(range(*next(v.frames for v in videos if v.id == other and v.frames)))
+
+
+def test_a_declared_long_clip_is_cut_and_the_other_videos_stay(
+    run, made: Made, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = Repetitions(((0, 11), (11, 23)), 0.9, "2 repetitions")
+    monkeypatch.setattr("imocap_core.sync.repetition.find_repetitions", lambda *_, **__: found)
+    for name in ("long", "other"):
+        _keypoints(tmp_path / "in" / name, made, 0)
+    known = {"format": "openpose", "layout": "body25", "fps": 30.0, "size": [640, 360]}
+    action = {
+        "name": "serves",
+        "videos": [
+            {"id": "long", "keypoints": "../in/long", "repetitions": True, **known},
+            {"id": "other", "keypoints": "../in/other", **known},
+        ],
+        "params": {"sync": {"rounds": 1}},
+    }
+    folder = tmp_path / "serves"
+    folder.mkdir()
+    (folder / "action.yaml").write_text(yaml.safe_dump(action))
+    assert run(folder, *QUICK) == 0
+    assert "long: 2 repetitions" in capsys.readouterr().out
+    parts = read_action(tmp_path / "artifacts" / "serves-repetitions")
+    assert [(v.id, v.frames) for v in parts.videos] == [
+        ("long_r1", (0, 11)),
+        ("long_r2", (11, 23)),
+        ("other", None),
+    ]
+    assert parts.params == {"sync": {"rounds": 1}}
+    (folder / "action.yaml").write_text(
+        yaml.safe_dump(action | {"forbidden": [{"video": "other", "frames": [0, 2]}]})
+    )
+    assert run(folder, *QUICK) == 1
+    assert "anchors and forbidden spans speak of whole videos" in capsys.readouterr().err
 
 
 def test_sizes_are_read() -> None:
