@@ -22,6 +22,7 @@ from imocap_core.rotations import exp, geodesic_angle
 _TWISTS_DEG, _BENDS_DEG = (-120, -60, 0, 60, 120, 180), (-45, 45)
 _SPEED_RAD_S = 3.0  # a turn of a wrist at this speed costs 1
 _STEPS = 8
+_AT_ONCE = 16  # frames: bounds the memory of long videos
 
 
 def wrist_starts() -> Tensor:
@@ -36,40 +37,56 @@ def wrist_starts() -> Tensor:
 
 def started(problem: HandProblem, stride_s: float) -> HandState:
     """A state near the keypoints for all frames of a problem."""
-    views, frames = problem.views, problem.views.valid.shape[1]
+    frames = problem.views.valid.shape[1]
     stride = max(1, round(stride_s * float(problem.fps.min())))
     chosen = np.unique(np.append(np.arange(0, frames, stride), frames - 1))
-    few = views.frames(torch.as_tensor(chosen))
-    turns = wrist_starts()
-    alone = few.single_frames(len(turns))
-    batch, count = few.valid.shape
-    start = HandState(
-        R_wrist=alone.R_body @ turns.repeat(batch * count, 1, 1)[:, None],
-        angles=alone.R_body.new_zeros(len(alone.valid), 1, 21),
-        offset_m=torch.zeros_like(alone.wrist_m),
+    parts = [
+        _tried(problem, torch.as_tensor(chosen[k : k + _AT_ONCE]))
+        for k in range(0, len(chosen), _AT_ONCE)
+    ]
+    all_R, all_angles, all_offsets, cost = (
+        torch.cat(each, dim=1) for each in zip(*parts, strict=True)
     )
-    fps = problem.fps.new_ones(len(alone.valid))
-    frame_problem = replace(problem, views=alone, fps=fps, common=None)
-    state, cost = solve_hands(frame_problem, start, _STEPS)
-    shape = (batch, count, len(turns))
+    count = len(chosen)
     paths = []
-    for b in range(batch):
-        R = state.R_wrist.reshape(*shape, 3, 3)[b]
+    for b, R in enumerate(all_R):
         seconds = np.diff(chosen) / float(problem.fps[b])
-        best = cheapest_path(cost.reshape(shape)[b], R, seconds)
+        best = cheapest_path(cost[b], R, seconds)
         pick = torch.arange(count), best
         at = np.interp(np.arange(frames), chosen, np.arange(count))
         paths.append(
             HandState(
                 sample_rotations(R[pick][:, None], at)[:, 0],
-                sample(state.angles.reshape(*shape, -1)[b][pick], at),
-                sample(state.offset_m.reshape(*shape, -1, 3)[b][pick], at),
+                sample(all_angles[b][pick], at),
+                sample(all_offsets[b][pick], at),
             )
         )
     return HandState(
         R_wrist=torch.stack([p.R_wrist for p in paths]),
         angles=torch.stack([p.angles for p in paths]),
         offset_m=torch.stack([p.offset_m for p in paths]),
+    )
+
+
+def _tried(problem: HandProblem, frames: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Every turn in each of N frames by itself: R_wrist (B, N, H, 3, 3), angles (B, N, H, 21),
+    places (B, N, H, V, 3) and objectives (B, N, H)."""
+    few, turns = problem.views.frames(frames), wrist_starts()
+    alone = few.single_frames(len(turns))
+    shape = (*few.valid.shape, len(turns))
+    start = HandState(
+        R_wrist=alone.R_body @ turns.repeat(few.valid.numel(), 1, 1)[:, None],
+        angles=alone.R_body.new_zeros(len(alone.valid), 1, 21),
+        offset_m=torch.zeros_like(alone.wrist_m),
+    )
+    fps = problem.fps.new_ones(len(alone.valid))
+    each = replace(problem, views=alone, fps=fps, common=None)
+    state, cost = solve_hands(each, start, _STEPS)
+    return (
+        state.R_wrist.reshape(*shape, 3, 3),
+        state.angles.reshape(*shape, -1),
+        state.offset_m.reshape(*shape, -1, 3),
+        cost.reshape(shape),
     )
 
 
