@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from imocap_core.formats.people import kind
+from imocap_core.formats.people import LARGEST, kind, short
 from imocap_core.rotations import exp
 
 Array = NDArray[np.float64]
@@ -81,12 +81,13 @@ def performer_rows(entries: Entries, wanted: Wanted, path: Path) -> Rows:
 def _nearest(entries: Entries, wanted: Wanted, used: dict[int, int]) -> NDArray[np.bool_]:
     """Which entries (N,) are the nearest to the performer's box in their frames."""
     assert entries.middle_px is not None
+    places = np.where(np.abs(entries.middle_px) < LARGEST, entries.middle_px, np.nan)
     best: dict[int, tuple[float, int]] = {}
     for n, frame in enumerate(entries.frames):
         if int(frame) not in used:
             continue
         box = wanted.box_px[used[int(frame)]]
-        away = float(np.linalg.norm(entries.middle_px[n] - 0.5 * (box[:2] + box[2:])))
+        away = float(np.linalg.norm(places[n] - 0.5 * (box[:2] + box[2:])))
         reach = REACH * float(np.max(box[2:] - box[:2]))
         if away <= min(reach, best.get(int(frame), (np.inf, -1))[0]):  # NaN is never
             best[int(frame)] = (away, n)
@@ -155,7 +156,7 @@ def checked_rotations(matrices: Array, where: str) -> Array:
 def frame_ids(values: Array, where: str) -> Rows:
     """Frame numbers (N,); ValueError unless they are some."""
     if not (np.isfinite(values).all() and (values >= 0).all() and (values % 1 == 0).all()):
-        raise ValueError(f"{where}: expected frame numbers from 0, got {values!r:.60}")
+        raise ValueError(f"{where}: expected frame numbers from 0, got {short(values)}")
     return values.astype(np.int64)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from imocap_core.body.layouts import layout_names
 from imocap_core.formats.guess_file import guess_file
-from imocap_core.formats.people import read_json
+from imocap_core.formats.people import cleaned, read_json
 
 Array = NDArray[np.float64]
 
@@ -100,7 +100,7 @@ def _misfit(layout: str, people: Array) -> float:
     """How far the points that should lie in the middle of two others are from there, share of the
     person's size; `people` (P, K, 3); infinite where they were never seen together."""
     names = layout_names(layout)
-    seen = np.where(people[..., 2:] > 0, people[..., :2], np.nan)
+    seen = cleaned(people)[..., :2]
     low, high = np.nanmin(seen, axis=1), np.nanmax(seen, axis=1)
     size = np.linalg.norm(high - low, axis=-1)
     far = []

@@ -25,7 +25,16 @@ from imocap_core.formats.estimates import Entries, Wanted, performer_rows, picke
 from imocap_core.formats.joints_npz import JointsEstimate
 from imocap_core.formats.npz import load_arrays, numbers
 from imocap_core.formats.openpose import Detections
-from imocap_core.formats.people import Array, cleaned, detections, frame_number, kind, read_json
+from imocap_core.formats.people import (
+    LARGEST,
+    Array,
+    cleaned,
+    detections,
+    frame_number,
+    kind,
+    read_json,
+    short,
+)
 
 LAYOUT = "mediapipe33"
 PICTURE = ("pose_landmarks", "landmarks", "poseLandmarks")
@@ -81,6 +90,7 @@ def _in_pixels(path: Path, size: tuple[int, int]) -> dict[int, list[Array]]:
     if len(sizes) and np.median(sizes) < NORMALISED:
         for found in people.values():
             for person in found:
+                person[:, :2] = np.where(np.abs(person[:, :2]) < LARGEST, person[:, :2], np.nan)
                 person[:, :2] *= size
     return people
 
@@ -137,7 +147,7 @@ def _person(landmarks: list[Any], where: str) -> Array:
         return table.reshape(POINTS, 4)
     except (TypeError, ValueError):
         raise ValueError(
-            f"{where}: expected x, y, z, visibility of {POINTS} landmarks, got {rows[0]!r:.60}"
+            f"{where}: expected x, y, z, visibility of {POINTS} landmarks, got {short(rows[0])}"
         ) from None
 
 

@@ -22,6 +22,7 @@ from imocap_core.formats.people import (
     must_be_known,
     points,
     read_json,
+    short,
 )
 
 LAYOUTS = ("coco17", "halpe26", "wholebody133", "h36m17", "body25", "coco18")
@@ -69,7 +70,7 @@ def _person(person: Any, layout: str, where: str) -> Array:
     try:
         table = np.column_stack([np.array(xy, float).reshape(len(xy), -1)[:, :2], scores])
     except (TypeError, ValueError):
-        raise ValueError(f"{where}.keypoints: expected numbers only, got {xy!r:.60}") from None
+        raise ValueError(f"{where}.keypoints: expected numbers only, got {short(xy)}") from None
     return points(table, layout, f"{where}.keypoints")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Sequence
@@ -9,6 +10,12 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+
+# RuntimeError: what zipfile says of encrypted files and of kinds of compression it does not know.
+_UNREADABLE = (
+    *(OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, RuntimeError),
+    *(MemoryError, SyntaxError, KeyError, TypeError, tokenize.TokenError),
+)
 
 
 def load_arrays(path: Path) -> dict[str, NDArray]:
@@ -18,9 +25,9 @@ def load_arrays(path: Path) -> dict[str, NDArray]:
     if not zipfile.is_zipfile(path):
         raise ValueError(f"{path}: is not a readable npz file; write it again with numpy.savez")
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             return {name: np.asarray(archive[name]) for name in archive.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+    except _UNREADABLE as error:
         raise ValueError(f"{path}: is not a readable npz file ({error}); write it again") from None
 
 
@@ -31,7 +38,7 @@ def array_names(path: Path) -> set[str]:
     try:
         with zipfile.ZipFile(path) as archive:
             return {name.removesuffix(".npy") for name in archive.namelist()}
-    except (zipfile.BadZipFile, OSError) as error:
+    except _UNREADABLE as error:
         raise ValueError(f"{path}: is not a readable npz file ({error}); write it again") from None
 
 

@@ -6,7 +6,9 @@ numpy arrays and Python's own containers are rebuilt, and every other name is re
 
 from __future__ import annotations
 
+import io
 import pickle
+import tokenize
 import zipfile
 import zlib
 from pathlib import Path
@@ -15,14 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.lib import format as npy
 
-from imocap_core.body.unpickle import ARRAY_NAMES
-
-
-class _ArraysOnly(pickle.Unpickler):
-    def find_class(self, module: str, name: str) -> Any:
-        if (module, name) not in ARRAY_NAMES:
-            raise pickle.UnpicklingError(f"it names {module}.{name}, which no array needs")
-        return ARRAY_NAMES[module, name]
+from imocap_core.formats.pickled_arrays import built
+from imocap_core.formats.pickles import Arrays
 
 
 def read_object(path: Path, name: str) -> Any:
@@ -44,10 +40,12 @@ def read_object(path: Path, name: str) -> Any:
                     raise ValueError(
                         f"{path}: {name}: expected one Python object, got {dtype} {shape}"
                     )
-                return _ArraysOnly(stream, encoding="latin1").load().item()
-    except (zipfile.BadZipFile, zlib.error, EOFError, OSError) as error:
+                return built(Arrays(io.BytesIO(stream.read())).load()).item()
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError) as error:
         raise ValueError(f"{path}: is not a readable npz file ({error}); get it again") from None
     except _UNREADABLE as error:
+        if str(error).startswith(f"{path}: "):
+            raise
         raise ValueError(
             f"{path}: {name}: refused, it can't be read safely: {error}; get the file from where "
             "it was published"
@@ -55,8 +53,9 @@ def read_object(path: Path, name: str) -> Any:
 
 
 _UNREADABLE = (
-    *(pickle.UnpicklingError, AttributeError, IndexError, KeyError, TypeError),
-    *(MemoryError, OverflowError, RecursionError, UnicodeDecodeError),
+    *(pickle.UnpicklingError, AttributeError, IndexError, KeyError, TypeError, SyntaxError),
+    tokenize.TokenError,
+    *(MemoryError, OverflowError, RecursionError, ValueError, AssertionError),
 )
 
 

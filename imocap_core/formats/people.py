@@ -27,6 +27,7 @@ LAYOUT_OF_COUNT = {
 }
 
 LAST_FRAME = 10_000_000
+LARGEST = 1e7  # pixels: no picture is larger, and squares of them stay numbers
 
 
 def read_json(path: Path) -> Any:
@@ -52,6 +53,12 @@ def kind(value: Any) -> str:
     return "nothing" if value is None else type(value).__name__
 
 
+def short(value: Any) -> str:
+    """The beginning of what something is, in one line."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
 def frame_number(value: Any, where: str) -> int:
     """A frame number given as such, or the last number in a picture's name."""
     number = -1
@@ -61,7 +68,7 @@ def frame_number(value: Any, where: str) -> int:
         number = int(digits[-1]) if len(digits[-1]) < 30 else -1
     if not 0 <= number <= LAST_FRAME:
         raise ValueError(
-            f"{where}: expected a frame number or a picture's name with one, got {value!r:.60}; "
+            f"{where}: expected a frame number or a picture's name with one, got {short(value)}; "
             "name the pictures by their frame numbers"
         )
     return number
@@ -98,7 +105,7 @@ def points(values: Any, layout: str, where: str, *, flat: bool = False) -> Array
 def cleaned(people: Array) -> Array:
     """Points (..., 3) whose missing ones are NaN with confidence 0, confidences at most 1."""
     people = np.array(people, dtype=np.float64)
-    missing = ~np.isfinite(people).all(axis=-1) | ~(people[..., 2] > 0)
+    missing = ~(np.abs(people) < LARGEST).all(axis=-1) | ~(people[..., 2] > 0)
     people[..., 2] = np.minimum(people[..., 2], 1.0)
     people[missing] = (np.nan, np.nan, 0.0)
     return people
@@ -109,7 +116,7 @@ def _numbers(values: Any, where: str) -> Array:
     try:
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise ValueError(f"{where}: expected numbers only, got {values!r:.60}") from None
+        raise ValueError(f"{where}: expected numbers only, got {short(values)}") from None
 
 
 def detections(

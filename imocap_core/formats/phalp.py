@@ -49,7 +49,7 @@ def read_phalp(path: Path, wanted: Wanted) -> Array:
                 f"{where}: expected as many smpl, bbox and tid, got {len(people)}, {len(boxes)} "
                 f"and {len(ids)}"
             )
-        unseen = entry.get("tracked_time", [])
+        unseen = _listed({"tracked_time": []} | entry, "tracked_time", where)
         frame = frame_number(_number(entry.get("time", n)), f"{where}: time")
         for i, person in enumerate(people):
             if i < len(unseen) and unseen[i] != 0:
@@ -68,7 +68,7 @@ def read_phalp(path: Path, wanted: Wanted) -> Array:
 
 def _listed(entry: Any, name: str, where: str) -> list[Any]:
     found = entry.get(name) if isinstance(entry, dict) else None
-    if isinstance(found, np.ndarray):
+    if isinstance(found, np.ndarray) and found.ndim:
         found = list(found)
     if not isinstance(found, list):
         raise ValueError(f"{where}: {name}: expected a list of people, got {kind(found)}")

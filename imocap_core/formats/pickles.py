@@ -12,9 +12,12 @@ import bz2
 import gzip
 import io
 import lzma
+import math
 import pickle
 import re
 import struct
+import tokenize
+import warnings
 import zipfile
 import zlib
 from collections import OrderedDict, defaultdict
@@ -26,8 +29,19 @@ import numpy as np
 import torch
 from numpy.lib import format as npy
 
-from imocap_core.body.unpickle import ARRAY_NAMES
 from imocap_core.formats.people import must_be_file
+from imocap_core.formats.pickled_arrays import (
+    Array,
+    Dtype,
+    JoblibArray,
+    Marker,
+    array_record,
+    built,
+    from_buffer,
+    scalar,
+    storage,
+    tensor,
+)
 
 _DECOMPRESS: tuple[tuple[bytes, Callable[[bytes], bytes]], ...] = (
     (b"\x78", zlib.decompress),
@@ -40,46 +54,55 @@ _TORCH_MAGIC = 0x1950A86A20F9469CFC6C  # what .pt files of before torch 1.6 begi
 _UNREADABLE = (
     *(pickle.UnpicklingError, AttributeError, IndexError, KeyError, TypeError, ValueError),
     *(MemoryError, OverflowError, RecursionError, EOFError, OSError, RuntimeError),
-    *(AssertionError, struct.error, zlib.error, lzma.LZMAError, zipfile.BadZipFile),
+    *(
+        SyntaxError,
+        tokenize.TokenError,
+        AssertionError,
+        struct.error,
+        zlib.error,
+        lzma.LZMAError,
+        zipfile.BadZipFile,
+    ),
 )
 
 
-class _JoblibArray:
-    """The record before an array's bytes: shape, order, dtype, whether they are aligned."""
-
-    shape: Any = ()
-    order: Any = "C"
-    dtype: Any = None
-    numpy_array_alignment_bytes: Any = None
+def _encode(text: Any, encoding: Any) -> bytes:
+    """How pickles of protocol 2 write bytes."""
+    if not isinstance(text, str) or encoding not in ("latin1", "latin-1"):
+        raise pickle.UnpicklingError(f"it would decode bytes as {encoding!r:.20}")
+    return text.encode("latin1")
 
 
-def _tensor_storage(content: bytes) -> Any:
-    """The numbers of a torch tensor inside a pickle: a torch file of its own."""
-    return _load_torch(content)
-
-
-def _from_buffer(buffer: Any, dtype: Any, shape: Any, order: Any) -> np.ndarray:
-    """How pickles of protocol 5 write arrays."""
-    return np.frombuffer(buffer, dtype=dtype).reshape(shape, order=order)
+def _no_bytes(*content: Any) -> bytes:
+    """How pickles of protocol 2 write no bytes at all."""
+    if content:
+        raise pickle.UnpicklingError("it would make bytes of something")
+    return b""
 
 
 _ALLOWED: dict[tuple[str, str], Any] = {
-    **ARRAY_NAMES,
-    ("numpy.core.numeric", "_frombuffer"): _from_buffer,
-    ("numpy._core.numeric", "_frombuffer"): _from_buffer,
-    ("joblib.numpy_pickle", "NumpyArrayWrapper"): _JoblibArray,
+    ("numpy", "ndarray"): Marker,
+    ("numpy", "dtype"): Dtype,
+    ("_codecs", "encode"): _encode,
+    ("joblib.numpy_pickle", "NumpyArrayWrapper"): JoblibArray,
     ("collections", "OrderedDict"): OrderedDict,
     ("collections", "defaultdict"): defaultdict,
-    ("torch._utils", "_rebuild_tensor_v2"): torch._utils._rebuild_tensor_v2,  # as weights_only does
-    ("torch.storage", "_load_from_bytes"): _tensor_storage,
+    ("torch._utils", "_rebuild_tensor_v2"): tensor,
+    ("torch.storage", "_load_from_bytes"): storage,
 }
+for _core in ("numpy.core", "numpy._core"):
+    _ALLOWED[f"{_core}.multiarray", "_reconstruct"] = array_record
+    _ALLOWED[f"{_core}.multiarray", "scalar"] = scalar
+    _ALLOWED[f"{_core}.numeric", "_frombuffer"] = from_buffer
 for _module in ("builtins", "__builtin__"):
+    _ALLOWED[_module, "bytes"] = _no_bytes
     for _kind in (dict, list, tuple, set, bytearray):
         _ALLOWED[_module, _kind.__name__] = _kind
 
 
-class _Arrays(pickle._Unpickler):
-    """Python's own unpickler (it reads no byte too many), with nothing to call but `_ALLOWED`."""
+class Arrays(pickle._Unpickler):
+    """Python's own unpickler (it reads no byte too many), with nothing to call but `_ALLOWED`,
+    and nothing to change but the records of arrays."""
 
     def __init__(self, stream: io.BytesIO) -> None:
         super().__init__(stream, encoding="latin1")
@@ -91,22 +114,25 @@ class _Arrays(pickle._Unpickler):
         return _ALLOWED[module, name]
 
     def load_build(self) -> None:
-        super().load_build()  # type: ignore[misc]
         stack: list[Any] = self.stack  # type: ignore[attr-defined]
-        if isinstance(stack[-1], _JoblibArray):
-            stack[-1] = self._array(stack[-1])
+        state, record = stack.pop(), stack[-1]
+        if not isinstance(record, (Array, Dtype, JoblibArray)):
+            raise pickle.UnpicklingError(f"it would change a {type(record).__name__}")
+        record.restore(state)
+        if isinstance(record, JoblibArray):
+            self._read_content(record)
 
-    def _array(self, record: _JoblibArray) -> np.ndarray:
-        dtype = np.dtype(record.dtype)
+    def _read_content(self, record: JoblibArray) -> None:
+        """The array that follows its record: another pickle, or bytes after some padding."""
+        dtype = record.said["dtype"].dtype
         if dtype.hasobject:
-            return np.asarray(_Arrays(self._raw).load())
-        if record.numpy_array_alignment_bytes is not None:
+            record.content = Arrays(self._raw).load()
+            return
+        if record.said.get("numpy_array_alignment_bytes") is not None:
             self._raw.read(self._raw.read(1)[0])
-        shape = tuple(int(n) for n in record.shape)
-        count = int(np.prod(shape, dtype=object))
-        content = self._raw.read(count * dtype.itemsize)
-        array = np.frombuffer(content, dtype=dtype, count=count)
-        return array.reshape(shape, order="F" if record.order == "F" else "C")
+        shape = record.said.get("shape")
+        count = math.prod(shape) if isinstance(shape, tuple) else 0
+        record.content = self._raw.read(max(0, count) * dtype.itemsize)
 
     dispatch: ClassVar[dict[int, Any]] = {
         **pickle._Unpickler.dispatch,
@@ -122,7 +148,7 @@ def read_results(path: Path) -> Any:
     """
     must_be_file(path, "initial")
     try:
-        return _plain(_load(path.read_bytes()))
+        return built(_load(path.read_bytes()))
     except _UNREADABLE as error:
         said = " ".join(str(error).split("\n")[0].split()) or type(error).__name__
         raise ValueError(
@@ -142,7 +168,7 @@ def _load(content: bytes) -> Any:
         if content.startswith(magic):
             content = decompress(content)
             break
-    found = _Arrays(io.BytesIO(content)).load()
+    found = Arrays(io.BytesIO(content)).load()
     return _load_torch(content) if _is_torch_magic(found) else found
 
 
@@ -153,7 +179,8 @@ def _is_torch_magic(found: Any) -> bool:
 def _load_torch(content: bytes) -> Any:
     """torch's own restricted reader; its advice to read the file without it is left out."""
     try:
-        return torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
+        with warnings.catch_warnings(action="ignore"):  # of odd files, which are refused or not
+            return torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
     except pickle.UnpicklingError as error:
         named = re.search(r"GLOBAL ([\w.]+)", str(error))
         what = named[1] if named else "something besides tensors and plain values"
@@ -167,16 +194,5 @@ def _load_npy(stream: io.BytesIO) -> Any:
     if not dtype.hasobject:
         stream.seek(0)
         return np.load(stream, allow_pickle=False)
-    found = _Arrays(stream).load()
+    found = built(Arrays(stream).load())
     return found.item() if isinstance(found, np.ndarray) and found.shape == () else found
-
-
-def _plain(value: Any) -> Any:
-    """The same with tensors as numpy arrays."""
-    if isinstance(value, torch.Tensor):
-        return value.detach().cpu().numpy()
-    if isinstance(value, dict):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    return value

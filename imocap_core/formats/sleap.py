@@ -16,7 +16,14 @@ from imocap_core.body.layouts import layout_names
 from imocap_core.formats.deeplabcut import read_csv
 from imocap_core.formats.openpose import Detections
 from imocap_core.formats.part_names import LAYOUTS, known_columns
-from imocap_core.formats.people import Array, cleaned, detections, frame_number, must_be_known
+from imocap_core.formats.people import (
+    Array,
+    cleaned,
+    detections,
+    frame_number,
+    must_be_known,
+    short,
+)
 
 FRAME = "frame_idx"
 
@@ -65,4 +72,4 @@ def _number(cell: str, where: str) -> float:
     try:
         return float(cell) if cell.strip() else float("nan")
     except ValueError:
-        raise ValueError(f"{where}: expected numbers only, got {cell!r:.60}") from None
+        raise ValueError(f"{where}: expected numbers only, got {short(cell)}") from None

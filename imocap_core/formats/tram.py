@@ -55,13 +55,14 @@ def read_tram(path: Path, wanted: Wanted) -> Array:
 
 def _middle(content: Any, count: int) -> Array | None:
     """Where the person is (N, 2), or None when the file does not tell."""
-    trans, focal, center = (content.get(n) for n in ("pred_trans", "img_focal", "img_center"))
-    if trans is None or focal is None or center is None:
+    given = [content.get(name) for name in ("pred_trans", "img_focal", "img_center")]
+    if any(value is None for value in given):
         return None
-    try:
-        at = np.asarray(trans, dtype=np.float64).reshape(count, 3)
-        middle = np.asarray(center, dtype=np.float64).ravel()[:2]
-        scale = float(np.asarray(focal, dtype=np.float64).ravel()[0])
-        return scale * at[:, :2] / np.where(at[:, 2:] > 0, at[:, 2:], np.nan) + middle
-    except (TypeError, ValueError, IndexError):
+    trans, focal, center = (np.asarray(value) for value in given)
+    if any(values.dtype.kind not in "fiu" for values in (trans, focal, center)):
         return None
+    if trans.size != 3 * count or center.size < 2 or focal.size < 1:
+        return None
+    at = trans.astype(np.float64).reshape(count, 3)
+    depth = np.where(at[:, 2:] > 0, at[:, 2:], np.nan)
+    return float(focal.ravel()[0]) * at[:, :2] / depth + center.ravel()[:2]
