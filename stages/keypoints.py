@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from imocap_core.artifacts.schemas import HandKeypoints, Keypoints, VideoKeypoints
-from imocap_core.body.layouts import hand_columns
+from imocap_core.body.layouts import body_layout, hand_columns, layout_names
 from imocap_core.camera.tracking import Performer, choose_performer
 from imocap_core.formats.detectors import format_and_layout, read_detections
 from imocap_core.formats.openpose import Detections
@@ -67,18 +67,19 @@ def _performer_of(declared: Declaration, ctx: Context, params: KeypointsParams) 
             f"{declared.id} and its `frames` in action.yaml"
         )
     _must_fit_picture(performer.xy_px, info.size, folder)
+    body = slice(len(layout_names(body_layout(layout))))  # faces and hands are no part of it
     return VideoKeypoints(
         id=declared.id,
         fps=info.fps,
         size=info.size,
-        layout=layout,
+        layout=body_layout(layout),
         video=declared.video,
         focal_px=declared.focal_px,
         initial=declared.initial,
         initial_format=declared.initial_format,
         frames=frames,
-        xy_px=performer.xy_px,
-        confidence=performer.confidence,
+        xy_px=performer.xy_px[:, body],
+        confidence=performer.confidence[:, body],
         person_box_px=performer.box_px,
         tracks_found=performer.tracks_found,
         presence=performer.presence,

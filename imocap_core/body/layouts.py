@@ -50,6 +50,11 @@ def layout_keypoints(layout: str) -> tuple[Keypoint, ...]:
     return tuple(_expand(layout))
 
 
+def body_layout(layout: str) -> str:
+    """The layout of a whole-body layout's first points, body and feet; any other layout itself."""
+    return {"wholebody133": "coco23", "halpe136": "halpe26"}.get(layout, layout)
+
+
 def hand_columns(layout: str) -> list[list[int]] | None:
     """Columns of the left and of the right hand's 21 points, of layouts that have them."""
     names = layout_names(layout)

@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from imocap_core.body import Model, layout_names, layouts, load_free_body
+from imocap_core.body.layouts import body_layout
 from imocap_core.conventions import (
     SMPL_JOINTS,
     SMPL_PARENTS,
@@ -22,7 +23,9 @@ COUNTS = {
     "coco17": 17,
     "coco18": 18,
     "halpe26": 26,
+    "coco23": 23,
     "wholebody133": 133,
+    "halpe136": 136,
     "h36m17": 17,
     "mediapipe33": 33,
     "hands42": 42,
@@ -103,7 +106,7 @@ def test_layouts_are_complete_and_left_is_left(body: Model, layout: str) -> None
     assert len(names) == len(set(names)) == COUNTS[layout]
     points = body.points(layout)
     assert points.names == tuple(names[c] for c in points.columns)
-    assert len(points.names) == COUNTS[layout] - (68 if layout == "wholebody133" else 0)
+    assert len(points.names) == COUNTS[layout] - (68 if COUNTS[layout] > 100 else 0)
     placed = np.array(list(at_rest(body, layout).values()))
     for left, right in left_right_pairs(points.names):
         assert placed[left, 0] > 0.005
@@ -139,3 +142,10 @@ def test_nothing_falls_back_to_another_device() -> None:
     for result in (posed.joints, posed.mesh().vertices, posed.keypoints(model.points("body25"))):
         assert result.device.type == "meta"
         assert result.dtype == torch.float32
+
+
+@pytest.mark.parametrize("layout", layouts())
+def test_the_body_of_a_layout_are_its_first_points(layout: str) -> None:
+    names, body = layout_names(layout), layout_names(body_layout(layout))
+    assert names[: len(body)] == body
+    assert not any("face" in name or "thumb" in name for name in body) or body == names

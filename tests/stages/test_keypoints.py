@@ -107,7 +107,9 @@ def test_whole_body_keypoints_bring_their_hands(folder):
         found[0][:, :2] = people[0][0][:, :2]
     path = made_keypoints.write_coco_wholebody(folder, people)
     found = run(folder, keypoints=path.name, format="wholebody", layout=None, frames=(0, 6))
-    assert found.layout == "wholebody133"
+    assert found.layout == "coco23"
+    assert np.allclose(found.xy_px[0], people[0][0][:23, :2], equal_nan=True)
+    assert found.confidence.shape == (6, 23)
     assert found.hands.xy_px.shape == (6, 2, 21, 2)
     assert np.allclose(found.hands.xy_px[0].reshape(42, 2), people[0][0][91:, :2])
 
