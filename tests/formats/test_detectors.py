@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import pickle
+import random
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -289,3 +290,20 @@ def test_body_parts_may_be_written_in_many_ways(tmp_path: Path) -> None:
     path.write_text("track,frame_idx,instance.score,snout.x,snout.y\n,0,1,2,3\n")
     with pytest.raises(ValueError, match="at least 4 body parts named like coco17's"):
         read(path, "sleap", "coco17")
+
+
+@FILES
+def test_damaged_files_are_read_or_refused_but_never_fail(case: str, tmp_path: Path) -> None:
+    """A few bytes changed, wherever."""
+    path, _, kind, layout = written(case, tmp_path)
+    whole, rng = path.read_bytes(), random.Random(0)
+    for _ in range(25):
+        damaged = bytearray(whole)
+        for _ in range(rng.randint(1, 4)):
+            damaged[rng.randrange(len(damaged))] = rng.randrange(256)
+        path.write_bytes(bytes(damaged))
+        for attempt in (read, format_and_layout):
+            try:
+                attempt(path, kind, layout if attempt is read else None)
+            except ValueError as error:
+                assert str(path) in str(error)  # noqa: PT017
