@@ -14,7 +14,7 @@ from stages.harness.errors import WrongUse
 HEAD = """\
 # One performer, one action, one to many videos. Paths are relative to this folder.
 # keypoints: a folder of per-frame JSON files, or one file, as a 2D pose detector writes them;
-#   format and layout say which detector and which joints. fps and size come from the video.
+#   which detector and which joints (format, layout) is told by them, fps and size by the video.
 # More fields (frames, focal_px, initial, truth, params): see docs/actions.md.
 """
 
@@ -36,7 +36,6 @@ def write_action(root: Path, name: str, videos: list[Path]) -> str:
     folder.mkdir(parents=True, exist_ok=True)
     entries = [
         {"id": label, "video": _relative(video, folder), "keypoints": None}
-        | {"format": "openpose", "layout": "body25"}
         for label, video in zip(_labels(videos), videos, strict=True)
     ]
     body = yaml.safe_dump({"name": name, "videos": entries}, sort_keys=False)
