@@ -9,39 +9,22 @@ World motion, shape and mesh are not used.
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from imocap_core.formats.estimates import (
-    Array,
-    Entries,
-    Wanted,
-    field,
-    frame_ids,
-    from_vectors,
-    people_of,
-    performer_rows,
-    picked,
-)
-from imocap_core.formats.pickles import read_results
+from imocap_core.formats.estimates import Array, Wanted, field
+from imocap_core.formats.persons import performer_of
 
 
 def read_wham(path: Path, wanted: Wanted) -> Array:
-    """The performer's joint rotations (T, 24, 3, 3) in camera axes, NaN where there are none.
+    """The performer's joint rotations, as of `performer_of`."""
 
-    ValueError names file, person, field, what is wrong.
-    """
-    frames, track, middle, poses = [], [], [], []
-    for number, (name, person) in enumerate(people_of(read_results(path), path).items()):
-        where = f"{path}: person {name}"
-        pose = field(person, "pose", ("N", 72), where)
-        trans = field(person, "trans", (len(pose), 3), where)
-        frames.append(frame_ids(field(person, "frame_ids", (len(pose),), where), where))
-        track.append(np.full(len(pose), number))
+    def middle_px(person: dict[str, Any], count: int, where: str) -> Array:
+        trans = field(person, "trans", (count, 3), where)
         focal_px = float(np.hypot(*wanted.size))
         depth = np.where(trans[:, 2:] > 0, trans[:, 2:], np.nan)
-        middle.append(focal_px * trans[:, :2] / depth + 0.5 * np.array(wanted.size))
-        poses.append(pose)
-    entries = Entries(np.concatenate(frames), np.concatenate(track), np.concatenate(middle))
-    rows = performer_rows(entries, wanted, path)
-    return picked(from_vectors(np.concatenate(poses)), rows)
+        middle: Array = focal_px * trans[:, :2] / depth + 0.5 * np.array(wanted.size)
+        return middle
+
+    return performer_of(path, wanted, middle_px)
