@@ -8,7 +8,6 @@ from typing import TypeVar
 
 from imocap_core.artifacts.schemas import InitialSmpl, Keypoints
 from imocap_core.artifacts.schemas.base import Artifact
-from stages.cli.sync_action import write_instances
 from stages.harness import runner
 from stages.harness.errors import WorkFailed
 from stages.harness.runner import Display, Job, Outcome
@@ -37,6 +36,7 @@ def cut(
 ) -> tuple[Path, list[str]]:
     """The folder of an action in which the repetitions of long clips stand for them."""
     from imocap_core.sync.repetition import find_repetitions
+    from stages.cli.sync_action import write_instances
 
     hinted = [*job.action.anchors, *job.action.forbidden]
     if hinted:
