@@ -20,7 +20,7 @@ from imocap_core.body import load_free_body
 from imocap_core.formats.estimators import JOINTS
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular import FitWeights
-from imocap_core.motion.observations import Observation, own_view, padded, person_size_px
+from imocap_core.motion.observations import Observation, own_view, padded
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.motion.scene import JointMotion, JointOptions, Scene
 from imocap_core.motion.state import MotionState
@@ -131,7 +131,7 @@ def pictures_of(
     films = []
     for o, x, camera in zip(observations, xyz, cameras, strict=True):
         world = (x[: len(o.xy_px)] - camera.t) @ camera.R
-        noise = fit.noise_share * person_size_px(o)
+        noise = fit.noise_share * o.size_px
         weight = o.confidence / noise[:, None] ** 2
         xy = np.where(weight[..., None] > 0, o.xy_px, 0.0)
         films.append(Filmed(world, xy, weight, camera.K, camera.R, camera.t))

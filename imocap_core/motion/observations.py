@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -30,6 +31,11 @@ class Observation:
     K: Array
     fps: float
     joints: Array | None = None
+
+    @cached_property
+    def size_px(self) -> Array:
+        """(T,) how large the person is in each frame (`person_size_px`), found once."""
+        return person_size_px(self)
 
 
 def every(observation: Observation, stride: int) -> Observation:
@@ -78,7 +84,7 @@ def without_jumps(observation: Observation) -> Array:
     count = np.isfinite(windows[..., 0, :]).sum(-1)
     filled = np.where(count[..., None, None] > 0, windows, 0.0)
     away = np.linalg.norm(xy - np.nanmedian(filled, axis=-1), axis=-1)
-    wild = (count >= 3) & (away > HAMPEL_SHARE * person_size_px(observation)[:, None])
+    wild = (count >= 3) & (away > HAMPEL_SHARE * observation.size_px[:, None])
     return np.where(wild | ~np.isfinite(away), 0.0, observation.confidence)
 
 
@@ -105,7 +111,7 @@ def own_view(observations: Sequence[Observation], like: Tensor, *, noise_share: 
     xy, weights = [], []
     for o in observations:
         missing = ~np.isfinite(o.xy_px).all(-1) | (o.confidence <= 0)
-        sigma_px = noise_share * person_size_px(o)[:, None]
+        sigma_px = noise_share * o.size_px[:, None]
         xy.append(np.where(missing[..., None], 0.0, o.xy_px))
         weights.append(np.where(missing, 0.0, o.confidence) / sigma_px**2)
     batch = len(observations)

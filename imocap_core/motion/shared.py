@@ -15,7 +15,7 @@ from torch import Tensor
 from imocap_core.camera.pnp import pnp_over_frames
 from imocap_core.motion.consensus import Cameras, pelvis
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.observations import Observation, person_size_px
+from imocap_core.motion.observations import Observation
 from imocap_core.motion.scene import JointOptions, solve
 from imocap_core.motion.solver import HALVES, Solution
 from imocap_core.motion.state import MotionState
@@ -55,7 +55,7 @@ def gather(
     ):
         value, confidence = sample_keypoints(o.xy_px, o.confidence, at)
         nearest = np.clip(np.nan_to_num(at).round().astype(int), 0, len(o.xy_px) - 1)
-        noise = noise_share * person_size_px(o)[nearest]
+        noise = noise_share * o.size_px[nearest]
         xy.append(value)
         weight.append(confidence * trust[:, None] / noise[:, None] ** 2)
         sigma.append(noise)

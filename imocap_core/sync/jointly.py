@@ -92,7 +92,7 @@ def synchronise_jointly(
     pairs = pair_maps(maps, matched, c.blocks, fps, settings.confidence_reach_s)
     if settings.warp == "posterior":
         ties = ties_to_reference(hints, pairs, len(poses), chosen)
-        bend = bend_of(ties, fps, chosen, settings)
+        bend = bend_of(ties, fps, chosen, settings.positions_per_frame)
         frames, trust = posterior_warps(c, relaxed, matched, chosen, fps, settings, bend, pictures)
     else:
         frames, trust = dtw_warps(c, relaxed, maps, chosen, fps, settings)

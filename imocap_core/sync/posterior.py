@@ -1,6 +1,6 @@
 """Warps as the mean over all monotone paths, refined against what the other videos agree on."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from imocap_core.sync.consensus import squared_distances_to_others
 from imocap_core.sync.monotone import interpolated_squares, monotone_posterior
 from imocap_core.sync.regular import rates_between, regular_posterior
 from imocap_core.sync.settings import Settings
+from imocap_core.sync.ties import Bend
 from imocap_core.sync.warping import in_order, mass_within, median_positions
 
 Array = NDArray[np.float64]
@@ -103,14 +104,13 @@ def posterior_warps(
     reference: int,
     fps: Sequence[float],
     settings: Settings,
-    bend: Callable[[int, Array, float], Array] | None = None,
+    bend: Bend | None = None,
     pictures: Pictures | None = None,
 ) -> tuple[list[Array], list[Array]]:
     """Warps from the relaxed maps, refined `consensus_rounds` times against the other videos.
 
-    `bend`: video, squared distances (T_v, S), typical square -> squares that the user's anchors
-    have bent. `pictures`: with them the last refinements hold detections against the others'
-    motion, where these tell more than poses.
+    `bend`: what the user's anchors do to squared distances. `pictures`: with them the last
+    refinements hold detections against the others' motion, where these tell more than poses.
     """
     M, per_frame = len(c.poses), settings.positions_per_frame
     soft = [
@@ -131,7 +131,7 @@ def posterior_warps(
                 continue
             near = _typical(squares, c)
             if bend is not None:
-                squares = bend(v, squares, near)
+                squares = bend(v, squares, near, settings.evidence_per_s)
             soft[v], seen[v] = _posterior(
                 squares, near, fps[v], fps[reference], per_frame, settings, 0.0
             )
@@ -154,7 +154,7 @@ def _seen_in_pictures(
     reference: int,
     fps: Sequence[float],
     settings: Settings,
-    bend: Callable[[int, Array, float], Array] | None,
+    bend: Bend | None,
 ) -> None:
     """Refine the maps (T_v, S) by the pictures; which frames are matched stays."""
     sharp = replace(settings, unmatched_level=np.inf, evidence_per_s=PICTURES_PER_S)
@@ -167,7 +167,7 @@ def _seen_in_pictures(
             if squares is None:
                 continue
             if bend is not None:
-                squares = bend(v, squares, 1.0)
+                squares = bend(v, squares, 1.0, PICTURES_PER_S)
             soft[v], _ = _posterior(
                 squares, 1.0, fps[v], fps[reference], settings.positions_per_frame, sharp, 0.0
             )

@@ -7,12 +7,13 @@ from numpy.typing import NDArray
 
 from imocap_core.sync.anchors import Anchor, Hints, bent, led_through, unit_of
 from imocap_core.sync.phase import FIRM, Link
-from imocap_core.sync.settings import Settings
 from imocap_core.sync.trust import PairMaps
 
 Array = NDArray[np.float64]
 
 Ties = list[list[tuple[int, float, bool]]]  # per video: own frame, reference frame, hard
+# video, squared distances (T_v, S), typical square, looks a second -> squares bent by anchors
+Bend = Callable[[int, Array, float, float], Array]
 
 
 def ties_to_reference(hints: Hints, pairs: PairMaps, count: int, reference: int) -> Ties:
@@ -40,21 +41,19 @@ def ties_to_reference(hints: Hints, pairs: PairMaps, count: int, reference: int)
     return ties
 
 
-def bend_of(
-    ties: Ties, fps: Sequence[float], reference: int, settings: Settings
-) -> Callable[[int, Array, float], Array] | None:
+def bend_of(ties: Ties, fps: Sequence[float], reference: int, per_frame: int) -> Bend | None:
     """What `posterior_warps` bends squared distances to the reference by; None without ties."""
     if not any(ties):
         return None
 
-    def bend(video: int, squares: Array, near: float) -> Array:
+    def bend(video: int, squares: Array, near: float, evidence_per_s: float) -> Array:
         return bent(
             squares,
             ties[video],
             near=near,
-            unit=unit_of(near, fps[video], settings.evidence_per_s),
+            unit=unit_of(near, fps[video], evidence_per_s),
             fps_to=fps[reference],
-            per_frame=settings.positions_per_frame,
+            per_frame=per_frame,
         )
 
     return bend

@@ -142,3 +142,15 @@ def solve(made: Made, mirrored: list[str]) -> list[VideoMotion]:
     )
     whole = work.out(smpl_ba_of(body, motion, observations, work.keypoints, sync.reference))
     return whole.videos
+
+
+def test_cameras_come_back_into_the_world_of_the_joint_motion(made: Made) -> None:
+    work = work_of(made, mirrored=["v2"], excluded=["v4"])
+    found = made.single.model_copy(
+        update={"videos": made.single.videos[:3], "cameras": made.single.cameras[:3]}
+    )
+    back = work.cameras_in(work.out(found))
+    assert [c.id for c in back] == ["v1", "v2", "v3"]
+    for camera, before in zip(back, found.cameras, strict=True):
+        np.testing.assert_allclose(camera.R, before.R, atol=1e-12)
+        np.testing.assert_allclose(camera.t, before.t, atol=1e-12)

@@ -6,6 +6,7 @@ import pytest
 from imocap_core.sync import Anchor, Hints
 from imocap_core.sync.anchors import bent, led_through
 from imocap_core.sync.phase import positions_in
+from imocap_core.sync.ties import bend_of
 from tests.sync.test_synchronise import four_phases, run, seen
 
 
@@ -87,3 +88,13 @@ def test_a_map_led_through_ties_stays_in_order_and_keeps_gaps() -> None:
     out, trust = led_through(at, np.full(6, 0.5), [(1, 2.5), (4, 4.5)])
     np.testing.assert_allclose(out, [0.0, 2.5, np.nan, 3.0, 4.5, 5.0])
     assert trust.tolist() == [0.5, 1.0, 0.5, 0.5, 1.0, 0.5]
+
+
+def test_an_anchor_is_worth_as_much_whatever_the_looks_a_second() -> None:
+    """Its nats against the evidence's: squares times looks, as warps weigh them."""
+    bend = bend_of([[], [(3, 20.0, False)]], [30.0, 30.0], 0, 1)
+    assert bend is not None
+    squares = np.ones((6, 40))
+    nats = [(bend(1, squares, 1.0, looks) - squares) * looks / 30.0 for looks in (15.0, 60.0)]
+    assert nats[0].max() > 1.0
+    np.testing.assert_allclose(nats[0], nats[1])

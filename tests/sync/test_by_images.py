@@ -1,9 +1,13 @@
 """Time told by pictures: the law is a known motion, known cameras and noise of known size."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from imocap_core.sync import synchronise
 from imocap_core.sync.by_images import Filmed, Pictures, projected, squares_in_picture
+from tests.sync.test_synchronise import SETTINGS
 
 K = np.array([[900.0, 0, 500], [0, 900, 500], [0, 0, 1]])
 NOISE_PX = 3.0
@@ -82,6 +86,40 @@ def test_pictures_sharpen_a_blurred_map() -> None:
     assert squares is not None
     error = np.abs(positions[squares.argmin(1)] - true[1])
     assert error.mean() < 0.25  # of reference frames; it was 0.8
+
+
+@pytest.mark.parametrize(("frames_off", "mended"), [(3, True), (10, False)])
+def test_poses_that_agree_with_a_wrong_map_are_corrected_by_pictures(
+    frames_off: int, mended: bool
+) -> None:
+    """As in the loop: each pose was found where its frame was taken to lie. Half a second off, the
+    picture looks like another performance there, and poses keep the say."""
+    frames, rng = 121, np.random.default_rng(20)
+    phase = np.linspace(0, 6, frames)
+    off = frames_off * np.sin(np.pi * np.arange(frames) / (frames - 1))
+    believed = np.interp(np.arange(frames) + off, np.arange(frames), phase)
+    found = [motion(phase), motion(believed), motion(phase)]
+    films = [
+        replace(film(phase, a, 21 + k), xyz_m=x)
+        for k, (a, x) in enumerate(zip((0.0, 1.6, 3.1), found, strict=True))
+    ]
+    poses = [x + 0.005 * rng.normal(size=x.shape) for x in found]
+    settings = replace(SETTINGS, outliers="ignore", mirrored="ignore")
+
+    def error(pictures: Pictures | None) -> float:
+        result = synchronise(
+            poses,
+            fps=[30.0] * 3,
+            settings=settings,
+            rng=np.random.default_rng(0),
+            reference=0,
+            pictures=pictures,
+        )
+        return float(np.nanmean(np.abs(result.reference_frame[1] - np.arange(frames))))
+
+    by_poses, by_pictures = error(None), error(Pictures(films))
+    assert by_poses > 0.55 * frames_off
+    assert by_pictures < 0.3 if mended else by_pictures == by_poses
 
 
 def test_pictures_of_a_performance_that_differs_are_not_used() -> None:
