@@ -30,7 +30,9 @@ def shown(force_terminal: bool) -> str:
 
 
 @pytest.mark.parametrize("force_terminal", [False, True])
-def test_lines_of_a_run(force_terminal: bool) -> None:
+def test_lines_of_a_run(force_terminal: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "xterm")  # whatever the terminal that the tests run in can do
+    monkeypatch.delenv("NO_COLOR", raising=False)
     text = shown(force_terminal)
     for part in ("because input: [gather] has changed", "made", "cached", "another run"):
         assert part in text
