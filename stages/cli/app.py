@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import typer
 from rich.console import Console
 
+from stages.cli.benchmark_command import benchmark_command
 from stages.cli.repeated import job_in_parts
 from stages.cli.show import Terminal, reasons
 from stages.cli.sync_command import sync_command
@@ -26,6 +27,7 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 app.command("sync")(sync_command)
+app.command("benchmark")(benchmark_command)
 console = Console(highlight=False, soft_wrap=True)
 
 ActionName = Annotated[str, typer.Argument(help="A name below actions/, or an action's folder.")]
@@ -172,79 +174,6 @@ def view(context: typer.Context, action: ActionName) -> None:
     console.print(
         f"The report of {job.action.name} is {_plain(str(report))}; open it in a browser."
     )
-
-
-@app.command()
-def benchmark(
-    context: typer.Context,
-    name: Annotated[
-        Literal[
-            "protocol",
-            "trials",
-            "yoga",
-            "h36m",
-            "ablations",
-            "solver",
-            "sync",
-            "trust",
-            "body",
-            "bones",
-        ],
-        typer.Argument(help="What to measure; docs/benchmark.md says how."),
-    ],
-    detector: Annotated[
-        Literal["fine_tuned", "generic"], typer.Option(help="Level of the simulated 2D detector.")
-    ] = "fine_tuned",
-    sampling: Annotated[
-        Literal["released", "paper"], typer.Option(help="How one motion is resampled.")
-    ] = "released",
-    videos: Annotated[int, typer.Option(help="Videos an action, 1 to 4.")] = 4,
-    only: Annotated[list[str], typer.Option(help="Run only this action (solver: part).")] = [],  # noqa: B006
-    on: Annotated[
-        Literal["protocol", "trials", "yoga", "h36m"], typer.Option(help="Data of the ablations.")
-    ] = "trials",
-    variants: Annotated[
-        str, typer.Option(metavar="A,B,...", help="Run only these ablations.")
-    ] = "",
-    data: Annotated[
-        Path | None, typer.Option(help="h36m: the folder with VideoPose3D's two files.")
-    ] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="Actions at once, each with one thread.")] = 1,
-    docs: Annotated[
-        bool, typer.Option("--docs", help="Put the table into docs/benchmark.md and README.md.")
-    ] = False,
-) -> None:
-    """Measure how good the program is, what its parts are worth, or how fast the body is."""
-    from stages.cli.benchmark import (
-        Wanted,
-        body_table,
-        motion_tables,
-        solver_table,
-        trust_table,
-    )
-
-    workspace = _workspace(context)
-    if name in ("body", "bones"):
-        console.print(body_table(name, workspace))
-        return
-    if name == "trust":
-        with Terminal(console) as display:
-            tables = trust_table(workspace, display)
-        console.print(*tables, sep="\n")
-        return
-    if name == "sync":
-        from stages.cli.benchmark import sync_tables
-
-        console.print(_plain(sync_tables(workspace, sampling, tuple(only), variants)))
-        return
-    names = tuple(word.strip() for word in variants.split(",") if word.strip())
-    wanted = Wanted(name, detector, sampling, videos, tuple(only), on, names, data, jobs, docs)
-    with Terminal(console) as display:
-        if name == "solver":
-            text, said = solver_table(wanted, workspace, display)
-        else:
-            text, said = motion_tables(wanted, workspace, display)
-    console.print(_plain(text), *(_plain(line) for line in said), sep="\n")
 
 
 @app.command()

@@ -1,0 +1,77 @@
+"""`imocap benchmark`: its options, and which measurement each name is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from stages.cli.show import Terminal
+from stages.harness.workspace import Workspace
+
+Name = Literal[
+    "protocol",
+    "trials",
+    "yoga",
+    "h36m",
+    "ablations",
+    "solver",
+    "sync",
+    "trust",
+    "body",
+    "bones",
+]
+
+
+def benchmark_command(
+    context: typer.Context,
+    name: Annotated[Name, typer.Argument(help="What to measure; docs/benchmark.md says how.")],
+    detector: Annotated[
+        Literal["fine_tuned", "generic"], typer.Option(help="Level of the simulated 2D detector.")
+    ] = "fine_tuned",
+    sampling: Annotated[
+        Literal["released", "paper"], typer.Option(help="How one motion is resampled.")
+    ] = "released",
+    videos: Annotated[int, typer.Option(help="Videos an action, 1 to 4.")] = 4,
+    only: Annotated[list[str], typer.Option(help="Run only this action (solver: part).")] = [],  # noqa: B006
+    on: Annotated[
+        Literal["protocol", "trials", "yoga", "h36m"], typer.Option(help="Data of the ablations.")
+    ] = "trials",
+    variants: Annotated[
+        str, typer.Option(metavar="A,B,...", help="Run only these ablations.")
+    ] = "",
+    data: Annotated[
+        Path | None, typer.Option(help="h36m: the folder with VideoPose3D's two files.")
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Actions at once, each with one thread.")] = 1,
+    docs: Annotated[
+        bool, typer.Option("--docs", help="Put the table into docs/benchmark.md and README.md.")
+    ] = False,
+) -> None:
+    """Measure how good the program is, what its parts are worth, or how fast the body is."""
+    from stages.cli import benchmark
+
+    workspace = context.obj
+    assert isinstance(workspace, Workspace)
+    console = Console(highlight=False, soft_wrap=True)
+    names = tuple(word.strip() for word in variants.split(",") if word.strip())
+    wanted = benchmark.Wanted(
+        name, detector, sampling, videos, tuple(only), on, names, data, jobs, docs
+    )
+    if name in ("body", "bones"):
+        console.print(benchmark.body_table(name, workspace))
+    elif name == "sync":
+        said = benchmark.sync_tables(workspace, sampling, tuple(only), variants)
+        console.print(escape(said))
+    elif name == "trust":
+        with Terminal(console) as display:
+            tables = benchmark.trust_table(workspace, display)
+        console.print(*tables, sep="\n")
+    else:
+        measure = benchmark.solver_table if name == "solver" else benchmark.motion_tables
+        with Terminal(console) as display:
+            text, where = measure(wanted, workspace, display)
+        console.print(*(escape(line) for line in (text, *where)), sep="\n")
