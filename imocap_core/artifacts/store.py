@@ -110,12 +110,17 @@ class Store:
         return Stored(file, content)
 
     def publish(self, action: str, stage: str, stored: Stored) -> None:
-        """Make a result the current one of its stage, its side files the action's report."""
+        """Make a result the current one of its stage, its side files the action's report.
+
+        What others put into the report stays until another result takes the place of this one:
+        then it was made from an older one.
+        """
         target = self.current(action, stage)
-        if stored.file != target:
+        again = stored.file == target
+        if not again:
             _link(stored.file, target)
         files, report = stored.content.files, self.report(action)
-        if files and not _same_files(report, files):
+        if files and not _same_files(report, files, and_more=again):
             _replace_folder(report, files)
 
     def lock(self, action: str, waiting: Callable[[], None]) -> AbstractContextManager[None]:
@@ -164,12 +169,11 @@ def _link(source: Path, target: Path) -> None:
         aside.unlink(missing_ok=True)  # renaming onto a link of the same file leaves it behind
 
 
-def _same_files(folder: Path, files: Mapping[str, bytes]) -> bool:
-    """Whether a folder holds exactly these files."""
+def _same_files(folder: Path, files: Mapping[str, bytes], *, and_more: bool) -> bool:
+    """Whether a folder holds these files, and no others unless `and_more`."""
     there = {p.relative_to(folder).as_posix(): p for p in folder.rglob("*") if p.is_file()}
-    return there.keys() == files.keys() and all(
-        there[name].read_bytes() == data for name, data in files.items()
-    )
+    enough = there.keys() >= files.keys() if and_more else there.keys() == files.keys()
+    return enough and all(there[name].read_bytes() == data for name, data in files.items())
 
 
 def _replace_folder(folder: Path, files: Mapping[str, bytes]) -> None:

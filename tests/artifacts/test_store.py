@@ -94,6 +94,24 @@ def test_side_files_become_the_report(store: Store, put: Put) -> None:
     assert [p.name for p in report.parent.iterdir() if p.name.startswith(".report")] == []
 
 
+def test_what_others_put_into_the_report_stays_until_the_result_changes(
+    store: Store, put: Put
+) -> None:
+    report = store.folder / "yoga" / "report"
+    put("one", files={"a.csv": b"1"})
+    (report / "viewer.html").write_bytes(b"made from one")
+    current = store.find("yoga", "sync", "one")
+    assert current is not None
+    store.publish("yoga", "sync", current)
+    assert {p.name for p in report.iterdir()} == {"a.csv", "viewer.html"}
+    (report / "a.csv").write_bytes(b"damaged")
+    store.publish("yoga", "sync", current)
+    assert (report / "a.csv").read_bytes() == b"1"
+    (report / "viewer.html").write_bytes(b"made from one")
+    put("two", files={"a.csv": b"1"})
+    assert {p.name for p in report.iterdir()} == {"a.csv"}
+
+
 HOLD = """
 import sys
 from pathlib import Path
