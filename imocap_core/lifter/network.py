@@ -1,0 +1,88 @@
+"""The network: a mixer over a window of frames. Every frame of the window is answered at once.
+
+Two linear layers mix the frames of a channel, two mix the channels of a frame, in turn (Tolstikhin
+et al., NeurIPS 2021): on a CPU nothing but matrix products.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+
+from imocap_core.lifter.rays import FEATURES
+
+WINDOW = 27  # frames
+RATE_HZ = 15.0  # of the frames of a window, about
+WIDTH = 256
+BLOCKS = 6
+JOINTS = 24  # SMPL's
+HYPOTHESES = 2  # beside the mean
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What the network says of a window, in the axes of the turned camera.
+
+    Attributes:
+        joints: (B, L, 24, 3) metres, relative to the pelvis; log_variance: (B, L, 24) of m^2, of
+            the distance from the truth in space.
+        alternatives: (B, L, HYPOTHESES, 24, 3); logits: (B, HYPOTHESES) which is likelier.
+    """
+
+    joints: Tensor
+    log_variance: Tensor
+    alternatives: Tensor
+    logits: Tensor
+
+
+class _Block(nn.Module):
+    def __init__(self, width: int, window: int) -> None:
+        super().__init__()
+        self.frames_norm = nn.LayerNorm(width)
+        self.frames_in = nn.Linear(window, 2 * window)
+        self.frames_out = nn.Linear(2 * window, window)
+        self.channels_norm = nn.LayerNorm(width)
+        self.channels_in = nn.Linear(width, 2 * width)
+        self.channels_out = nn.Linear(2 * width, width)
+
+    def forward(self, x: Tensor) -> Tensor:
+        y = self.frames_norm(x).transpose(1, 2)
+        y = self.frames_out(nn.functional.gelu(self.frames_in(y)))
+        x = x + y.transpose(1, 2)
+        y = self.channels_norm(x)
+        return x + self.channels_out(nn.functional.gelu(self.channels_in(y)))
+
+
+class Lifter(nn.Module):
+    """Features (B, WINDOW, FEATURES) to an `Answer`."""
+
+    def __init__(self, width: int = WIDTH, blocks: int = BLOCKS, window: int = WINDOW) -> None:
+        super().__init__()
+        self.first = nn.Linear(FEATURES, width)
+        self.blocks = nn.ModuleList([_Block(width, window) for _ in range(blocks)])
+        self.norm = nn.LayerNorm(width)
+        self.joints = nn.Linear(width, JOINTS * 3)
+        self.log_variance = nn.Linear(width, JOINTS)
+        self.alternatives = nn.Linear(width, HYPOTHESES * JOINTS * 3)
+        self.logits = nn.Linear(width, HYPOTHESES)
+
+    def forward(self, features: Tensor) -> Answer:
+        x = self.first(features)
+        for block in self.blocks:
+            x = block(x)
+        x = self.norm(x)
+        joints = self.joints(x).float().unflatten(-1, (JOINTS, 3))
+        others = self.alternatives(x).float().unflatten(-1, (HYPOTHESES, JOINTS, 3))
+        return Answer(
+            joints - joints[:, :, :1],
+            self.log_variance(x).float(),
+            others - others[..., :1, :],
+            self.logits(x.mean(1)).float(),
+        )
+
+
+def count_weights(network: nn.Module) -> int:
+    """How many numbers the network consists of."""
+    return sum(torch.numel(p) for p in network.parameters())

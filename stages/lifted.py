@@ -1,0 +1,26 @@
+"""Between artifacts and the core's lifter: one video's keypoints to 3D joints."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from imocap_core.artifacts.schemas import VideoCameraMotion, VideoKeypoints
+from imocap_core.lifter.infer import Lifted, lift
+from imocap_core.lifter.points import can_lift, to_common
+from imocap_core.lifter.weights import load_lifter
+
+
+def lifted_joints(video: VideoKeypoints, camera: VideoCameraMotion) -> Lifted | None:
+    """What the lifter says of a video, in the axes of its first frame's camera.
+
+    None when the layout has too few of the points it knows, or no frame shows any.
+    """
+    if not can_lift(video.layout):
+        return None
+    seen = np.isfinite(camera.xy_first_px).all(-1)
+    trust = np.where(seen, video.confidence, 0.0)
+    focal, centre = camera.K[[0, 1], [0, 1]], camera.K[:2, 2]
+    points, confidence = to_common((camera.xy_first_px - centre) / focal, trust, video.layout)
+    if not (confidence > 0).any():
+        return None
+    return lift(load_lifter(), points, confidence, video.fps)

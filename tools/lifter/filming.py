@@ -1,0 +1,154 @@
+"""Random cameras and a detector that errs: what the lifter is trained to read.
+
+Lengths are shares of the person's height in the picture, as in imocap_core/synthetic/detector.py,
+whose errors these are, with levels from better than the benchmarks' fine-tuned detector to worse
+than their generic one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from imocap_core.body.layouts import layout_keypoints
+from imocap_core.conventions import left_right_pairs
+from imocap_core.lifter.network import RATE_HZ
+from imocap_core.lifter.points import COMMON
+
+STATURE_M = 1.7
+LAYOUTS = ("body25", "body25b", "coco17", "coco18", "halpe26", "h36m17", "mediapipe33", "coco18")
+FACE = tuple(k for k, n in enumerate(COMMON) if n in
+             ("nose", "left_eye", "right_eye", "left_ear", "right_ear", "head_top"))  # fmt: skip
+FEET = tuple(k for k, n in enumerate(COMMON) if "toe" in n or "heel" in n)
+LIMBS = tuple(
+    tuple(pair for pair in left_right_pairs(COMMON)
+          if COMMON[pair[0]].removeprefix("left_") in parts)
+    for parts in (("shoulder", "elbow", "wrist"),
+                  ("hip_seen", "hip", "knee", "ankle", "big_toe", "small_toe", "heel"),
+                  ("eye", "ear"))
+)  # fmt: skip
+PERSISTENCE = float(np.exp(-1.0 / (0.3 * RATE_HZ)))
+
+
+def film(points: Tensor, joints: Tensor, rng: np.random.Generator) -> tuple[Tensor, ...]:
+    """Points (B, L, K, 3), z up, in random cameras.
+
+    Returns rays (B, L, K, 2) as a camera of a roughly known focal length has them, the person's
+    height in rays (B,), and the joints (B, L, 24, 3) in the camera's axes.
+    """
+    count = len(points)
+    R = _orientations(count, rng)
+    distance = np.exp(rng.uniform(np.log(2.2), np.log(12.0), count))
+    aside = rng.normal(size=(count, 2)) * (0.16, 0.09)
+    depth = np.maximum(distance, 1.8)
+    place = np.column_stack([aside[:, 0] * depth, aside[:, 1] * depth, depth])
+    place = torch.as_tensor(place, dtype=torch.float32)
+    x, j = (torch.einsum("bij,blkj->blki", R, p) for p in (points, joints))
+    x, j = x + place[:, None, None], j + place[:, None, None]
+    nearest = x[..., 2].flatten(1).min(1).values
+    push = (0.6 - nearest).clamp_min(0.0)[:, None, None]
+    z = x[..., 2] + push
+    j[..., 2] += push
+    known = rng.random(count) < 0.4
+    wrong = np.where(known, 1.0, np.exp(rng.normal(size=count) * 0.13))
+    factor = torch.as_tensor(wrong, dtype=torch.float32)[:, None, None, None]
+    height = STATURE_M / j[:, :, 0, 2].mean(1) * factor[:, 0, 0, 0]
+    return x[..., :2] / z[..., None] * factor, height, j
+
+
+def detect(rays: Tensor, height: Tensor, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+    """Rays (B, L, K, 2) and confidences (B, L, K) as a detector of some layout reports them."""
+    count, frames, K = rays.shape[:3]
+    per_window = (count, 1, 1)
+    noise = np.exp(rng.uniform(np.log(0.003), np.log(0.02), (*per_window, 1)))
+    hard = rng.uniform(0.7, 1.3, (count, 1, K, 1))
+    offset = noise * hard * _persistent((count, frames, K, 2), rng)
+    outlier = rng.random((count, frames, K)) < rng.uniform(0.0, 0.06, per_window)
+    offset += outlier[..., None] * rng.normal(0.0, 0.10, offset.shape)
+    error = np.linalg.norm(offset, axis=-1) / noise[..., 0]
+    own = rng.normal(size=(count, 1, K, 2)) * 0.006  # where a detector marks a joint
+    trust = _believed(error, rng)
+    plain = rng.random(count) < 0.25  # detectors that do not say how sure they are
+    trust[plain] = 1.0
+    missed = rng.random((count, frames, K)) < rng.uniform(0.0, 0.08, per_window)
+    seen = _swapped(rays, rng) + height[:, None, None, None] * torch.as_tensor(
+        offset + own, dtype=torch.float32
+    )
+    hidden = missed | ~_marked(count, frames, rng)
+    confidence = torch.as_tensor(np.where(hidden, 0.0, trust), dtype=torch.float32)
+    return torch.where(confidence[..., None] > 0, seen, 0.0), confidence
+
+
+def _orientations(count: int, rng: np.random.Generator) -> Tensor:
+    """R_cam_from_world (B, 3, 3): any azimuth, eye level mostly, a little roll."""
+    azimuth = rng.uniform(0, 2 * np.pi, count)
+    high = np.deg2rad(np.where(rng.random(count) < 0.7, rng.normal(6, 8, count),
+                               rng.uniform(-20, 55, count)))  # fmt: skip
+    roll = np.deg2rad(rng.normal(0, 3, count))
+    ca, sa, ce, se, cr, sr = (f(v) for v in (azimuth, high, roll) for f in (np.cos, np.sin))
+    none = np.zeros(count)
+    right = np.stack([ca, sa, none], -1)
+    forward = np.stack([-sa * ce, ca * ce, -se], -1)
+    down = np.cross(forward, right)
+    x = cr[:, None] * right + sr[:, None] * down
+    y = -sr[:, None] * right + cr[:, None] * down
+    return torch.as_tensor(np.stack([x, y, forward], 1), dtype=torch.float32)
+
+
+def _persistent(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
+    """Unit variance, half of it white and half persisting along axis 1."""
+    white = rng.standard_normal(shape, dtype=np.float32)
+    slow = rng.standard_normal(shape, dtype=np.float32)
+    for t in range(1, shape[1]):
+        slow[:, t] = PERSISTENCE * slow[:, t - 1] + np.sqrt(1 - PERSISTENCE**2) * slow[:, t]
+    return (white + slow) / np.sqrt(2)
+
+
+def _believed(error_in_sigma: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """As imocap_core.synthetic.detector.believed, its invention drawn once for both shares."""
+    known = 0.92 / (1.0 + (error_in_sigma / 6.0) ** 2)
+    invented = np.clip(rng.normal(0.71, 0.16, error_in_sigma.shape), 0, 1)
+    return np.clip(0.8 * known + 0.2 * invented, 0.05, 0.99)
+
+
+def _swapped(rays: Tensor, rng: np.random.Generator) -> Tensor:
+    """Arms, legs or faces exchanged in bouts; in one window of fifty all of them throughout."""
+    swapped = rays.clone()
+    count, frames = rays.shape[:2]
+    time = np.arange(frames)
+    for limb in LIMBS:
+        begin = rng.integers(-3, frames, count)
+        length = np.where(rng.random(count) < 0.12, rng.integers(1, 5, count), 0)
+        bout = (time >= begin[:, None]) & (time < (begin + length)[:, None])
+        b, t = (torch.as_tensor(i)[:, None] for i in np.nonzero(bout))
+        left, right = [p for p, _ in limb], [q for _, q in limb]
+        swapped[b, t, left], swapped[b, t, right] = rays[b, t, right], rays[b, t, left]
+    return swapped
+
+
+def _marked(count: int, frames: int, rng: np.random.Generator) -> np.ndarray:
+    """(B, L, K) bool: what the layout has, less what is cut off, hidden or outside the clip."""
+    tables = np.stack([[n in {k.point for k in layout_keypoints(x)} for n in COMMON]
+                       for x in LAYOUTS])  # fmt: skip
+    marked = np.repeat(tables[rng.integers(len(LAYOUTS), size=count)][:, None], frames, 1)
+    for rows, columns in (
+        (rng.random(count) < 0.25, list(FACE)),
+        (rng.random(count) < 0.15, list(FEET)),
+    ):
+        marked[np.ix_(rows, np.ones(frames, bool), columns)] = False
+    time = np.arange(frames)
+    for limb in LIMBS[:2]:
+        for side in (0, 1):
+            rows = np.flatnonzero(rng.random(count) < 0.06)
+            for row in rows:
+                begin = rng.integers(-6, frames)
+                some = [pair[side] for pair in limb][rng.integers(0, 3) :]
+                marked[row][
+                    np.ix_((time >= begin) & (time < begin + rng.integers(3, 20)), some)
+                ] = False
+    first = np.where(rng.random(count) < 0.15, rng.integers(0, frames - 4, count), 0)
+    last = np.where(rng.random(count) < 0.15, rng.integers(4, frames + 1, count), frames)
+    inside = (time >= first[:, None]) & (time < np.maximum(last, first + 3)[:, None])
+    gone = rng.random((count, frames)) < np.where(rng.random(count) < 0.1, 0.1, 0.0)[:, None]
+    return marked & (inside & ~gone)[..., None]

@@ -1,0 +1,142 @@
+"""Windows of motion for the lifter's training: captured, recombined, or drawn from the prior.
+
+All windows are drawn with one generator; the bodies that perform them have random shapes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from imocap_core.body import PointSet, join_points, load_free_body, pick_points
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.lifter.network import WINDOW
+from imocap_core.motion.prior import load_pose_prior
+from imocap_core.motion.terms.limits import HINGES
+from imocap_core.rotations import exp, log
+from lifter.motions import Clip, in_a_mirror
+
+STEPS = (1, 2, 2, 2, 3)  # frames of 1/30 s between those of a window: slow, as it was, fast
+RECOMBINED, DRAWN = 0.25, 0.2  # shares of windows
+ARMS = [k for k, n in enumerate(SMPL_JOINTS)
+        if any(p in n for p in ("collar", "shoulder", "elbow", "wrist", "hand"))]  # fmt: skip
+PRIOR_POOL, PRIOR_SPREAD = 20000, 1.15
+TUMBLED = 0.12  # share of windows that lie, hang or stand on their heads
+LEAN_RAD = 0.12
+SHAPE_SPREAD = 1.2
+
+
+@dataclass(frozen=True)
+class Motions:
+    """All frames of all clips in a row: R_local (N, 24, 3, 3), trans (N, 3), and where a window of
+    each step may begin."""
+
+    R_local: Tensor
+    trans: Tensor
+    begins: dict[int, np.ndarray]
+    prior: Tensor  # (PRIOR_POOL, 69) poses within joint limits
+
+
+def motions_of(clips: list[Clip], rng: np.random.Generator) -> Motions:
+    """The clips and their mirror images."""
+    both = [c for clip in clips for c in (clip, in_a_mirror(clip))]
+    begins: dict[int, list[np.ndarray]] = {step: [] for step in set(STEPS)}
+    start = 0
+    for theta, _ in both:
+        for step, found in begins.items():
+            found.append(start + np.arange(max(0, len(theta) - step * (WINDOW - 1))))
+        start += len(theta)
+    theta = torch.as_tensor(np.concatenate([t for t, _ in both]), dtype=torch.float32)
+    trans = torch.as_tensor(np.concatenate([p for _, p in both]), dtype=torch.float32)
+    poses = torch.as_tensor(load_pose_prior().sample(PRIOR_POOL, rng, PRIOR_SPREAD)).float()
+    return Motions(exp(theta), trans, {s: np.concatenate(b) for s, b in begins.items()},
+                   _within_limits(poses))  # fmt: skip
+
+
+def windows(motions: Motions, count: int, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+    """R_local (B, L, 24, 3, 3), z up, and root paths (B, L, 3)."""
+    kind = rng.random(count)
+    R, trans = _captured(motions, count, rng)
+    mixed = np.flatnonzero(kind < RECOMBINED)
+    other, _ = _captured(motions, len(mixed), rng)
+    R[mixed[:, None, None], np.arange(WINDOW)[None, :, None], np.array(ARMS)[None, None]] = other[
+        :, :, ARMS
+    ]
+    drawn = np.flatnonzero(kind > 1 - DRAWN)
+    R[drawn, :, 1:] = _from_prior(motions, len(drawn), rng)
+    tumbled = np.flatnonzero(rng.random(count) < TUMBLED)
+    axis = rng.normal(size=(count, 3)) * LEAN_RAD * (1, 1, 0)
+    axis[tumbled] = rng.normal(size=(len(tumbled), 3)) * 1.2
+    turn = exp(torch.as_tensor(axis, dtype=torch.float32))
+    R[:, :, 0] = turn[:, None] @ R[:, :, 0]
+    middle = trans.mean(1, keepdim=True)
+    return R, torch.einsum("bij,blj->bli", turn, trans - middle)
+
+
+def _captured(motions: Motions, count: int, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+    step = rng.choice(STEPS, count)
+    first = np.array([motions.begins[s][rng.integers(len(motions.begins[s]))] for s in step], int)
+    rows = first[:, None] + step[:, None] * np.arange(WINDOW)
+    back = rng.random(count) < 0.1  # films run backwards are motions too
+    rows[back] = rows[back][:, ::-1]
+    at = torch.as_tensor(rows)
+    return motions.R_local[at].clone(), motions.trans[at].clone()
+
+
+def _from_prior(motions: Motions, count: int, rng: np.random.Generator) -> Tensor:
+    """(B, L, 23, 3, 3): from one pose to the next, each at its own pace."""
+    keys = 6
+    poses = motions.prior[torch.as_tensor(rng.integers(len(motions.prior), size=(count, keys)))]
+    pace = rng.uniform(0.04, 0.16, (count, 1))
+    at = np.clip(pace * np.arange(WINDOW) + rng.random((count, 1)), 0, keys - 1.001)
+    low = torch.as_tensor(at.astype(int))
+    share = torch.as_tensor(at % 1.0, dtype=torch.float32)
+    share = (share * share * (3 - 2 * share))[..., None]
+    rows = torch.arange(count)[:, None]
+    theta = poses[rows, low] * (1 - share) + poses[rows, low + 1] * share
+    return exp(theta.unflatten(-1, (23, 3)))
+
+
+def _within_limits(poses: Tensor) -> Tensor:
+    """Knees and elbows do not bend backwards."""
+    found = poses.clone()
+    for name, axis, sign in HINGES:
+        at = 3 * (SMPL_JOINTS.index(name) - 1) + axis
+        found[:, at] = sign * (sign * found[:, at]).clamp_min(-0.05)
+    return log(exp(found.unflatten(-1, (23, 3)))).flatten(1)
+
+
+class Performers:
+    """The free body with the lifter's points and SMPL's joints."""
+
+    def __init__(self) -> None:
+        self.model = load_free_body(dtype=torch.float32)
+        self.points = _common_points(self.model)
+        self.joints = self.model.points("smpl24")
+
+    def perform(
+        self, R_local: Tensor, trans: Tensor, rng: np.random.Generator
+    ) -> tuple[Tensor, Tensor]:
+        """Points (B, L, K, 3) and joints (B, L, 24, 3) of bodies of random shape."""
+        betas = rng.normal(size=(len(R_local), 1, 10)) * SHAPE_SPREAD
+        shaped = self.model.shape(torch.as_tensor(betas, dtype=torch.float32))
+        posed = shaped.pose(R_local, trans)
+        return posed.keypoints(self.points), posed.keypoints(self.joints)
+
+
+def _common_points(model) -> PointSet:
+    """`imocap_core.lifter.points.COMMON` on the body, in that order."""
+    feet = [f"{s}_{p}" for p in ("big_toe", "small_toe", "heel") for s in ("left", "right")]
+    sets = [
+        model.points("coco17"),
+        pick_points(model.points("body25b"), feet),
+        pick_points(model.points("halpe26"), ["neck", "mid_hip", "head_top"]),
+        pick_points(model.points("body25b"), ["upper_neck"]),
+        pick_points(
+            model.points("smpl24"), ["left_hip", "right_hip", "pelvis", "spine2", "neck", "head"]
+        ),
+    ]
+    return join_points(sets)
