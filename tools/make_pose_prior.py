@@ -108,7 +108,7 @@ def fit_batch(body: Body, batch: list[np.ndarray], names: list[str]) -> list[np.
         PosePriorTerm(rest_prior(), 0.05),
         ShapePrior(1.0),
         HingeLimits(100.0),
-        PoseSmoothness(10.0 * ones, 0.0 * ones),
+        PoseSmoothness(10.0 * ones, 0.0 * ones, 1.0),
         PathSmoothness(1.0, 0.0),
     ]
     solution = gauss_newton(terms, state, max_steps=20, relative_tolerance=3e-3)
