@@ -1,0 +1,76 @@
+"""Exchanged sides are put back; what is as it should be is not touched."""
+
+import numpy as np
+import pytest
+
+from imocap_core.body.layouts import layout_names
+from imocap_core.people.sides import bouts, exchanged, limbs_of, repaired
+
+NAMES = layout_names("coco17")
+FPS = 30.0
+LEGS = next(pairs for pairs in limbs_of(NAMES) if NAMES[pairs[0][0]] == "left_hip")
+
+
+def walker(frames: int = 90, noise_px: float = 1.0, seed: int = 0) -> np.ndarray:
+    """Points (T, 17, 2) of somebody 300 px tall whose sides pass each other as in a walk."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(frames) / FPS
+    xy = np.zeros((frames, 17, 2))
+    for k, name in enumerate(NAMES):
+        sign = {"left": 1.0, "right": -1.0}.get(name.split("_")[0], 0.0)
+        xy[:, k, 0] = 100 * time + sign * 40 * np.sin(2 * np.pi * time) + 8 * sign
+        xy[:, k, 1] = 17.0 * k
+    return xy + rng.normal(0, noise_px, xy.shape)
+
+
+def with_exchanged(xy: np.ndarray, begin: int, end: int) -> np.ndarray:
+    seen = xy.copy()
+    for left, right in LEGS:
+        seen[begin:end, left], seen[begin:end, right] = xy[begin:end, right], xy[begin:end, left]
+    return seen
+
+
+SIZE = np.full(90, 300.0)
+
+
+@pytest.mark.parametrize("span", [(34, 37), (50, 51), (63, 72)])
+def test_a_bout_is_found_and_undone(span: tuple[int, int]) -> None:
+    xy = walker()
+    seen = with_exchanged(xy, *span)
+    found = exchanged(seen, SIZE, LEGS, FPS)
+    assert bouts(found) == [span]
+    trust = np.random.default_rng(1).random(xy.shape[:2])
+    again, _ = repaired(seen, trust, found, LEGS)
+    np.testing.assert_array_equal(again, xy)
+    twice = repaired(*repaired(seen, trust, found, LEGS), found, LEGS)
+    np.testing.assert_array_equal(twice[0], seen)
+    np.testing.assert_array_equal(twice[1], trust)
+
+
+@pytest.mark.parametrize("noise_px", [0.0, 3.0])
+def test_nothing_is_touched_where_nothing_is_wrong(noise_px: float) -> None:
+    assert not exchanged(walker(noise_px=noise_px), SIZE, LEGS, FPS).any()
+
+
+def test_a_bout_is_the_same_bout_backwards() -> None:
+    seen = with_exchanged(walker(), 40, 45)
+    forwards = exchanged(seen, SIZE, LEGS, FPS)
+    backwards = exchanged(seen[::-1], SIZE, LEGS, FPS)[::-1]
+    np.testing.assert_array_equal(forwards, backwards)
+
+
+def test_who_turns_round_for_good_is_left_alone() -> None:
+    assert not exchanged(with_exchanged(walker(), 40, 90), SIZE, LEGS, FPS).any()
+    assert not exchanged(with_exchanged(walker(), 20, 70), SIZE, LEGS, FPS).any()
+
+
+def test_missing_points_do_not_hide_a_bout() -> None:
+    seen = with_exchanged(walker(), 34, 38)
+    seen[33:36, LEGS[0][0]] = np.nan
+    seen[36, LEGS[1][1]] = np.nan
+    assert bouts(exchanged(seen, SIZE, LEGS, FPS)) == [(34, 38)]
+
+
+def test_limbs_of_layouts() -> None:
+    assert [len(pairs) for pairs in limbs_of(NAMES)] == [3, 3, 2]
+    assert [len(pairs) for pairs in limbs_of(layout_names("body25"))] == [3, 6, 2]
