@@ -61,15 +61,23 @@ def read_gray(
 
 
 def write_h264(
-    path: Path, frames: Iterable[Picture], fps: float, *, crf: int = 20, preset: str = "veryfast"
+    path: Path,
+    frames: Iterable[Picture],
+    fps: float,
+    *,
+    crf: int = 20,
+    preset: str = "veryfast",
+    faststart: bool = False,
 ) -> int:
     """Write RGB frames (height, width, 3) uint8 as an mp4; returns how many.
 
     One thread and no encoder stamps: the same frames give the same bytes. Odd sizes lose their
-    last row or column, which H.264 in 4:2:0 cannot hold.
+    last row or column, which H.264 in 4:2:0 cannot hold. faststart: the index comes first, so that
+    a browser plays while it loads.
     """
     count = 0
-    with av.open(str(path), "w", format="mp4", options={"fflags": "+bitexact"}) as container:
+    options = {"fflags": "+bitexact", **({"movflags": "+faststart"} if faststart else {})}
+    with av.open(str(path), "w", format="mp4", options=options) as container:
         stream: Any = container.add_stream("libx264", rate=Fraction(fps).limit_denominator(1001))
         stream.pix_fmt = "yuv420p"
         stream.options = {"crf": str(crf), "preset": preset, "threads": "1", "flags": "+bitexact"}

@@ -1,72 +1,84 @@
-"""All videos in lock-step: each tile shows the frame that is matched to the reference's."""
+"""All videos in lock-step: each tile shows the frame that belongs to the same moment."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
 
 import cv2
 import numpy as np
-from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from imocap_core.artifacts.schemas import Keypoints, SyncSummary, VideoKeypoints
-from imocap_core.formats.video import read_rgb
-from imocap_core.views.style import color_of
-from imocap_core.views.sync_summary import retimed, title_of
+from imocap_core.views.lettering import DIMMED, write, write_strip
+from imocap_core.views.performer import rgb_of, source_frames
+from imocap_core.views.sync_summary import film_moments, places, retimed, title_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Image = NDArray[np.uint8]
+Paint = Callable[[int, Image, Array], Image]
+"""Paints over a part of the picture of a used frame, (3, 3) moving its pixels there."""
 
 TILE_WIDTH_PX = 480
 FILM_HEIGHT_PX = 1200  # of more rows of tiles, each is smaller
 TALLEST, FLATTEST = 1.4, 0.8  # height of a tile, share of its width
 MARGIN = 1.35  # of the performer's box
 FOLLOW_S = 0.6  # the window follows the performer this slowly
-GAP_PX, STRIP_PX = 6, 34
-DIMMED = 0.35
+GAP_PX = 6
 FRAME_RGB = (24, 26, 29)
-FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 
 @dataclass(frozen=True)
 class Track:
-    """One video on the reference's time axis, a value each moment."""
+    """One video on the common time axis, a value each moment."""
 
     name: str
     rgb: tuple[int, int, int]
-    file: Path
-    frames: Ints  # (M,) source frame numbers, never going back
+    file: Path | None
+    size: tuple[int, int]  # width, height
+    index: Ints  # (M,) of used frames, never going back
+    frames: Ints  # (M,) their source frame numbers
     matched: NDArray[np.bool_]  # (M,)
     confidence: Array  # (M,)
     windows: Array  # (M, 4) x0 y0 width height of what is shown, pixels
+    paint: Paint | None = None
 
 
-def tracks_of(keypoints: Keypoints, sync: SyncSummary, files: dict[str, Path]) -> list[Track]:
-    """The reference first, then the other videos that have a file."""
+def tracks_of(
+    keypoints: Keypoints,
+    sync: SyncSummary,
+    files: Mapping[str, Path | None],
+    paints: Mapping[str, Paint] | None = None,
+) -> list[Track]:
+    """The reference first, then the other videos named in `files`; None: there is no file.
+
+    The moments are those of `film_moments`. paints: what is painted over some videos.
+    """
     seen = {v.id: v for v in keypoints.videos}
-    count = len(seen[sync.reference].frames)
+    moments, fps = film_moments(keypoints, sync), seen[sync.reference].fps
     order = [sync.reference, *(i for i in sync.ids if i != sync.reference)]
     shown = [seen[i] for i in order if i in files]
     shape = tile_shape(shown)
     tracks = []
     for video in shown:
         found = next(m for m in sync.maps if m.id == video.id)
-        index, matched = retimed(found, list(range(count)), seen[sync.reference].fps)
-        r, g, b = (round(255 * c) for c in to_rgb(color_of(sync.ids, video.id)))
+        index, matched = retimed(places(sync, video.id, fps), moments, fps)
         tracks.append(
             Track(
                 name=title_of(sync, video.id),
-                rgb=(r, g, b),
+                rgb=rgb_of(sync.ids, video.id),
                 file=files[video.id],
+                size=video.size,
+                index=index,
                 frames=video.frames[index],
                 matched=matched,
                 confidence=np.nan_to_num(found.confidence)[index],
                 windows=crop_windows(video, shape)[index],
+                paint=(paints or {}).get(video.id),
             )
         )
     return tracks
@@ -109,7 +121,7 @@ def side_by_side(tracks: Sequence[Track], shape: tuple[int, int]) -> Iterator[Im
         raise ValueError("tracks: expected at least one video, got none")
     rows, columns = grid_shape(len(tracks))
     height, width = shape
-    readers = [_pictures(track) for track in tracks]
+    readers = [source_frames(track.file, track.frames, track.size) for track in tracks]
     for moment in range(len(tracks[0].frames)):
         film = np.full(
             (rows * (height + GAP_PX) - GAP_PX, columns * (width + GAP_PX) - GAP_PX, 3),
@@ -133,47 +145,18 @@ def tile(track: Track, moment: int, picture: Image, shape: tuple[int, int]) -> I
         picture = np.asarray(cv2.GaussianBlur(picture, (0, 0), 0.35 / scale), dtype=np.uint8)
     moved = cv2.warpAffine(picture, move, (width, height), flags=smooth, borderValue=FRAME_RGB)
     cut: Image = np.asarray(moved, dtype=np.uint8)
+    if track.paint is not None:
+        cut = track.paint(int(track.index[moment]), cut, np.vstack([move, [0, 0, 1]]))
     matched = bool(track.matched[moment])
     size = width / TILE_WIDTH_PX
     if not matched:
         cut = np.asarray(cut * DIMMED, dtype=np.uint8)
-        _text(cut, "unmatched", (width // 2, height // 2), 0.9 * size, (235, 235, 235), 0.5)
-    strip = round(STRIP_PX * size)
-    cut[:strip] = (cut[:strip] * DIMMED).astype(np.uint8)
-    cut[:strip, :6] = track.rgb
-    _text(cut, track.name, (16, round(0.7 * strip)), 0.62 * size, (255, 255, 255))
+        write(cut, "unmatched", (width // 2, height // 2), 0.9 * size, before=0.5)
+    said = f"frame {track.frames[moment]}" if matched else ""
+    write_strip(cut, track.name, said, track.rgb, size)
     if matched:
-        said = f"frame {track.frames[moment]}"
-        _text(cut, said, (width - 10, round(0.7 * strip)), 0.55 * size, (225, 225, 225), 1.0)
         cut[-5:, : round(width * float(np.clip(track.confidence[moment], 0, 1)))] = track.rgb
     return cut
-
-
-def _text(
-    picture: Image,
-    said: str,
-    at: tuple[int, int],
-    size: float,
-    rgb: tuple[int, int, int],
-    before: float = 0.0,
-) -> None:
-    """Write on the picture; the share `before` of the text lies left of `at`."""
-    (wide, _), _ = cv2.getTextSize(said, FONT, size, 1)
-    where = (round(at[0] - before * wide), at[1])
-    cv2.putText(picture, said, where, FONT, size, rgb, 1, cv2.LINE_AA)
-
-
-def _pictures(track: Track) -> Iterator[Image]:
-    """The track's picture at each moment; the video is decoded once, in order."""
-    reader = read_rgb(track.file, int(track.frames[0]), int(track.frames[-1]) + 1)
-    number, picture = -1, np.zeros((2, 2, 3), dtype=np.uint8)
-    for wanted in track.frames:
-        while number < wanted:
-            try:
-                number, picture = next(reader)
-            except StopIteration:
-                break  # a video that ends early stands still
-        yield picture
 
 
 def _sides(video: VideoKeypoints) -> tuple[float, float]:

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from imocap_core.artifacts.schemas import Keypoints, SyncMap, SyncSummary
+from imocap_core.artifacts.schemas import Keypoints, SyncSummary
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 GAP_S = 0.15
-"""A moment of the reference farther than this from every matched frame is unmatched."""
+"""A moment farther than this from every frame of a video is unmatched in it."""
 END_FRAMES = 1.0
-"""Nor is one that lies further than this before the first or after the last of them."""
+"""So is one that lies further than this before the first or after the last of them."""
 
 
 @dataclass(frozen=True)
@@ -67,18 +66,38 @@ def seconds_at(index: Array, frames: Ints, fps: float) -> Array:
     return np.where(np.isfinite(index), at, np.nan)
 
 
-def retimed(found: SyncMap, moments: Sequence[float], fps: float) -> tuple[Ints, NDArray[np.bool_]]:
-    """For each moment (index into the reference, increasing) the video's frame that shows it (index
-    into its used frames, never going back), and whether one does; `fps` of the reference.
+def film_moments(keypoints: Keypoints, sync: SyncSummary) -> Array:
+    """The moments (M,) at which a film of all videos shows them, in frames of the reference: its
+    own, and those before and after at which other videos have a place on the common axis."""
+    reference = next(v for v in keypoints.videos if v.id == sync.reference)
+    every = [places(sync, i, reference.fps) for i in sync.ids]
+    known = np.concatenate([place[np.isfinite(place)] for place in every])
+    last = len(reference.frames) - 1
+    ends = np.rint([known.min(initial=0.0), known.max(initial=last)])
+    return np.arange(ends[0], ends[1] + 1)
+
+
+def places(sync: SyncSummary, video: str, fps: float) -> Array:
+    """Where a video's used frames (T,) lie on the time axis of all, in frames of the reference,
+    whose rate is `fps`; NaN where nowhere."""
+    if sync.trust is not None:
+        return next(v.phase_s for v in sync.trust.videos if v.id == video) * fps
+    return next(m.reference_frame for m in sync.maps if m.id == video)
+
+
+def retimed(place: Array, moments: ArrayLike, fps: float) -> tuple[Ints, NDArray[np.bool_]]:
+    """For each moment (increasing, in frames of the reference, whose rate is `fps`) the frame that
+    shows it in a video whose frames (T,) have these places (index into its used frames, never going
+    back), and whether one does.
 
     A moment that nothing shows gets the frame of the nearest one before it that is shown, or the
     first.
     """
     wanted = np.asarray(moments, dtype=np.float64)
-    known = np.flatnonzero(np.isfinite(found.reference_frame))
+    known = np.flatnonzero(np.isfinite(place))
     if not len(known):
         return np.zeros(len(wanted), dtype=np.int64), np.zeros(len(wanted), dtype=bool)
-    there = np.maximum.accumulate(found.reference_frame[known])
+    there = np.maximum.accumulate(place[known])
     index = np.rint(np.interp(wanted, there, known)).astype(np.int64)
     distance = np.abs(there[None, :] - wanted[:, None]).min(axis=1)
     inside = (wanted >= there[0] - END_FRAMES) & (wanted <= there[-1] + END_FRAMES)

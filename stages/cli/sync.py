@@ -132,7 +132,7 @@ def _write(
 ) -> list[Path]:
     from imocap_core.formats.export_npz import write_sync
     from imocap_core.formats.video import write_h264
-    from imocap_core.views.side_by_side import side_by_side, tile_shape, tracks_of
+    from imocap_core.views.phase_bar import lock_step
     from imocap_core.views.style import quiet, save
     from imocap_core.views.sync_picture import sync_picture
 
@@ -153,11 +153,10 @@ def _write(
     files = {v.id: job.action.folder / v.video for v in job.action.videos if v.video is not None}
     if len(files) > 1:
         display.progress(0.0, "writing the film")
-        tracks = tracks_of(keypoints, sync, files)
-        shape = tile_shape([v for v in keypoints.videos if v.id in files])
         fps = next(v.fps for v in keypoints.videos if v.id == sync.reference)
+        film = lock_step(keypoints, sync, files, job.action.name)
         try:
-            write_h264(folder / FILM, side_by_side(tracks, shape), fps)
+            write_h264(folder / FILM, film, fps, faststart=True)
         except ValueError as error:
             raise WorkFailed(str(error)) from None
         written.append(folder / FILM)

@@ -26,10 +26,6 @@ from imocap_core.views.sync_summary import retimed, sync_rows, title_of
 from tests.views.made import FPS, SIZE, Made
 
 
-def _map(at: list[float]) -> SyncMap:
-    return SyncMap(id="v2", reference_frame=np.array(at), confidence=np.ones(len(at)))
-
-
 def _without(sync: Sync, video: str) -> Sync:
     maps = [
         m
@@ -67,21 +63,21 @@ def test_rate_counts_different_frame_rates(made: Made) -> None:
 
 
 def test_retimed_takes_the_nearest_frame_and_never_goes_back() -> None:
-    index, matched = retimed(_map([np.nan, 2.0, 3.0, 9.0, 10.0]), list(range(12)), 10.0)
+    index, matched = retimed(np.array([np.nan, 2.0, 3.0, 9.0, 10.0]), list(range(12)), 10.0)
     assert list(index[2:4]) == [1, 2]
     assert list(index[9:11]) == [3, 4]
     assert (np.diff(index) >= 0).all()
     assert list(np.flatnonzero(matched)) == [1, 2, 3, 4, 8, 9, 10, 11]
-    _, matched = retimed(_map([0.0, 4.0, 20.0]), list(range(24)), 20.0)
+    _, matched = retimed(np.array([0.0, 4.0, 20.0]), list(range(24)), 20.0)
     assert list(np.flatnonzero(~matched)) == [8, 9, 10, 11, 12, 13, 14, 15, 16, 22, 23]
-    assert not retimed(_map([np.nan] * 3), [0, 1], 30.0)[1].any()
-    back, _ = retimed(_map([3.0, 2.0, 4.0]), [0, 1, 2, 3, 4], 30.0)
+    assert not retimed(np.array([np.nan] * 3), [0, 1], 30.0)[1].any()
+    back, _ = retimed(np.array([3.0, 2.0, 4.0]), [0, 1, 2, 3, 4], 30.0)
     assert (np.diff(back) >= 0).all()
 
 
 def test_retiming_inverts_the_map() -> None:
     at = np.cumsum(np.random.default_rng(0).uniform(0.4, 1.6, 60))
-    index, matched = retimed(_map(list(at)), list(range(5, 50)), 30.0)
+    index, matched = retimed(at, list(range(5, 50)), 30.0)
     assert matched.all()
     assert np.abs(at[index] - np.arange(5, 50)).max() < 1.7
 
@@ -192,6 +188,8 @@ def test_an_unmatched_tile_is_dimmed_and_says_so() -> None:
         name="v2",
         rgb=(200, 100, 0),
         file=Path("none"),
+        size=(320, 320),
+        index=np.array([0, 0]),
         frames=np.array([7, 7]),
         matched=np.array([True, False]),
         confidence=np.array([0.5, 0.0]),

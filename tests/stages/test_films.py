@@ -1,0 +1,65 @@
+"""`imocap video`: which films are written, what they hold, and what is said when they can't be."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from imocap_core.formats.video import probe
+from stages.cli.films import films_of, write_films
+from stages.harness.errors import WorkFailed
+from stages.harness.workspace import Workspace
+from tests.stages.stored import NAME, stored_job
+from tests.views.made import SIZE, Made
+
+
+@pytest.fixture(scope="module")
+def made() -> Made:
+    return Made()
+
+
+def test_films_are_written_whether_or_not_there_are_videos(made: Made, tmp_path: Path) -> None:
+    job = stored_job(tmp_path, made, filmed=("v1",))
+    films = films_of(job, "both", mesh=True, result="final", opacity=0.7)
+    names = ["overlay_v1.mp4", "overlay_v2.mp4", "overlay_v3.mp4", "side_by_side.mp4"]
+    assert [film.name for film in films] == names
+    steps: list[tuple[str, int]] = []
+    files = write_films(films, tmp_path / "out", lambda film, done: steps.append((film.name, done)))
+    assert [file.name for file in files] == names
+    for film, file in zip(films, files, strict=True):
+        info = probe(file)
+        assert info.frame_count == film.count
+        assert info.fps == pytest.approx(film.fps)
+        assert [done for name, done in steps if name == film.name] == list(range(1, film.count + 1))
+        if film.name.startswith("overlay"):
+            assert info.size == SIZE
+        data = file.read_bytes()
+        assert data.find(b"moov") < data.find(b"mdat")  # plays while it loads
+
+
+def test_one_kind_alone_and_the_monocular_result(made: Made, tmp_path: Path) -> None:
+    job = stored_job(tmp_path, made)
+    alone = films_of(job, "side-by-side", mesh=False, result="final", opacity=0.7)
+    assert [film.name for film in alone] == ["side_by_side.mp4"]
+    overlays = films_of(job, "overlay", mesh=True, result="monocular", opacity=1.0)
+    final = films_of(job, "overlay", mesh=True, result="final", opacity=1.0)
+    assert len(overlays) == 3
+    first, last = next(overlays[0].frames()), next(final[0].frames())
+    assert (first != last).any()
+
+
+def test_an_action_that_has_not_run_is_named_with_the_remedy(made: Made, tmp_path: Path) -> None:
+    job = stored_job(tmp_path, made)
+    job.store.current(NAME, "refine_sync").unlink()
+    with pytest.raises(WorkFailed, match="no refine_sync artifact yet; make it with: imocap run"):
+        films_of(job, "both", mesh=True, result="final", opacity=0.7)
+
+
+def test_a_broken_video_is_named(made: Made, tmp_path: Path) -> None:
+    stored_job(tmp_path, made, filmed=("v1",))
+    (tmp_path / "actions" / NAME / "v1.mp4").write_bytes(b"no video")
+    job = Workspace(tmp_path).job(NAME, [])
+    films = films_of(job, "overlay", mesh=True, result="final", opacity=0.7)
+    with pytest.raises(WorkFailed, match=r"v1\.mp4: is not a readable video"):
+        write_films(films, tmp_path / "out", lambda film, done: None)
