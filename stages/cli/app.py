@@ -13,6 +13,7 @@ from stages.cli.benchmark_command import benchmark_command
 from stages.cli.repeated import job_in_parts
 from stages.cli.show import Terminal, reasons
 from stages.cli.sync_command import sync_command
+from stages.cli.video_command import video_command
 from stages.harness import runner
 from stages.harness.errors import WorkFailed, WrongUse
 from stages.harness.runner import Job, Outcome
@@ -28,6 +29,7 @@ app = typer.Typer(
 )
 app.command("sync")(sync_command)
 app.command("benchmark")(benchmark_command)
+app.command("video")(video_command)
 console = Console(highlight=False, soft_wrap=True)
 
 ActionName = Annotated[str, typer.Argument(help="A name below actions/, or an action's folder.")]
