@@ -39,7 +39,7 @@ class Performer:
 
 
 @dataclass
-class _Track:
+class Track:
     """Frame numbers of one person and the pose (K, 3) in each."""
 
     frames: list[int] = field(default_factory=list)
@@ -65,26 +65,45 @@ def choose_performer(
     those that end and begin again where the person would be are joined, if the gap is no longer
     than five times that.
     """
-    keypoints = people[0].shape[1] if people else 0
+    ranked = ranked_tracks(people, size, fps, min_confidence=min_confidence, max_gap_s=max_gap_s)
+    return performer_of(ranked, 0, people)
+
+
+def ranked_tracks(
+    people: Sequence[Array],
+    size: tuple[int, int],
+    fps: float,
+    *,
+    min_confidence: float,
+    max_gap_s: float = 1.0,
+) -> list[tuple[float, Track]]:
+    """Everybody who was followed, with their scores, the largest first (see `choose_performer`)."""
     cleaned = [distinct_people(frame, min_confidence) for frame in people]
     max_gap = max(1, round(max_gap_s * fps))
     tracks = join_tracks(follow(cleaned, max_gap), 5 * max_gap)
     # a person of a few frames is a false detection: it is followed but not counted
     counted = [t for t in tracks if len(t.frames) >= min(5, len(people))]
+    scores = np.array([_score(track, len(people), size) for track in counted])
+    order = np.argsort(-scores, kind="stable")
+    return [(float(scores[k]), counted[k]) for k in order]
+
+
+def performer_of(
+    ranked: Sequence[tuple[float, Track]], chosen: int, people: Sequence[Array]
+) -> Performer:
+    """One of those who were followed, frame by frame."""
+    keypoints = people[0].shape[1] if people else 0
     xy = np.full((len(people), keypoints, 2), np.nan)
     confidence = np.zeros((len(people), keypoints))
     box = np.full((len(people), 4), np.nan)
-    if not counted:
+    if not ranked:
         return Performer(xy, confidence, box, 0, 0.0, "nobody was found in this video")
-    scores = np.array([_score(track, len(people), size) for track in counted])
-    order = np.argsort(-scores, kind="stable")
-    best = counted[order[0]]
+    best = ranked[chosen][1]
     for frame, pose in zip(best.frames, best.poses, strict=True):
         xy[frame], confidence[frame], box[frame] = pose[:, :2], pose[:, 2], _box(pose)
     presence = len(best.frames) / len(people)
-    return Performer(
-        xy, confidence, box, len(counted), presence, _note(best, people, scores[order])
-    )
+    scores = np.array([score for score, _ in ranked])
+    return Performer(xy, confidence, box, len(ranked), presence, _note(best, people, scores))
 
 
 def distinct_people(frame: Array, min_confidence: float) -> Array:
@@ -116,12 +135,12 @@ def pose_distance(a: Array, b: Array) -> float:
     return float(np.linalg.norm(middles[0] - middles[1])) / scale
 
 
-def follow(people: Sequence[Array], max_gap: int) -> list[_Track]:
+def follow(people: Sequence[Array], max_gap: int) -> list[Track]:
     """Tracks by assigning each frame's people to predicted poses (Hungarian method).
 
     A track that is not seen for more than ``max_gap`` frames has ended.
     """
-    tracks: list[_Track] = []
+    tracks: list[Track] = []
     for frame, found in enumerate(people):
         alive = [t for t in tracks if frame - t.frames[-1] <= max_gap]
         found, taken = merge_parts(found, _assign(alive, found, frame), alive, frame)
@@ -129,14 +148,14 @@ def follow(people: Sequence[Array], max_gap: int) -> list[_Track]:
             if person in taken:
                 alive[taken[person]].add(frame, pose)
             else:
-                started = _Track()
+                started = Track()
                 started.add(frame, pose)
                 tracks.append(started)
     return tracks
 
 
 def merge_parts(
-    found: Array, taken: dict[int, int], tracks: Sequence[_Track], frame: int
+    found: Array, taken: dict[int, int], tracks: Sequence[Track], frame: int
 ) -> tuple[Array, dict[int, int]]:
     """People and assignments of a frame, with bodies that the detector cut in two made whole.
 
@@ -160,7 +179,7 @@ def merge_parts(
     return found[kept], {kept.index(person): k for person, k in taken.items()}
 
 
-def join_tracks(tracks: list[_Track], max_gap: int) -> list[_Track]:
+def join_tracks(tracks: list[Track], max_gap: int) -> list[Track]:
     """Tracks joined end to begin where a person leaves and comes back, nearest pairs first."""
     tracks = list(tracks)
     while True:
@@ -177,11 +196,11 @@ def join_tracks(tracks: list[_Track], max_gap: int) -> list[_Track]:
         if best is None:
             return tracks
         _, i, k = best
-        joined = _Track(tracks[i].frames + tracks[k].frames, tracks[i].poses + tracks[k].poses)
+        joined = Track(tracks[i].frames + tracks[k].frames, tracks[i].poses + tracks[k].poses)
         tracks = [t for n, t in enumerate(tracks) if n not in (i, k)] + [joined]
 
 
-def _assign(tracks: list[_Track], found: Array, frame: int) -> dict[int, int]:
+def _assign(tracks: list[Track], found: Array, frame: int) -> dict[int, int]:
     """Person index -> track index, for the pairs within the gate."""
     if not tracks or not len(found):
         return {}
@@ -201,7 +220,7 @@ def _gate(gap: int) -> float:
     return min(GATE + GATE_PER_GAP_FRAME * (gap - 1), MAX_REJOIN_GATE)
 
 
-def _predict(track: _Track, frame: int) -> Array:
+def _predict(track: Track, frame: int) -> Array:
     """The last pose moved on with the person's speed over its last frames, for five at most."""
     last = track.poses[-1]
     recent = range(max(0, len(track.frames) - 4), len(track.frames))
@@ -228,7 +247,7 @@ def _size(pose: Array) -> float:
     return max(1.0, float(np.hypot(box[2] - box[0], box[3] - box[1])))
 
 
-def _score(track: _Track, frames: int, size: tuple[int, int]) -> float:
+def _score(track: Track, frames: int, size: tuple[int, int]) -> float:
     """Presence x size x motion; motion is how far the joints spread over time, in body sizes."""
     poses = np.stack(track.poses)
     own_size = float(np.median([_size(pose) for pose in track.poses]))
@@ -243,7 +262,7 @@ def _filled(poses: Array) -> Array:
     return poses[:, (poses[..., 2] > 0).any(axis=0), :2]
 
 
-def _note(best: _Track, people: Sequence[Array], scores: Array) -> str:
+def _note(best: Track, people: Sequence[Array], scores: Array) -> str:
     seen = f"the performer is seen in {len(best.frames)} of {len(people)} frames"
     if len(scores) == 1:
         return f"1 person followed; {seen}"
