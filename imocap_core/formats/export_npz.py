@@ -1,7 +1,8 @@
 """`imocap export --format npz`: one npz a video, sync.csv and cameras.json.
 
 SMPL's own convention (global orientation about the pelvis, trans as in smplx), metres, radians.
-The files hold the same bytes whenever they hold the same values.
+`trans`, `poses`, `betas`, `gender` and `mocap_framerate` are named as in AMASS. The files hold the
+same bytes whenever they hold the same values.
 """
 
 from __future__ import annotations
@@ -40,25 +41,29 @@ class ExportedVideo:
     joint_names: tuple[str, ...]
     fps: float
     size: tuple[int, int]
-    frames: NDArray[np.int64]  # source frame numbers
+    frames: NDArray[np.int64] | Array  # source frame numbers; fractional on the common timeline
     K: Array
     R: Array  # camera from world
     t: Array  # metres
     model: str  # name and digest of the body model
     up_axis: str
     hands: ExportedHands | None = None
+    inside: NDArray[np.bool_] | None = None  # (T,) on the common timeline: the video shows it
+    phase_s: Array | None = None  # (T,) on the common timeline: seconds of the reference
 
 
 def write_video(folder: Path, video: ExportedVideo) -> Path:
     """Write folder/<id>.npz and return its path."""
     file = folder / f"{video.id}.npz"
-    fingers: dict[str, Any] = {}
+    more: dict[str, Any] = {}
     if video.hands is not None:
-        fingers = {
+        more = {
             "poses_smplh": video.hands.poses_smplh,
             "hand_points": video.hands.points,
             "hand_seen": video.hands.seen,
         }
+    if video.inside is not None and video.phase_s is not None:
+        more |= {"inside": video.inside, "phase_s": video.phase_s}
     np.savez(
         file,
         poses=video.poses,
@@ -66,14 +71,16 @@ def write_video(folder: Path, video: ExportedVideo) -> Path:
         trans=video.trans,
         joints=video.joints,
         joint_names=np.array(video.joint_names),
+        gender=np.array("neutral"),
         fps=np.float64(video.fps),
+        mocap_framerate=np.float64(video.fps),
         frames=video.frames,
         K=video.K,
         R=video.R,
         t=video.t,
         model=np.array(video.model),
         up_axis=np.array(video.up_axis),
-        **fingers,
+        **more,
     )
     return file
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 from rich.console import Console
 
 from stages.cli.benchmark_command import benchmark_command
+from stages.cli.export_command import export_command
 from stages.cli.repeated import job_in_parts
 from stages.cli.show import Terminal, reasons
 from stages.cli.sync_command import sync_command
@@ -30,6 +31,7 @@ app = typer.Typer(
 app.command("sync")(sync_command)
 app.command("benchmark")(benchmark_command)
 app.command("video")(video_command)
+app.command("export")(export_command)
 console = Console(highlight=False, soft_wrap=True)
 
 ActionName = Annotated[str, typer.Argument(help="A name below actions/, or an action's folder.")]
@@ -146,24 +148,6 @@ def init(
     from stages.cli.init import write_action
 
     console.print(_plain(write_action(_workspace(context).root, name, videos)))
-
-
-@app.command()
-def export(
-    context: typer.Context,
-    action: ActionName,
-    out: Annotated[Path, typer.Option(help="Folder to write to.")],
-    format: Annotated[Literal["npz"], typer.Option(help="What to write.")] = "npz",
-    up: Annotated[
-        Literal["y", "z"] | None, typer.Option(help="Level the world by the ground, this axis up.")
-    ] = None,
-) -> None:
-    """Write the motion, the cameras and the correspondences for other programs."""
-    from stages.cli.export import export_npz
-
-    job = _workspace(context).job(action, [])
-    for file in export_npz(job.store, job.action.name, out, up):
-        console.print(_plain(str(file)))
 
 
 @app.command()

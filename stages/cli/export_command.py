@@ -1,0 +1,42 @@
+"""`imocap export`: the motion, the cameras and the correspondences for other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+from rich.console import Console
+
+from stages.harness.workspace import Workspace
+
+console = Console(highlight=False, soft_wrap=True, markup=False)
+
+
+def export_command(
+    context: typer.Context,
+    action: Annotated[str, typer.Argument(help="A name below actions/, or an action's folder.")],
+    out: Annotated[Path, typer.Option(help="Folder to write to.")],
+    format: Annotated[
+        Literal["npz", "bvh", "glb", "trc", "csv"], typer.Option(help="What to write.")
+    ] = "npz",
+    up: Annotated[
+        Literal["y", "z"] | None,
+        typer.Option(
+            help="Level the world by the ground, this axis up. Left out: y for bvh, glb and trc, "
+            "the reference camera's axes for npz and csv."
+        ),
+    ] = None,
+    time: Annotated[
+        Literal["own", "common"],
+        typer.Option(help="Every video's own frames, or all on one axis, in lock-step."),
+    ] = "own",
+) -> None:
+    """Write the motion, the cameras and the correspondences for other programs."""
+    from stages.cli.export_formats import export
+
+    assert isinstance(context.obj, Workspace)
+    job = context.obj.job(action, [])
+    done = export(job.store, job.action.name, format, out, up, time)
+    for sentence in [*done.said, *map(str, done.files)]:
+        console.print(sentence)

@@ -1,0 +1,62 @@
+"""What Blender reads in a BVH or GLB file: joints in the world. Runs where `bpy` is installed.
+
+python tools/blender_joints.py FILE OUT.json --fps 30 --frames 0 10 20 [--up y|z]
+
+OUT.json: {"<armature>": {"<joint>": [[x, y, z], ...]}}, metres, Blender's world (z up), one row a
+frame of the file (from 0); "cameras": {"<name>": {"angle", "across", "location"}} at the
+first, the angle in radians across the picture's "HORIZONTAL" or "VERTICAL" side.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+import bpy
+
+
+def main() -> int:
+    """Import one file as a user would, with the importer's defaults."""
+    arguments = argparse.ArgumentParser()
+    arguments.add_argument("file", type=Path)
+    arguments.add_argument("out", type=Path)
+    arguments.add_argument("--fps", type=int, required=True)
+    arguments.add_argument("--frames", type=int, nargs="+", required=True)
+    arguments.add_argument("--up", choices=["y", "z"], default="y")
+    given = arguments.parse_args()
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene, first = bpy.context.scene, 0
+    scene.render.fps = given.fps
+    if given.file.suffix == ".bvh":
+        axes = {"axis_forward": "-Z", "axis_up": "Y"}  # Blender's defaults
+        if given.up == "z":
+            axes = {"axis_forward": "Y", "axis_up": "Z"}
+        bpy.ops.import_anim.bvh(filepath=str(given.file), frame_start=0, **axes)
+        first = 1  # Blender puts a BVH file's first frame one after `frame_start`
+    else:
+        bpy.ops.import_scene.gltf(filepath=str(given.file))
+    armatures = [o for o in scene.objects if o.type == "ARMATURE"]
+    found = {o.name: {bone.name: [] for bone in o.pose.bones} for o in armatures}
+    for frame in given.frames:
+        scene.frame_set(frame + first)
+        for o in armatures:
+            for bone in o.pose.bones:
+                found[o.name][bone.name].append(list(o.matrix_world @ bone.head))
+    scene.frame_set(given.frames[0] + first)
+    found["cameras"] = {
+        o.name: {
+            "angle": o.data.angle,
+            "across": o.data.sensor_fit,
+            "location": list(o.matrix_world.translation),
+        }
+        for o in scene.objects
+        if o.type == "CAMERA"
+    }
+    given.out.write_text(json.dumps(found))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
