@@ -58,7 +58,8 @@ def who_performs(scores: Sequence[Sequence[float]], poses: Sequence[Sequence[Arr
 
     ways = [range(len(s)) for s in scores]
     if np.prod([len(w) for w in ways]) <= MOST_WAYS:
-        return list(max((list(rows) for rows in product(*ways)), key=worth))
+        every: list[Sequence[int]] = list(product(*ways))
+        return list(max(every, key=worth))
     return _one_at_a_time([0] * videos, ways, worth)
 
 
