@@ -18,9 +18,10 @@ import numpy as np
 
 from imocap_core.formats.take import Take
 from stages.cli.export_formats import export
-from stages.cli.export_sources import Result, read_result
+from stages.cli.export_sources import read_result
 from stages.cli.export_takes import camera_of, shaped_of, take_of
 from stages.cli.export_time import on_common_time
+from stages.cli.export_values import Result
 from stages.harness.workspace import Workspace
 
 READER = Path(__file__).with_name("blender_joints.py")

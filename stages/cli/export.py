@@ -13,9 +13,10 @@ from imocap_core.formats.export_npz import (
     write_sync,
     write_video,
 )
-from stages.cli.export_sources import Performance, Result, Time, read_result
+from stages.cli.export_sources import read_result
 from stages.cli.export_takes import poses_of
 from stages.cli.export_time import on_common_time
+from stages.cli.export_values import Performance, Result, Time
 from stages.harness.errors import WorkFailed
 
 

@@ -8,17 +8,18 @@ from pathlib import Path
 
 from imocap_core.artifacts.store import Store
 from imocap_core.formats.bvh import write_bvh
-from imocap_core.formats.gltf_scene import Actor, write_glb
 from imocap_core.formats.export_npz import write_video
+from imocap_core.formats.gltf_scene import Actor, write_glb
 from imocap_core.formats.joints_csv import write_joints_csv
 from imocap_core.formats.take import upright_rest
 from imocap_core.formats.take_body import skin_of
 from imocap_core.formats.trc import write_trc
 from stages.cli.export import exported, write_beside
 from stages.cli.export_notes import notes_of, write_notes
-from stages.cli.export_sources import Result, Time, read_result
+from stages.cli.export_sources import read_result
 from stages.cli.export_takes import camera_of, shaped_of, take_of
 from stages.cli.export_time import on_common_time
+from stages.cli.export_values import Result, Time
 from stages.harness.errors import WorkFailed, WrongUse
 
 DEFAULT_UP = {"bvh": "y", "glb": "y", "trc": "y"}  # the others keep the reference camera's axes

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from stages.cli.export_sources import CAMERA_UP, Result
+from stages.cli.export_values import CAMERA_UP, Result
 
 UNITS = {
     "npz": {"length": "metre", "angle": "radian (axis-angle)"},

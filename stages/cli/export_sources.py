@@ -1,9 +1,8 @@
-"""What every exported format is made from: an action's result in one world, on one timeline."""
+"""From the artifacts of an action to its result in one world."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,6 @@ from imocap_core.artifacts.schemas import (
     Hands,
     Keypoints,
     RefineSync,
-    SyncSummary,
     VideoCameraMotion,
     VideoHands,
     VideoKeypoints,
@@ -31,66 +29,13 @@ from imocap_core.camera.world import (
     to_world,
 )
 from imocap_core.conventions import SMPL_JOINTS
+from stages.cli.export_values import CAMERA_UP, HandTrack, Performance, Result
 from stages.harness.errors import WorkFailed
 
 Array = NDArray[np.float64]
-Time = Literal["own", "common"]
 
-CAMERA_UP = "-y"  # the world is the reference camera, whose y points down
 JOINTS = len(SMPL_JOINTS)
 FEET = [SMPL_JOINTS.index(name) for name in ("left_foot", "right_foot")]
-
-
-@dataclass(frozen=True, eq=False)
-class HandTrack:
-    """Hands of one video, left and right: wrists (T, 2, 3) and fingers (T, 2, 15, 3) axis-angle,
-    points (T, 2, 21, 3) metres, seen (T, 2)."""
-
-    wrists: Array
-    fingers: Array
-    points: Array
-    seen: NDArray[np.bool_]
-
-
-@dataclass(frozen=True, eq=False)
-class Performance:
-    """One video's result, body and camera in the world; hands' rotations are local.
-
-    body: see `Motion`, 24 joints. turns (T, 3, 3): camera's first frame from frame, all the
-    identity when it stands still. frames, inside, phase_s: as in `formats.take.Take`.
-    """
-
-    seen: VideoKeypoints
-    fps: float
-    body: Motion
-    betas: Array
-    hands: HandTrack | None
-    K: Array
-    pose: Extrinsics
-    turns: Array
-    frames: Array
-    inside: NDArray[np.bool_]
-    phase_s: Array
-
-    @property
-    def id(self) -> str:
-        """The video."""
-        return self.seen.id
-
-
-@dataclass(frozen=True, eq=False)
-class Result:
-    """All videos of an action, in the order of action.yaml."""
-
-    action: str
-    performances: list[Performance]
-    reference: str
-    model: str
-    model_digest: str
-    up_axis: str  # y or z: levelled, the ground at 0; -y: the reference camera's axes
-    sync: SyncSummary
-    time: Time = "own"
-    left_out: tuple[str, ...] = ()  # videos without a place on the common axis
 
 
 def read_result(store: Store, action: str, up: str | None) -> Result:

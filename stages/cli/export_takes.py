@@ -10,7 +10,7 @@ from imocap_core.body.conversions import rotations_from_pose
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.formats.take import Take, bone_tips
 from imocap_core.formats.take_body import TakeCamera
-from stages.cli.export_sources import Performance, Result
+from stages.cli.export_values import Performance, Result
 from stages.harness.errors import WorkFailed
 
 WRISTS = SMPL_JOINTS.index("left_wrist")  # the right one follows; then joints that hands replace

@@ -9,8 +9,8 @@ import torch
 
 from imocap_core.camera.world import Motion
 from imocap_core.motion.common_time import Moments, common_grid, moments_of, pose_at, values_at
-from stages.cli.export_sources import HandTrack, Performance, Result
 from stages.cli.export_takes import body_of
+from stages.cli.export_values import HandTrack, Performance, Result
 from stages.harness.errors import WorkFailed
 
 
