@@ -59,7 +59,8 @@ def who_performs(scores: Sequence[Sequence[float]], poses: Sequence[Sequence[Arr
     ways = [range(len(s)) for s in scores]
     if np.prod([len(w) for w in ways]) <= MOST_WAYS:
         every: list[Sequence[int]] = list(product(*ways))
-        return list(max(every, key=worth))
+        best = max(every, key=worth)
+        return list(best)
     return _one_at_a_time([0] * videos, ways, worth)
 
 
