@@ -18,6 +18,7 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.body import load_free_body
 from imocap_core.formats.estimators import JOINTS
+from imocap_core.motion.consensus import Cameras
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular import FitWeights
 from imocap_core.motion.observations import Observation, own_view, padded
@@ -198,6 +199,12 @@ def smpl_ba_of(
         misfit=motion.misfit,
         status=motion.status,
     )
+
+
+def cameras_of(cameras: Sequence[Camera]) -> Cameras:
+    """An artifact's cameras as the core's."""
+    R, t = (np.stack([getattr(camera, name) for camera in cameras]) for name in "Rt")
+    return Cameras(torch.as_tensor(R).to(LIKE), torch.as_tensor(t).to(LIKE))
 
 
 def evidence_joints(initial: InitialSmpl) -> dict[str, np.ndarray]:

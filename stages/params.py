@@ -26,6 +26,10 @@ class Group(BaseModel):
 class KeypointsParams(Group):
     min_confidence: Share  # detections below it count as missing
     max_gap_s: Positive  # a person unseen for longer begins a new track
+    looks: bool  # people are told apart by their clothes too, where there are pictures
+    performer: Literal["agreement", "score"]  # who performs, where a video shows several people
+    sides: Literal["leave", "repair"]  # limbs whose left and right a detector exchanged
+    cuts: bool  # look for cuts between shots, where there are pictures
 
 
 class CameraMotionParams(Group):

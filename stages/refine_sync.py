@@ -12,7 +12,7 @@ from imocap_core.artifacts.schemas import (
     Sync,
     SyncSummary,
 )
-from imocap_core.motion.alternation import Turn, alternate
+from imocap_core.motion.alternation import Alternation, Turn, alternate
 from imocap_core.motion.joint import recover_motion
 from imocap_core.motion.state import MotionState
 from imocap_core.sync.by_images import Pictures
@@ -20,6 +20,7 @@ from stages.harness.stage import Context, Inputs, main
 from stages.joint_work import joint_work
 from stages.motion_values import (
     body_for,
+    cameras_of,
     evidence_joints,
     observations_of,
     options_of,
@@ -69,7 +70,8 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
         ctx.progress(rounds_begun / (params.refine.max_rounds + 1), f"round {rounds_begun}: motion")
         scene = scene_of(body, observations, work.sync_in(sync), params.fit)
         state: MotionState = state_of(work.motions_in(motion.videos))
-        found = recover_motion(scene, state, options)
+        cameras = cameras_of(work.cameras_in(motion))
+        found = recover_motion(scene, state, options, cameras=cameras)
         return work.out(smpl_ba_of(body, found, observations, work.keypoints, sync.reference))
 
     done = alternate(
@@ -81,13 +83,15 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
         max_rounds=params.refine.max_rounds if len(keypoints.videos) > 1 else 0,
         settled_frames=params.refine.settled_frames,
     )
+    return _as_artifact(done)
+
+
+def _as_artifact(done: Alternation[Sync, SmplBa]) -> RefineSync:
     best = done.turns[done.best]
     return RefineSync(
         rounds=[
             Round(
-                sync=SyncSummary.model_validate(
-                    {name: getattr(turn.sync, name) for name in SyncSummary.model_fields}
-                ),
+                sync=_summary(turn.sync),
                 motion=turn.motion,
                 cost=turn.cost,
                 sync_change_frames=turn.change_frames,
@@ -99,6 +103,10 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
         motion=best.motion,
         status=done.status,
     )
+
+
+def _summary(sync: Sync) -> SyncSummary:
+    return SyncSummary.model_validate({n: getattr(sync, n) for n in SyncSummary.model_fields})
 
 
 if __name__ == "__main__":

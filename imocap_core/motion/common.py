@@ -49,12 +49,14 @@ def common_then_own(
     progress: Progress = lambda _: None,
     *,
     cameras_known: bool = False,
+    warm: bool = False,
 ) -> JointMotion:
     """One motion for all views, then each video's own deviation from it.
 
     Args:
         state: every video's motion in its own camera's axes, one body; cameras: where they start,
             or where they are and stay (``cameras_known``).
+        warm: they come from such a fit: its widest robust scale has been passed.
     """
     weights, costs = scene.weights, list[float]()
     free = [] if cameras_known else [v for v in range(len(cameras.R)) if v != scene.reference]
@@ -68,7 +70,7 @@ def common_then_own(
     )  # fmt: skip
     spread_m = np.zeros(evidence.weight.shape)
     status = ""
-    for stage in ROBUST_STAGES:
+    for stage in ROBUST_STAGES[warm:]:
         progress(f"one motion for all views, robust scale {stage:g}x")
         scale = weights.robust_scale * stage
         shared, cameras, solution = fit_shared(

@@ -17,22 +17,39 @@ from imocap_core.motion.monocular import Progress
 from imocap_core.motion.scene import JointMotion, JointOptions, Scene
 from imocap_core.motion.state import MotionState
 
+START_STEPS = 4  # of the coupled fit that the common one starts from: more gain nothing there
+
 
 def recover_motion(
-    scene: Scene, start: MotionState, options: JointOptions, progress: Progress = lambda _: None
+    scene: Scene,
+    start: MotionState,
+    options: JointOptions,
+    progress: Progress = lambda _: None,
+    *,
+    cameras: Cameras | None = None,
 ) -> JointMotion:
-    """SMPL-BA from motions in their own camera axes (batch of M) and correspondences."""
+    """SMPL-BA from motions in their own camera axes (batch of M) and correspondences.
+
+    Args:
+        cameras: where a round before left them; its motions, being joint ones, need no coupling
+            before the common fit (``paper`` alternates all the same).
+    """
     if len(scene.observations) == 1:
         eye, zero = torch.eye(3).to(start.trans)[None], torch.zeros(1, 3).to(start.trans)
         status = "one video: the monocular motion stands"
         return JointMotion(start, Cameras(eye, zero), start, [], status, 0.0)
     state, costs = one_body(start), []
+    if cameras is not None and options.objective != "paper":
+        return common_then_own(scene, state, cameras, options, progress, warm=True)
     cameras = cameras_from_motion(align(scene.body, state, scene.timeline), scene.reference)
-    rounds = options.rounds if options.objective == "paper" else 1
+    if options.objective == "paper":
+        rounds, coupled = options.rounds, options
+    else:  # only a start for the common fit
+        rounds, coupled = 1, replace(options, max_steps=min(START_STEPS, options.max_steps))
     for round_ in range(rounds):
         progress(f"coupled fit {round_ + 1} of {rounds}")
         pnp = options.objective == "paper" and round_ > 0
-        state, cameras, cost = coupled_round(scene, state, cameras, options, pnp=pnp)
+        state, cameras, cost = coupled_round(scene, state, cameras, coupled, pnp=pnp)
         costs.append(cost)
     if options.objective == "paper":
         common = consensus_motion(scene, state, cameras, options)

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from stages.harness.errors import WorkFailed, WrongUse
 from stages.harness.hints import AnchorEntry, ForbiddenEntry, hint_faults
+from stages.harness.person import Person
 
 FILE_NAME = "action.yaml"
 DETECT = "detect"
@@ -72,6 +73,7 @@ class Declaration(BaseModel):
     initial: str | None = None
     initial_format: InitialFormat | None = None
     mirrored: bool | None = None  # None: sync looks for itself
+    person: Person | None = None  # who performs; None: the program chooses
     repetitions: bool | None = None  # True: a long clip, cut into its repetitions
 
     @model_validator(mode="after")

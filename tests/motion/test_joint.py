@@ -86,6 +86,29 @@ def test_the_views_together_beat_the_start(made: Made, objective: str) -> None:
     assert torch.equal(found.cameras.R[0], torch.eye(3, dtype=torch.float64))
 
 
+@pytest.mark.parametrize("objective", ["shared", "single"])
+def test_a_round_goes_on_where_the_one_before_stopped(made: Made, objective: str) -> None:
+    truth, scene = in_own_axes(made), whole(made)
+    options = replace(OPTIONS, objective=objective)
+    first = recover_motion(scene, disturbed(truth, 0.12), options)
+    said: list[str] = []
+    again = recover_motion(scene, first.state, options, said.append, cameras=first.cameras)
+    assert not any("coupled" in what or "3x" in what for what in said)
+    assert again.misfit <= 1.1 * first.misfit
+    assert mpjpe_mm(made.body, again.state, truth) <= 1.05 * mpjpe_mm(made.body, first.state, truth)
+    assert float(np.max(angle_deg(again.cameras.R.numpy(), first.cameras.R.numpy()))) < 1.0
+
+
+def test_a_round_from_cameras_that_are_wrong_finds_them(made: Made) -> None:
+    truth, scene = in_own_axes(made), whole(made)
+    first = recover_motion(scene, disturbed(truth, 0.12), OPTIONS)
+    turn = exp(torch.tensor([0.0, 0.1, 0.0], dtype=torch.float64))
+    wrong = replace(first.cameras, R=torch.cat([first.cameras.R[:1], turn @ first.cameras.R[1:]]))
+    again = recover_motion(scene, first.state, OPTIONS, cameras=wrong)
+    off = angle_deg(again.cameras.R.numpy(), made.R)
+    assert float(np.max(off)) < 0.5 * float(np.degrees(0.1))
+
+
 def test_unmatched_frames_get_a_pose_too(made: Made) -> None:
     truth = in_own_axes(made)
     found = recover_motion(whole(made, unmatched=5), disturbed(truth, 0.12), OPTIONS)

@@ -13,7 +13,10 @@ from stages.params import KeypointsParams, Params
 from tests.formats import made_keypoints
 
 SIZE = (640, 360)
-PARAMS = Params.model_construct(keypoints=KeypointsParams(min_confidence=0.05, max_gap_s=1.0))
+KEYPOINTS = KeypointsParams(
+    min_confidence=0.05, max_gap_s=1.0, looks=True, performer="agreement", sides="leave", cuts=True
+)
+PARAMS = Params.model_construct(keypoints=KEYPOINTS)
 
 
 def body(x, scale=1.0):
