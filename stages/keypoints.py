@@ -2,31 +2,38 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from imocap_core.artifacts.schemas import HandKeypoints, Keypoints, VideoKeypoints
 from imocap_core.body.layouts import body_layout, hand_columns, layout_names
-from imocap_core.camera.tracking import Performer, choose_performer
-from imocap_core.formats.detectors import format_and_layout, read_detections
-from imocap_core.formats.openpose import Detections
+from imocap_core.camera.tracking import Performer
 from imocap_core.formats.openpose_hands import read_openpose_hands
-from imocap_core.formats.video import VideoInfo, probe
+from stages.cuts import advice, cuts_of
 from stages.harness.action import Declaration
 from stages.harness.stage import Context, Inputs, main
 from stages.params import KeypointsParams, Params
+from stages.people import followed, performers
+from stages.people_sources import Source, people_in
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Keypoints:
     """Read the detections, follow everybody, keep the performer."""
     declarations = ctx.declarations()
     _all_have_keypoints(declarations, ctx)
-    videos = []
+    sources = []
     for number, declared in enumerate(declarations):
         ctx.progress(number / len(declarations), f"following people in {declared.id}")
-        videos.append(_performer_of(declared, ctx, params.keypoints))
-    return Keypoints(videos=videos)
+        sources.append(_followed(declared, ctx, params.keypoints))
+    chosen = performers([s.watched for s in sources], ctx.action_file(), params.keypoints)
+    return Keypoints(
+        videos=[
+            _keypoints_of(source, performer, params.keypoints)
+            for source, performer in zip(sources, chosen, strict=True)
+        ]
+    )
 
 
 def _all_have_keypoints(declarations: tuple[Declaration, ...], ctx: Context) -> None:
@@ -40,32 +47,25 @@ def _all_have_keypoints(declarations: tuple[Declaration, ...], ctx: Context) -> 
         )
 
 
-def _performer_of(declared: Declaration, ctx: Context, params: KeypointsParams) -> VideoKeypoints:
+def _followed(declared: Declaration, ctx: Context, params: KeypointsParams) -> Source:
     folder, video = ctx.detections(declared.id), ctx.video(declared.id)
     assert folder is not None
-    probed = None if video is None else probe(video)
-    kind, layout = format_and_layout(folder, declared.format, declared.layout)
-    size = declared.size if probed is None else probed.size
-    assert size is not None
-    names = (declared.id, *((video.name, video.stem) if video is not None else ()))
-    found = read_detections(folder, kind, layout, size=size, names=names)
-    info = probed or _declared_info(declared, found)
-    frames = _used_frames(declared, info.frame_count, ctx.action_file())
-    people_of = dict(zip(found.frames.tolist(), found.people, strict=True))
-    nobody = np.zeros((0, *found.people[0].shape[1:]))
-    performer = choose_performer(
-        [people_of.get(int(frame), nobody) for frame in frames],
-        info.size,
-        info.fps,
-        min_confidence=params.min_confidence,
-        max_gap_s=params.max_gap_s,
-    )
-    if performer.tracks_found == 0:
+    source = people_in(declared, folder, video, ctx.action_file())
+    watched = followed(source.watched, video, params)
+    if not watched.ranked:
+        frames = watched.frames
         raise ValueError(
             f"{folder}: expected a person in frames {frames[0]} to {frames[-1]}, found nobody with "
             f"joints above confidence {params.min_confidence}; check the detections of "
             f"{declared.id} and its `frames` in action.yaml"
         )
+    return replace(source, watched=watched)
+
+
+def _keypoints_of(source: Source, performer: Performer, params: KeypointsParams) -> VideoKeypoints:
+    declared, folder, seen = source.declared, source.folder, source.watched
+    frames, layout, info = seen.frames, seen.layout, seen
+    kind = source.kind
     _must_fit_picture(performer.xy_px, info.size, folder)
     body = slice(len(layout_names(body_layout(layout))))  # faces and hands are no part of it
     return VideoKeypoints(
@@ -83,9 +83,18 @@ def _performer_of(declared: Declaration, ctx: Context, params: KeypointsParams) 
         person_box_px=performer.box_px,
         tracks_found=performer.tracks_found,
         presence=performer.presence,
-        note=performer.note,
+        note=_noted(source, performer, params),
         hands=_hands_of(kind, layout, folder, frames, performer),
     )
+
+
+def _noted(source: Source, performer: Performer, params: KeypointsParams) -> str:
+    """What is to be known of a video's people and shots."""
+    if source.video is None or not params.cuts:
+        return performer.note
+    frames = source.watched.frames
+    said = advice(cuts_of(source.video, frames, source.watched.size), frames)
+    return f"{performer.note}; {said}" if said else performer.note
 
 
 def _hands_of(
@@ -113,24 +122,6 @@ def _must_fit_picture(xy_px: np.ndarray, size: tuple[int, int], folder: Path) ->
             f"{folder}: expected pixels of a picture of {size[0]} x {size[1]}, got points out "
             f"to ({x}, {y}); run the detector on this very video, or correct `size` in action.yaml"
         )
-
-
-def _declared_info(declared: Declaration, found: Detections) -> VideoInfo:
-    """As action.yaml declares a video that is not there."""
-    assert declared.fps is not None
-    assert declared.size is not None
-    return VideoInfo(declared.fps, declared.size, int(found.frames[-1]) + 1)
-
-
-def _used_frames(declared: Declaration, count: int, file: Path) -> np.ndarray:
-    """Source frame numbers (T,)."""
-    first, stop = declared.frames or (0, count)
-    if stop > count:
-        raise ValueError(
-            f"{file}: videos.{declared.id}.frames: expected at most [0, {count}], as the clip has "
-            f"{count} frames, got [{first}, {stop}]"
-        )
-    return np.arange(first, stop, dtype=np.int64)
 
 
 if __name__ == "__main__":

@@ -83,9 +83,14 @@ def ranked_tracks(
     tracks = join_tracks(follow(cleaned, max_gap), 5 * max_gap)
     # a person of a few frames is a false detection: it is followed but not counted
     counted = [t for t in tracks if len(t.frames) >= min(5, len(people))]
-    scores = np.array([_score(track, len(people), size) for track in counted])
+    return rank(counted, len(people), size)
+
+
+def rank(tracks: Sequence[Track], frames: int, size: tuple[int, int]) -> list[tuple[float, Track]]:
+    """Tracks with their scores in a video of so many frames, the largest first."""
+    scores = np.array([_score(track, frames, size) for track in tracks])
     order = np.argsort(-scores, kind="stable")
-    return [(float(scores[k]), counted[k]) for k in order]
+    return [(float(scores[k]), tracks[k]) for k in order]
 
 
 def performer_of(

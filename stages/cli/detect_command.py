@@ -1,0 +1,56 @@
+"""`imocap detect`: find the people in an action's videos, and nothing more."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from stages.cli.show import Terminal
+from stages.harness.errors import WrongUse
+from stages.harness.workspace import Workspace
+
+
+def detect_command(
+    context: typer.Context,
+    action: Annotated[
+        str | None, typer.Argument(help="A name below actions/, or an action's folder.")
+    ] = None,
+    setup: Annotated[
+        bool, typer.Option("--setup", help="Only make the detector's environment.")
+    ] = False,
+    sets: Annotated[
+        list[str], typer.Option("--set", metavar="GROUP.NAME=VALUE", help="A one-off parameter.")
+    ] = [],  # noqa: B006
+) -> None:
+    """Find people in the videos that say `keypoints: detect`, and say where the keypoints are."""
+    workspace = context.obj
+    assert isinstance(workspace, Workspace)
+    console = Console(highlight=False, soft_wrap=True)
+    if (action is None) != setup:
+        raise WrongUse("expected an action, or --setup alone: imocap detect ACTION")
+    with Terminal(console) as display:
+        if action is None:
+            said = [_set_up(workspace, sets, display)]
+        else:
+            job = workspace.ready_job(action, sets, display)
+            found = job.action.detected.items()
+            said = [f"{video}: {file}" for video, file in found]
+            said = said or [f"{job.action.file}: no video says keypoints: detect"]
+    console.print(*map(escape, said), sep="\n")
+
+
+def _set_up(workspace: Workspace, sets: list[str], display: Terminal) -> str:
+    """Make the environment of the detector in force; which Python it is."""
+    from stages.detect.detectors import detector_of
+    from stages.detect.environment import python_for
+    from stages.harness.pipeline import settings
+
+    pipeline = workspace.pipeline()
+    params = settings(pipeline, {}, pipeline.file, sets).params
+    detector = detector_of(params.detect, workspace.root)
+    display.started("detect", [f"{detector.version} needs an environment of its own"])
+    python = python_for(detector.packages, workspace.root, lambda what: display.progress(0.0, what))
+    return f"{detector.version} runs in {python}"

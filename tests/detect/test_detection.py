@@ -1,0 +1,122 @@
+"""keypoints: detect, with the real worker and a stand-in for the library it calls."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imocap_core.artifacts.store import Store
+from imocap_core.formats.estimates import Wanted
+from imocap_core.formats.guess import guess_detections
+from imocap_core.formats.mediapipe import read_mediapipe, read_mediapipe_world
+from imocap_core.formats.mediapipe_hands import read_mediapipe_hands
+from stages.detect.detection import detect_video, kept_at
+from stages.detect.detectors import detector_of
+from stages.harness.errors import WorkFailed
+from stages.harness.pipeline import read_pipeline
+from stages.harness.source import PROJECT
+from stages.params import DetectParams, Params
+from tests.detect.conftest import SIZE, clip
+
+COLUMNS = [20, 22, None, 30, 40]
+
+
+def params(**changes: object) -> DetectParams:
+    given = read_pipeline(PROJECT / "pipeline.yaml", Params).defaults["detect"]
+    return DetectParams.model_validate({**given, **changes})
+
+
+def detected(tmp_path: Path, python: Path, **changes: object) -> Path:
+    video, file = clip(tmp_path / "bar.mp4", COLUMNS), tmp_path / "out" / "found.npz"
+    shares: list[float] = []
+    detector = detector_of(params(**changes), tmp_path)
+    detect_video(video, file, detector, python, lambda share, what: shares.append(share))
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    assert [p.name for p in file.parent.iterdir()] == ["found.npz"]
+    return file
+
+
+def test_what_is_written_is_what_the_readers_read(tmp_path: Path, detector_python: Path) -> None:
+    file = detected(tmp_path, detector_python)
+    assert guess_detections(file) == ("mediapipe", "mediapipe33")
+    found = read_mediapipe(file, "mediapipe33", SIZE)
+    assert found.frames.tolist() == [0, 1, 2, 3, 4]
+    assert [len(people) for people in found.people] == [1, 1, 0, 1, 1]
+    for frame in (0, 1, 3, 4):
+        column = COLUMNS[frame]
+        assert column is not None
+        assert abs(found.people[frame][0, 0, 0] - column) <= 2.5
+        assert np.isclose(found.people[frame][0, 32, 2], 0.82)
+    boxes = np.tile([0.0, 0.0, *SIZE], (5, 1))
+    world = read_mediapipe_world(file, Wanted(np.arange(5), boxes, SIZE))
+    assert np.isnan(world.joints[2]).all()
+    assert np.allclose(world.joints[0, :, 2], 0.01 * np.arange(33))
+
+
+def test_hands_are_read_where_they_were_asked_for(tmp_path: Path, detector_python: Path) -> None:
+    file = detected(tmp_path, detector_python, hands=True)
+    found = read_mediapipe_hands(file, np.array([2, 3]), SIZE)
+    assert found is not None
+    xy_px, confidence = found
+    assert confidence.sum(axis=2).tolist() == [[0, 0], [21, 0]]
+    assert np.isnan(xy_px[0]).all()
+    assert abs(xy_px[1, 0, 0, 0] - 30) <= 2.5
+    without = detected(tmp_path, detector_python)
+    assert read_mediapipe_hands(without, np.array([2, 3]), SIZE) is None
+
+
+def test_a_result_is_named_by_all_that_it_depends_on(tmp_path: Path) -> None:
+    store = Store(tmp_path / "artifacts")
+    videos = [clip(tmp_path / "a.mp4", COLUMNS), clip(tmp_path / "b.mp4", COLUMNS[::-1])]
+    again = clip(tmp_path / "other" / "c.mp4", COLUMNS)
+    settings = ({}, {"hands": True}, {"min_tracking_confidence": 0.7}, {"detector": "rtmlib"})
+    names = {
+        kept_at(store, video, detector_of(params(**changes), tmp_path))
+        for video in videos
+        for changes in settings
+    }
+    assert len(names) == 8
+    assert kept_at(store, again, detector_of(params(), tmp_path)) in names
+    unused = detector_of(params(rtmlib_mode="performance"), tmp_path)
+    assert kept_at(store, videos[0], unused) in names
+
+
+def test_nobody_is_one_sentence_and_leaves_nothing(tmp_path: Path, detector_python: Path) -> None:
+    video = clip(tmp_path / "dark.mp4", [None, None])
+    detector = detector_of(params(), tmp_path)
+    with pytest.raises(
+        WorkFailed, match=r"dark\.mp4: mediapipe 0\.10\.21 found nobody in 2 frames"
+    ):
+        detect_video(video, tmp_path / "o" / "f.npz", detector, detector_python, lambda s, w: None)
+    assert not (tmp_path / "o").exists()
+
+
+def test_a_worker_that_dies_is_one_sentence(
+    tmp_path: Path, detector_python: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FAKE_DIES_AT", "2")
+    video = clip(tmp_path / "bar.mp4", COLUMNS)
+    detector = detector_of(params(), tmp_path)
+    with pytest.raises(WorkFailed, match=r"_pose in .* ended without an answer: the model"):
+        detect_video(video, tmp_path / "f.npz", detector, detector_python, lambda s, w: None)
+    assert not (tmp_path / "f.npz").exists()
+
+
+def test_a_python_without_the_library_is_one_sentence(
+    tmp_path: Path, detector_python: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("PYTHONPATH")
+    video = clip(tmp_path / "bar.mp4", COLUMNS)
+    detector = detector_of(params(), tmp_path)
+    with pytest.raises(WorkFailed, match="cannot work: ModuleNotFoundError: No module named"):
+        detect_video(video, tmp_path / "f.npz", detector, detector_python, lambda s, w: None)
+
+
+def test_settings_reach_the_worker_as_they_are(tmp_path: Path) -> None:
+    detector = detector_of(params(min_detection_confidence=0.25), tmp_path)
+    assert json.loads(json.dumps(detector.settings))["min_detection_confidence"] == 0.25
+    assert detector.version == "mediapipe 0.10.21"

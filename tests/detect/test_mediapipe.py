@@ -1,0 +1,41 @@
+"""MediaPipe itself, where its environment has been made: it finds the rendered free body."""
+
+from __future__ import annotations
+
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imocap_core.formats.mediapipe import read_mediapipe
+from imocap_core.formats.video import write_h264
+from imocap_core.synthetic.take import SIZE, pictures, yoga_take
+from stages.detect.detection import detect_video
+from stages.detect.detectors import detector_of
+from stages.detect.environment import FOLDER
+from stages.harness.demo import demo_body
+from stages.harness.source import PROJECT
+from tests.detect.test_detection import params
+
+PYTHON = PROJECT / FOLDER / "bin" / "python"
+FRAMES = 6
+JOINTS = {"left_shoulder": 11, "right_shoulder": 12, "left_hip": 23, "left_knee": 25}
+
+
+@pytest.mark.skipif(not PYTHON.exists(), reason="no .venv-detect: make detect-env")
+def test_it_finds_the_rendered_body_where_it_is(tmp_path: Path) -> None:
+    shaped = demo_body(7)
+    take = yoga_take(7, 0, shaped)
+    video, file = tmp_path / "v1.mp4", tmp_path / "found.npz"
+    write_h264(video, islice(pictures(take, 7, 0, shaped), FRAMES), take.fps)
+    detect_video(video, file, detector_of(params(), tmp_path), PYTHON, lambda share, what: None)
+    found = read_mediapipe(file, "mediapipe33", SIZE)
+    assert [len(people) for people in found.people] == [1] * FRAMES
+    height_px = np.ptp(take.xy_px[0, :, 1])
+    names = shaped.model.points("body25").names
+    for name, point in JOINTS.items():
+        true_px = take.xy_px[FRAMES - 1, names.index(name)]
+        seen = found.people[-1][0, point]
+        assert np.linalg.norm(seen[:2] - true_px) < 0.06 * height_px, name
+        assert seen[2] > 0.5, name

@@ -1,0 +1,138 @@
+"""An action whose keypoints are to be detected, through the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from imocap_core.artifacts.schemas import Keypoints
+from imocap_core.artifacts.store import Store
+from stages.cli import main
+from stages.harness.action import read_action
+from stages.harness.errors import WorkFailed
+from tests.detect.conftest import clip
+
+Capture = pytest.CaptureFixture[str]
+
+
+class Place:
+    """A working folder with an action of two short clips, and the command line in it."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.folder = root / "actions" / "mine"
+        clip(self.folder / "a.mp4", [20, 22, 24, 26, 28])
+        clip(self.folder / "b.mp4", [30, 32, 34])
+        self.declare({"keypoints": "detect"}, {"keypoints": "detect"})
+
+    def declare(self, *videos: dict[str, object], **others: object) -> None:
+        named = [
+            {"id": name, "video": f"{name}.mp4", **said}
+            for name, said in zip("ab", videos, strict=False)
+        ]
+        content = {"name": "mine", "videos": named, **others}
+        (self.folder / "action.yaml").write_text(yaml.safe_dump(content))
+
+    def run(self, *words: str) -> int:
+        return main([*words, "--root", str(self.root)])
+
+    def keypoints(self) -> Keypoints:
+        stored = Store(self.root / "artifacts").load("mine", "keypoints")
+        assert stored is not None
+        return stored.decode(Keypoints)
+
+
+@pytest.fixture
+def place(tmp_path: Path, detector_python: Path, monkeypatch: pytest.MonkeyPatch) -> Place:
+    monkeypatch.setattr("sys.argv", ["imocap"])
+    return Place(tmp_path / "work")
+
+
+def test_from_videos_to_keypoints_and_not_twice(place: Place, capsys: Capture) -> None:
+    assert place.run("run", "mine", "--until", "keypoints") == 0
+    assert capsys.readouterr().out.count("mediapipe 0.10.21 has not seen") == 2
+    a, b = place.keypoints().videos
+    assert (a.layout, len(a.frames), len(b.frames)) == ("mediapipe33", 5, 3)
+    assert (a.initial, a.initial_format) == ("detect", "mediapipe_world")
+    assert np.abs(a.xy_px[:, 0, 0] - [20, 22, 24, 26, 28]).max() <= 2.5
+    assert place.run("run", "mine", "--until", "keypoints") == 0
+    said = capsys.readouterr().out
+    assert "has not seen" not in said
+    assert "cached" in said
+
+
+def test_what_was_finished_before_a_break_is_kept(
+    place: Place, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clip(place.folder / "b.mp4", [None] * 3)
+    assert place.run("detect", "mine") == 1
+    assert "b.mp4: mediapipe 0.10.21 found nobody" in capsys.readouterr().err
+    clip(place.folder / "b.mp4", [30, 32, 34])
+    assert place.run("detect", "mine") == 0
+    said = capsys.readouterr().out
+    assert "has not seen a" not in said
+    assert "has not seen b" in said
+    assert said.count(".npz") == 2
+
+
+def test_status_before_and_after(place: Place, capsys: Capture) -> None:
+    assert place.run("status", "mine") == 0
+    assert "keypoints      would run  never run" in capsys.readouterr().out
+    place.run("run", "mine", "--until", "keypoints")
+    capsys.readouterr()
+    place.run("status", "mine")
+    assert capsys.readouterr().out.startswith("keypoints      cached")
+    clip(place.folder / "a.mp4", [40, 40, 40])
+    place.run("status", "mine")
+    assert "read: detections a is gone" in capsys.readouterr().out
+
+
+def test_the_world_landmarks_start_the_fits_unless_another_estimate_does(place: Place) -> None:
+    own = {"initial": "own.npz", "initial_format": "joints_npz"}
+    (place.folder / "own.npz").write_bytes(b"not looked at yet")
+    place.declare({"keypoints": "detect", **own}, {"keypoints": "detect"})
+    assert place.run("run", "mine", "--until", "keypoints") == 0
+    assert [v.initial_format for v in place.keypoints().videos] == ["joints_npz", "mediapipe_world"]
+    once = ("--set", "detect.world_landmarks=false")
+    assert place.run("run", "mine", "--until", "keypoints", *once) == 0
+    assert [v.initial_format for v in place.keypoints().videos] == ["joints_npz", None]
+
+
+def test_hands_are_found_when_the_action_wants_them(place: Place) -> None:
+    place.declare({"keypoints": "detect"}, params={"detect": {"hands": True}})
+    assert place.run("run", "mine", "--until", "keypoints") == 0
+    hands = place.keypoints().videos[0].hands
+    assert hands is not None
+    assert hands.confidence.sum(axis=(0, 2)).tolist() == [5 * 21, 0]
+
+
+def test_a_missing_video_is_one_sentence(place: Place, capsys: Capture) -> None:
+    (place.folder / "b.mp4").unlink()
+    assert place.run("run", "mine") == 1
+    said = capsys.readouterr().err
+    assert "videos.1.video: there is no" in said
+    assert said.count("\n") == 1
+
+
+def test_init_writes_an_action_that_runs(place: Place) -> None:
+    clips = [str(place.folder / f"{name}.mp4") for name in "ab"]
+    assert place.run("init", "fresh", *clips) == 0
+    action = read_action(place.root / "actions" / "fresh")
+    assert [v.keypoints for v in action.videos] == ["detect", "detect"]
+    assert place.run("run", "fresh", "--until", "keypoints") == 0
+
+
+def test_detect_needs_an_action_or_setup(place: Place, capsys: Capture) -> None:
+    assert place.run("detect") == 2
+    assert "imocap detect ACTION" in capsys.readouterr().err
+    assert place.run("detect", "--setup") == 0
+    assert "mediapipe 0.10.21 runs in" in capsys.readouterr().out
+
+
+def test_initial_detect_goes_with_keypoints_detect(place: Place) -> None:
+    place.declare({"keypoints": "some.json", "initial": "detect"})
+    with pytest.raises(WorkFailed, match="initial: detect goes with keypoints: detect"):
+        read_action(place.folder)
