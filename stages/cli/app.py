@@ -11,6 +11,7 @@ from rich.console import Console
 
 from stages.cli.benchmark_command import benchmark_command
 from stages.cli.export_command import export_command
+from stages.cli.people_command import people_command
 from stages.cli.repeated import job_in_parts
 from stages.cli.show import Terminal, reasons
 from stages.cli.sync_command import sync_command
@@ -32,6 +33,7 @@ app.command("sync")(sync_command)
 app.command("benchmark")(benchmark_command)
 app.command("video")(video_command)
 app.command("export")(export_command)
+app.command("people")(people_command)
 console = Console(highlight=False, soft_wrap=True)
 
 ActionName = Annotated[str, typer.Argument(help="A name below actions/, or an action's folder.")]
