@@ -3,8 +3,9 @@
 #   make all ACTION=yoga   from nothing to the motion and its report (installs first, when needed)
 #   make test              the whole test suite
 #   make check             lint, format, types, import order, tests
+#   make detect-env         the environment that `keypoints: detect` runs in (a run makes it when needed)
 #   make baseline          accept today's numbers as those that tests/regression holds
-#   make clean             remove what was built (.venv, caches); actions/ and artifacts/ stay
+#   make clean             remove what was built (.venv, .venv-detect, caches); actions/ and artifacts/ stay
 #
 # ACTION is a name below actions/ (or a built-in one: yoga, taichi), or a path to a folder with an action.yaml.
 
@@ -21,7 +22,7 @@ PYTHON ?= $(shell for p in python3 python3.11 python3.12 python3.13 python3.14 p
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help setup all test check baseline lint format clean
+.PHONY: help setup all test check baseline lint format clean detect-env
 
 help:
 	@sed -n 's/^#   \{0,1\}//p' Makefile
@@ -50,6 +51,9 @@ lint: $(STAMP)
 
 check: lint test
 
+detect-env: $(STAMP)
+	@$(BIN)/imocap detect --setup
+
 baseline: $(STAMP)
 	@$(BIN)/python -m tests.regression.rebase
 
@@ -58,5 +62,5 @@ format: $(STAMP)
 	@$(BIN)/ruff check --fix .
 
 clean:
-	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	rm -rf $(VENV) .venv-detect build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

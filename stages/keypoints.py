@@ -10,6 +10,7 @@ import numpy as np
 from imocap_core.artifacts.schemas import HandKeypoints, Keypoints, VideoKeypoints
 from imocap_core.body.layouts import body_layout, hand_columns, layout_names
 from imocap_core.camera.tracking import Performer
+from imocap_core.formats.mediapipe_hands import read_mediapipe_hands
 from imocap_core.formats.openpose_hands import read_openpose_hands
 from stages.cuts import advice, cuts_of
 from stages.harness.action import Declaration
@@ -41,9 +42,9 @@ def _all_have_keypoints(declarations: tuple[Declaration, ...], ctx: Context) -> 
     without = [v.id for v in declarations if ctx.detections(v.id) is None]
     if without:
         raise ValueError(
-            f"{ctx.action_file()}: no 2D keypoints for {', '.join(without)}: run a detector such "
-            "as OpenPose on the video and name its folder of JSON files in `keypoints`, with "
-            "`format: openpose` and its `layout` (docs/formats.md lists what else is read)"
+            f"{ctx.action_file()}: no 2D keypoints for {', '.join(without)}: write `keypoints: "
+            "detect` to have people found (docs/detection.md), or run a detector such as OpenPose "
+            "and name its folder of JSON files (docs/formats.md lists what else is read)"
         )
 
 
@@ -84,7 +85,7 @@ def _keypoints_of(source: Source, performer: Performer, params: KeypointsParams)
         tracks_found=performer.tracks_found,
         presence=performer.presence,
         note=_noted(source, performer, params),
-        hands=_hands_of(kind, layout, folder, frames, performer),
+        hands=_hands_of(kind, layout, folder, frames, performer, info.size),
     )
 
 
@@ -98,7 +99,12 @@ def _noted(source: Source, performer: Performer, params: KeypointsParams) -> str
 
 
 def _hands_of(
-    kind: str, layout: str, folder: Path, frames: np.ndarray, performer: Performer
+    kind: str,
+    layout: str,
+    folder: Path,
+    frames: np.ndarray,
+    performer: Performer,
+    size: tuple[int, int],
 ) -> HandKeypoints | None:
     """The performer's hands, where the detector found any."""
     columns = hand_columns(layout)
@@ -107,9 +113,12 @@ def _hands_of(
         if not (seen > 0).any():
             return None
         return HandKeypoints(xy_px=performer.xy_px[:, columns], confidence=seen)
-    if kind != "openpose":
+    if kind == "mediapipe":
+        found = read_mediapipe_hands(folder, frames, size)
+    elif kind == "openpose":
+        found = read_openpose_hands(folder, frames, performer.xy_px)
+    else:
         return None
-    found = read_openpose_hands(folder, frames, performer.xy_px)
     return None if found is None else HandKeypoints(xy_px=found[0], confidence=found[1])
 
 

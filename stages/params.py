@@ -23,6 +23,18 @@ class Group(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
+class DetectParams(Group):
+    detector: Literal["mediapipe", "rtmlib"]
+    hands: bool  # fingers too
+    world_landmarks: bool  # MediaPipe's 3D starts the fits, where the action names nothing else
+    follow: bool  # MediaPipe: look near the last place only: faster, but it loses people
+    min_detection_confidence: Share  # MediaPipe: below it there is nobody
+    min_tracking_confidence: Share  # MediaPipe, following: below it the person is looked for anew
+    rtmlib_mode: Literal["lightweight", "balanced", "performance"]  # which models it downloads
+    rtmlib_person_model: str | None  # ONNX files of one's own, relative to the action's folder
+    rtmlib_pose_model: str | None
+
+
 class KeypointsParams(Group):
     min_confidence: Share  # detections below it count as missing
     max_gap_s: Positive  # a person unseen for longer begins a new track
@@ -157,6 +169,7 @@ class EvaluateParams(Group):
 class Params(Group):
     """All groups; a stage sees those that pipeline.yaml lists for it."""
 
+    detect: DetectParams
     keypoints: KeypointsParams
     camera_motion: CameraMotionParams
     initial_smpl: InitialSmplParams

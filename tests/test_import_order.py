@@ -12,9 +12,10 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = (
     *("body", "camera", "render", "sync", "baselines", "motion", "hands"),
-    *("metrics", "synthetic"),
+    *("metrics", "synthetic", "people", "lifter"),
     *("artifacts", "formats", "views"),
 )
+DETECT = ("stages/detect", "stages/detect/workers")
 LINT = [sys.executable, "-c", "from importlinter.cli import lint_imports_command as c; c()"]
 
 
@@ -33,12 +34,14 @@ def lint(folder: Path) -> subprocess.CompletedProcess[str]:
         ("imocap_core.sync", "imocap_core.formats", "Pure rooms never import boundary rooms"),
         ("imocap_core.camera", "yaml", "Pure rooms do no input or output of their own"),
         ("imocap_core.artifacts", "stages", "The core never imports the stages"),
+        ("stages.detect.workers", "imocap_core.body", "What runs in a detector's own environment"),
     ],
 )
 def test_a_wrong_arrow_is_seen(
     tmp_path: Path, importer: str, imported: str, contract: str | None
 ) -> None:
-    for package in ("imocap_core", "stages", *(f"imocap_core/{room}" for room in ROOMS)):
+    packages = ("imocap_core", "stages", *DETECT, *(f"imocap_core/{room}" for room in ROOMS))
+    for package in packages:
         (tmp_path / package).mkdir()
         (tmp_path / package / "__init__.py").touch()
     for module in ("rotations", "conventions", "alignment"):

@@ -10,12 +10,14 @@ import typer
 from rich.console import Console
 
 from stages.cli.benchmark_command import benchmark_command
+from stages.cli.detect_command import detect_command
 from stages.cli.export_command import export_command
 from stages.cli.people_command import people_command
 from stages.cli.repeated import job_in_parts
 from stages.cli.show import Terminal, reasons
 from stages.cli.sync_command import sync_command
 from stages.cli.video_command import video_command
+from stages.cli.view_command import report_page, view_command
 from stages.harness import runner
 from stages.harness.errors import WorkFailed, WrongUse
 from stages.harness.runner import Job, Outcome
@@ -30,10 +32,12 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 app.command("sync")(sync_command)
+app.command("view")(view_command)
 app.command("benchmark")(benchmark_command)
 app.command("video")(video_command)
 app.command("export")(export_command)
 app.command("people")(people_command)
+app.command("detect")(detect_command)
 console = Console(highlight=False, soft_wrap=True)
 
 ActionName = Annotated[str, typer.Argument(help="A name below actions/, or an action's folder.")]
@@ -153,18 +157,6 @@ def init(
 
 
 @app.command()
-def view(context: typer.Context, action: ActionName) -> None:
-    """Say where the report of an action is."""
-    job = _workspace(context).job(action, [])
-    report = _report(job)
-    if report is None:
-        raise WorkFailed(f"{action} has no report yet; make one with: imocap run {action}")
-    console.print(
-        f"The report of {job.action.name} is {_plain(str(report))}; open it in a browser."
-    )
-
-
-@app.command()
 def doctor(
     context: typer.Context,
     models: Annotated[
@@ -200,17 +192,9 @@ def _summary(job: Job, outcomes: list[Outcome], seconds: float) -> str:
     made = [outcome.stage for outcome in outcomes if outcome.how == "made"]
     count = len(outcomes)
     how = f"{len(made)} made, {count - len(made)} cached" if made else "every one cached"
-    where = _report(job)
+    where = report_page(job.store.report(job.action.name))
     end = f" Report: {where}" if where and outcomes[-1].stored.content.files else ""
     return _plain(f"{job.action.name}: {count} stages, {how}, {seconds:.1f} s.{end}")
-
-
-def _report(job: Job) -> Path | None:
-    folder = job.store.report(job.action.name)
-    for name in ("index.html", "report.html", "index.md", "report.md"):
-        if (folder / name).is_file():
-            return folder / name
-    return folder if folder.is_dir() else None
 
 
 def _plain(text: str) -> str:

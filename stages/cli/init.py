@@ -1,4 +1,4 @@
-"""init: an action.yaml for some videos, with what is still missing said in it."""
+"""init: an action.yaml for some videos, ready to run."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from pathlib import Path
 
 import yaml
 
-from stages.harness.action import FILE_NAME
+from stages.harness.action import DETECT, FILE_NAME
 from stages.harness.errors import WrongUse
 
 HEAD = """\
 # One performer, one action, one to many videos. Paths are relative to this folder.
-# keypoints: a folder of per-frame JSON files, or one file, as a 2D pose detector writes them;
-#   which detector and which joints (format, layout) is told by them, fps and size by the video.
+# keypoints: detect finds people with MediaPipe (docs/detection.md). Or name what another detector
+#   wrote: a folder of per-frame JSON files, or one file; it tells its format and layout itself.
 # More fields (frames, focal_px, initial, truth, params): see docs/actions.md.
 """
 
@@ -35,14 +35,14 @@ def write_action(root: Path, name: str, videos: list[Path]) -> str:
         raise WrongUse(f"{file} exists already; edit it, or choose another name")
     folder.mkdir(parents=True, exist_ok=True)
     entries = [
-        {"id": label, "video": _relative(video, folder), "keypoints": None}
+        {"id": label, "video": _relative(video, folder), "keypoints": DETECT}
         for label, video in zip(_labels(videos), videos, strict=True)
     ]
     body = yaml.safe_dump({"name": name, "videos": entries}, sort_keys=False)
     file.write_text(HEAD + body, encoding="utf-8")
     return (
-        f"Wrote {file}. Now run a 2D pose detector on the videos (OpenPose, for example), fill in "
-        f"keypoints for each, then: imocap run {name}"
+        f"Wrote {file}. Next: imocap run {name} (or make all ACTION={name}). The first run makes "
+        "an environment for the detector, MediaPipe, which takes the network once."
     )
 
 

@@ -14,7 +14,7 @@ import yaml
 
 from imocap_core.formats.guess import guess_detections
 from stages.cli.sync_sources import Given, Source, labels
-from stages.harness.action import FILE_NAME, Action, Declaration
+from stages.harness.action import DETECT, FILE_NAME, Action, Declaration
 from stages.harness.errors import WorkFailed, WrongUse
 
 HEAD = "# Written by imocap, which writes it again; copy it to actions/ to change it.\n"
@@ -118,7 +118,7 @@ def _moved(declared: Declaration, old: Path, new: Path) -> dict[str, Any]:
     """A declaration whose paths are relative to another folder."""
     entry = declared.model_dump(mode="json", exclude_none=True)
     for field in ("video", "keypoints", "initial"):
-        if field in entry:
+        if entry.get(field, DETECT) != DETECT:
             entry[field] = _relative(old / entry[field], new)
     return entry
 

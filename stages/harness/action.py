@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -76,6 +77,11 @@ class Declaration(BaseModel):
     person: Person | None = None  # who performs; None: the program chooses
     repetitions: bool | None = None  # True: a long clip, cut into its repetitions
 
+    @property
+    def detected(self) -> bool:
+        """Whether the program is to find the keypoints itself."""
+        return self.keypoints == DETECT
+
     @model_validator(mode="after")
     def _complete(self) -> Declaration:
         faults = []
@@ -85,7 +91,9 @@ class Declaration(BaseModel):
             faults.append("needs a video, or keypoints with fps and size")
         if self.video is None and (self.fps is None or self.size is None):
             faults.append("without a video, fps and size must be given")
-        if self.initial is not None and self.initial_format is None:
+        if self.initial == DETECT and not self.detected:
+            faults.append("initial: detect goes with keypoints: detect")
+        if self.initial not in (None, DETECT) and self.initial_format is None:
             faults.append("initial is given, so initial_format must be too")
         if faults:
             raise ValueError("; ".join(faults))
@@ -125,6 +133,7 @@ class Action:
     params: dict[str, Any] = field(default_factory=dict)
     anchors: tuple[AnchorEntry, ...] = ()
     forbidden: tuple[ForbiddenEntry, ...] = ()
+    detected: Mapping[str, Path] = field(default_factory=dict)  # video -> file, where it is made
 
     @property
     def file(self) -> Path:

@@ -126,8 +126,9 @@ def _reads(kind: Read, action: Action) -> Iterator[tuple[str, str]]:
     field = {"detections": "keypoints", "videos": "video", "initial": "initial"}[kind]
     for video in action.videos:
         given = getattr(video, field)
-        if given is not None and given != DETECT:
-            yield f"{kind} {video.id}", content_digest(action.folder / given)
+        path = action.detected.get(video.id) if given == DETECT else given
+        if path is not None:
+            yield f"{kind} {video.id}", content_digest(action.folder / path)
 
 
 def _canonical(value: Any) -> str:

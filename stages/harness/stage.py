@@ -95,8 +95,7 @@ class Context:
     def detections(self, video_id: str) -> Path | None:
         """Folder or file of a video's 2D detections (reads: detections); None when not given."""
         self._must_read("detections")
-        given = self._declared(video_id).keypoints
-        return None if given == DETECT else self._path(given)
+        return self._found(video_id, self._declared(video_id).keypoints)
 
     def video(self, video_id: str) -> Path | None:
         """A video file (reads: videos); None when action.yaml gives none."""
@@ -106,7 +105,7 @@ class Context:
     def initial(self, video_id: str) -> Path | None:
         """A monocular estimator's result (reads: initial); None when action.yaml gives none."""
         self._must_read("initial")
-        return self._path(self._declared(video_id).initial)
+        return self._found(video_id, self._declared(video_id).initial)
 
     def hints(self) -> tuple[tuple[AnchorEntry, ...], tuple[ForbiddenEntry, ...]]:
         """Anchors and forbidden spans of action.yaml, in source frames (reads: hints)."""
@@ -134,6 +133,10 @@ class Context:
                 return declaration
         known = ", ".join(v.id for v in self._action.videos)
         raise ValueError(f"no video {video_id!r} in {self._action.file}; there are: {known}")
+
+    def _found(self, video_id: str, given: str | None) -> Path | None:
+        """What action.yaml names, or what was detected where it says so."""
+        return self._action.detected.get(video_id) if given == DETECT else self._path(given)
 
     def _path(self, given: str | None) -> Path | None:
         return None if given is None else self._action.folder / given

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from imocap_core.artifacts.store import Store
 from stages.harness import demos
-from stages.harness.action import DETECT, FILE_NAME, Action, find_action, read_action
+from stages.harness.action import DETECT, Action, find_action, read_action
 from stages.harness.errors import WorkFailed
 from stages.harness.pipeline import FILE_NAME as PIPELINE
 from stages.harness.pipeline import Pipeline, read_pipeline, settings
@@ -46,35 +46,45 @@ class Workspace:
         found = read_action(find_action(action, self.root))
         pipeline = self.pipeline()
         chosen = settings(pipeline, found.params, found.file, sets)
+        if any(video.detected for video in found.videos):
+            from stages.detect.of_action import with_detections
+
+            found = with_detections(found, chosen.params.detect, self.store)
         return Job(pipeline, self.store, found, chosen)
 
     def ready_job(self, action: str, sets: list[str], display: Display) -> Job:
-        """The same for running: a built-in action is made first, and every file must be there."""
+        """The same for running: a built-in action is made first, every file must be there, and
+        people are found where action.yaml says `keypoints: detect`."""
         if action in demos.BUILT_IN:
             folder = self.root / "actions" / action
             with self.store.lock(action, display.waiting):
                 demos.ensure(action, folder, self.pipeline().seed, display)
         job = self.job(action, sets)
         check_files(job.action)
-        return job
+        if len(job.action.detected) == sum(video.detected for video in job.action.videos):
+            return job
+        from stages.detect.of_action import detect
+
+        with self.store.lock(job.action.name, display.waiting):
+            detect(job.action, job.settings.params.detect, self.store, display)
+        return self.job(action, sets)
 
 
 def check_files(action: Action) -> None:
     """WorkFailed, in one sentence a fault, when something that the action names is not there."""
-    blind = [v.id for v in action.videos if v.keypoints in (None, DETECT)]
+    blind = [v.id for v in action.videos if v.keypoints is None]
     if blind:
         one = len(blind) == 1
         raise WorkFailed(
             f"{action.file}: {'video' if one else 'videos'} {', '.join(blind)} "
-            f"{'has' if one else 'have'} no keypoints, and this version does not detect people "
-            f"itself: run a 2D pose detector (OpenPose, for example) on {'it' if one else 'them'} "
-            f"and name its output with keypoints, format and layout in {FILE_NAME}"
+            f"{'has' if one else 'have'} no keypoints: write `keypoints: {DETECT}` there to have "
+            f"people found, or name what a 2D pose detector (OpenPose, for example) wrote"
         )
     named = [
         (f"videos.{i}.{field}", given)
         for i, video in enumerate(action.videos)
         for field in ("video", "keypoints", "initial")
-        if (given := getattr(video, field)) is not None
+        if (given := getattr(video, field)) not in (None, DETECT)
     ]
     named += [("truth", action.truth)] if action.truth is not None else []
     missing = [(field, given) for field, given in named if not (action.folder / given).exists()]
