@@ -1,0 +1,77 @@
+"""Each video's own deviations: which feet are held, and who still faces the common way."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from imocap_core.motion.coupling import Targets
+from imocap_core.motion.own import HOLD, facing_alike, held_feet
+from imocap_core.motion.state import MotionState
+from imocap_core.motion.terms import StandingFeet
+from imocap_core.rotations import exp
+from tests.motion.made import WEIGHTS, Made, scene
+from tests.motion.test_joint import in_own_axes, whole
+
+FULL = (30.0 / WEIGHTS.foot_hold_m_s) ** 2  # weight of a step between frames at 30 a second
+
+
+@pytest.fixture(scope="module")
+def made() -> Made:
+    return scene(20, [0.0, 80.0, -70.0], np.random.default_rng(5))
+
+
+def moving(state: MotionState, speed_m_s: Tensor) -> MotionState:
+    """The first frame's pose, carried along x at a speed (B,) of its own."""
+    seconds = torch.arange(state.trans.shape[1], dtype=torch.float64) / 30.0
+    way = torch.zeros_like(state.trans)
+    way[..., 0] = speed_m_s[:, None] * seconds
+    return replace(
+        state,
+        R_local=state.R_local[:, :1].expand_as(state.R_local),
+        trans=state.trans[:, :1] + way,
+    )
+
+
+def speeds(*m_s: float) -> Tensor:
+    return torch.tensor(m_s, dtype=torch.float64)
+
+
+def weight(made: Made, common_m_s: Tensor, own_m_s: Tensor) -> Tensor:
+    """(B,) how feet are held when the common motion and the own ones travel so fast."""
+    state = in_own_axes(made)
+    term = held_feet(whole(made), moving(state, common_m_s), moving(state, own_m_s))
+    assert isinstance(term, StandingFeet)
+    assert isinstance(term.weight, Tensor)
+    assert term.scale == HOLD
+    return term.weight.mean((1, 2))
+
+
+def test_feet_that_stand_in_both_are_held_in_full(made: Made) -> None:
+    found = weight(made, speeds(0.0, 0.0, 0.0), speeds(0.0, 0.0, 0.0))
+    torch.testing.assert_close(found, torch.full_like(found, FULL))
+
+
+def test_feet_that_swing_in_the_common_motion_are_let_go(made: Made) -> None:
+    found = weight(made, speeds(0.0, 0.05, 1.0), speeds(0.0, 0.0, 0.0)) / FULL
+    torch.testing.assert_close(found[1], found.new_tensor(0.25))  # the speed that counts a quarter
+    assert float(found[2]) < 1e-4
+
+
+def test_a_video_whose_own_feet_swing_objects_for_itself_alone(made: Made) -> None:
+    found = weight(made, speeds(0.0, 0.0, 0.0), speeds(0.0, 2.0, 0.0)) / FULL
+    assert float(found[1]) < 1e-3
+    torch.testing.assert_close(found[[0, 2]], torch.ones(2, dtype=torch.float64))
+
+
+def test_who_turns_away_for_a_while_is_released_for_that_while(made: Made) -> None:
+    state = in_own_axes(made)
+    R_local = state.R_local.clone()
+    R_local[1, 8:, 0] = R_local[1, 8:, 0] @ exp(torch.tensor([0.0, 1.5, 0.0]).double())
+    targets = Targets(state.R_local, state.trans, torch.ones_like(state.trans[..., 0]))
+    alike = facing_alike(replace(state, R_local=R_local), targets)
+    torch.testing.assert_close(alike[[0, 2]], torch.ones(2, 20, dtype=torch.float64))
+    assert float(alike[1, :4].min()) > 0.99
+    assert float(alike[1, 12:].max()) < 0.25
