@@ -173,7 +173,7 @@ def markdown(table: Table) -> str:
     """A GitHub table with its title; numbers to the right."""
     numeric = _numeric(table)
     lines = [
-        f"## {table.title}",
+        f"### {table.title}",
         "",
         "| " + " | ".join(f"`{c}`" if "_" in c else c for c in table.columns) + " |",
         "|" + "|".join(" ---: " if n else " --- " for n in numeric) + "|",
@@ -184,11 +184,12 @@ def markdown(table: Table) -> str:
     return "\n".join([*lines, "", *([table.note, ""] if table.note else [])])
 
 
-def html_table(table: Table) -> str:
-    """The same as HTML."""
+def html_table(table: Table, words: Mapping[str, str] | None = None) -> str:
+    """The same as HTML; a column that `words` explain leads to its place (#name) in the page."""
     numeric = _numeric(table)
     head = "".join(
-        f"<th{_right(n)}>{_head(c)}</th>" for c, n in zip(table.columns, numeric, strict=True)
+        f"<th{_right(n)}>{_head(c, words or {})}</th>"
+        for c, n in zip(table.columns, numeric, strict=True)
     )
     body = []
     for row in table.rows:
@@ -198,7 +199,7 @@ def html_table(table: Table) -> str:
         body.append(f"<tr{total}>{inside}</tr>")
     note = f"<p>{html.escape(table.note)}</p>" if table.note else ""
     return (
-        f"<h2>{html.escape(table.title)}</h2>\n"
+        f"<h3>{html.escape(table.title)}</h3>\n"
         f"<table><thead><tr>{head}</tr></thead>\n<tbody>{''.join(body)}</tbody></table>{note}\n"
     )
 
@@ -227,8 +228,11 @@ def _numeric(table: Table) -> list[bool]:
     ]
 
 
-def _head(column: str) -> str:
-    return html.escape(column).replace("_", "_<wbr>")
+def _head(column: str, words: Mapping[str, str]) -> str:
+    name = html.escape(column).replace("_", "_<wbr>")
+    if column not in words:
+        return name
+    return f'<a href="#{column}" title="{html.escape(words[column])}">{name}</a>'
 
 
 def _right(numeric: bool) -> str:

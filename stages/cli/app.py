@@ -14,6 +14,8 @@ from stages.cli.detect_command import detect_command
 from stages.cli.export_command import export_command
 from stages.cli.people_command import people_command
 from stages.cli.repeated import job_in_parts
+from stages.cli.report import finish
+from stages.cli.report_command import report_command
 from stages.cli.show import Terminal, reasons
 from stages.cli.sync_command import sync_command
 from stages.cli.video_command import video_command
@@ -35,6 +37,7 @@ app.command("sync")(sync_command)
 app.command("view")(view_command)
 app.command("benchmark")(benchmark_command)
 app.command("video")(video_command)
+app.command("report")(report_command)
 app.command("export")(export_command)
 app.command("people")(people_command)
 app.command("detect")(detect_command)
@@ -83,6 +86,7 @@ def run_command(
         job, cuts = job_in_parts(_workspace(context), action, sets, display)
         stages = list(job.pipeline.stages) if until is None else _upstream(job, until)
         outcomes = runner.run(job, display, stages, frozenset(stages if force else []))
+        finish(job, outcomes)
     for sentence in cuts:
         console.print(_plain(sentence))
     console.print(_summary(job, outcomes, time.perf_counter() - began))
@@ -101,6 +105,7 @@ def stage_command(
         began = time.perf_counter()
         job = _workspace(context).ready_job(action, sets, display)
         outcomes = runner.run(job, display, _upstream(job, name), frozenset([name] * force))
+        finish(job, outcomes)
     console.print(_summary(job, outcomes, time.perf_counter() - began))
 
 

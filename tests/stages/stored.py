@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from imocap_core.artifacts.schemas.base import Artifact
 from imocap_core.artifacts.schemas.sync import SyncSummary
 from imocap_core.artifacts.store import Store
 from imocap_core.formats.video import write_h264
+from imocap_core.views.report import CONTENTS
 from stages.harness.runner import Job
 from stages.harness.workspace import Workspace
 from tests.views.made import FPS, SIZE, Made
@@ -55,10 +57,15 @@ def put(root: Path, made: Made) -> None:
         "refine_sync": (made.refined.model_copy(update={"rounds": rounds}), {}),
         "uncertainty": (made.claimed, {}),
         "hands": (Hands(videos=[], model="", model_digest="", size=1.0, status="none"), {}),
-        "evaluate": (Evaluate(tables=[pose], files=["summary.csv"]), {"summary.csv": b"a"}),
+        "evaluate": (Evaluate(tables=[pose], files=[CONTENTS]), {CONTENTS: _contents()}),
     }
     for stage, (artifact, files) in parts.items():
         store.publish(NAME, stage, store.put(stage, "made", artifact, {}, files))
+
+
+def _contents() -> bytes:
+    """The index of a report without pictures."""
+    return json.dumps({"title": NAME, "lead": "made", "pictures": []}).encode()
 
 
 def _summary(sync: SyncSummary) -> SyncSummary:

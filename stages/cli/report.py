@@ -1,0 +1,172 @@
+"""The page of an action, made of its artifacts when a run has brought them up to date."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from imocap_core.artifacts.schemas import (
+    CameraMotion,
+    Evaluate,
+    InitialSmpl,
+    Keypoints,
+    RefineSync,
+    SmplBa,
+    Uncertainty,
+)
+from imocap_core.artifacts.store import Stored
+from stages.cli.films import video_files
+from stages.cli.timings import record, seconds_of, timing_table
+from stages.harness.errors import WorkFailed
+from stages.harness.pipeline import settings
+from stages.harness.runner import Job, Outcome
+from stages.harness.source import PROJECT, closure
+
+PAGE, TEXT = "report.html", "report.md"
+MADE_BY = ("report_figures.py", "report_page.py")
+BESIDE = ("viewer.html", "compare/compare.md", "observability.md")
+NEEDED = {
+    "keypoints": "Keypoints",
+    "camera_motion": "CameraMotion",
+    "initial_smpl": "InitialSmpl",
+    "sync": "Sync",
+    "smpl_ba": "SmplBa",
+    "refine_sync": "RefineSync",
+    "uncertainty": "Uncertainty",
+    "evaluate": "Evaluate",
+}
+SINGLE = "motion.objective=single"
+
+
+def finish(job: Job, outcomes: Sequence[Outcome]) -> Path | None:
+    """Note how long the stages took, and make the page where it is not that of these results.
+
+    None when the run did not get as far as a report. WorkFailed when it can't be made.
+    """
+    record(job.store, job.action.name, outcomes)
+    stored = {outcome.stage: outcome.stored for outcome in outcomes}
+    if not complete(stored):
+        return None
+    return bring_up_to_date(job, stored)
+
+
+def complete(stored: Mapping[str, Stored]) -> bool:
+    """Whether these are the results that a report is made of."""
+    return all(stage in stored and stored[stage].schema == s for stage, s in NEEDED.items())
+
+
+def bring_up_to_date(job: Job, stored: Mapping[str, Stored]) -> Path:
+    """The page of these results, made again only where something has changed."""
+    folder = job.store.report(job.action.name)
+    page = folder / PAGE
+    seconds = seconds_of(job.store, job.action.name, {s: r.digest for s, r in stored.items()})
+    single = single_model(job, stored)
+    beside = [name for name in BESIDE if (folder / name).is_file()]
+    stamp = _stamp(stored, seconds, beside, single)
+    if (folder / TEXT).is_file() and page.is_file() and stamp in _head(page):
+        return page
+    try:
+        _make(job, folder, stored, seconds, single, beside, stamp)
+    except OSError as error:
+        raise WorkFailed(f"report: cannot use {error.filename}: {error.strerror}") from None
+    except ValueError as error:
+        raise WorkFailed(f"report: {error}") from None
+    return page
+
+
+def single_model(job: Job, stored: Mapping[str, Stored]) -> Stored | None:
+    """smpl_ba's result with one motion for all videos, where it has been made some time."""
+    chosen = settings(job.pipeline, job.action.params, job.action.file, [SINGLE])
+    alike = Job(job.pipeline, job.store, job.action, chosen)
+    key = alike.recipe("smpl_ba", stored).key
+    found = job.store.find(job.action.name, "smpl_ba", key)
+    same = found is not None and found.digest == stored["smpl_ba"].digest
+    return None if same else found
+
+
+def _make(
+    job: Job,
+    folder: Path,
+    stored: Mapping[str, Stored],
+    seconds: Mapping[str, float | None],
+    single: Stored | None,
+    beside: Sequence[str],
+    stamp: str,
+) -> None:
+    from imocap_core.body import load_free_body
+    from imocap_core.views.film import Shot
+    from imocap_core.views.report import read_contents
+    from imocap_core.views.report_figures import draw_late_figures
+    from imocap_core.views.report_page import html_page, markdown_page
+    from imocap_core.views.report_sections import sections
+    from imocap_core.views.results_sheet import Result
+
+    keypoints = stored["keypoints"].decode(Keypoints)
+    camera_motion = stored["camera_motion"].decode(CameraMotion)
+    initial = stored["initial_smpl"].decode(InitialSmpl)
+    refined = stored["refine_sync"].decode(RefineSync)
+    measured = stored["evaluate"].decode(Evaluate)
+    model = load_free_body()
+    files = video_files(job)
+    shots = [
+        Shot(seen, camera, files[seen.id], model.points(seen.layout).names, a, b, solved.K)
+        for seen, camera, a, b, solved in zip(
+            keypoints.videos,
+            camera_motion.videos,
+            initial.videos,
+            refined.motion.videos,
+            refined.motion.cameras,
+            strict=True,
+        )
+    ]
+    results = [
+        Result("initial\n(monocular)", initial.videos, {c.id: c.K for c in camera_motion.videos})
+    ]
+    solved_by = [("single model\n(one motion)", single)] if single is not None else []
+    for name, result in [*solved_by, ("low-rank,\nsingle pass", stored["smpl_ba"])]:
+        motion = result.decode(SmplBa)
+        results.append(Result(name, motion.videos, {c.id: c.K for c in motion.cameras}))
+    last = refined.motion
+    results.append(
+        Result("low-rank,\nafter the loop", last.videos, {c.id: c.K for c in last.cameras})
+    )
+    tables = {table.name: table for table in measured.tables}
+    pictures = draw_late_figures(
+        folder,
+        shots,
+        results,
+        keypoints,
+        refined,
+        stored["uncertainty"].decode(Uncertainty),
+        tables.get("uncertainty_joints"),
+        model,
+    )
+    contents = read_contents(folder)
+    frames = sum(len(video.frames) for video in keypoints.videos)
+    every = [*measured.tables, timing_table(seconds, frames)]
+    parts = sections(every, [*contents.pictures, *pictures])
+    (folder / TEXT).write_text(markdown_page(contents, parts), encoding="utf-8", newline="\n")
+    page = html_page(folder, contents, parts, beside, stamp)
+    (folder / PAGE).write_text(page, encoding="utf-8", newline="\n")
+
+
+def _stamp(
+    stored: Mapping[str, Stored],
+    seconds: Mapping[str, float | None],
+    beside: Sequence[str],
+    single: Stored | None,
+) -> str:
+    """A digest of all that the page is made of."""
+    views = PROJECT / "imocap_core" / "views"
+    code = {name: digest for file in MADE_BY for name, digest in closure(views / file).items()}
+    results = {stage: stored[stage].digest for stage in NEEDED}
+    said = [results, code, dict(seconds), list(beside), None if single is None else single.digest]
+    return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
+
+
+def _head(page: Path) -> str:
+    """The page's beginning, where its stamp is."""
+    with page.open(encoding="utf-8") as stream:
+        return stream.read(400)
