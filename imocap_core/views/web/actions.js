@@ -1,0 +1,46 @@
+// What a user can do, and the state it changes. Everything on the page is drawn from the state.
+
+const APART_M = 1.5;
+
+function makeActions(page, redraw) {
+  const { first, last, step } = page.timeline, count = page.videos.length;
+  const state = {
+    phase: first, playing: false, speed: 1, on: page.videos.map(() => true), answer: "final",
+    apart: false, cameras: true, paths: true, through: -1, help: false,
+    marks: { detected: false, skeleton: true }, offsets: page.videos.map(() => [0, 0, 0]),
+  };
+  const then = (change) => (...given) => { change(...given); redraw(); };
+  const act = {
+    state,
+    play: then((on = !state.playing) => {
+      if (on && state.phase >= last - 1e-6) state.phase = first;
+      state.playing = on;
+    }),
+    seek: then((phase) => { state.phase = clamp(phase, first, last); }),
+    step: then((frames) => {
+      state.playing = false;
+      state.phase = clamp(state.phase + frames * step, first, last);
+    }),
+    end: then((late) => { state.phase = late ? last : first; }),
+    speed: then((speed) => { state.speed = speed; }),
+    faster: then((by) => {
+      const speeds = [0.1, 0.25, 0.5, 1, 2], now = speeds.indexOf(state.speed);
+      state.speed = speeds[clamp(now + by, 0, speeds.length - 1)];
+    }),
+    toggle: then((i, on = !state.on[i]) => { state.on[i] = on; }),
+    answer: then((name) => { state.answer = name; }),
+    apart: then((on) => {
+      state.apart = on;
+      const width = page.right.map((x) => x * APART_M);
+      state.offsets = page.videos.map((_, i) => scaled(width, on ? i - (count - 1) / 2 : 0));
+      if (on) state.through = -1;
+      act.fit(false, on);
+    }),
+    flip: then((name) => { state[name] = !state[name]; }),
+    mark: then((name) => { state.marks[name] = !state.marks[name]; }),
+    through: then((i) => { state.through = state.through === i || page.videos[i]?.excluded ? -1 : i; if (i >= 0 && state.apart) act.apart(false); }),
+    help: then(() => { state.help = !state.help; }),
+    fit: () => {},
+  };
+  return act;
+}

@@ -1,0 +1,124 @@
+// The scene: who is drawn where, in which order.
+
+const LIGHT = unit([0.45, 1, 0.55]);
+const GHOST = 0.38;
+
+class Scene {
+  constructor(canvas, page) {
+    const gl = canvas.getContext("webgl2", { alpha: false, antialias: true, stencil: true });
+    if (!gl) throw new Error("This browser has no WebGL 2, so the scene can't be drawn.");
+    Object.assign(this, { gl, canvas, page });
+    const bones = page.model.parents.length;
+    this.bodies = program(gl, BODY_VERTEX.replace("BONES", String(bones)), BODY_FRAGMENT);
+    this.lines = program(gl, LINE_VERTEX, LINE_FRAGMENT);
+    this.pictures = program(gl, PICTURE_VERTEX, PICTURE_FRAGMENT);
+    this.meshes = page.shapes.map((shape) => bodyMesh(gl, this.bodies, page.model, shape));
+    this.floor = lineSet(gl, this.lines, floor(page.middle));
+    this.paths = page.videos.map((video) =>
+      lineSet(gl, this.lines, path(video, video.answers.final, page.shapes[video.answers.final.shape])));
+    this.textures = page.videos.map(() => pictureTexture(gl));
+    this.shown = page.videos.map(() => null);
+  }
+
+  // A picture for a video's camera to hold; the same one is not sent twice.
+  show(index, bitmap) {
+    if (this.shown[index] === bitmap) return;
+    const gl = this.gl;
+    gl.bindTexture(gl.TEXTURE_2D, this.textures[index]);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, bitmap);
+    this.shown[index] = bitmap;
+  }
+
+  // actors: [{mesh, rows, color, alpha, offset}]; view: {matrix, eye, width, height, through}.
+  draw(view, actors, frames, state) {
+    const gl = this.gl;
+    gl.viewport(0, 0, view.width, view.height);
+    gl.clearColor(...(view.through < 0 ? [0.925, 0.94, 0.953] : [0.1, 0.11, 0.125]), 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
+    gl.enable(gl.DEPTH_TEST);
+    gl.depthFunc(gl.LEQUAL);
+    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+    gl.enable(gl.BLEND);
+    if (view.through >= 0) {
+      const video = this.page.videos[view.through], frame = frames[view.through];
+      this.drawPicture(view.matrix, pictureCorners(video, frame, video.view, 60), view.through, 1);
+    } else {
+      this.drawLines(view, [this.floor], 1.2);
+      this.drawShadows(view, actors);
+    }
+    for (const actor of actors.filter((a) => a.alpha >= 1)) this.drawBody(view, actor);
+    if (view.through < 0) this.drawSurroundings(view, frames, state);
+    for (const actor of actors.filter((a) => a.alpha < 1)) this.drawGhost(view, actor);
+  }
+
+  drawSurroundings(view, frames, state) {
+    const on = this.page.videos.map((_, i) => i).filter((i) => state.on[i]);
+    if (state.paths)
+      for (const i of on) this.drawLines(view, [this.paths[i]], 3.5, state.offsets[i]);
+    if (!state.cameras || state.apart) return;
+    for (const i of on.filter((i) => this.shown[i]))
+      this.drawPicture(view.matrix, pictureCorners(this.page.videos[i], frames[i], this.page.videos[i].view), i, 0.92);
+    const edges = lineSet(this.gl, this.lines, on.flatMap((i) => frustum(this.page.videos[i], frames[i])));
+    this.drawLines(view, [edges], 2.2);
+    dropLines(this.gl, edges);
+  }
+
+  drawShadows(view, actors) {
+    const gl = this.gl;
+    gl.enable(gl.STENCIL_TEST);
+    gl.stencilFunc(gl.EQUAL, 0, 255);
+    gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
+    for (const actor of actors)
+      if (actor.alpha >= 1) this.drawBody(view, actor, { flat: LIGHT, lit: false, color: [0.12, 0.15, 0.2, 0.2] });
+    gl.disable(gl.STENCIL_TEST);
+  }
+
+  // Only the nearest surface shows through: depth first, then the colour once.
+  drawGhost(view, actor) {
+    const gl = this.gl;
+    gl.colorMask(false, false, false, false);
+    this.drawBody(view, actor);
+    gl.colorMask(true, true, true, true);
+    this.drawBody(view, actor);
+  }
+
+  drawBody(view, actor, { flat = [0, 0, 0], lit = true, color = null } = {}) {
+    const gl = this.gl, at = this.bodies;
+    gl.useProgram(at.program);
+    gl.uniformMatrix4fv(at.u_view, false, view.matrix);
+    gl.uniform4fv(at.u_bones, actor.rows);
+    gl.uniform1f(at.u_scale, actor.mesh.scale);
+    gl.uniform3fv(at.u_offset, actor.offset);
+    gl.uniform3fv(at.u_flat, flat);
+    gl.uniform4fv(at.u_color, color ?? [...actor.color, actor.alpha]);
+    gl.uniform3fv(at.u_eye, view.eye);
+    gl.uniform3fv(at.u_light, LIGHT);
+    gl.uniform1i(at.u_lit, lit ? 1 : 0);
+    gl.bindVertexArray(actor.mesh.array);
+    gl.drawElements(gl.TRIANGLES, actor.mesh.count, gl.UNSIGNED_SHORT, 0);
+  }
+
+  drawLines(view, sets, width, shift = [0, 0, 0]) {
+    const gl = this.gl, at = this.lines;
+    gl.useProgram(at.program);
+    gl.uniformMatrix4fv(at.u_view, false, view.matrix);
+    gl.uniform2f(at.u_size, view.width, view.height);
+    gl.uniform1f(at.u_width, width * view.density);
+    gl.uniform3fv(at.u_shift, shift);
+    for (const set of sets) {
+      gl.bindVertexArray(set.array);
+      gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, set.count);
+    }
+  }
+
+  drawPicture(matrix, corners, index, alpha) {
+    const gl = this.gl, at = this.pictures;
+    gl.useProgram(at.program);
+    gl.bindVertexArray(null);
+    gl.bindTexture(gl.TEXTURE_2D, this.textures[index]);
+    gl.uniform3fv(at.u_corners, corners.flat());
+    gl.uniformMatrix4fv(at.u_view, false, matrix);
+    gl.uniform1f(at.u_alpha, alpha);
+    gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+  }
+}

@@ -1,0 +1,58 @@
+// Lines of the scene as lists of [from, to, color]; colors are four numbers from 0 to 1.
+
+const PLANE_M = 0.5; // how far before its camera a picture hangs
+
+function rgb(hex) {
+  return [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16) / 255);
+}
+
+// The axes of a video's camera in a frame, as columns right, down, ahead, and its centre.
+function cameraAt(video, frame) {
+  const all = video.camera.axes, start = 9 * Math.min(frame, all.length / 9 - 1);
+  const axis = (c) => [0, 1, 2].map((r) => all[start + 3 * r + c]);
+  return { right: axis(0), down: axis(1), ahead: axis(2), centre: video.camera.centre };
+}
+
+// Corners in space of a part [x, y, width, height] of a video's picture, else of all of it:
+// top left, top right, bottom left, bottom right.
+function pictureCorners(video, frame, part = [0, 0, ...video.size], depth = PLANE_M) {
+  const lens = video.camera, at = cameraAt(video, frame);
+  const [x0, y0, x1, y1] = [part[0] - 0.5, part[1] - 0.5, part[0] + part[2] - 0.5, part[1] + part[3] - 0.5];
+  return [[x0, y0], [x1, y0], [x0, y1], [x1, y1]].map(([x, y]) => {
+    const sideways = scaled(at.right, (depth * (x - lens.cx)) / lens.fx);
+    const down = scaled(at.down, (depth * (y - lens.cy)) / lens.fy);
+    return add(at.centre, add(add(sideways, down), scaled(at.ahead, depth)));
+  });
+}
+
+function frustum(video, frame) {
+  const [a, b, c, d] = pictureCorners(video, frame), centre = video.camera.centre;
+  const color = [...rgb(video.color), 1];
+  const edges = [[a, b], [b, d], [d, c], [c, a], ...[a, b, c, d].map((p) => [centre, p])];
+  return edges.map(([from, to]) => [from, to, color]);
+}
+
+// The way of the pelvis: pale at the beginning, full in the end.
+function path(video, answer, shape) {
+  const color = rgb(video.color), count = answer.trans.length / 3, out = [];
+  const place = (t) => [0, 1, 2].map((i) => answer.trans[3 * t + i] + shape.joints[i]);
+  for (let t = 0; t + 1 < count; t++) {
+    const share = 0.25 + (0.75 * t) / count;
+    out.push([place(t), place(t + 1), [...mix([1, 1, 1], color, share), 1]]);
+  }
+  return out;
+}
+
+// The ground: a line every half metre, fading away from the middle.
+function floor(middle) {
+  const out = [], reach = 4.5, [x0, z0] = [Math.round(middle[0]), Math.round(middle[2])];
+  for (let i = -2 * reach; i <= 2 * reach; i++)
+    for (let k = -2 * reach; k < 2 * reach; k++) {
+      const far = Math.hypot(i / 2, (k + 0.5) / 2) / reach;
+      if (far > 1) continue;
+      const color = [0.55, 0.6, 0.66, (i % 2 ? 0.22 : 0.5) * (1 - far * far)];
+      out.push([[x0 + i / 2, 0, z0 + k / 2], [x0 + i / 2, 0, z0 + (k + 1) / 2], color]);
+      out.push([[x0 + k / 2, 0, z0 + i / 2], [x0 + (k + 1) / 2, 0, z0 + i / 2], color]);
+    }
+  return out;
+}

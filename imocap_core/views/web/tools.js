@@ -1,0 +1,84 @@
+// Buttons and keys.
+
+const HELP = [
+  ["space", "play or pause"], ["← →", "one frame; with shift ten"], ["home, end", "to the ends"],
+  ["+ −", "speed"], ["1 … 9", "show or hide a video"], ["i", "result, monocular, or both"],
+  ["o", "in one place, or side by side"], ["c", "look through the next camera"],
+  ["f, a", "see the performers; see everything"], ["k, s", "keypoints; skeleton over the frames"],
+  ["drag, wheel", "turn, zoom; with shift move"], ["esc", "back to the free eye"],
+];
+
+function group(parent, buttons) {
+  const box = parent.appendChild(document.createElement("div"));
+  box.className = "group";
+  return buttons.map(([text, title, act]) => {
+    const button = box.appendChild(document.createElement("button"));
+    Object.assign(button, { textContent: text, title, type: "button" });
+    button.addEventListener("click", act);
+    return button;
+  });
+}
+
+const press = (button, on) => button.setAttribute("aria-pressed", String(Boolean(on)));
+
+// The buttons over the scene; returns a function that shows the state on them.
+function makeTools(parent, beside, act) {
+  const answers = ["final", "initial", "both"];
+  const shown = group(parent, [
+    ["result", "The final motion (i)", () => act.answer("final")],
+    ["monocular", "What each video alone says (i)", () => act.answer("initial")],
+    ["both", "The monocular one as a ghost (i)", () => act.answer("both")],
+  ]);
+  const places = group(parent, [
+    ["in one place", "All in the common world (o)", () => act.apart(false)],
+    ["side by side", "Performers set apart (o)", () => act.apart(true)],
+  ]);
+  const extras = group(parent, [
+    ["cameras", "Cameras with their pictures", () => act.flip("cameras")],
+    ["paths", "The way of the pelvis, pale at the start", () => act.flip("paths")],
+  ]);
+  const marks = group(beside, [
+    ["keypoints", "Detected keypoints over the frames (k)", () => act.mark("detected")],
+    ["skeleton", "The motion's skeleton over the frames (s)", () => act.mark("skeleton")],
+  ]);
+  const eye = group(parent, [
+    ["see all", "Performers and cameras (a)", () => act.fit(true)],
+    ["closer", "The performers alone (f)", () => act.fit(false)],
+    ["keys", "All keys (?)", () => act.help()],
+  ]);
+  return (state) => {
+    shown.forEach((button, i) => press(button, state.answer === answers[i]));
+    places.forEach((button, i) => press(button, state.apart === (i === 1)));
+    press(extras[0], state.cameras); press(extras[1], state.paths);
+    press(marks[0], state.marks.detected); press(marks[1], state.marks.skeleton);
+    press(eye[2], state.help);
+  };
+}
+
+function listenToKeys(act, videos) {
+  const answers = { final: "initial", initial: "both", both: "final" };
+  const keys = {
+    " ": () => act.play(), ArrowLeft: (e) => act.step(e.shiftKey ? -10 : -1),
+    ArrowRight: (e) => act.step(e.shiftKey ? 10 : 1), Home: () => act.end(false), End: () => act.end(true),
+    "+": () => act.faster(1), "=": () => act.faster(1), "-": () => act.faster(-1),
+    i: () => act.answer(answers[act.state.answer]), o: () => act.apart(!act.state.apart),
+    c: () => act.through(act.state.through + 1 < videos ? act.state.through + 1 : -1),
+    f: () => act.fit(false), a: () => act.fit(true), k: () => act.mark("detected"),
+    s: () => act.mark("skeleton"), "?": () => act.help(), Escape: () => act.through(-1),
+  };
+  addEventListener("keydown", (e) => {
+    if (e.ctrlKey || e.metaKey || e.altKey || e.target.tagName === "SELECT") return;
+    const digit = Number(e.key);
+    if (e.key !== " " && digit >= 1 && digit <= videos) act.toggle(digit - 1);
+    else if (keys[e.key]) keys[e.key](e);
+    else return;
+    e.preventDefault();
+  });
+}
+
+function showHelp(box) {
+  for (const [key, what] of HELP) {
+    box.appendChild(document.createElement("b")).textContent = key;
+    box.appendChild(document.createElement("span")).textContent = what;
+  }
+}

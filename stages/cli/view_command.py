@@ -1,0 +1,56 @@
+"""`imocap view`: its options, and what it says at the end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+
+from stages.harness.errors import WorkFailed, WrongUse
+from stages.harness.workspace import Workspace
+
+
+def view_command(
+    context: typer.Context,
+    action: Annotated[str, typer.Argument(help="A name below actions/, or an action's folder.")],
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Where to write the page instead.")
+    ] = None,
+) -> None:
+    """Write the viewer of an action, one HTML file that needs nothing else, and say where it is."""
+    from stages.cli.view import FILE_NAME, can_be_viewed, write_viewer
+
+    workspace = context.obj
+    assert isinstance(workspace, Workspace)
+    console = Console(highlight=False, soft_wrap=True)
+    job = workspace.job(action, [])
+    name, report = job.action.name, report_page(job.store.report(job.action.name))
+    if out is not None and (out.is_dir() or out.suffix.lower() not in (".html", ".htm")):
+        raise WrongUse(f"--out {out}: expected the name of an .html file")
+    if report is None and not can_be_viewed(job.store, name):
+        raise WorkFailed(f"{action} has no report yet; make one with: imocap run {action}")
+    if report is not None:
+        console.print(f"The report of {name} is {escape(str(report))}; open it in a browser.")
+    if out is None and report is not None and not can_be_viewed(job.store, name):
+        return
+    file = out or job.store.report(name) / FILE_NAME
+    with console.status("") as status:
+        written = write_viewer(
+            job.store,
+            job.action,
+            file,
+            lambda share, what: status.update(f"viewer: {escape(what)}"),
+        )
+    how = f"{file.stat().st_size / 1e6:.1f} MB" + ("" if written else ", already up to date")
+    console.print(f"The viewer of {name} is {escape(str(file))} ({how}); open it in a browser.")
+
+
+def report_page(folder: Path) -> Path | None:
+    """The page to open first in a report's folder; the folder itself when it has none."""
+    for name in ("index.html", "report.html", "index.md", "report.md"):
+        if (folder / name).is_file():
+            return folder / name
+    return folder if folder.is_dir() else None

@@ -1,0 +1,167 @@
+"""A headless Chromium over the DevTools protocol's pipe: nothing but the standard library."""
+
+from __future__ import annotations
+
+import base64
+import fcntl
+import json
+import os
+import shutil
+import subprocess
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-gpu",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--hide-scrollbars",
+    "--remote-debugging-pipe",
+)
+PATIENCE_S = 60.0
+
+
+class Browser:
+    """One page in a browser of its own; `errors` collects what the page complained of."""
+
+    def __init__(self, profile: Path, width: int = 1280, height: int = 800) -> None:
+        self.errors: list[str] = []
+        self._next, self._rest = 0, b""
+        to_child, self._write = os.pipe()
+        self._read, from_child = os.pipe()
+        ends = [fcntl.fcntl(fd, fcntl.F_DUPFD, 10) for fd in (to_child, from_child)]
+
+        def at_3_and_4() -> None:
+            os.dup2(ends[0], 3)
+            os.dup2(ends[1], 4)
+
+        assert CHROMIUM is not None
+        self._process = subprocess.Popen(
+            [CHROMIUM, *FLAGS, f"--user-data-dir={profile}", "about:blank"],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            preexec_fn=at_3_and_4,  # where the pipe is looked for
+            pass_fds=(3, 4),
+        )
+        for fd in (to_child, from_child, *ends):
+            os.close(fd)
+        self._session: str | None = None
+        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        attached = self.call("Target.attachToTarget", targetId=target, flatten=True)
+        self._session = attached["sessionId"]
+        for domain in ("Page", "Runtime", "Log"):
+            self.call(f"{domain}.enable")
+        self.resize(width, height)
+
+    def __enter__(self) -> Browser:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._session = None
+        self._send({"id": 0, "method": "Browser.close"})
+        try:
+            self._process.wait(10)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        os.close(self._read)
+        os.close(self._write)
+
+    def call(self, method: str, **params: Any) -> dict[str, Any]:
+        """One command and its result; what happens in between is noted."""
+        self._next += 1
+        own = self._next
+        self._send({"id": own, "method": method, "params": params})
+        while True:
+            message = self._receive()
+            if message.get("id") == own:
+                assert "error" not in message, f"{method}: {message['error']}"
+                result: dict[str, Any] = message["result"]
+                return result
+            self._note(message)
+
+    def open(self, file: Path) -> None:
+        """Open a local file and wait until its script has run."""
+        self.call("Page.navigate", url=file.resolve().as_uri())
+        self.wait("document.readyState === 'complete' && location.protocol === 'file:'")
+
+    def value(self, expression: str) -> Any:
+        """What a JavaScript expression gives, promises awaited."""
+        found = self.call(
+            "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
+        )
+        assert "exceptionDetails" not in found, found["exceptionDetails"]
+        return found["result"].get("value")
+
+    def wait(self, expression: str) -> None:
+        """Until an expression is true."""
+        end = time.monotonic() + PATIENCE_S
+        while not self.value(expression):
+            assert time.monotonic() < end, f"never came true: {expression}"
+            time.sleep(0.05)
+
+    def resize(self, width: int, height: int, density: float = 1.0) -> None:
+        """The size of the page's window in CSS pixels."""
+        self.call(
+            "Emulation.setDeviceMetricsOverride",
+            width=width,
+            height=height,
+            deviceScaleFactor=density,
+            mobile=False,
+        )
+
+    def key(self, key: str) -> None:
+        """Press and release a key of the keyboard."""
+        text = {"text": key} if len(key) == 1 else {}
+        self.call("Input.dispatchKeyEvent", type="keyDown", key=key, **text)
+        self.call("Input.dispatchKeyEvent", type="keyUp", key=key)
+
+    def click(self, x: float, y: float) -> None:
+        """Press and release the left mouse button, in CSS pixels."""
+        for kind in ("mousePressed", "mouseReleased"):
+            self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
+
+    def screenshot(self, whole: bool = False) -> bytes:
+        """The page as PNG; `whole`: also what lies below the window."""
+        data = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=whole)
+        return base64.b64decode(data["data"])
+
+    def _send(self, message: dict[str, Any]) -> None:
+        if self._session is not None:
+            message["sessionId"] = self._session
+        data = json.dumps(message).encode() + b"\0"
+        while data:
+            data = data[os.write(self._write, data) :]
+
+    def _receive(self) -> dict[str, Any]:
+        while b"\0" not in self._rest:
+            part = os.read(self._read, 1 << 16)
+            assert part, "the browser ended"
+            self._rest += part
+        first, _, self._rest = self._rest.partition(b"\0")
+        message: dict[str, Any] = json.loads(first)
+        return message
+
+    def _note(self, message: dict[str, Any]) -> None:
+        said, params = message.get("method"), message.get("params", {})
+        if said == "Runtime.exceptionThrown":
+            self.errors.append(str(params["exceptionDetails"]))
+        elif said == "Runtime.consoleAPICalled" and params["type"] == "error":
+            self.errors.append(" ".join(str(a.get("value", a)) for a in params["args"]))
+        elif said == "Log.entryAdded" and params["entry"]["level"] == "error":
+            self.errors.append(params["entry"]["text"])
