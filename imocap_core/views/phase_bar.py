@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -37,14 +38,28 @@ def lock_step(
     files: Mapping[str, Path | None],
     name: str,
     paints: Mapping[str, Paint] | None = None,
+    every: int = 1,
 ) -> Iterator[Image]:
     """The film of an action: the videos named in `files` (None: there is no file) on the common
-    time axis, a frame at each of `film_moments`; `paints`: what is painted over some of them."""
+    time axis, a frame at each of `film_moments`, or at `every` so many of them; `paints`: what is
+    painted over some videos."""
     fps = next(v.fps for v in keypoints.videos if v.id == sync.reference)
-    tracks = tracks_of(keypoints, sync, files, paints)
+    tracks = [thinned(track, every) for track in tracks_of(keypoints, sync, files, paints)]
     film = side_by_side(tracks, tile_shape([v for v in keypoints.videos if v.id in files]))
     title = f"{name}: {len(tracks)} videos on one time axis"
-    return framed(film, tracks, film_moments(keypoints, sync) / fps, title)
+    return framed(film, tracks, film_moments(keypoints, sync)[::every] / fps, title)
+
+
+def thinned(track: Track, every: int) -> Track:
+    """The track at every so many moments."""
+    return replace(
+        track,
+        index=track.index[::every],
+        frames=track.frames[::every],
+        matched=track.matched[::every],
+        confidence=track.confidence[::every],
+        windows=track.windows[::every],
+    )
 
 
 def framed(

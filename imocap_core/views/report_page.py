@@ -34,6 +34,7 @@ th a { color: inherit; border-bottom: 1px dotted #868d96; }
 table { border-collapse: collapse; font-size: .83rem; font-variant-numeric: tabular-nums; }
 th, td { padding: .28rem .7rem; text-align: left; border-bottom: 1px solid #e4e7ea; }
 th { font-weight: 600; vertical-align: bottom; }
+td { white-space: nowrap; }
 .n { text-align: right; }
 .total td { border-bottom-color: #868d96; font-weight: 600; }
 figure { margin: 1.4rem 0; }

@@ -89,6 +89,7 @@ PLANS = (
         ("rounds",),
     ),
     Plan("Time", "", (), ("timings",)),
+    Plan("Not scored", "", (), ("unscored",)),
 )
 REST = "Further"
 

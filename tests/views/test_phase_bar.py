@@ -7,7 +7,7 @@ import pytest
 
 from imocap_core.artifacts.schemas import SyncTrust
 from imocap_core.artifacts.schemas.sync import VideoTrust
-from imocap_core.views.phase_bar import HEAD_PX, SIDE_PX, framed, phase_bar
+from imocap_core.views.phase_bar import HEAD_PX, SIDE_PX, framed, lock_step, phase_bar
 from imocap_core.views.side_by_side import tracks_of
 from imocap_core.views.sync_summary import film_moments
 from tests.views.made import FPS, Made
@@ -67,3 +67,14 @@ def test_the_line_moves_along_and_the_film_keeps_its_pictures(made: Made) -> Non
     assert (np.diff(columns) > 10).all()
     with pytest.raises(ValueError, match="expected one a frame of the film, got 15"):
         list(framed(film, tracks, np.arange(15) / FPS, "waving"))
+
+
+def test_a_thinned_film_shows_every_third_moment(made: Made) -> None:
+    files = dict.fromkeys(made.ids)
+    whole = list(lock_step(made.keypoints, made.refined.sync, files, "waving"))
+    third = list(lock_step(made.keypoints, made.refined.sync, files, "waving", every=3))
+    assert len(whole) == 16
+    assert len(third) == 6
+    for picture, other in zip(third, whole[::3], strict=True):
+        tiles = slice(HEAD_PX, -80)
+        np.testing.assert_array_equal(picture[tiles], other[tiles])

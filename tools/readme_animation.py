@@ -1,0 +1,75 @@
+"""The README's animation: python tools/readme_animation.py yoga docs/images/yoga.webp
+
+All videos of an action that has been run, in lock-step, with the recovered bodies: the film of
+`imocap video --kind side-by-side`, smaller and at fewer frames, as an animated WebP (or GIF) that
+begins again when it ends.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import cv2
+import numpy as np
+from PIL import Image
+
+from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync
+from imocap_core.body import load_free_body
+from imocap_core.views.performer import Painter, performers
+from imocap_core.views.phase_bar import lock_step
+from stages.cli.films import stored, video_files
+from stages.harness.workspace import Workspace
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+def main() -> None:
+    """Write the animation and say how large it is."""
+    words = argparse.ArgumentParser(description=__doc__)
+    words.add_argument("action")
+    words.add_argument("out", type=Path)
+    words.add_argument("--width", type=int, default=840, help="pixels")
+    words.add_argument("--every", type=int, default=3, help="one of so many moments")
+    words.add_argument("--quality", type=int, default=45, help="of WebP, 0 to 100")
+    words.add_argument("--opacity", type=float, default=0.75)
+    given = words.parse_args()
+    job = Workspace(ROOT).job(given.action, [])
+    keypoints, refined = (
+        stored(job, "keypoints", Keypoints),
+        stored(job, "refine_sync", RefineSync),
+    )
+    files, model = video_files(job), load_free_body()
+    cast = performers(
+        keypoints,
+        stored(job, "camera_motion", CameraMotion),
+        refined.motion.videos,
+        refined.motion.cameras,
+        files,
+        model,
+    )
+    paints = {p.seen.id: Painter(p, model, alpha=given.opacity) for p in cast}
+    film = lock_step(keypoints, refined.sync, files, job.action.name, paints, given.every)
+    frames = [Image.fromarray(smaller(frame, given.width)) for frame in film]
+    fps = next(v.fps for v in keypoints.videos if v.id == refined.sync.reference) / given.every
+    options = {"quality": given.quality, "method": 6} if given.out.suffix == ".webp" else {}
+    frames[0].save(
+        given.out,
+        save_all=True,
+        append_images=frames[1:],
+        duration=round(1000 / fps),
+        loop=0,
+        **options,
+    )
+    size = given.out.stat().st_size / 1e6
+    print(f"{given.out}: {len(frames)} frames at {fps:.1f} a second, {size:.2f} MB")
+
+
+def smaller(frame: np.ndarray, width: int) -> np.ndarray:
+    """The frame resized to a width in pixels."""
+    height = round(frame.shape[0] * width / frame.shape[1])
+    return cv2.resize(frame, (width, height), interpolation=cv2.INTER_AREA)
+
+
+if __name__ == "__main__":
+    main()
