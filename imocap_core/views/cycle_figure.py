@@ -99,7 +99,7 @@ def cycle_figure(
                 said = f"{frames[video][index]} ({'home' if off == 0 else format(off, '+d')})"
                 color = ACCENT if abs(off) > NEAR_FRAMES else color
             _word(figure, said, left + width / 2, top + height + 10, size, color, "center")
-    plot = (size[0] - RIGHT_PX + 70, 70, RIGHT_PX - 90, size[1] - TOP_PX - 100)
+    plot = (size[0] - RIGHT_PX + 90, 70, RIGHT_PX - 110, size[1] - TOP_PX - 100)
     place = (plot[0] / size[0], plot[1] / size[1], plot[2] / size[0], plot[3] / size[1])
     _returns(figure.add_axes(place), before, after, frames[trip[0]], trip)
     there = ", on to ".join(trip[1:])

@@ -50,6 +50,7 @@ ROUND = (
     "matched_share",
 )
 DECIMALS = {"mm": 1, "px": 1, "pct": 2, "deg": 2, "frames": 2, "ms": 1, "s2": 2, "share": 2, "s": 1}
+DECIMALS |= {"seconds": 1, "frame": 1, "fps": 2}
 
 
 def metric_tables(rows: Sequence[Row], summary: Sequence[Row]) -> list[Table]:
