@@ -16,6 +16,7 @@ from imocap_core.artifacts.schemas import (
     InitialSmpl,
     Keypoints,
 )
+from imocap_core.lifter.infer import Lifted
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.library import Library, make_library
 from imocap_core.motion.monocular import fit_monocular
@@ -30,6 +31,7 @@ from imocap_core.motion.starts import (
 )
 from stages.harness.stage import Context, Inputs, main
 from stages.initial_estimates import Estimate, estimate_of
+from stages.lifted import evidence_of, lifted_joints, starts_of
 from stages.motion_values import body_for, motions_of, observations_of, weights_of
 from stages.params import Params
 
@@ -42,20 +44,24 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
         v.id: estimate_of(ctx, v, torch.as_tensor(camera.R_first_from_frame))
         for v, camera in zip(keypoints.videos, cameras.videos, strict=True)
     }
-    joints = {k: g for k, g in given.items() if isinstance(g, np.ndarray)}
-    observations = observations_of(body, keypoints, cameras, joints)
     lifting = params.initial_smpl
+    lifted = _lifted(keypoints, cameras, given) if lifting.lifter == "auto" else {}
+    joints = {k: g for k, g in given.items() if isinstance(g, np.ndarray)}
+    joints |= {k: evidence_of(found) for k, found in lifted.items()}
+    observations = observations_of(body, keypoints, cameras, joints)
     ctx.progress(0.05, "looking for starts")
     library = make_library(
         body, prior, ctx.rng(), poses=lifting.library_poses, directions=lifting.library_directions
     )
     starts, source = [], {}
     for video, observation in zip(keypoints.videos, observations, strict=True):
-        found = _starts(body, library, observation, given[video.id], params)
-        starts.append(found)
-        source[video.id] = (
-            (video.initial_format or "") if given[video.id] is not None else "monocular"
-        )
+        if video.id in lifted:
+            starts.append(starts_of(body, library, observation, lifted[video.id]))
+            source[video.id] = "lifter"
+        else:
+            starts.append(_starts(body, library, observation, given[video.id], params))
+            estimated = given[video.id] is not None
+            source[video.id] = (video.initial_format or "") if estimated else "monocular"
         ctx.progress(0.05 + 0.35 * len(starts) / len(observations), f"starts of {video.id}")
     slowest = min(o.fps for o in observations)
     fit = fit_monocular(
@@ -77,6 +83,15 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
             for n, cost in enumerate(costs)
         ],
     )  # fmt: skip
+
+
+def _lifted(
+    keypoints: Keypoints, cameras: CameraMotion, given: dict[str, Estimate]
+) -> dict[str, Lifted]:
+    """What the lifter says of the videos that have no estimate, where it can say anything."""
+    pairs = zip(keypoints.videos, cameras.videos, strict=True)
+    told = {v.id: lifted_joints(v, camera) for v, camera in pairs if given[v.id] is None}
+    return {video: found for video, found in told.items() if found is not None}
 
 
 def _starts(

@@ -1,13 +1,36 @@
-"""Between artifacts and the core's lifter: one video's keypoints to 3D joints."""
+"""Between artifacts and the core's lifter: one video's keypoints to 3D joints, and to starts."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imocap_core.artifacts.schemas import VideoCameraMotion, VideoKeypoints
 from imocap_core.lifter.infer import Lifted, lift
 from imocap_core.lifter.points import can_lift, to_common
 from imocap_core.lifter.weights import load_lifter
+from imocap_core.motion.kinematics import Body
+from imocap_core.motion.library import Library
+from imocap_core.motion.observations import Observation
+from imocap_core.motion.starts import Start, fit_rotations_to_joints, start_at_joints
+
+Array = NDArray[np.float64]
+
+
+def starts_of(
+    body: Body, library: Library, observation: Observation, lifted: Lifted
+) -> list[Start]:
+    """Where a fit may begin: at the lifter's motion, and at its alternative."""
+    starts = []
+    for joints in (lifted.joints, lifted.alternative):
+        R_local = fit_rotations_to_joints(body, library, joints)
+        starts.append(start_at_joints(body, R_local, observation))
+    return starts
+
+
+def evidence_of(lifted: Lifted) -> Array:
+    """The lifter's joints (T, 24, 3) as evidence of a fit: only where somebody is seen."""
+    return np.where(lifted.seen[:, None, None], lifted.joints, np.nan)
 
 
 def lifted_joints(video: VideoKeypoints, camera: VideoCameraMotion) -> Lifted | None:

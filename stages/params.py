@@ -60,6 +60,7 @@ class InitialSmplParams(Group):
     match_sigma: Positive  # keypoint misfit, share of the keypoints' spread
     step_m_s: Positive  # joint speed that costs 1 on the path
     starts: Count  # different starts that are fitted; the best is kept
+    lifter: Literal["auto", "never"]  # whether it starts the fits where no estimate is named
     max_steps: Count
 
 

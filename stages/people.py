@@ -29,6 +29,7 @@ from stages.params import KeypointsParams
 Array = NDArray[np.float64]
 LOOK_S = 0.2  # people's clothes are looked at this often
 LEAST_SIZE_PX = 1.0
+NOBODY = 0.03  # of the best score: who has less is a false detection or far away
 
 
 @dataclass(frozen=True)
@@ -55,13 +56,18 @@ def followed(watched: Watched, video: Path | None, params: KeypointsParams) -> W
         min_confidence=params.min_confidence,
         max_gap_s=params.max_gap_s,
     )
-    if video is not None and params.looks and len(ranked) > 1:
+    if video is not None and params.looks and _worth_a_look(ranked):
         tracks = [track for _, track in ranked]
         looks = _looks_of(video, watched, tracks)
         tracks, looks = exchange_where_met(tracks, looks)
         tracks, _ = join_by_looks(tracks, looks)
         ranked = rank(tracks, len(watched.people), watched.size)
     return replace(watched, ranked=ranked)
+
+
+def _worth_a_look(ranked: Sequence[tuple[float, Track]]) -> bool:
+    """Whether anybody else counts for enough that a mistake about who is who would matter."""
+    return len(ranked) > 1 and ranked[1][0] > NOBODY * ranked[0][0]
 
 
 def performers(watched: Sequence[Watched], file: Path, params: KeypointsParams) -> list[Performer]:

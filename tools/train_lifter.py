@@ -60,8 +60,8 @@ def loss_of(answer: Answer, true: Tensor, there: Tensor) -> Tensor:
 
 @torch.no_grad()
 def errors_mm(network: Lifter, batches: list[tuple[Tensor, Tensor]]) -> dict[str, float]:
-    """Mean joint errors of held-out windows: as they are, after the best rigid turn of nothing but
-    the alternatives' choice, and of the best of all answers."""
+    """Mean joint errors of held-out windows: of the answer where somebody is seen, and of whole
+    windows of the best of it and its alternatives."""
     network.eval()
     mean, best = [], []
     for features, true in batches:
@@ -84,12 +84,14 @@ def main() -> None:
     parser.add_argument(
         "--work", type=Path, required=True, help="fitted motions, checkpoint, curve"
     )
-    parser.add_argument("--steps", type=int, default=16000)
+    parser.add_argument("--steps", type=int, default=15000)
     parser.add_argument("--minutes", type=float, default=1e9, help="the rate falls to 0 by then")
+    parser.add_argument("--resume", action="store_true", help="go on from the checkpoint")
+    parser.add_argument("--rate", type=float, default=PEAK_RATE, help="the highest rate")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     torch.manual_seed(SEED)
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng([SEED, 1] if arguments.resume else SEED)
     arguments.work.mkdir(parents=True, exist_ok=True)
     clips = fit_all(arguments.train, arguments.work / "motions.npz")
     held_out = sorted(clips)[::HELD_OUT_EVERY]
@@ -99,15 +101,17 @@ def main() -> None:
     seeing = np.random.default_rng(2)
     batches = [batch_of(watched, performers, 64, seeing) for _ in range(VALIDATION_BATCHES)]
     network, averaged = Lifter(), Lifter()
+    if arguments.resume:
+        network.load_state_dict(torch.load(arguments.work / "checkpoint.pt"))
     averaged.load_state_dict(network.state_dict())
     print(f"{count_weights(network)} weights, held out: {', '.join(held_out)}", flush=True)
-    optimiser = torch.optim.AdamW(network.parameters(), PEAK_RATE, weight_decay=WEIGHT_DECAY)
+    optimiser = torch.optim.AdamW(network.parameters(), weight_decay=WEIGHT_DECAY)
     began, curve, step, done = time.monotonic(), [], 0, 0.0
     while done < 1.0:
         spent_s = time.monotonic() - began
         done = max(step / arguments.steps, spent_s / 60 / arguments.minutes)
         for group in optimiser.param_groups:
-            group["lr"] = PEAK_RATE * min(1.0, (step + 1) / 300) * max(0.0, 1.0 - done)
+            group["lr"] = arguments.rate * min(1.0, (step + 1) / 300) * max(0.0, 1.0 - done)
         features, true = batch_of(motions, performers, BATCH, rng)
         with torch.autocast("cpu", torch.bfloat16):
             answer = network(features)
@@ -128,7 +132,9 @@ def main() -> None:
             )
             print(curve[-1], flush=True)
             torch.save(averaged.state_dict(), arguments.work / "checkpoint.pt")
-            (arguments.work / "curve.json").write_text(json.dumps(curve, indent=1))
+            (arguments.work / f"curve{'_resumed' * arguments.resume}.json").write_text(
+                json.dumps(curve, indent=1)
+            )
     TARGET.parent.mkdir(parents=True, exist_ok=True)
     write_weights(TARGET, averaged)
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from imocap_core.artifacts.schemas import CameraMotion, Keypoints
 from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.formats.truth import Truth
 from imocap_core.metrics.scoring import Motion, Row, over_videos, pose_rows
 from imocap_core.views.scoreboard import true_motion
 from stages.benchmarks.choice import Choice
@@ -85,7 +86,18 @@ def _row(workspace: Workspace, choice: Choice, name: str, display: Display) -> L
     done = {outcome.stage: outcome.stored for outcome in outcomes}
     keypoints = done["keypoints"].decode(Keypoints)
     cameras = done["camera_motion"].decode(CameraMotion)
-    truth = truth_of(job, keypoints)
+    return row_of(choice.name, choice.detector, name, keypoints, cameras, truth_of(job, keypoints))
+
+
+def row_of(
+    benchmark: str,
+    detector: str,
+    name: str,
+    keypoints: Keypoints,
+    cameras: CameraMotion,
+    truth: Truth,
+) -> LifterRow:
+    """Lift every video of an action and score what comes."""
     rows: list[Row] = []
     best, seconds, frames = [], 0.0, 0
     for video, camera in zip(keypoints.videos, cameras.videos, strict=True):
@@ -102,9 +114,8 @@ def _row(workspace: Workspace, choice: Choice, name: str, display: Display) -> L
         ]
         rows += answers[0]
         best.append(min(_of(answer)["pa_mpjpe_mm"] for answer in answers))
-    return LifterRow(
-        choice.name, choice.detector, name, _of(rows), float(np.mean(best)), 1000 * seconds / frames
-    )
+    latency_ms = 1000 * seconds / frames
+    return LifterRow(benchmark, detector, name, _of(rows), float(np.mean(best)), latency_ms)
 
 
 def _of(rows: Sequence[Row]) -> dict[str, float]:

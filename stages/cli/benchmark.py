@@ -100,6 +100,15 @@ def body_table(name: str, workspace: Workspace) -> Table:
     return _table(rows)
 
 
+def lifter_table(wanted: Wanted, workspace: Workspace, display: Display) -> tuple[str, list[str]]:
+    """The lifter alone on trials and protocol, as Markdown; where it was written."""
+    from stages.benchmarks.lifter import markdown, measure, write_table
+
+    rows = measure(workspace, wanted.only, display)
+    file = write_table(rows, workspace.root / "artifacts" / "benchmark" / "lifter")
+    return markdown(rows), [f"Kept in {file}"]
+
+
 def trust_table(workspace: Workspace, display: Display) -> list[Table | str]:
     """Whether videos of another action and mirrored ones are found (`trust`), and how often."""
     from stages.benchmarks.trust import among_decidable, measure, totals

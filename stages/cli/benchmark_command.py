@@ -23,6 +23,8 @@ Name = Literal[
     "trust",
     "body",
     "bones",
+    "rendered",
+    "lifter",
 ]
 
 
@@ -47,6 +49,9 @@ def benchmark_command(
         Path | None, typer.Option(help="h36m: the folder with VideoPose3D's two files.")
     ] = None,
     jobs: Annotated[int, typer.Option(min=1, help="Actions at once, each with one thread.")] = 1,
+    small: Annotated[
+        bool, typer.Option("--small", help="rendered: pictures of 320 x 240, not 640 x 480.")
+    ] = False,
     docs: Annotated[
         bool, typer.Option("--docs", help="Put the table into docs/benchmark.md and README.md.")
     ] = False,
@@ -63,9 +68,19 @@ def benchmark_command(
     )
     if name in ("body", "bones"):
         console.print(benchmark.body_table(name, workspace))
+    elif name == "rendered":
+        from stages.cli.rendered import rendered_report
+
+        with Terminal(console) as display:
+            said = rendered_report(workspace, videos, small, tuple(only), jobs, docs, display)
+        console.print(*map(escape, said), sep="\n")
     elif name == "sync":
         said = benchmark.sync_tables(workspace, sampling, tuple(only), variants)
         console.print(escape(said))
+    elif name == "lifter":
+        with Terminal(console) as display:
+            text, where = benchmark.lifter_table(wanted, workspace, display)
+        console.print(*(escape(line) for line in (text, *where)), sep="\n")
     elif name == "trust":
         with Terminal(console) as display:
             tables = benchmark.trust_table(workspace, display)
