@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = (
     *("body", "camera", "render", "sync", "baselines", "motion", "hands"),
-    *("metrics", "synthetic", "people", "lifter"),
+    *("metrics", "synthetic", "people", "lifter", "technique"),
     *("artifacts", "formats", "views"),
 )
 DETECT = ("stages/detect", "stages/detect/workers")

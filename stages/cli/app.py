@@ -11,6 +11,7 @@ from rich.console import Console
 
 from stages.cli.benchmark_command import benchmark_command
 from stages.cli.detect_command import detect_command
+from stages.cli.compare_command import compare_command
 from stages.cli.export_command import export_command
 from stages.cli.people_command import people_command
 from stages.cli.repeated import job_in_parts
@@ -39,6 +40,7 @@ app.command("benchmark")(benchmark_command)
 app.command("video")(video_command)
 app.command("report")(report_command)
 app.command("export")(export_command)
+app.command("compare")(compare_command)
 app.command("people")(people_command)
 app.command("detect")(detect_command)
 console = Console(highlight=False, soft_wrap=True)

@@ -1,0 +1,57 @@
+"""`imocap compare`: what performances share and how they differ; two performers on one axis."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from stages.harness.errors import WrongUse
+from stages.harness.workspace import Workspace
+
+FOLDER = "compare"
+
+
+def compare_command(
+    context: typer.Context,
+    action: Annotated[str, typer.Argument(help="A name below actions/, or an action's folder.")],
+    second: Annotated[
+        str | None, typer.Argument(metavar="[ACTION2]", help="Another performer of the action.")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder to write to; else artifacts/ACTION/report/compare."),
+    ] = None,
+) -> None:
+    """Technique: mean motion, spread of every joint, modes, consistency; or two performers."""
+    import numpy as np
+
+    from stages.cli.compare import describe, pair_of
+    from stages.cli.compare_report import write_pair, write_technique
+    from stages.cli.compare_sources import gather, several
+
+    assert isinstance(context.obj, Workspace)
+    console = Console(highlight=False, soft_wrap=True, markup=False)
+    job = context.obj.job(action, [])
+    name = job.action.name
+    folder = out or job.store.report(name) / FOLDER
+    first = gather(job.store, name)
+    if second is None:
+        found = describe(several(first))
+        files = write_technique(folder, found)
+        console.print(f"{name}: consistency {found.whole:.3f}")
+    else:
+        other = context.obj.job(second, [])
+        if other.action.name == name:
+            raise WrongUse(f"{name} and {second} are one action; leave the second out")
+        pair = pair_of(
+            describe(first),
+            describe(gather(other.store, other.action.name, first.shaped)),
+            job.settings.params.sync,
+            np.random.default_rng(job.settings.seed),
+        )
+        files = write_pair(folder if out else folder / other.action.name, pair)
+    for file in files:
+        console.print(str(file))
