@@ -48,6 +48,7 @@ def _motion_of(
         residual_px=turning.residual_px,
         H_first_from_frame=turning.H_first_from_frame,
         R_first_from_frame=turning.R_first_from_frame,
+        zoom=turning.zoom,
         inliers=turning.inliers,
         xy_first_px=warp(turning.H_first_from_frame[:, None], video.xy_px),
     )

@@ -17,9 +17,10 @@ from scipy.optimize import minimize_scalar
 from imocap_core.camera.averaging import angle_deg, geman_mcclure_weight, nearest_rotation
 from imocap_core.camera.background import Matches, chain
 from imocap_core.camera.projection import intrinsics, project_camera, rays, warp
+from imocap_core.camera.zooming import homographies, zoom_and_turn
 
 Array = NDArray[np.float64]
-Motion = Literal["static", "rotating", "translating", "unknown"]
+Motion = Literal["static", "rotating", "zooming", "translating", "unknown"]
 FocalSource = Literal["given", "rotation", "assumed"]
 
 STATIC_PX = 0.6  # of a picture 1000 pixels large: less movement than this is none
@@ -31,13 +32,15 @@ EXPLAINED_SHARE = 0.6  # of the background a turning camera must explain
 
 @dataclass(frozen=True)
 class Turning:
-    """A camera's own motion. ``H`` and ``R`` (T, 3, 3) take each frame to the first one."""
+    """A camera's own motion. ``H`` and ``R`` (T, 3, 3) take each frame to the first one; ``K`` is
+    the first frame's, and ``zoom`` (T,) each frame's focal length over that one."""
 
     K: Array
     focal_source: FocalSource
     motion: Motion
     H_first_from_frame: Array
     R_first_from_frame: Array
+    zoom: Array
     inliers: NDArray[np.int64]
     residual_px: float
     note: str
@@ -57,6 +60,7 @@ def standing_still(
         motion="unknown",
         H_first_from_frame=still,
         R_first_from_frame=still.copy(),
+        zoom=np.ones(frames),
         inliers=np.zeros(frames, np.int64),
         residual_px=0.0,
         note="there is no video to look at, so the camera is taken to stand still",
@@ -101,11 +105,12 @@ def camera_turning(
 
 
 def _turning(matches: list[Matches], start: Turning, threshold_px: float, said: str) -> Turning:
-    """``start`` with its rotations, or with plain homographies if rotations do not explain it."""
+    """``start`` with its rotations, with zooms too where these alone do not explain the background,
+    or with plain homographies where neither does."""
     K = start.K
     turned = np.stack([rotation_key_from_frame(match, K)[0] for match in matches])
     R = chain(matches, turned)
-    residual, explained = _explained(matches, turned, K, threshold_px)
+    residual, explained = _explained(matches, K @ turned @ np.linalg.inv(K), threshold_px)
     if explained >= EXPLAINED_SHARE:
         widest = float(angle_deg(R[:1], R).max())
         return replace(
@@ -116,6 +121,9 @@ def _turning(matches: list[Matches], start: Turning, threshold_px: float, said: 
             residual_px=residual,
             note=f"turns by up to {widest:.1f} degrees" + said,
         )
+    zooming = _zooming(matches, start, threshold_px, said)
+    if zooming is not None:
+        return zooming
     H = chain(matches, np.stack([match.H_key_from_frame for match in matches]))
     return replace(
         start,
@@ -124,7 +132,30 @@ def _turning(matches: list[Matches], start: Turning, threshold_px: float, said: 
         R_first_from_frame=R,
         residual_px=residual,
         note=f"turning explains only {explained:.0%} of the background ({residual:.1f} px off): "
-        "the camera moves or zooms, and keypoints are warped by plain homographies" + said,
+        "the camera moves, and keypoints are warped by plain homographies" + said,
+    )
+
+
+def _zooming(
+    matches: list[Matches], start: Turning, threshold_px: float, said: str
+) -> Turning | None:
+    """``start`` with rotations and zooms; None where they do not explain the background either."""
+    found = zoom_and_turn(matches, start.K)
+    H = homographies(start.K, found)
+    keys = [match.key for match in matches]
+    residual, explained = _explained(matches, np.linalg.inv(H[keys]) @ H, threshold_px)
+    if explained < EXPLAINED_SHARE:
+        return None
+    widest = float(angle_deg(found.R[:1], found.R).max())
+    return replace(
+        start,
+        motion="zooming",
+        H_first_from_frame=H,
+        R_first_from_frame=found.R,
+        zoom=found.zoom,
+        residual_px=residual,
+        note=f"zooms from {found.zoom.min():.2f} to {found.zoom.max():.2f} times the first frame's "
+        f"focal length and turns by up to {widest:.1f} degrees" + said,
     )
 
 
@@ -179,15 +210,14 @@ def solve_focal(matches: list[Matches], size: tuple[int, int], *, frames: int = 
 
 
 def _explained(
-    matches: list[Matches], turned: Array, K: Array, threshold_px: float
+    matches: list[Matches], H_key_from_frame: Array, threshold_px: float
 ) -> tuple[float, float]:
-    """Median error in pixels at the homography's inliers, and the median share of all matches
-    that the rotation explains."""
+    """Median error in pixels at the matches' inliers, and the median share of all matches that
+    the homographies (T, 3, 3) explain."""
     errors, shares = [], []
-    for match, R in zip(matches[1:], turned[1:], strict=True):
+    for match, H in zip(matches[1:], H_key_from_frame[1:], strict=True):
         if match.inlier.any():
-            predicted = warp(K @ R @ np.linalg.inv(K), match.xy_frame)
-            error = np.linalg.norm(predicted - match.xy_key, axis=1)
+            error = np.linalg.norm(warp(H, match.xy_frame) - match.xy_key, axis=1)
             errors.append(float(np.median(error[match.inlier])))
             shares.append(float((error <= threshold_px).mean()))
     return (float(np.median(errors)), float(np.median(shares))) if errors else (0.0, 1.0)

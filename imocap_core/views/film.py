@@ -17,6 +17,7 @@ from imocap_core.artifacts.schemas import (
     VideoMotion,
 )
 from imocap_core.body import Model
+from imocap_core.camera.zooming import lens_of
 from imocap_core.formats.video import read_rgb
 from imocap_core.views.bodies import surfaces
 from imocap_core.views.overlays import (
@@ -113,7 +114,7 @@ def video_sheet(
         bodies = in_first @ shot.camera.R_first_from_frame[list(frames)]  # R^T x: axes of frame t
         rows.append(
             [
-                draw_body(cells[t], body, faces, where[t].camera(K))
+                draw_body(cells[t], body, faces, where[t].camera(lens_of(K, shot.camera.zoom[t])))
                 for t, body in zip(frames, bodies, strict=True)
             ]
         )
@@ -143,5 +144,7 @@ def moment_cells(
             row.append(np.full((CELL_PX[1], CELL_PX[0], 3), PAPER_RGB, dtype=np.uint8))
             continue
         joints = shot.last.joints[t] @ shot.camera.R_first_from_frame[t]
-        row.append(draw_skeleton(cells[t], joints, where[t].camera(shot.K)))
+        row.append(
+            draw_skeleton(cells[t], joints, where[t].camera(lens_of(shot.K, shot.camera.zoom[t])))
+        )
     return row

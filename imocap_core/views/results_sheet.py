@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from imocap_core.artifacts.schemas import VideoMotion
 from imocap_core.body import Model
+from imocap_core.camera.zooming import lens_of
 from imocap_core.views.bodies import surfaces
 from imocap_core.views.film import Shot
 from imocap_core.views.overlays import (
@@ -71,8 +72,8 @@ def results_sheet(
             in_first = surfaces(model, result.motions[v], [t])[0]
             body = in_first @ shot.camera.R_first_from_frame[t]  # R^T x: axes of frame t
             video = shot.seen.id
-            K_cell = where[video][t].camera(result.K[video])
-            row.append(draw_body(cells[video][t], body, faces, K_cell))
+            K = lens_of(result.K[video], shot.camera.zoom[t])
+            row.append(draw_body(cells[video][t], body, faces, where[video][t].camera(K)))
             bodies.append(body)
         over.append(row)
         side.append(from_the_side(np.stack(bodies), faces))

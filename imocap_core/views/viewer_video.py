@@ -110,5 +110,7 @@ def skeleton_entry(
 ) -> dict[str, Any]:
     """SMPL's joints (T, 24, 3), given in the first frame's axes, in the pixels of every frame."""
     in_frame = joints @ turned.R_first_from_frame  # R^T x
-    found, unit = _pixels(block, project_camera(in_frame, K), size)
+    middle = K[:2, 2]
+    xy = middle + turned.zoom[:, None, None] * (project_camera(in_frame, K) - middle)
+    found, unit = _pixels(block, xy, size)
     return {"xy": found, "unit": unit, "count": len(SMPL_JOINTS), "parents": list(SMPL_PARENTS)}

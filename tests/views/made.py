@@ -158,6 +158,7 @@ class Made:
             residual_px=0.2,
             H_first_from_frame=eye,
             R_first_from_frame=eye,
+            zoom=np.ones(frames),
             inliers=np.full(frames, 80),
             xy_first_px=self.keypoints.videos[v].xy_px,
         )

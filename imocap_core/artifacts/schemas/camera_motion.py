@@ -11,13 +11,14 @@ class VideoCameraMotion(Value):
     """One camera. "first" is the first used frame of its video."""
 
     id: str
-    K: Annotated[Floats, Shape(3, 3)]
+    K: Annotated[Floats, Shape(3, 3)]  # of the first frame
     focal_source: Literal["given", "rotation", "assumed"]
-    motion: Literal["static", "rotating", "translating", "unknown"]
+    motion: Literal["static", "rotating", "zooming", "translating", "unknown"]
     note: str
     residual_px: float  # how far the homographies are from a pure rotation's K R K^-1
     H_first_from_frame: Annotated[Floats, Shape("T", 3, 3)]
     R_first_from_frame: Annotated[Floats, Shape("T", 3, 3)]
+    zoom: Annotated[Floats, Shape("T")]  # each frame's focal length over the first one's
     inliers: Annotated[Ints, Shape("T")]
     xy_first_px: Annotated[Floats, Shape("T", "K", 2)]  # keypoints warped into the first frame
 
