@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from imocap_core.artifacts.schemas import VideoKeypoints, VideoMotion
 from imocap_core.body import load_free_body
+from imocap_core.formats.ahead import ahead
 from imocap_core.formats.video import read_rgb, write_h264
 from imocap_core.views.overlay_film import overlay_film
 from imocap_core.views.performer import Performer
@@ -97,7 +98,10 @@ def main() -> None:
             "decode": lambda: sum(1 for _ in read_rgb(source)),
             "decode, pose, paint": lambda: sum(1 for _ in overlay_film(one, model, alpha=0.75)),
             "all, with encoding": lambda: write_h264(
-                Path(folder) / "out.mp4", overlay_film(one, model, alpha=0.75), FPS, faststart=True
+                Path(folder) / "out.mp4",
+                ahead(overlay_film(one, model, alpha=0.75)),
+                FPS,
+                faststart=True,
             ),
         }
         for name, work in parts.items():

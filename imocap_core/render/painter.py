@@ -10,7 +10,6 @@ from itertools import repeat
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from imocap_core.render.arrays import Floats, Image, Ints
 from imocap_core.render.rasterize import NEAR_M
@@ -58,9 +57,11 @@ def paint_mesh(
     size = ((x1 - x0) * supersample, (y1 - y0) * supersample)
     paint = _fill(fine[faces[shown]], tone, rgb, size)
     coarse = cv2.resize(paint, (x1 - x0, y1 - y0), interpolation=cv2.INTER_AREA)
-    front = _smoothed(np.asarray(coarse, np.float32), xy_px[faces[shown]])
+    front = _smoothed(np.asarray(coarse, np.uint8), xy_px[faces[shown]])
     drawn = image.copy()
-    drawn[y0:y1, x0:x1] = _over(drawn[y0:y1, x0:x1], front, alpha)
+    share = alpha / 255.0 * coarse[:, :, 3].astype(np.float32)
+    behind = np.ascontiguousarray(drawn[y0:y1, x0:x1])
+    drawn[y0:y1, x0:x1] = cv2.blendLinear(behind, front, 1.0 - share, share)
     return drawn
 
 
@@ -104,20 +105,12 @@ def _fill(triangles: Floats, tone: Ints, rgb: Floats, size: tuple[int, int]) -> 
     return paint
 
 
-def _smoothed(paint: NDArray[np.float32], triangles_px: Floats) -> NDArray[np.float32]:
-    """Colours averaged over about a face; coverage, and so the outline, stays as it is."""
-    if not len(triangles_px):
-        return paint
-    edge_px = float(np.median(np.abs(triangles_px[:, 1] - triangles_px[:, 0]).max(axis=1)))
-    side = int(min(2 * round(edge_px / 2) + 1, _WIDEST_BLUR_PX))
-    if side < 3:
-        return paint
-    blurred = cv2.blur(paint, (side, side), borderType=cv2.BORDER_CONSTANT)
-    share = paint[:, :, 3] / np.maximum(blurred[:, :, 3], 1e-3)
-    return np.dstack([blurred[:, :, :3] * share[:, :, None], paint[:, :, 3]])
-
-
-def _over(behind: Image, front: NDArray[np.float32], alpha: float) -> Image:
-    """Premultiplied paint (h, w, 4) over a picture (h, w, 3)."""
-    blended = behind * (1.0 - alpha / 255.0 * front[:, :, 3:]) + alpha * front[:, :, :3]
-    return np.asarray(np.clip(np.rint(blended), 0, 255), np.uint8)
+def _smoothed(paint: Image, triangles_px: Floats) -> Image:
+    """The colours (h, w, 3) of premultiplied paint (h, w, 4), averaged over about a face."""
+    side = 1
+    if len(triangles_px):
+        edges_px = np.abs(triangles_px[:, 1] - triangles_px[:, 0]).max(axis=1)
+        side = int(min(2 * round(float(np.median(edges_px)) / 2) + 1, _WIDEST_BLUR_PX))
+    blurred = cv2.blur(paint, (side, side), borderType=cv2.BORDER_CONSTANT) if side > 1 else paint
+    *colors, coverage = cv2.split(blurred)
+    return np.asarray(cv2.merge([cv2.divide(c, coverage, scale=255.0) for c in colors]), np.uint8)

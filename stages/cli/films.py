@@ -75,10 +75,11 @@ def write_films(
     films: Sequence[Film], folder: Path, advance: Callable[[Film, int], None]
 ) -> list[Path]:
     """Write the films to a folder; `advance(film, frames done)` is called after each frame."""
+    from imocap_core.formats.ahead import ahead
     from imocap_core.formats.video import write_h264
 
     def counted(film: Film) -> Iterator[Any]:
-        for done, frame in enumerate(film.frames(), start=1):
+        for done, frame in enumerate(ahead(film.frames()), start=1):
             yield frame
             advance(film, done)
 
