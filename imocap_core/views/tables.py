@@ -10,7 +10,14 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync, SyncSummary, Table
+from imocap_core.artifacts.schemas import (
+    CameraMotion,
+    Keypoints,
+    RefineSync,
+    SyncSummary,
+    Table,
+    VideoKeypoints,
+)
 from imocap_core.metrics.scoring import ALL_VIDEOS, SYNC_METRICS, Row
 
 Cell = str | bool | int | float | None
@@ -127,7 +134,14 @@ def video_table(keypoints: Keypoints, camera_motion: CameraMotion, sync: SyncSum
         )
     columns = ["video", "frames", "fps", "size", "people", "presence_share", "camera", "camera_px"]
     columns += ["focal_px", "focal", "matched_share"]
-    return Table(name="videos", title="The videos", columns=columns, rows=rows)
+    note = " ".join(f"{seen.id}: {said}." for seen in keypoints.videos for said in remarks(seen))
+    return Table(name="videos", title="The videos", columns=columns, rows=rows, note=note)
+
+
+def remarks(seen: VideoKeypoints) -> list[str]:
+    """What a video's note says beyond who was followed: cuts, a performer chosen otherwise."""
+    parts = seen.note.split("; ")
+    return [part for part in parts if part.startswith(("a new shot", "track ", "left and right"))]
 
 
 def long_table(rows: Sequence[Row]) -> Table:

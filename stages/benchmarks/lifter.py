@@ -34,7 +34,7 @@ BEST = "best of both"
 @dataclass(frozen=True)
 class LifterRow:
     """One action, or the mean of a benchmark's: errors of the answer, P-MPJPE of the better of it
-    and its alternative (chosen by the truth, a video as a whole), and milliseconds a frame."""
+    and its alternative (chosen by the truth, a video as a whole), processor time a frame."""
 
     benchmark: str
     detector: str
@@ -102,9 +102,9 @@ def row_of(
     best, seconds, frames = [], 0.0, 0
     for video, camera in zip(keypoints.videos, cameras.videos, strict=True):
         true = true_motion(truth.videos[video.id], video.frames)
-        began = time.perf_counter()
+        began = time.process_time()
         lifted = lifted_joints(video, camera)
-        seconds += time.perf_counter() - began
+        seconds += time.process_time() - began
         frames += len(video.frames)
         assert lifted is not None
         assert true is not None
