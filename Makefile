@@ -4,8 +4,9 @@
 #   make test              the whole test suite
 #   make check             lint, format, types, import order, tests
 #   make detect-env         the environment that `keypoints: detect` runs in (a run makes it when needed)
+#   make docs               the documentation as a site in build/site (its tools in .venv-docs)
 #   make baseline          accept today's numbers as those that tests/regression holds
-#   make clean             remove what was built (.venv, .venv-detect, caches); actions/ and artifacts/ stay
+#   make clean             remove what was built (.venv, .venv-detect, .venv-docs, caches); actions/ and artifacts/ stay
 #
 # ACTION is a name below actions/ (or a built-in one: yoga, taichi), or a path to a folder with an action.yaml.
 
@@ -14,6 +15,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 FIT    := import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))
+EXTRA  := import sys, tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"][sys.argv[1]], sep="\n")
 PYTHON ?= $(shell for p in python3 python3.11 python3.12 python3.13 python3.14 python; do \
             $$p -c '$(FIT)' >/dev/null 2>&1 && { echo $$p; break; }; done)
 # One thread a test worker: two workers with two threads each fight over two cores.
@@ -22,7 +24,7 @@ PYTHON ?= $(shell for p in python3 python3.11 python3.12 python3.13 python3.14 p
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help setup all test check baseline lint format clean detect-env
+.PHONY: help setup all test check baseline lint format clean detect-env docs
 
 help:
 	@sed -n 's/^#   \{0,1\}//p' Makefile
@@ -54,6 +56,16 @@ check: lint test
 detect-env: $(STAMP)
 	@$(BIN)/imocap detect --setup
 
+docs: .venv-docs/.installed
+	@NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --strict --quiet
+	@echo "imocap: the site is build/site/index.html"
+
+.venv-docs/.installed: pyproject.toml
+	@test -n "$(PYTHON)" || { echo "imocap needs Python 3.11 or newer with venv and pip"; exit 1; }
+	@test -x .venv-docs/bin/python || $(PYTHON) -m venv .venv-docs
+	@$(PYTHON) -c '$(EXTRA)' docs | .venv-docs/bin/python -m pip install --quiet --disable-pip-version-check -r /dev/stdin
+	@touch $@
+
 baseline: $(STAMP)
 	@$(BIN)/python -m tests.regression.rebase
 
@@ -62,5 +74,5 @@ format: $(STAMP)
 	@$(BIN)/ruff check --fix .
 
 clean:
-	rm -rf $(VENV) .venv-detect build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	rm -rf $(VENV) .venv-detect .venv-docs build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

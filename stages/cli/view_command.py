@@ -50,7 +50,7 @@ def view_command(
 
 def report_page(folder: Path) -> Path | None:
     """The page to open first in a report's folder; the folder itself when it has none."""
-    for name in ("index.html", "report.html", "index.md", "report.md"):
+    for name in ("report.html", "index.html", "report.md", "index.md"):
         if (folder / name).is_file():
             return folder / name
     return folder if folder.is_dir() else None

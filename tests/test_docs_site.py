@@ -1,0 +1,85 @@
+"""The pages of the documentation: linked to each other rightly, all of them in the site."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
+MKDOCS = shutil.which("mkdocs", path=f"{ROOT / '.venv-docs' / 'bin'}{os.pathsep}{os.defpath}")
+
+
+@pytest.fixture(scope="module")
+def hooks() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("docs_hooks", ROOT / "tools" / "docs_hooks.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def pages(nav: Any) -> list[str]:
+    if isinstance(nav, str):
+        return [nav]
+    parts = nav.values() if isinstance(nav, dict) else nav
+    return [page for part in parts for page in pages(part)]
+
+
+def test_every_page_has_its_place_in_the_site() -> None:
+    listed = pages(yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"])
+    there = {p.relative_to(DOCS).as_posix() for p in DOCS.rglob("*.md")}
+    assert set(listed) == there | {"readme.md"}, "name every page in mkdocs.yml, under nav"
+    assert len(listed) == len(set(listed))
+
+
+def test_every_link_leads_to_a_file() -> None:
+    broken = []
+    for file in [ROOT / "README.md", *DOCS.rglob("*.md")]:
+        text = re.sub(r"```.*?```|`[^`]*`", "", file.read_text(encoding="utf-8"), flags=re.S)
+        for target in re.findall(r"\]\(([^)\s]+)\)", text):
+            path = target.partition("#")[0]
+            if "://" not in target and path and not (file.parent / path).exists():
+                broken.append(f"{file.relative_to(ROOT)}: {target}")
+    assert broken == []
+
+
+def test_links_out_of_the_pages_become_text(hooks: ModuleType) -> None:
+    said = "[a](../pipeline.yaml), [R](../README.md), [b](sync.md#x), [`c`](../stages/a.py)"
+    assert hooks.within_site(said, 0) == "a, [R](readme.md), [b](sync.md#x), `c`"
+    assert hooks.within_site("[a](../sync.md) [b](../../LICENSE)", 1) == "[a](../sync.md) b"
+    assert hooks.within_site("[d](decisions/)", 0) == "[d](decisions/index.md)"
+
+
+def test_the_readme_s_links_hold_among_the_pages(hooks: ModuleType) -> None:
+    said = "![p](docs/images/a.png) [s](docs/sync.md) [l](LICENSE) [w](https://e.org) [x](#limits)"
+    moved = hooks.readme_page(said)
+    assert moved == (
+        "![p](images/a.png) [s](sync.md) [l](../LICENSE) [w](https://e.org) [x](#limits)"
+    )
+    assert hooks.within_site(moved, 0).split()[2] == "l"
+
+
+@pytest.mark.skipif(MKDOCS is None, reason="no mkdocs; make docs installs it in .venv-docs")
+def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
+    assert MKDOCS is not None
+    done = subprocess.run(
+        [MKDOCS, "build", "--strict", "--quiet", "--site-dir", str(tmp_path / "site")],
+        cwd=ROOT,
+        env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (tmp_path / "site" / "tutorial.html").is_file()
