@@ -112,4 +112,4 @@ def stored(job: Job, stage: str, kind: type[Made]) -> Made:
             raise WorkFailed(f"{name} has no {stage} artifact yet; {again}")
         return found.decode(kind)
     except ArtifactCorrupt as error:
-        raise WorkFailed(f"{error}; {again}") from None
+        raise WorkFailed(f"{stage} of {name} {str(error).splitlines()[0]}; {again}") from None

@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from imocap_core.artifacts.codec import ArtifactCorrupt
 from imocap_core.artifacts.schemas import (
     CameraMotion,
     Evaluate,
@@ -69,6 +70,9 @@ def bring_up_to_date(job: Job, stored: Mapping[str, Stored]) -> Path:
         return page
     try:
         _make(job, folder, stored, seconds, single, beside, stamp)
+    except ArtifactCorrupt as error:
+        said = str(error).splitlines()[0]
+        raise WorkFailed(f"report: {said}; run the action again") from None
     except OSError as error:
         raise WorkFailed(f"report: cannot use {error.filename}: {error.strerror}") from None
     except ValueError as error:

@@ -25,7 +25,7 @@ def report_command(
     try:
         found = {stage: job.store.load(job.action.name, stage) for stage in job.pipeline.stages}
     except ArtifactCorrupt as error:
-        raise WorkFailed(f"{error}; {again}") from None
+        raise WorkFailed(f"{str(error).splitlines()[0]}; {again}") from None
     stored = {stage: result for stage, result in found.items() if result is not None}
     if not complete(stored):
         missing = ", ".join(stage for stage in NEEDED if stage not in stored)

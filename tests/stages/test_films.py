@@ -56,6 +56,16 @@ def test_an_action_that_has_not_run_is_named_with_the_remedy(made: Made, tmp_pat
         films_of(job, "both", mesh=True, result="final", opacity=0.7)
 
 
+def test_an_artifact_of_another_version_is_named_in_one_line(made: Made, tmp_path: Path) -> None:
+    job = stored_job(tmp_path, made)
+    other = job.store.load(NAME, "keypoints")
+    assert other is not None
+    job.store.publish(NAME, "camera_motion", other)
+    with pytest.raises(WorkFailed, match=r"^camera_motion of waving .*imocap run waving$") as said:
+        films_of(job, "both", mesh=True, result="final", opacity=0.7)
+    assert "\n" not in str(said.value)
+
+
 def test_a_broken_video_is_named(made: Made, tmp_path: Path) -> None:
     stored_job(tmp_path, made, filmed=("v1",))
     (tmp_path / "actions" / NAME / "v1.mp4").write_bytes(b"no video")
