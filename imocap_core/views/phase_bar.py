@@ -98,13 +98,13 @@ def phase_bar(tracks: Sequence[Track], moments_s: Array, width: int) -> Image:
         y = ROW_GAP_PX + number * (ROW_PX + ROW_GAP_PX)
         bar[y : y + ROW_PX, SIDE_PX : width - SIDE_PX] = wide
     for second in _ticks(moments_s):
-        moment = int(np.abs(moments_s - second).argmin())
-        at = (int(_column(moments_s, moment, width)), bar.shape[0] - 8)
+        moment = float(np.interp(second, moments_s, np.arange(len(moments_s))))
+        at = (round(_column(moments_s, moment, width)), bar.shape[0] - 8)
         write(bar, f"{second:g} s", at, 0.45, PALE, before=0.5)
     return bar
 
 
-def _column(moments_s: Array, moment: int, width: int) -> float:
+def _column(moments_s: Array, moment: float, width: int) -> float:
     """Where a moment stands on the axis: in the middle of its share of the row."""
     return SIDE_PX + (moment + 0.5) / len(moments_s) * (width - 2 * SIDE_PX)
 

@@ -62,7 +62,11 @@ def films_of(job: Job, kind: Kind, *, mesh: bool, result: Result, opacity: float
         sync = refined.sync
         fps = next(v.fps for v in keypoints.videos if v.id == sync.reference)
         count = len(film_moments(keypoints, sync))
-        paints = {p.seen.id: Painter(p, model, alpha=opacity) for p in cast} if mesh else {}
+        paints = {
+            p.seen.id: Painter(p, model, alpha=opacity if mesh else 0.0)
+            for p in cast
+            if mesh or p.file is None  # where there is no video, keypoints are shown
+        }
 
         def together() -> Iterator[Any]:
             return lock_step(keypoints, sync, files, job.action.name, paints)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from imocap_core.formats.video import probe
@@ -42,6 +43,10 @@ def test_one_kind_alone_and_the_monocular_result(made: Made, tmp_path: Path) -> 
     job = stored_job(tmp_path, made)
     alone = films_of(job, "side-by-side", mesh=False, result="final", opacity=0.7)
     assert [film.name for film in alone] == ["side_by_side.mp4"]
+    bodies = films_of(job, "side-by-side", mesh=True, result="final", opacity=0.7)
+    with_body, without = next(bodies[0].frames()), next(alone[0].frames())
+    assert (with_body != without).any(axis=2).mean() > 0.01
+    assert np.ptp(without[60:-80].astype(int)) > 150  # keypoints on the neutral ground
     overlays = films_of(job, "overlay", mesh=True, result="monocular", opacity=1.0)
     final = films_of(job, "overlay", mesh=True, result="final", opacity=1.0)
     assert len(overlays) == 3
