@@ -136,7 +136,7 @@ def _add_body(tree: Tree, numbers: Numbers, actor: Actor, joints: list[int]) -> 
 
 
 def _add_camera(tree: Tree, moves: _Moves, camera: TakeCamera) -> None:
-    """A perspective camera; what glTF's has no place for (the principal point) is in its extras."""
+    """A perspective camera; extras hold what glTF has no place for: principal point and zoom."""
     width, height = camera.size
     perspective = {
         "yfov": 2.0 * float(np.arctan(0.5 * height / camera.K[1, 1])),
@@ -144,6 +144,8 @@ def _add_camera(tree: Tree, moves: _Moves, camera: TakeCamera) -> None:
         "znear": NEAR_M,
     }
     known = {"K": camera.K.tolist(), "size_px": [width, height]}
+    if len(camera.zoom) > 1:
+        known["zoom"] = camera.zoom.tolist()
     turns = quaternions(camera.R_cam_from_world.swapaxes(1, 2) @ GLTF_FROM_CV)
     name = f"{camera.id}_camera"
     node = len(tree["nodes"])

@@ -30,14 +30,16 @@ class Skin:
 
 @dataclass(frozen=True, eq=False)
 class TakeCamera:
-    """A camera that stands and may turn.
+    """A camera that stands and may turn and zoom.
 
-    K (3, 3) pixels; size: width, height; R_cam_from_world (T, 3, 3), one a frame of the take, or
-    (1, 3, 3) when it never turns; centre (3,) world, metres.
+    K (3, 3) pixels, of the first frame; zoom (T,), one a frame, or (1,): focal length over K's;
+    size: width, height; R_cam_from_world (T, 3, 3), one a frame of the take, or (1, 3, 3) when it
+    never turns; centre (3,) world, metres.
     """
 
     id: str
     K: Array
+    zoom: Array
     size: tuple[int, int]
     R_cam_from_world: Array
     centre: Array

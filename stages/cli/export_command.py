@@ -18,13 +18,13 @@ def export_command(
     action: Annotated[str, typer.Argument(help="A name below actions/, or an action's folder.")],
     out: Annotated[Path, typer.Option(help="Folder to write to.")],
     format: Annotated[
-        Literal["npz", "bvh", "glb", "trc", "csv"], typer.Option(help="What to write.")
+        Literal["npz", "bvh", "glb", "trc", "csv", "mcap"], typer.Option(help="What to write.")
     ] = "npz",
     up: Annotated[
         Literal["y", "z"] | None,
         typer.Option(
             help="Level the world by the ground, this axis up. Left out: y for bvh, glb and trc, "
-            "the reference camera's axes for npz and csv."
+            "z for mcap, the reference camera's axes for npz and csv."
         ),
     ] = None,
     time: Annotated[
@@ -37,6 +37,6 @@ def export_command(
 
     assert isinstance(context.obj, Workspace)
     job = context.obj.job(action, [])
-    done = export(job.store, job.action.name, format, out, up, time)
+    done = export(job.store, job.action.name, format, out, up, time, folder=job.action.folder)
     for sentence in [*done.said, *map(str, done.files)]:
         console.print(sentence)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from imocap_core.artifacts.store import Store
@@ -15,6 +15,7 @@ from imocap_core.formats.take import upright_rest
 from imocap_core.formats.take_body import skin_of
 from imocap_core.formats.trc import write_trc
 from stages.cli.export import exported, write_beside
+from stages.cli.export_mcap import write_mcap
 from stages.cli.export_notes import notes_of, write_notes
 from stages.cli.export_sources import read_result
 from stages.cli.export_takes import camera_of, shaped_of, take_of
@@ -22,7 +23,12 @@ from stages.cli.export_time import on_common_time
 from stages.cli.export_values import Result, Time
 from stages.harness.errors import WorkFailed, WrongUse
 
-DEFAULT_UP = {"bvh": "y", "glb": "y", "trc": "y"}  # the others keep the reference camera's axes
+DEFAULT_UP = {
+    "bvh": "y",
+    "glb": "y",
+    "trc": "y",
+    "mcap": "z",
+}  # the others keep the reference camera's axes
 
 
 @dataclass(frozen=True)
@@ -34,9 +40,18 @@ class Exported:
 
 
 def export(
-    store: Store, action: str, format: str, out: Path, up: str | None, time: Time
+    store: Store,
+    action: str,
+    format: str,
+    out: Path,
+    up: str | None,
+    time: Time,
+    folder: Path | None = None,
 ) -> Exported:
-    """Write an action's result below `out`. WrongUse or WorkFailed say what stands against it."""
+    """Write an action's result below `out`; `folder` is where its videos are, which mcap shows.
+
+    WrongUse or WorkFailed say what stands against it.
+    """
     if format not in WRITERS:
         raise WrongUse(f"--format: expected one of {', '.join(WRITERS)}, got {format}")
     if format == "glb" and up == "z":
@@ -44,7 +59,7 @@ def export(
             "--up z: a GLB file is y up by its specification, and programs of z up (Blender) turn "
             "it when they read it; leave --up out"
         )
-    whole = read_result(store, action, up or DEFAULT_UP.get(format))
+    whole = replace(read_result(store, action, up or DEFAULT_UP.get(format)), folder=folder)
     result = on_common_time(whole) if time == "common" else whole
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -102,6 +117,7 @@ WRITERS: dict[str, Callable[[Path, Result], list[Path]]] = {
     "glb": _glb,
     "trc": _trc,
     "csv": _csv,
+    "mcap": write_mcap,
 }
 
 

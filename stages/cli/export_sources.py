@@ -129,9 +129,9 @@ def _performance(
     pose = Extrinsics(camera.R, camera.t)
     points = _with_points(Motion(video.theta, video.trans, video.joints), track)
     body, track = _parted(to_world(points, pose), track)
-    turns = np.tile(np.eye(3), (count, 1, 1))
+    turns, zoom = np.tile(np.eye(3), (count, 1, 1)), np.ones(count)
     if turned is not None and len(turned.R_first_from_frame) == count:
-        turns = turned.R_first_from_frame
+        turns, zoom = turned.R_first_from_frame, turned.zoom
     return Performance(
         seen=seen,
         fps=seen.fps,
@@ -141,6 +141,7 @@ def _performance(
         K=camera.K,
         pose=pose,
         turns=turns,
+        zoom=zoom,
         frames=video.frames.astype(np.float64),
         inside=np.ones(count, dtype=bool),
         phase_s=np.full(count, np.nan) if phase_s is None else phase_s,

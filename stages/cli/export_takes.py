@@ -67,6 +67,7 @@ def camera_of(p: Performance) -> TakeCamera:
     return TakeCamera(
         id=p.id,
         K=p.K,
+        zoom=p.zoom if np.ptp(p.zoom) > STILL else p.zoom[:1],
         size=p.seen.size,
         R_cam_from_world=turns.swapaxes(1, 2) @ p.pose.R,
         centre=-p.pose.R.T @ p.pose.t,

@@ -48,6 +48,7 @@ def _at(p: Performance, m: Moments, grid_s: np.ndarray, rate: float, result: Res
         body=Motion(theta, trans, joints),
         hands=None if p.hands is None else _hands_at(p.hands, m),
         turns=turns,
+        zoom=values_at(p.zoom, m.at),
         frames=values_at(p.frames, m.at),
         inside=m.inside,
         phase_s=grid_s,

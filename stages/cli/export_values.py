@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -33,7 +34,8 @@ class Performance:
     """One video's result, body and camera in the world; hands' rotations are local.
 
     body: see `Motion`, 24 joints. turns (T, 3, 3): camera's first frame from frame, all the
-    identity when it stands still. frames, inside, phase_s: as in `formats.take.Take`.
+    identity when it stands still; zoom (T,): focal length over the first frame's. frames, inside,
+    phase_s: as in `formats.take.Take`.
     """
 
     seen: VideoKeypoints
@@ -44,6 +46,7 @@ class Performance:
     K: Array
     pose: Extrinsics
     turns: Array
+    zoom: Array
     frames: Array
     inside: NDArray[np.bool_]
     phase_s: Array
@@ -67,3 +70,4 @@ class Result:
     sync: SyncSummary
     time: Time = "own"
     left_out: tuple[str, ...] = ()  # videos without a place on the common axis
+    folder: Path | None = None  # of the action, which its videos are relative to

@@ -24,7 +24,9 @@ K = np.array([[700.0, 0, 320], [0, 690, 180], [0, 0, 1]])
 
 def camera(frames: int, turning: bool = True) -> TakeCamera:
     turns = Rotation.from_rotvec(np.linspace([0.1, 3.0, 0], [0, 3.4, 0.1], frames)).as_matrix()
-    return TakeCamera("v1", K, (640, 360), turns if turning else turns[:1], np.array([0, 1.5, 3.0]))
+    return TakeCamera(
+        "v1", K, np.ones(1), (640, 360), turns if turning else turns[:1], np.array([0, 1.5, 3.0])
+    )
 
 
 def actor(made: Made, **changes: Any) -> Actor:

@@ -91,7 +91,8 @@ def turned(video: str) -> VideoCameraMotion:
     return VideoCameraMotion(
         id=video, K=K, focal_source="given", motion="rotating", note="", residual_px=0.0,
         H_first_from_frame=turns, R_first_from_frame=turns, inliers=np.zeros(count, dtype=np.int64),
-        zoom=np.ones(count), xy_first_px=np.zeros((count, 25, 2)),
+        zoom=np.linspace(1.0, 1.5, count) if video == "b" else np.ones(count),
+        xy_first_px=np.zeros((count, 25, 2)),
     )  # fmt: skip
 
 

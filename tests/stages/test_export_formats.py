@@ -6,19 +6,34 @@ import csv
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import torch
+from mcap.reader import make_reader
 
+from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.body import load_free_body
 from imocap_core.body.conversions import rotations_from_pose
 from imocap_core.conventions import SMPL_JOINTS
-from stages.cli.export_formats import WRITERS, linear
+from imocap_core.formats.foxglove_schemas import message_class
+from imocap_core.formats.video import write_h264
+from stages.cli.export_formats import WRITERS, export, linear
 from stages.cli.export_sources import read_result
 from stages.cli.export_takes import camera_of
 from stages.cli.export_time import on_common_time
+from stages.cli.export_values import Time
 from stages.harness.errors import WorkFailed, WrongUse
-from tests.stages.made_result import FPS, LENGTHS, PHASES, Made, made_result, refined, turned
+from tests.stages.made_result import (
+    FPS,
+    LENGTHS,
+    PHASES,
+    Made,
+    keypoints,
+    made_result,
+    refined,
+    turned,
+)
 
 
 @pytest.fixture
@@ -48,7 +63,7 @@ def test_every_format_writes_its_files_and_says_what_they_are(
     assert {"up_axis", "world", "units", "pivot", "time", "videos", "body_model"} <= set(notes)
     rates = [notes["videos"][v]["frames_per_second"] for v in LENGTHS]
     assert rates == ([30.0, 20.0] if time == "own" else [30.0, 30.0])
-    assert notes["up_axis"] == ("-y" if format in ("npz", "csv") else "y")
+    assert notes["up_axis"] == {"npz": "-y", "csv": "-y", "mcap": "z"}.get(format, "y")
     frames = [notes["videos"][v]["frames"] for v in LENGTHS]
     assert frames == ([31, 21] if time == "own" else [34, 34])
 
@@ -119,6 +134,43 @@ def test_without_an_axis_there_is_no_common_timeline(made: Made) -> None:
     with pytest.raises(WorkFailed, match="walk has no common time axis"):
         made.export("trc", time="common")
     made.export("trc")
+
+
+@pytest.mark.parametrize("time", ["own", "common"])
+def test_a_view_file_shows_the_frames_of_its_moments(made: Made, time: Time) -> None:
+    """Every frame of the clip has a grey of its own."""
+    clip = (np.full((36, 64, 3), 10 + number, np.uint8) for number in range(131))
+    made.out.mkdir()
+    write_h264(made.out / "a.mp4", clip, fps=30)
+    first, second = (keypoints(v) for v in LENGTHS)
+    filmed = first.model_copy(update={"video": "a.mp4"})
+    made.publish("keypoints", Keypoints(videos=[filmed, second]))
+    export(made.store, "walk", "mcap", made.out / "view", None, time, folder=made.out)
+    with (made.out / "view" / "walk.mcap").open("rb") as stream:
+        messages = list(make_reader(stream).iter_messages(topics=["/a/camera/image"]))
+    assert len(messages) == 31
+    image = message_class("CompressedImage")
+    for _, _, message in messages[::6]:
+        found = image.FromString(message.data)
+        picture = cv2.imdecode(np.frombuffer(found.data, np.uint8), cv2.IMREAD_COLOR)
+        assert picture.shape == (270, 480, 3)
+        number = round(message.log_time * 30 / 1e9)
+        assert picture.mean() == pytest.approx(110 + number, abs=2.5)
+    (made.out / "a.mp4").unlink()
+    with pytest.raises(WorkFailed, match="there is no such video"):
+        export(made.store, "walk", "mcap", made.out / "view", None, time, folder=made.out)
+
+
+def test_a_view_files_camera_zooms(made: Made) -> None:
+    made.export("mcap")
+    with (made.out / "walk.mcap").open("rb") as stream:
+        lenses = [
+            message_class("CameraCalibration").FromString(m.data)
+            for _, _, m in make_reader(stream).iter_messages(topics=["/b/camera/calibration"])
+        ]
+    assert lenses[-1].K[0] / lenses[0].K[0] == pytest.approx(1.5)
+    assert lenses[0].K[0] == pytest.approx(600 * 480 / 640)
+    assert (lenses[0].width, lenses[0].height) == (480, 270)
 
 
 def test_wrong_wishes(made: Made) -> None:
