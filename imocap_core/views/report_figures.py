@@ -7,12 +7,8 @@ from pathlib import Path
 
 from imocap_core.artifacts.schemas import Keypoints, RefineSync, Table, Uncertainty
 from imocap_core.body import Model
-from imocap_core.views.cycle_figure import (
-    chosen_trip,
-    cycle_figure,
-    cycle_frames,
-    cycle_starts,
-)
+from imocap_core.views.cycle_figure import cycle_figure
+from imocap_core.views.cycle_trip import chosen_trip, cycle_frames, cycle_starts
 from imocap_core.views.film import Shot, moment_cells, read_cells
 from imocap_core.views.overlays import Image, Window
 from imocap_core.views.report import Picture

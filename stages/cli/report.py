@@ -8,18 +8,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from imocap_core.artifacts.codec import ArtifactCorrupt
-from imocap_core.artifacts.schemas import (
-    CameraMotion,
-    Evaluate,
-    InitialSmpl,
-    Keypoints,
-    RefineSync,
-    SmplBa,
-    Uncertainty,
-)
 from imocap_core.artifacts.store import Stored
-from stages.cli.films import video_files
-from stages.cli.timings import record, seconds_of, timing_table
+from stages.cli.timings import record, seconds_of
 from stages.harness.errors import WorkFailed
 from stages.harness.pipeline import settings
 from stages.harness.runner import Job, Outcome
@@ -68,8 +58,10 @@ def bring_up_to_date(job: Job, stored: Mapping[str, Stored]) -> Path:
     stamp = _stamp(stored, seconds, beside, single)
     if (folder / TEXT).is_file() and page.is_file() and stamp in _head(page):
         return page
+    from stages.cli.report_make import write_page
+
     try:
-        _make(job, folder, stored, seconds, single, beside, stamp)
+        write_page(job, folder, stored, single, seconds, beside, stamp)
     except ArtifactCorrupt as error:
         said = str(error).splitlines()[0]
         raise WorkFailed(f"report: {said}; run the action again") from None
@@ -88,72 +80,6 @@ def single_model(job: Job, stored: Mapping[str, Stored]) -> Stored | None:
     found = job.store.find(job.action.name, "smpl_ba", key)
     same = found is not None and found.digest == stored["smpl_ba"].digest
     return None if same else found
-
-
-def _make(
-    job: Job,
-    folder: Path,
-    stored: Mapping[str, Stored],
-    seconds: Mapping[str, float | None],
-    single: Stored | None,
-    beside: Sequence[str],
-    stamp: str,
-) -> None:
-    from imocap_core.body import load_free_body
-    from imocap_core.views.film import Shot
-    from imocap_core.views.report import read_contents
-    from imocap_core.views.report_figures import draw_late_figures
-    from imocap_core.views.report_page import html_page, markdown_page
-    from imocap_core.views.report_sections import sections
-    from imocap_core.views.results_sheet import Result
-
-    keypoints = stored["keypoints"].decode(Keypoints)
-    camera_motion = stored["camera_motion"].decode(CameraMotion)
-    initial = stored["initial_smpl"].decode(InitialSmpl)
-    refined = stored["refine_sync"].decode(RefineSync)
-    measured = stored["evaluate"].decode(Evaluate)
-    model = load_free_body()
-    files = video_files(job)
-    shots = [
-        Shot(seen, camera, files[seen.id], model.points(seen.layout).names, a, b, solved.K)
-        for seen, camera, a, b, solved in zip(
-            keypoints.videos,
-            camera_motion.videos,
-            initial.videos,
-            refined.motion.videos,
-            refined.motion.cameras,
-            strict=True,
-        )
-    ]
-    results = [
-        Result("initial\n(monocular)", initial.videos, {c.id: c.K for c in camera_motion.videos})
-    ]
-    solved_by = [("single model\n(one motion)", single)] if single is not None else []
-    for name, result in [*solved_by, ("low-rank,\nsingle pass", stored["smpl_ba"])]:
-        motion = result.decode(SmplBa)
-        results.append(Result(name, motion.videos, {c.id: c.K for c in motion.cameras}))
-    last = refined.motion
-    results.append(
-        Result("low-rank,\nafter the loop", last.videos, {c.id: c.K for c in last.cameras})
-    )
-    tables = {table.name: table for table in measured.tables}
-    pictures = draw_late_figures(
-        folder,
-        shots,
-        results,
-        keypoints,
-        refined,
-        stored["uncertainty"].decode(Uncertainty),
-        tables.get("uncertainty_joints"),
-        model,
-    )
-    contents = read_contents(folder)
-    frames = sum(len(video.frames) for video in keypoints.videos)
-    every = [*measured.tables, timing_table(seconds, frames)]
-    parts = sections(every, [*contents.pictures, *pictures])
-    (folder / TEXT).write_text(markdown_page(contents, parts), encoding="utf-8", newline="\n")
-    page = html_page(folder, contents, parts, beside, stamp)
-    (folder / PAGE).write_text(page, encoding="utf-8", newline="\n")
 
 
 def _stamp(

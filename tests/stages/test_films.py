@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from imocap_core.formats.video import probe
+from stages.cli import main
 from stages.cli.films import films_of, write_films
 from stages.harness.errors import WorkFailed
 from stages.harness.workspace import Workspace
@@ -78,3 +79,26 @@ def test_a_broken_video_is_named(made: Made, tmp_path: Path) -> None:
     films = films_of(job, "overlay", mesh=True, result="final", opacity=0.7)
     with pytest.raises(WorkFailed, match=r"v1\.mp4: is not a readable video"):
         write_films(films, tmp_path / "out", lambda film, done: None)
+
+
+def test_the_commands_say_where_things_are_or_what_is_wrong(
+    made: Made, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    job = stored_job(tmp_path, made)
+    out = tmp_path / "films"
+    words = ["video", NAME, "--root", str(tmp_path), "--kind", "side-by-side", "--out", str(out)]
+    assert _imocap(words) == 0
+    assert str(out / "side_by_side.mp4") in capsys.readouterr().out
+    assert _imocap(["report", NAME, "--root", str(tmp_path)]) == 0
+    assert "report.html" in capsys.readouterr().out
+    assert _imocap([*words, "--opacity", "2"]) == 2
+    capsys.readouterr()
+    job.store.current(NAME, "sync").unlink()
+    assert _imocap(["report", NAME, "--root", str(tmp_path)]) == 1
+    assert "the results of sync are missing; make them with: imocap run" in capsys.readouterr().err
+
+
+def _imocap(words: list[str]) -> int:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sys.argv", ["imocap"])
+        return main(words)

@@ -6,13 +6,8 @@ import numpy as np
 import pytest
 
 from imocap_core.metrics.sync import cycle_residual_frames
-from imocap_core.views.cycle_figure import (
-    chosen_trip,
-    cycle_figure,
-    cycle_frames,
-    cycle_starts,
-    round_trip,
-)
+from imocap_core.views.cycle_figure import cycle_figure
+from imocap_core.views.cycle_trip import chosen_trip, cycle_frames, cycle_starts, round_trip
 from imocap_core.views.overlays import CELL_PX
 from imocap_core.views.style import quiet
 from tests.views.made import Made
