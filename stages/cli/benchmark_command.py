@@ -72,8 +72,8 @@ def benchmark_command(
         from stages.cli.rendered import rendered_report
 
         with Terminal(console) as display:
-            said = rendered_report(workspace, videos, small, tuple(only), jobs, docs, display)
-        console.print(*map(escape, said), sep="\n")
+            lines = rendered_report(workspace, videos, small, tuple(only), jobs, docs, display)
+        console.print(*map(escape, lines), sep="\n")
     elif name == "sync":
         said = benchmark.sync_tables(workspace, sampling, tuple(only), variants)
         console.print(escape(said))

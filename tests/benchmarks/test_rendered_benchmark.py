@@ -1,0 +1,114 @@
+"""The benchmark from pixels: its folders, its tables, and that a second run does nothing again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imocap_core.metrics.detections import Film
+from imocap_core.synthetic.embodied import Embodied
+from stages.benchmarks import rendered_action
+from stages.benchmarks.inputs import Shot
+from stages.benchmarks.kept import ActionScore
+from stages.benchmarks.rendered import Rendering, measure
+from stages.benchmarks.rendered_action import _scored, key_of
+from stages.benchmarks.rendered_tables import markdown, motion_table, proposal, sides_table
+from stages.harness.errors import WrongUse
+from stages.harness.workspace import Workspace
+from tests.metrics.test_detections import NAMES, SPREAD, film
+
+METRICS = ("mpjpe_scaled_mm", "pa_mpjpe_mm", "sync_error_pct", "camera_rotation_error_deg")
+
+
+def score(name: str, *values: float) -> ActionScore:
+    results = ("estimator", "monocular", "single pass", "after loop", "oracle")
+    numbers = {
+        result: dict.fromkeys(METRICS, value) for result, value in zip(results, values, strict=True)
+    }
+    return ActionScore(name, 4, 240, numbers, {}, "key")
+
+
+def films() -> list[Film]:
+    rng = np.random.default_rng(0)
+    return [replace(film(rng, 600), side=side) for side in ("front", "front", "back")]
+
+
+def test_the_table_of_motions_says_how_much_of_the_gap_is_closed() -> None:
+    lines = motion_table([score("a", 90, 80, 60, 50, 40), score("b", 90, 80, 60, 60, 40)])
+    rows = {line.split(" | ")[0].strip("| "): line for line in lines.splitlines()}
+    assert "| 75 |" in rows["a"]
+    assert "| 50 |" in rows["b"]
+    assert "55.0 ± 5.0" in rows["**mean**"]
+
+
+def test_sides_that_no_film_shows_have_no_row() -> None:
+    table = sides_table(films(), NAMES)
+    assert "| front | 2 |" in table
+    assert "| back | 1 |" in table
+    assert "side |" not in table.splitlines()[2]
+    assert len(table.splitlines()) == 4
+
+
+def test_the_proposal_gives_back_what_simulated_detections_were_made_with() -> None:
+    from imocap_core.metrics.detections import point_errors
+
+    given = films()
+    table = proposal(given, point_errors(given, NAMES), NAMES)
+    rows = dict(line.strip("| ").split(" | ") for line in table.splitlines()[2:] if "|" in line)
+    assert float(rows["noise"]) == pytest.approx(SPREAD, rel=0.1)
+    assert float(rows["persistence_s"]) == pytest.approx(0.3, abs=0.15)
+    assert float(rows["swap_rate"]) == 0
+    assert float(rows["miss_rate"]) == 0
+
+
+def test_the_report_names_what_is_missing() -> None:
+    text = markdown([score("a", 9, 8, 6, 5, 4)], films(), NAMES, ["b"], "imocap benchmark rendered")
+    assert "Missing (not measured on this code): b" in text
+    assert "| left_wrist | +1.0" in text
+
+
+def test_the_truth_speaks_of_the_common_world_whatever_the_floor() -> None:
+    """A joint of the film, in the common world, is where the captured one was."""
+    rng = np.random.default_rng(1)
+    captured = rng.normal(size=(5, 24, 3))
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    shift = np.array([1.0, 2.0, 0.3])
+    shot = Shot(captured[:, :14], np.arange(5.0), np.arange(5), 30.0, turn, shift)
+    floor = 0.12
+    shooting = rendered_action.Shooting(
+        Embodied(np.zeros((5, 24, 3, 3)), np.zeros((5, 3))),
+        captured - [0, 0, floor],
+        np.eye(3),
+        np.eye(3),
+        np.array([0.0, 0.0, 4.0]),
+        (64, 48),
+        0.0,
+        floor,
+    )
+    told = _scored(shot, shooting).truth("v1", shooting.K, shooting.R, shooting.t)
+    assert np.allclose(told["v1/joints"], captured @ turn.T + shift)
+    seen = told["v1/joints"] @ told["v1/R"].T + told["v1/t"]
+    assert np.allclose(seen, shooting.joints + shooting.t)
+
+
+def test_names_and_numbers_are_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(WrongUse, match="--videos: expected 1 to 4, got 5"):
+        Rendering(videos=5)
+    folder = tmp_path / "trials"
+    folder.mkdir()
+    (folder / "one.npz").write_bytes(b"x")
+    monkeypatch.setenv("IMOCAP_DATA", str(tmp_path))
+    with pytest.raises(WrongUse, match="--only two: there are one"):
+        measure(Workspace(tmp_path), Rendering(only=("two",)), None)  # type: ignore[arg-type]
+
+
+def test_an_action_is_named_by_what_it_is_made_of(tmp_path: Path) -> None:
+    file = tmp_path / "one.npz"
+    file.write_bytes(b"x")
+    keys = {key_of("one", file, videos, small) for videos in (3, 4) for small in (True, False)}
+    file.write_bytes(b"y")
+    keys.add(key_of("one", file, 4, False))
+    assert len(keys) == 5
