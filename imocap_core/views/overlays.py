@@ -86,14 +86,20 @@ def draw_keypoints(
 ) -> Image:
     """Dots (K, 2) in cell pixels: orange left, blue right, fainter where less sure."""
     drawn = cell.copy()
+    reach = radius_px + 3  # pixels beyond a dot's centre that it can touch
     for point, trust, name in zip(xy_px, confidence, names, strict=True):
         if trust > 0 and np.isfinite(point).all():
-            mark = drawn.copy()
-            where = (round(float(point[0])), round(float(point[1])))
+            x, y = round(float(point[0])), round(float(point[1]))
+            left, top = max(x - reach, 0), max(y - reach, 0)
+            part = drawn[top : max(y + reach, 0), left : max(x + reach, 0)]
+            if not part.size:
+                continue
+            mark = part.copy()
+            where = (x - left, y - top)
             cv2.circle(mark, where, radius_px + 1, (25, 28, 32), -1, cv2.LINE_AA)
             cv2.circle(mark, where, radius_px, _side_rgb(name), -1, cv2.LINE_AA)
             share = 0.3 + 0.7 * min(float(trust), 1.0)
-            drawn = cv2.addWeighted(mark, share, drawn, 1 - share, 0).astype(np.uint8)
+            part[:] = cv2.addWeighted(mark, share, part, 1 - share, 0)
     return drawn
 
 

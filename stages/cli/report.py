@@ -17,7 +17,7 @@ from stages.harness.source import PROJECT, closure
 
 PAGE, TEXT = "report.html", "report.md"
 MADE_BY = ("report_figures.py", "report_page.py")
-BESIDE = ("viewer.html", "compare/compare.md", "observability.md")
+BESIDE = ("viewer.html", "compare/report.md", "observability.md")
 NEEDED = {
     "keypoints": "Keypoints",
     "camera_motion": "CameraMotion",

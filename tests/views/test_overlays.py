@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
@@ -10,7 +11,10 @@ from imocap_core.views.bodies import surfaces
 from imocap_core.views.film import frames_at, spread
 from imocap_core.views.overlays import (
     CELL_PX,
+    LEFT_RGB,
+    MIDDLE_RGB,
     PAPER_RGB,
+    RIGHT_RGB,
     Window,
     draw_body,
     draw_keypoints,
@@ -97,3 +101,29 @@ def test_spread_is_increasing_and_inside() -> None:
     assert (np.diff(spread(100)) > 0).all()
     assert spread(100).min() > 0
     assert list(spread(1)) == [0]
+
+
+def test_keypoints_look_as_if_each_were_drawn_over_the_whole_picture() -> None:
+    rng = np.random.default_rng(3)
+    cell = rng.integers(0, 255, (60, 80, 3), dtype=np.uint8)
+    xy = rng.uniform(-6, 86, (40, 2))
+    confidence = rng.uniform(0, 1.2, 40)
+    names = ["left_knee", "right_knee", "neck", "nose"] * 10
+    np.testing.assert_array_equal(
+        draw_keypoints(cell, xy, confidence, names), _keypoints_naive(cell, xy, confidence, names)
+    )
+
+
+def _keypoints_naive(
+    cell: np.ndarray, xy_px: np.ndarray, confidence: np.ndarray, names: list[str]
+) -> np.ndarray:
+    drawn = cell.copy()
+    for point, trust, name in zip(xy_px, confidence, names, strict=True):
+        mark = drawn.copy()
+        where = (round(float(point[0])), round(float(point[1])))
+        cv2.circle(mark, where, 4, (25, 28, 32), -1, cv2.LINE_AA)
+        side = {"left": LEFT_RGB, "right": RIGHT_RGB}.get(name.split("_")[0], MIDDLE_RGB)
+        cv2.circle(mark, where, 3, side, -1, cv2.LINE_AA)
+        share = 0.3 + 0.7 * min(float(trust), 1.0)
+        drawn = cv2.addWeighted(mark, share, drawn, 1 - share, 0)
+    return drawn
