@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain, product
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +20,10 @@ from imocap_core.formats.truth import Truth
 from imocap_core.metrics.scoring import Motion, Row, over_videos, pose_rows
 from imocap_core.views.scoreboard import true_motion
 from stages.benchmarks.choice import Choice
-from stages.benchmarks.prepare import chosen_names, ready_job
+from stages.benchmarks.prepare import action_names, ready_job
 from stages.benchmarks.score import truth_of
 from stages.harness import runner
+from stages.harness.errors import WrongUse
 from stages.harness.runner import Display
 from stages.harness.workspace import Workspace
 from stages.lifted import lifted_joints
@@ -45,15 +47,18 @@ class LifterRow:
 
 
 def measure(workspace: Workspace, only: Sequence[str], display: Display) -> list[LifterRow]:
-    """Every action, then the mean, of each benchmark and detector."""
+    """Every action, then the mean, of each benchmark and detector; WrongUse for unknown ones."""
+    known = {kind: action_names(workspace.root, Choice(kind)) for kind in KINDS}
+    every = list(chain(*known.values()))
+    for name in only:
+        if name not in every:
+            raise WrongUse(f"--only {name}: there are {', '.join(every)}")
     rows = []
-    for kind in KINDS:
-        for level in LEVELS:
-            choice = Choice(kind, level, only=tuple(only))
-            own = [
-                _row(workspace, choice, n, display) for n in chosen_names(workspace.root, choice)
-            ]
-            rows += [*own, _mean(own)]
+    for kind, level in product(KINDS, LEVELS):
+        choice = Choice(kind, level)
+        wanted = [name for name in known[kind] if not only or name in only]
+        own = [_row(workspace, choice, name, display) for name in wanted]
+        rows += [*own, *([_mean(own)] if own else [])]
     return rows
 
 
