@@ -97,6 +97,9 @@ def _default_name(names: Sequence[str], sources: Sequence[Source]) -> str:
 
 
 def _declared(label: str, source: Source, given: Given, folder: Path) -> dict[str, Any]:
+    if source.keypoints is None:
+        assert source.video is not None
+        return {"id": label, "video": _relative(source.video, folder), "keypoints": DETECT}
     try:
         if given.format is not None and given.layout is not None:
             kind, layout = str(given.format), str(given.layout)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from stages.harness.action import DetectionFormat, Layout
-from stages.harness.errors import WorkFailed, WrongUse
+from stages.harness.errors import WrongUse
 
 KEYPOINT_SUFFIXES = (".json", ".npz", ".csv", ".h5")
 # Where keypoints of videos/clip.mp4 are looked for: folders of these names, and (but for the first)
@@ -28,38 +28,31 @@ class Given:
 
 @dataclass(frozen=True)
 class Source:
-    """One video of the action to be."""
+    """One video of the action to be: the film, or keypoints, or both."""
 
     video: Path | None
-    keypoints: Path
+    keypoints: Path | None  # None: to be detected
 
     @property
     def stem(self) -> str:
         """What it is called."""
-        return (self.video or self.keypoints).stem if self.video else self.keypoints.name
+        if self.video is not None:
+            return self.video.stem
+        return self.keypoints.name if self.keypoints is not None else ""
 
 
 def sources_of(words: Sequence[str]) -> list[Source]:
     """The videos and keypoints that the words name.
 
-    WrongUse when something is not there, WorkFailed for videos without keypoints.
+    A video beside which no keypoints lie has people detected in it. WrongUse when something is not
+    there.
     """
-    found, blind = [], []
+    found = []
     for word in words:
         video, keypoints = _parts(word)
         if keypoints is None and video is not None:
             keypoints = _beside(video)
-        if keypoints is None:
-            blind.append(str(video))
-        else:
-            found.append(Source(video, keypoints))
-    if blind:
-        raise WorkFailed(
-            f"{', '.join(blind)} {'has' if len(blind) == 1 else 'have'} no keypoints, and this "
-            f"version does not detect people itself: run a 2D pose detector (OpenPose, for "
-            f"example; docs/formats.md lists what is read), then put its folder of JSON files "
-            f"beside the video as {Path(blind[0]).stem}_keypoints, or name it: {blind[0]}:FOLDER"
-        )
+        found.append(Source(video, keypoints))
     return found
 
 

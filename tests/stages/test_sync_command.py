@@ -136,13 +136,16 @@ def test_wrong_use(
     assert "Traceback" not in shown
 
 
-def test_videos_alone_need_a_detector(run, tmp_path: Path, capsys: Capture) -> None:
+def test_videos_alone_go_to_the_detector(
+    run, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("IMOCAP_DETECT_PYTHON", str(tmp_path / "nowhere"))
     clips = [_video(tmp_path / f"{name}.mp4", 2) for name in ("a", "b")]
     assert run(*clips) == 1
-    said = capsys.readouterr().err
-    assert "have no keypoints, and this version does not detect people itself" in said
-    assert f"name it: {clips[0]}:FOLDER" in said
-    assert said.count("\n") == 1
+    shown = capsys.readouterr()
+    assert "mediapipe 0.10.21 has not seen a" in shown.out
+    assert "IMOCAP_DETECT_PYTHON: there is no program" in shown.err
+    assert shown.err.count("\n") == 1
 
 
 def test_keypoints_that_are_not_understood(run, tmp_path: Path, capsys: Capture) -> None:
