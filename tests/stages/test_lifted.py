@@ -36,6 +36,7 @@ def seen(layout: str = "coco17") -> tuple[VideoKeypoints, VideoCameraMotion]:
         id="v1", K=np.array([[1280.0, 0, 640], [0, 1280.0, 360], [0, 0, 1]]),
         focal_source="assumed", motion="static", note="", residual_px=0.0, H_first_from_frame=eye,
         R_first_from_frame=eye, inliers=np.zeros(FRAMES, int), xy_first_px=xy,
+        zoom=np.ones(FRAMES),
     )  # fmt: skip
     return video, camera
 
