@@ -29,7 +29,8 @@ def compare_command(
     import numpy as np
 
     from stages.cli.compare import describe, pair_of
-    from stages.cli.compare_report import write_pair, write_technique
+    from stages.cli.compare_pair_report import write_pair
+    from stages.cli.compare_report import write_technique
     from stages.cli.compare_sources import gather, several
 
     assert isinstance(context.obj, Workspace)

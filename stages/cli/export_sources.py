@@ -86,12 +86,13 @@ def load(store: Store, action: str, stage: str, kind: type[Kind]) -> Kind:
             raise WorkFailed(f"{action} has no {stage} artifact yet; {again}")
         return stored.decode(kind)
     except ArtifactCorrupt as error:
-        raise WorkFailed(f"{error}; {again}") from None
+        said = str(error).splitlines()[0]
+        raise WorkFailed(f"{stage} of {action}: {said}; {again}") from None
 
 
 def _hands(store: Store, action: str, refined: RefineSync) -> dict[str, VideoHands]:
     """Hands by video; none where keypoints have none, or where the stage has not run."""
-    if store.load(action, "hands") is None:
+    if not store.current(action, "hands").is_file():
         return {}
     found = {v.id: v for v in load(store, action, "hands", Hands).videos}
     stale = [
@@ -109,7 +110,7 @@ def _hands(store: Store, action: str, refined: RefineSync) -> dict[str, VideoHan
 
 def _turned(store: Store, action: str) -> dict[str, VideoCameraMotion]:
     """How cameras turned, by video; none where the stage has not run."""
-    if store.load(action, "camera_motion") is None:
+    if not store.current(action, "camera_motion").is_file():
         return {}
     return {v.id: v for v in load(store, action, "camera_motion", CameraMotion).videos}
 

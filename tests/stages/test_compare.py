@@ -11,7 +11,8 @@ import pytest
 
 from imocap_core.artifacts.schemas import RefineSync
 from stages.cli.compare import describe, pair_of
-from stages.cli.compare_report import mean_take, write_pair, write_technique
+from stages.cli.compare_pair_report import write_pair
+from stages.cli.compare_report import mean_take, write_technique
 from stages.cli.compare_sources import gather, several, shared
 from stages.harness.errors import WorkFailed
 from stages.harness.pipeline import read_pipeline
