@@ -10,8 +10,8 @@ import typer
 from rich.console import Console
 
 from stages.cli.benchmark_command import benchmark_command
-from stages.cli.detect_command import detect_command
 from stages.cli.compare_command import compare_command
+from stages.cli.detect_command import detect_command
 from stages.cli.export_command import export_command
 from stages.cli.people_command import people_command
 from stages.cli.repeated import job_in_parts
