@@ -38,16 +38,17 @@ def moments(count: int, columns: int = MOMENTS) -> NDArray[np.int64]:
 def motion_figure(
     ids: Sequence[str],
     phase_s: Array,
-    mean: Array,
+    mean: Array | None,
     each: Array,
     inside: NDArray[np.bool_],
     title: str,
     subtitle: str,
 ) -> Figure:
-    """The mean motion as skeletons, (N, J, 3) metres about the pelvis, y up, facing +z; the
-    performances `each` (M, N, J, 3) behind it in their colours, where they show the moment."""
+    """Motions `each` (M, N, J, 3) as skeletons in their colours, where they show the moment, over
+    their mean (N, J, 3), when it is given; metres about the pelvis, y up, facing +z."""
     chosen = moments(len(phase_s))
-    windows = [_window(mean[chosen], view) for view in range(len(VIEWS))]
+    shown = each[:, chosen][inside[:, chosen]]
+    windows = [_window(shown, view) for view in range(len(VIEWS))]
     tall = [(y1 - y0) / max(x1 - x0 for x0, x1, _, _ in windows) for _, _, y0, y1 in windows]
     cell = 10.8 / len(chosen)
     figure = new_figure(11.4, 1.4 + cell * sum(tall))
@@ -55,7 +56,8 @@ def motion_figure(
     for view, (name, _) in enumerate(VIEWS):
         for column, t in enumerate(chosen):
             ax = axes[view, column]
-            draw_bones(ax, mean[t], view, INK, 1.6)
+            if mean is not None:
+                draw_bones(ax, mean[t], view, INK, 1.6)
             for m, video in enumerate(ids):
                 if inside[m, t]:
                     draw_bones(ax, each[m, t], view, color_of(ids, video), 1.1)
@@ -63,7 +65,7 @@ def motion_figure(
             if view == 0:
                 ax.set_title(f"{phase_s[t]:.2f} s", fontsize=8.5, loc="center")
         axes[view, 0].set_ylabel(name)
-    _legend(figure, ids)
+    _legend(figure, ids, with_mean=mean is not None)
     headline(figure, title, subtitle)
     return figure
 
@@ -172,12 +174,14 @@ def timing_figure(ids: Sequence[str], phase_s: Array, lead_s: Array) -> Figure:
     return figure
 
 
-def _legend(figure: Figure, ids: Sequence[str]) -> None:
+def _legend(figure: Figure, ids: Sequence[str], *, with_mean: bool) -> None:
     from matplotlib.lines import Line2D
 
     lines = [Line2D([], [], color=color_of(ids, i), lw=1.2) for i in ids]
-    mean = Line2D([], [], color=INK, lw=2)
-    figure.legend([*lines, mean], [*ids, "mean"], loc="outside lower center", ncols=len(ids) + 1)
+    names = list(ids)
+    if with_mean:
+        lines, names = [*lines, Line2D([], [], color=INK, lw=2)], [*names, "mean"]
+    figure.legend(lines, names, loc="outside lower center", ncols=len(names))
 
 
 def _bare(ax: Axes, window: tuple[float, float, float, float]) -> None:

@@ -21,7 +21,7 @@ def write_pair(out: Path, pair: Pair) -> list[Path]:
     both = np.stack(pair.places)
     with quiet():
         motion = figures.motion_figure(
-            ids, pair.phase_s, both.mean(0), both, np.ones(both.shape[:2], dtype=bool),
+            ids, pair.phase_s, None, both, np.ones(both.shape[:2], dtype=bool),
             "Two performers", f"mean motions of {first} and {second} at {first}'s phases, "
             f"on one body, facing one way",
         )  # fmt: skip
