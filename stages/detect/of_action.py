@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from imocap_core.artifacts.store import Store
+from imocap_core.formats.video import probe
 from stages.detect.detection import detect_video, kept_at
 from stages.detect.detectors import Detector, detector_of
 from stages.detect.environment import python_for
@@ -42,6 +43,7 @@ def detect(action: Action, params: DetectParams, store: Store, display: Display)
     waiting = [v for v in action.videos if v.detected and v.id not in action.detected]
     if not waiting:
         return
+    _must_be_readable(action, waiting)
     display.started("detect", [f"{detector.version} has not seen {waiting[0].id}"])
     root = store.folder.parent
     python = python_for(detector.packages, root, lambda what: display.progress(0.0, what))
@@ -51,8 +53,21 @@ def detect(action: Action, params: DetectParams, store: Store, display: Display)
         file = _file(action, declared, detector, store)
         assert file is not None
         assert declared.video is not None
-        if not file.is_file():  # the same pictures under another name
+        if file.is_file():  # the same pictures under another name
+            continue
+        try:
             detect_video(action.folder / declared.video, file, detector, python, display.progress)
+        except ValueError as error:  # broken further on
+            raise WorkFailed(f"detect: {error}") from error
+
+
+def _must_be_readable(action: Action, waiting: list[Declaration]) -> None:
+    """WorkFailed, before anything takes time, for a file that is no video."""
+    try:
+        for declared in waiting:
+            probe(action.folder / str(declared.video))
+    except ValueError as error:
+        raise WorkFailed(f"{action.file}: {error}") from None
 
 
 def _file(action: Action, declared: Declaration, detector: Detector, store: Store) -> Path | None:

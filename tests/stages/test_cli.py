@@ -86,6 +86,7 @@ def test_init_then_run_says_what_is_missing(toy: Toy, capsys: Capture, tmp_path:
     assert toy.imocap(["run", "mine"]) == 1
     said = capsys.readouterr().err
     assert f"{action.folder / str(action.videos[0].video)}: is not a readable video" in said
+    assert "fault of the program" not in said
     assert said.count("\n") == 1
     assert toy.imocap(["init", "mine", str(clips[0])]) == 2
     assert "exists already" in capsys.readouterr().err
