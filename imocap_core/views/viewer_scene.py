@@ -44,6 +44,7 @@ from imocap_core.views.viewer_video import (
 Array = NDArray[np.float64]
 
 FEET = [SMPL_JOINTS.index(name) for name in ("left_foot", "right_foot")]
+LEGEND = "grid 0.5 m · paths run from pale to full · body: "
 ASIDE_RAD = 0.45  # the first look comes from this far beside the reference camera
 ABOUT_BODY_M = 0.25  # from the outermost joints to the outermost skin
 
@@ -113,7 +114,7 @@ def scene(
     return {
         "title": name,
         "lead": _lead(sync),
-        "legend": f"grid 0.5 m · paths run from pale to full · body: {model.name}",
+        "legend": LEGEND + model.name.replace("_", " "),
         "reference": sync.reference,
         "timeline": timeline_entry(made.keypoints, sync),
         "model": model_entry(block, model),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -60,7 +61,7 @@ def test_it_loads_without_complaint(browser: Browser) -> None:
 
 
 def test_the_scene_is_not_blank(browser: Browser) -> None:
-    browser.value("imocap.act.fit(false)")
+    browser.value("imocap.act.fit(0)")
     shown = picture(browser)
     assert shown.std() > 10
     middle = shown[shown.shape[0] // 3 : -shown.shape[0] // 4].reshape(-1, 3).astype(float)
@@ -136,9 +137,9 @@ def test_keys_and_buttons_change_what_is_shown(browser: Browser) -> None:
     browser.value(
         "[...document.querySelectorAll('button')].find(b => b.textContent == 'keys').click()"
     )
-    assert browser.value("!document.getElementById('help').hidden")
+    browser.wait("!document.getElementById('help').hidden")
     browser.key("?")
-    assert browser.value("document.getElementById('help').hidden")
+    browser.wait("document.getElementById('help').hidden")
 
 
 def test_bones_in_the_page_are_the_body_s(browser: Browser, page: Page) -> None:
@@ -160,3 +161,23 @@ def test_it_fits_a_narrow_screen(browser: Browser) -> None:
         assert picture(browser).size > 0
     finally:
         browser.resize(900, 600)
+
+
+def test_a_video_of_another_action_has_no_place(
+    made: Made, browser: Browser, page: Page, tmp_path: Path
+) -> None:
+    sync = made.refined.sync.model_copy(update={"excluded": ["v2"]})
+    other = page_of(made, "two of three", sync=sync)
+    assert other.header["videos"][1]["role"] == "another action"
+    before, after = tmp_path / "other.html", tmp_path / "again.html"
+    before.write_text(other.text, encoding="utf-8")
+    after.write_text(page.text, encoding="utf-8")
+    browser.open(before)
+    browser.wait("window.imocap?.page.title === 'two of three'")
+    said = "[...document.querySelectorAll('.card')].map(c => c.querySelector('footer').innerText)"
+    browser.wait(f"{said}[1].includes('not synchronised') && {said}[0].includes('sure 80 %')")
+    browser.key("c")
+    browser.key("c")
+    assert state(browser, "through") == 2
+    browser.open(after)
+    browser.wait("window.imocap?.page.title === 'waving'")

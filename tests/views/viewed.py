@@ -5,14 +5,14 @@ from __future__ import annotations
 import base64
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from imocap_core.artifacts.schemas import Hands, VideoHands
+from imocap_core.artifacts.schemas import Hands, Sync, VideoHands
 from imocap_core.body import Model, load_free_body
 from imocap_core.formats.video import write_h264
 from imocap_core.views import viewer
@@ -75,10 +75,16 @@ def body_of(hands: bool) -> Model:
 
 
 def page_of(
-    made: Made, name: str = "waving", hands: bool = False, files: dict[str, Path] | None = None
+    made: Made,
+    name: str = "waving",
+    hands: bool = False,
+    files: dict[str, Path] | None = None,
+    sync: Sync | None = None,
 ) -> Page:
-    block = Block()
-    header = scene(artifacts(made, hands), body_of(hands), name, files or {}, block)
+    block, shown = Block(), artifacts(made, hands)
+    if sync is not None:
+        shown = replace(shown, refined=made.refined.model_copy(update={"sync": sync}))
+    header = scene(shown, body_of(hands), name, files or {}, block)
     return Page(viewer.page(header, block, "0123abcd"))
 
 

@@ -34,11 +34,19 @@ function makeActions(page, redraw) {
       const width = page.right.map((x) => x * APART_M);
       state.offsets = page.videos.map((_, i) => scaled(width, on ? i - (count - 1) / 2 : 0));
       if (on) state.through = -1;
-      act.fit(false, on);
+      act.fit(0, on);
     }),
     flip: then((name) => { state[name] = !state[name]; }),
     mark: then((name) => { state.marks[name] = !state.marks[name]; }),
-    through: then((i) => { state.through = state.through === i || page.videos[i]?.excluded ? -1 : i; if (i >= 0 && state.apart) act.apart(false); }),
+    through: then((i) => {
+      state.through = state.through === i || page.videos[i]?.excluded ? -1 : i;
+      if (state.through >= 0 && state.apart) act.apart(false), state.through = i;
+    }),
+    next: () => {
+      let i = state.through + 1;
+      while (page.videos[i]?.excluded) i++;
+      act.through(i < count ? i : -1);
+    },
     help: then(() => { state.help = !state.help; }),
     fit: () => {},
   };

@@ -74,7 +74,7 @@ function start() {
     page.videos.forEach((video, i) => {
       const actor = actors.find((a) => a.video === i);
       const head = actor && seen.through < 0 && state.apart ? add(add(actor.joints[page.model.head], actor.offset), [0, 0.32, 0]) : null;
-      const wanted = state.cameras && state.on[i] && !state.apart && seen.through < 0;
+      const wanted = state.cameras && state.on[i] && !video.excluded && !state.apart && seen.through < 0;
       const corner = wanted ? mix(...pictureCorners(video, frames[i]).slice(0, 2), 0.5) : null;
       [head, corner].forEach((place, k) => {
         const at = place && landing(seen.matrix, place, seen.width / seen.density, seen.height / seen.density);
@@ -112,11 +112,17 @@ function start() {
     if (state.playing) redraw();
   }
 
+  // all: how much of the way from the performers to the cameras is to be seen, 0 to 1.
   act.fit = (all, frontal = false) => {
     state.through = -1;
     if (frontal) orbit.azimuth = Math.atan2(-page.right[2], page.right[0]);
-    const points = page.videos.flatMap((video, i) => state.on[i] && !video.excluded ? page.bounds[i].map((p) => add(p, state.offsets[i])) : []);
-    if (all && !state.apart) page.videos.forEach((video, i) => state.on[i] && !video.excluded && points.push(...pictureCorners(video, 0), video.camera.centre));
+    const on = page.videos.map((_, i) => i).filter((i) => state.on[i] && !page.videos[i].excluded);
+    const points = on.flatMap((i) => page.bounds[i].map((p) => add(p, state.offsets[i])));
+    if (all && !state.apart)
+      for (const i of on) {
+        const camera = [...pictureCorners(page.videos[i], 0), page.videos[i].camera.centre];
+        points.push(...camera.map((p) => mix(page.middle, p, all)));
+      }
     orbit.fit(points.length ? points : [[-1, 0, 0], [1, 2, 0]], $("stage").clientWidth, $("stage").clientHeight);
   };
   const seekers = [null, null];
@@ -142,7 +148,7 @@ function start() {
   };
   new ResizeObserver(arrange).observe($("page"));
   orbit.azimuth = page.azimuth;
-  act.fit(true);
+  act.fit(1);
   window.imocap = { act, page, orbit, pose: (i, name, at) => pose(page.model, page.shapes[page.videos[i].answers[name].shape], page.videos[i].answers[name], at) };
   redraw();
 }

@@ -52,7 +52,7 @@ class Scene {
   }
 
   drawSurroundings(view, frames, state) {
-    const on = this.page.videos.map((_, i) => i).filter((i) => state.on[i]);
+    const on = this.page.videos.map((_, i) => i).filter((i) => state.on[i] && !this.page.videos[i].excluded);
     if (state.paths)
       for (const i of on) this.drawLines(view, [this.paths[i]], 3.5, state.offsets[i]);
     if (!state.cameras || state.apart) return;

@@ -42,8 +42,8 @@ function makeTools(parent, beside, act) {
     ["skeleton", "The motion's skeleton over the frames (s)", () => act.mark("skeleton")],
   ]);
   const eye = group(parent, [
-    ["see all", "Performers and cameras (a)", () => act.fit(true)],
-    ["closer", "The performers alone (f)", () => act.fit(false)],
+    ["see all", "Performers and cameras (a)", () => act.fit(1)],
+    ["closer", "The performers alone (f)", () => act.fit(0)],
     ["keys", "All keys (?)", () => act.help()],
   ]);
   return (state) => {
@@ -62,10 +62,13 @@ function listenToKeys(act, videos) {
     ArrowRight: (e) => act.step(e.shiftKey ? 10 : 1), Home: () => act.end(false), End: () => act.end(true),
     "+": () => act.faster(1), "=": () => act.faster(1), "-": () => act.faster(-1),
     i: () => act.answer(answers[act.state.answer]), o: () => act.apart(!act.state.apart),
-    c: () => act.through(act.state.through + 1 < videos ? act.state.through + 1 : -1),
-    f: () => act.fit(false), a: () => act.fit(true), k: () => act.mark("detected"),
+    c: () => act.next(),
+    f: () => act.fit(0), a: () => act.fit(1), k: () => act.mark("detected"),
     s: () => act.mark("skeleton"), "?": () => act.help(), Escape: () => act.through(-1),
   };
+  // After a click with the mouse the keys are the page's again, not the button's.
+  addEventListener("click", (e) => e.detail && document.activeElement.blur());
+  addEventListener("change", () => document.activeElement.blur());
   addEventListener("keydown", (e) => {
     if (e.ctrlKey || e.metaKey || e.altKey || e.target.tagName === "SELECT") return;
     const digit = Number(e.key);
