@@ -81,14 +81,19 @@ def timeline_entry(keypoints: Keypoints, sync: SyncSummary) -> dict[str, float]:
 def camera_entry(
     block: Block, camera: Camera, turned: VideoCameraMotion, level: Level
 ) -> dict[str, Any]:
-    """Its lens, its place, and its axes (right, down, ahead as columns) in every frame."""
+    """Its lens and place; its axes (right, down, ahead as columns) and zoom in every frame."""
     pose = level_camera(Extrinsics(camera.R, camera.t), level)
     axes = pose.R.T @ turned.R_first_from_frame
     still = np.allclose(axes, axes[:1], atol=1e-9)
     fx, fy, cx, cy = camera.K[0, 0], camera.K[1, 1], camera.K[0, 2], camera.K[1, 2]
     lens = {"fx": float(fx), "fy": float(fy), "cx": float(cx), "cy": float(cy)}
     centre = (-pose.R.T @ pose.t).tolist()
-    return {**lens, "centre": centre, "axes": block.add(axes[:1] if still else axes, "f4")}
+    return {
+        **lens,
+        "centre": centre,
+        "axes": block.add(axes[:1] if still else axes, "f4"),
+        "zoom": block.add(turned.zoom, "f4"),
+    }
 
 
 def _pixels(block: Block, xy_px: Array, size: tuple[int, int]) -> tuple[Entry, float]:

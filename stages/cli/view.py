@@ -112,8 +112,11 @@ def _load(store: Store, action: str, stage: str) -> Stored:
 def _decode(stored: Stored, kind: type[Kind], action: str) -> Kind:
     try:
         return stored.decode(kind)
-    except ArtifactCorrupt as error:
-        raise WorkFailed(f"{error}; run it with: imocap run {action}") from None
+    except ArtifactCorrupt:
+        raise WorkFailed(
+            f"{stored.file} does not fit this version's {kind.__name__}; run it with: "
+            f"imocap run {action}"
+        ) from None
 
 
 def _stamp(stored: list[Stored], files: dict[str, Path]) -> str:

@@ -15,7 +15,7 @@ import pytest
 import torch
 
 from imocap_core import rotations
-from imocap_core.artifacts.schemas import Sync
+from imocap_core.artifacts.schemas import CameraMotion, Sync
 from imocap_core.body import load_free_body
 from imocap_core.views.bodies import surfaces
 from imocap_core.views.viewer_block import Block, quantised, read_entry
@@ -131,22 +131,25 @@ def test_hands_move_the_fingers_of_the_final_answer_alone(made: Made) -> None:
     assert np.abs(local["initial"][:, 22:]).max() < 1e-6
 
 
-def test_the_shown_camera_sees_what_was_projected(page: Page, made: Made) -> None:
+@pytest.mark.parametrize("zoom", [1.0, 1.5])
+def test_the_shown_camera_sees_what_was_projected(made: Made, zoom: float) -> None:
+    by_frame = np.linspace(1.0, zoom, 16)
+    videos = [v.model_copy(update={"zoom": by_frame}) for v in made.camera_motion.videos]
+    page = page_of(made, camera_motion=CameraMotion(videos=videos))
     own = page.header["videos"][1]
     answer, shape = own["answers"]["final"], page.header["shapes"][0]
     pelvis = page.array(answer["trans"], -1, 3) + page.array(shape["joints"], -1, 3)[0]
     axes = page.array(own["camera"]["axes"], -1, 3, 3)[0]
     x = (pelvis - own["camera"]["centre"]) @ axes  # R_world_from_cam^T
     lens = own["camera"]
-    xy = np.stack(
-        [lens["fx"] * x[:, 0] / x[:, 2] + lens["cx"], lens["fy"] * x[:, 1] / x[:, 2] + lens["cy"]],
-        axis=1,
-    )
+    seen = page.array(lens["zoom"], -1, 1) * [lens["fx"], lens["fy"]] * x[:, :2] / x[:, 2:]
+    xy = seen + [lens["cx"], lens["cy"]]
     final = own["projected"]["final"]
     drawn = page.array(final["xy"], -1, final["count"], 2)[:, 0] / final["unit"]
     np.testing.assert_allclose(drawn, xy, atol=0.05)
     true = made.final[1].joints[:, 0] @ K.T
-    np.testing.assert_allclose(xy, true[:, :2] / true[:, 2:], atol=1e-3)
+    still = true[:, :2] / true[:, 2:] - K[:2, 2]
+    np.testing.assert_allclose(xy, by_frame[:, None] * still + K[:2, 2], atol=1e-3)
 
 
 def test_everyone_stands_on_the_ground(page: Page) -> None:

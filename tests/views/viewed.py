@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from imocap_core.artifacts.schemas import Hands, Sync, VideoHands
+from imocap_core.artifacts.schemas import CameraMotion, Hands, Sync, VideoHands
 from imocap_core.body import Model, load_free_body
 from imocap_core.formats.video import write_h264
 from imocap_core.views import viewer
@@ -80,10 +80,13 @@ def page_of(
     hands: bool = False,
     files: dict[str, Path] | None = None,
     sync: Sync | None = None,
+    camera_motion: CameraMotion | None = None,
 ) -> Page:
     block, shown = Block(), artifacts(made, hands)
     if sync is not None:
         shown = replace(shown, refined=made.refined.model_copy(update={"sync": sync}))
+    if camera_motion is not None:
+        shown = replace(shown, camera_motion=camera_motion)
     header = scene(shown, body_of(hands), name, files or {}, block)
     return Page(viewer.page(header, block, "0123abcd"))
 

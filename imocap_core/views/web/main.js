@@ -65,7 +65,7 @@ function start() {
     if (i < 0) return { ...free, matrix: orbit.matrix(width, height), eye: orbit.eye() };
     const at = cameraAt(page.videos[i], frames[i]);
     const rows = [at.right, scaled(at.down, -1), scaled(at.ahead, -1)];
-    const lens = pinhole(page.videos[i].camera, page.videos[i].view, width, height, 0.05, 200);
+    const lens = pinhole(lensAt(page.videos[i], frames[i]), page.videos[i].view, width, height, 0.05, 200);
     const matrix = times(lens, viewOf(rows, at.centre));
     return { ...free, matrix, eye: at.centre, through: i };
   }

@@ -6,6 +6,12 @@ function rgb(hex) {
   return [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16) / 255);
 }
 
+// The lens of a video's camera in a frame, in pixels: a zoom scales its focal length.
+function lensAt(video, frame) {
+  const { fx, fy, cx, cy, zoom } = video.camera, z = zoom[Math.min(frame, zoom.length - 1)];
+  return { fx: fx * z, fy: fy * z, cx, cy };
+}
+
 // The axes of a video's camera in a frame, as columns right, down, ahead, and its centre.
 function cameraAt(video, frame) {
   const all = video.camera.axes, start = 9 * Math.min(frame, all.length / 9 - 1);
@@ -16,7 +22,7 @@ function cameraAt(video, frame) {
 // Corners in space of a part [x, y, width, height] of a video's picture, else of all of it:
 // top left, top right, bottom left, bottom right.
 function pictureCorners(video, frame, part = [0, 0, ...video.size], depth = PLANE_M) {
-  const lens = video.camera, at = cameraAt(video, frame);
+  const lens = lensAt(video, frame), at = cameraAt(video, frame);
   const [x0, y0, x1, y1] = [part[0] - 0.5, part[1] - 0.5, part[0] + part[2] - 0.5, part[1] + part[3] - 0.5];
   return [[x0, y0], [x1, y0], [x0, y1], [x1, y1]].map(([x, y]) => {
     const sideways = scaled(at.right, (depth * (x - lens.cx)) / lens.fx);
