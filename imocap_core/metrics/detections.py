@@ -99,7 +99,8 @@ def _of_point(films: Sequence[Film], k: int, name: str) -> PointErrors:
     every = np.concatenate(errors)
     known = np.isfinite(every).all(axis=1)
     if not known.any():
-        return PointErrors(name, *[float("nan")] * 7, 1.0)
+        nan = float("nan")
+        return PointErrors(name, nan, nan, nan, nan, nan, nan, nan, 1.0)
     middle = np.median(every[known], axis=0)
     away = np.linalg.norm(every[known] - middle, axis=1)
     limit = OUTLIER_SIGMA * float(np.median(away)) / RADIAL

@@ -73,7 +73,9 @@ def test_without_frames_the_whole_clip_is_used(folder):
 
 
 def test_missing_keypoints_are_one_sentence_with_advice(folder):
-    with pytest.raises(ValueError, match="no 2D keypoints for v1: write `keypoints: detect`") as said:
+    with pytest.raises(
+        ValueError, match="no 2D keypoints for v1: write `keypoints: detect`"
+    ) as said:
         run(folder, keypoints=None, video="clip.mp4")
     assert str(Path("action.yaml")) in str(said.value)
     assert "\n" not in str(said.value)
