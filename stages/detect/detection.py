@@ -22,9 +22,9 @@ Progress = Callable[[float, str], None]
 
 
 def kept_at(store: Store, video: Path, detector: Detector) -> Path:
-    """Where the result for a video lies, or will: named by what it depends on."""
+    """Where the result for a video lies, or will (absolute): named by what it depends on."""
     key = detector.key(content_digest(video), [content_digest(model) for model in detector.models])
-    return store.folder / ".cache" / FOLDER / f"{key}.npz"
+    return store.folder.resolve() / ".cache" / FOLDER / f"{key}.npz"
 
 
 def detect_video(

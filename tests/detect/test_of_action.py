@@ -64,6 +64,13 @@ def test_from_videos_to_keypoints_and_not_twice(place: Place, capsys: Capture) -
     assert "cached" in said
 
 
+def test_it_works_where_it_stands(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without --root: all paths begin in the present folder."""
+    monkeypatch.chdir(place.root)
+    assert main(["run", "mine", "--until", "keypoints"]) == 0
+    assert len(place.keypoints().videos) == 2
+
+
 def test_what_was_finished_before_a_break_is_kept(
     place: Place, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
