@@ -40,7 +40,7 @@ class KeypointsParams(Group):
     max_gap_s: Positive  # a person unseen for longer begins a new track
     looks: bool  # people are told apart by their clothes too, where there are pictures
     performer: Literal["agreement", "score"]  # who performs, where a video shows several people
-    sides: Literal["leave", "repair"]  # limbs whose left and right a detector exchanged
+    sides: Literal["auto", "leave", "repair"]  # limbs whose left and right a detector exchanged
     cuts: bool  # look for cuts between shots, where there are pictures
 
 

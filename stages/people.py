@@ -29,6 +29,7 @@ from stages.params import KeypointsParams
 Array = NDArray[np.float64]
 LOOK_S = 0.2  # people's clothes are looked at this often
 LEAST_SIZE_PX = 1.0
+EXCHANGES = ("mediapipe33",)  # of a detector that takes backs for fronts in single frames
 NOBODY = 0.03  # of the best score: who has less is a false detection or far away
 
 
@@ -144,7 +145,8 @@ def _lifted(watched: Watched, row: int) -> Array:
 
 def _sides(watched: Watched, found: Performer, params: KeypointsParams) -> Performer:
     """With exchanged sides put back, and a word about it."""
-    if params.sides == "leave" or found.tracks_found == 0:
+    repairs = params.sides == "repair" or (params.sides == "auto" and watched.layout in EXCHANGES)
+    if not repairs or found.tracks_found == 0:
         return found
     xy, trust, count = found.xy_px, found.confidence, 0
     boxes = found.box_px[:, 2:] - found.box_px[:, :2]

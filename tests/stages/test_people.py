@@ -112,6 +112,19 @@ def test_a_person_is_named_in_one_way(given: dict[str, object], said: str) -> No
         Person.model_validate(given)
 
 
+@pytest.mark.parametrize(("layouts", "frames"), [(("mediapipe33",), 0), (("coco17",), 3)])
+def test_by_default_sides_are_put_back_for_detectors_that_exchange_them(
+    layouts: tuple[str, ...], frames: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("stages.people.EXCHANGES", layouts)
+    wrong = PERFORMER.copy()
+    for left, right in ((11, 12), (13, 14), (15, 16)):
+        wrong[30:33, left], wrong[30:33, right] = PERFORMER[30:33, right], PERFORMER[30:33, left]
+    params = PARAMS.model_copy(update={"sides": "auto"})
+    (found,) = performers([watched("v1", wrong)], FILE, params)
+    assert ("put back in 3 frames" in found.note) == (frames == 3)
+
+
 def test_sides_are_put_back_only_when_asked_for() -> None:
     wrong = PERFORMER.copy()
     legs = [(11, 12), (13, 14), (15, 16)]
