@@ -38,7 +38,7 @@ def markdown(
     parts = [
         "# From pixels: captured performances rendered, found by a real detector",
         f"Made by `{command}`: performances of `trials` on the free body, each in its own scene "
-        "and before its own camera, found by MediaPipe Pose 0.10.21 and started by its 3D. "
+        "and before its own camera, found by MediaPipe Pose 0.10.21. "
         f"{cost_sentence([s.costs for s in scores])} `estimator` is the detector's 3D alone."
         + missing_sentence(missing),
         motion_table(scores),

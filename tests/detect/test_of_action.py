@@ -56,7 +56,7 @@ def test_from_videos_to_keypoints_and_not_twice(place: Place, capsys: Capture) -
     assert capsys.readouterr().out.count("mediapipe 0.10.21 has not seen") == 2
     a, b = place.keypoints().videos
     assert (a.layout, len(a.frames), len(b.frames)) == ("mediapipe33", 5, 3)
-    assert (a.initial, a.initial_format) == ("detect", "mediapipe_world")
+    assert (a.initial, a.initial_format) == (None, None)
     assert np.abs(a.xy_px[:, 0, 0] - [20, 22, 24, 26, 28]).max() <= 2.5
     assert place.run("run", "mine", "--until", "keypoints") == 0
     said = capsys.readouterr().out
@@ -97,15 +97,15 @@ def test_status_before_and_after(place: Place, capsys: Capture) -> None:
     assert "read: detections a is gone" in capsys.readouterr().out
 
 
-def test_the_world_landmarks_start_the_fits_unless_another_estimate_does(place: Place) -> None:
+def test_the_world_landmarks_start_the_fits_where_asked_for_unless_another_estimate_does(place: Place) -> None:
     own = {"initial": "own.npz", "initial_format": "joints_npz"}
     (place.folder / "own.npz").write_bytes(b"not looked at yet")
     place.declare({"keypoints": "detect", **own}, {"keypoints": "detect"})
     assert place.run("run", "mine", "--until", "keypoints") == 0
-    assert [v.initial_format for v in place.keypoints().videos] == ["joints_npz", "mediapipe_world"]
-    once = ("--set", "detect.world_landmarks=false")
-    assert place.run("run", "mine", "--until", "keypoints", *once) == 0
     assert [v.initial_format for v in place.keypoints().videos] == ["joints_npz", None]
+    once = ("--set", "detect.world_landmarks=true")
+    assert place.run("run", "mine", "--until", "keypoints", *once) == 0
+    assert [v.initial_format for v in place.keypoints().videos] == ["joints_npz", "mediapipe_world"]
 
 
 def test_hands_are_found_when_the_action_wants_them(place: Place) -> None:
