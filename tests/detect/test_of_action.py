@@ -97,7 +97,7 @@ def test_status_before_and_after(place: Place, capsys: Capture) -> None:
     assert "read: detections a is gone" in capsys.readouterr().out
 
 
-def test_the_world_landmarks_start_the_fits_where_asked_for_unless_another_estimate_does(place: Place) -> None:
+def test_world_landmarks_start_fits_where_asked_for_and_nothing_else_does(place: Place) -> None:
     own = {"initial": "own.npz", "initial_format": "joints_npz"}
     (place.folder / "own.npz").write_bytes(b"not looked at yet")
     place.declare({"keypoints": "detect", **own}, {"keypoints": "detect"})
