@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from stages.cli.benchmark_command import benchmark_command
 from stages.cli.compare_command import compare_command
 from stages.cli.detect_command import detect_command
 from stages.cli.export_command import export_command
+from stages.cli.options import ActionName, Sets, speaker, workspace_of
 from stages.cli.people_command import people_command
 from stages.cli.repeated import job_in_parts
 from stages.cli.report import finish
@@ -43,14 +43,10 @@ app.command("export")(export_command)
 app.command("compare")(compare_command)
 app.command("people")(people_command)
 app.command("detect")(detect_command)
-console = Console(highlight=False, soft_wrap=True)
+console = speaker()
 
-ActionName = Annotated[str, typer.Argument(help="A name below actions/, or an action's folder.")]
 StageName = Annotated[str, typer.Argument(help="A stage of pipeline.yaml.")]
 Force = Annotated[bool, typer.Option("--force", help="Run even what is cached.")]
-Sets = Annotated[
-    list[str], typer.Option("--set", metavar="GROUP.NAME=VALUE", help="A one-off parameter.")
-]
 
 
 @app.callback()
@@ -68,12 +64,6 @@ def _everywhere(
     context.obj = Workspace(root)
 
 
-def _workspace(context: typer.Context) -> Workspace:
-    found = context.obj
-    assert isinstance(found, Workspace)
-    return found
-
-
 @app.command("run")
 def run_command(
     context: typer.Context,
@@ -85,7 +75,7 @@ def run_command(
     """Run every stage of an action that has changed, to its report."""
     with Terminal(console) as display:
         began = time.perf_counter()
-        job, cuts = job_in_parts(_workspace(context), action, sets, display)
+        job, cuts = job_in_parts(workspace_of(context), action, sets, display)
         stages = list(job.pipeline.stages) if until is None else _upstream(job, until)
         outcomes = runner.run(job, display, stages, frozenset(stages if force else []))
         finish(job, outcomes)
@@ -105,7 +95,7 @@ def stage_command(
     """Run one stage (and what it needs, where that is not cached)."""
     with Terminal(console) as display:
         began = time.perf_counter()
-        job = _workspace(context).ready_job(action, sets, display)
+        job = workspace_of(context).ready_job(action, sets, display)
         outcomes = runner.run(job, display, _upstream(job, name), frozenset([name] * force))
         finish(job, outcomes)
     console.print(_summary(job, outcomes, time.perf_counter() - began))
@@ -114,7 +104,7 @@ def stage_command(
 @app.command()
 def status(context: typer.Context, action: ActionName, sets: Sets = []) -> None:  # noqa: B006
     """What is cached, what would run, and why."""
-    job = _workspace(context).job(action, sets)
+    job = workspace_of(context).job(action, sets)
     for standing in runner.standings(job):
         if standing.stored is not None:
             said = f"[dim]cached     {standing.stored.digest[:12]}[/]"
@@ -126,7 +116,7 @@ def status(context: typer.Context, action: ActionName, sets: Sets = []) -> None:
 @app.command()
 def explain(context: typer.Context, action: ActionName, stage: StageName, sets: Sets = []) -> None:  # noqa: B006
     """Everything that a stage's result depends on, and what has changed since it was made."""
-    job = _workspace(context).job(action, sets)
+    job = workspace_of(context).job(action, sets)
     _upstream(job, stage)
     done = {}
     for standing in runner.standings(job):
@@ -160,7 +150,7 @@ def init(
     """Make actions/NAME/action.yaml for some videos."""
     from stages.cli.init import write_action
 
-    console.print(_plain(write_action(_workspace(context).root, name, videos)))
+    console.print(_plain(write_action(workspace_of(context).root, name, videos)))
 
 
 @app.command()
@@ -180,7 +170,7 @@ def doctor(
     from stages.cli.doctor import examine
 
     faults = 0
-    for finding in examine(_workspace(context), models):
+    for finding in examine(workspace_of(context), models):
         faults += not finding.well
         console.print(
             f"{'[green]ok[/]  ' if finding.well else '[red]bad[/] '} {_plain(finding.said)}"

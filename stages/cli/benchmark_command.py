@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 
+from stages.cli.options import speaker, workspace_of
 from stages.cli.show import Terminal
-from stages.harness.workspace import Workspace
 
 Name = Literal[
     "protocol",
@@ -59,9 +58,8 @@ def benchmark_command(
     """Measure how good the program is, what its parts are worth, or how fast the body is."""
     from stages.cli import benchmark
 
-    workspace = context.obj
-    assert isinstance(workspace, Workspace)
-    console = Console(highlight=False, soft_wrap=True)
+    workspace = workspace_of(context)
+    console = speaker()
     names = tuple(word.strip() for word in variants.split(",") if word.strip())
     wanted = benchmark.Wanted(
         name, detector, sampling, videos, tuple(only), on, names, data, jobs, docs

@@ -6,17 +6,16 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
+from stages.cli.options import ActionName, speaker, workspace_of
 from stages.harness.errors import WrongUse
-from stages.harness.workspace import Workspace
 
 FOLDER = "compare"
 
 
 def compare_command(
     context: typer.Context,
-    action: Annotated[str, typer.Argument(help="A name below actions/, or an action's folder.")],
+    action: ActionName,
     second: Annotated[
         str | None, typer.Argument(metavar="[ACTION2]", help="Another performer of the action.")
     ] = None,
@@ -33,9 +32,9 @@ def compare_command(
     from stages.cli.compare_report import write_technique
     from stages.cli.compare_sources import gather, several
 
-    assert isinstance(context.obj, Workspace)
-    console = Console(highlight=False, soft_wrap=True, markup=False)
-    job = context.obj.job(action, [])
+    workspace = workspace_of(context)
+    console = speaker(markup=False)
+    job = workspace.job(action, [])
     name = job.action.name
     folder = out or job.store.report(name) / FOLDER
     first = gather(job.store, name)
@@ -44,7 +43,7 @@ def compare_command(
         files = write_technique(folder, found)
         console.print(f"{name}: consistency {found.whole:.3f}")
     else:
-        other = context.obj.job(second, [])
+        other = workspace.job(second, [])
         if other.action.name == name:
             raise WrongUse(f"{name} and {second} are one action; leave the second out")
         pair = pair_of(

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 
+from stages.cli.options import Sets, speaker, workspace_of
 from stages.cli.show import Terminal
 from stages.harness.errors import WrongUse
 from stages.harness.workspace import Workspace
@@ -21,14 +21,11 @@ def detect_command(
     setup: Annotated[
         bool, typer.Option("--setup", help="Only make the detector's environment.")
     ] = False,
-    sets: Annotated[
-        list[str], typer.Option("--set", metavar="GROUP.NAME=VALUE", help="A one-off parameter.")
-    ] = [],  # noqa: B006
+    sets: Sets = [],  # noqa: B006
 ) -> None:
     """Find people in the videos that say `keypoints: detect`, and say where the keypoints are."""
-    workspace = context.obj
-    assert isinstance(workspace, Workspace)
-    console = Console(highlight=False, soft_wrap=True)
+    workspace = workspace_of(context)
+    console = speaker()
     if (action is None) != setup:
         raise WrongUse("expected an action, or --setup alone: imocap detect ACTION")
     with Terminal(console) as display:

@@ -6,16 +6,15 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
 
-from stages.harness.workspace import Workspace
+from stages.cli.options import ActionName, speaker, workspace_of
 
-console = Console(highlight=False, soft_wrap=True, markup=False)
+console = speaker(markup=False)
 
 
 def export_command(
     context: typer.Context,
-    action: Annotated[str, typer.Argument(help="A name below actions/, or an action's folder.")],
+    action: ActionName,
     out: Annotated[Path, typer.Option(help="Folder to write to.")],
     format: Annotated[
         Literal["npz", "bvh", "glb", "trc", "csv", "mcap"], typer.Option(help="What to write.")
@@ -35,8 +34,8 @@ def export_command(
     """Write the motion, the cameras and the correspondences for other programs."""
     from stages.cli.export_formats import export
 
-    assert isinstance(context.obj, Workspace)
-    job = context.obj.job(action, [])
+    workspace = workspace_of(context)
+    job = workspace.job(action, [])
     done = export(job.store, job.action.name, format, out, up, time, folder=job.action.folder)
     for sentence in [*done.said, *map(str, done.files)]:
         console.print(sentence)

@@ -11,7 +11,7 @@ from imocap_core.formats.bvh import write_bvh
 from imocap_core.formats.export_npz import write_video
 from imocap_core.formats.gltf_scene import Actor, write_glb
 from imocap_core.formats.joints_csv import write_joints_csv
-from imocap_core.formats.take import upright_rest
+from imocap_core.formats.take import Take, upright_rest
 from imocap_core.formats.take_body import skin_of
 from imocap_core.formats.trc import write_trc
 from stages.cli.export import exported, write_beside
@@ -75,26 +75,28 @@ def _npz(out: Path, result: Result) -> list[Path]:
 
 
 def _bvh(out: Path, result: Result) -> list[Path]:
-    files = []
-    for p in result.performances:
-        files.append(out / f"{p.id}.bvh")
-        write_bvh(files[-1], upright_rest(take_of(p, shaped_of(result, p)), result.up_axis))
-    return files
+    def write(file: Path, take: Take) -> None:
+        write_bvh(file, upright_rest(take, result.up_axis))
+
+    return _a_file_each(out, result, ".bvh", write)
 
 
 def _trc(out: Path, result: Result) -> list[Path]:
-    files = []
-    for p in result.performances:
-        files.append(out / f"{p.id}.trc")
-        write_trc(files[-1], take_of(p, shaped_of(result, p)))
-    return files
+    return _a_file_each(out, result, ".trc", write_trc)
 
 
 def _csv(out: Path, result: Result) -> list[Path]:
+    return _a_file_each(out, result, "_joints.csv", write_joints_csv)
+
+
+def _a_file_each(
+    out: Path, result: Result, ending: str, write: Callable[[Path, Take], object]
+) -> list[Path]:
+    """One file a video, named by it."""
     files = []
     for p in result.performances:
-        files.append(out / f"{p.id}_joints.csv")
-        write_joints_csv(files[-1], take_of(p, shaped_of(result, p)))
+        files.append(out / f"{p.id}{ending}")
+        write(files[-1], take_of(p, shaped_of(result, p)))
     return files
 
 

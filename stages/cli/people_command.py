@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import typer
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from stages.harness.workspace import Workspace
+from stages.cli.options import ActionName, Sets, speaker, workspace_of
 
 
 def people_command(
     context: typer.Context,
-    action: Annotated[str, typer.Argument(help="A name below actions/, or an action's folder.")],
-    sets: Annotated[
-        list[str], typer.Option("--set", metavar="GROUP.NAME=VALUE", help="A one-off parameter.")
-    ] = [],  # noqa: B006
+    action: ActionName,
+    sets: Sets = [],  # noqa: B006
 ) -> None:
     """List everybody who was followed in an action's videos, and cuts between shots."""
     from stages.cli.people import listing
     from stages.cli.show import Terminal
 
-    workspace = context.obj
-    assert isinstance(workspace, Workspace)
-    console = Console(highlight=False, soft_wrap=True)
+    workspace = workspace_of(context)
+    console = speaker()
     with Terminal(console) as display:
         found = listing(workspace.ready_job(action, sets, display))
     for video in found:

@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from stages.cli.options import Sets, speaker, workspace_of
 from stages.cli.show import Terminal
 from stages.harness.action import DetectionFormat, Layout
-from stages.harness.workspace import Workspace
 
 
 def sync_command(
@@ -47,17 +46,14 @@ def sync_command(
     size: Annotated[
         str | None, typer.Option(metavar="WxH", help="Picture size of keypoints without a video.")
     ] = None,
-    sets: Annotated[
-        list[str], typer.Option("--set", metavar="GROUP.NAME=VALUE", help="A one-off parameter.")
-    ] = [],  # noqa: B006
+    sets: Sets = [],  # noqa: B006
 ) -> None:
     """Synchronise videos: sync.csv, a picture and, where there are videos, one side by side."""
     from stages.cli.sync import synchronise_action
     from stages.cli.sync_sources import Given, read_size
 
-    workspace = context.obj
-    assert isinstance(workspace, Workspace)
-    console = Console(highlight=False, soft_wrap=True)
+    workspace = workspace_of(context)
+    console = speaker()
     began = time.perf_counter()
     with Terminal(console) as display:
         found = synchronise_action(

@@ -7,17 +7,16 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from stages.harness.workspace import Workspace
+from stages.cli.options import ActionName, speaker, workspace_of
 
 FOLDER = "videos"
 
 
 def video_command(
     context: typer.Context,
-    action: Annotated[str, typer.Argument(help="A name below actions/, or an action's folder.")],
+    action: ActionName,
     kind: Annotated[
         Literal["overlay", "side-by-side", "both"],
         typer.Option(help="The body over each video, all videos in lock-step, or both."),
@@ -39,9 +38,9 @@ def video_command(
     """Write films (H.264) of an action that has been run."""
     from stages.cli.films import Film, films_of, write_films
 
-    assert isinstance(context.obj, Workspace)
-    console = Console(highlight=False, soft_wrap=True, markup=False)
-    job = context.obj.job(action, [])
+    workspace = workspace_of(context)
+    console = speaker(markup=False)
+    job = workspace.job(action, [])
     began = time.perf_counter()
     films = films_of(job, kind, mesh=mesh, result=result, opacity=opacity)
     folder = out or job.store.folder / job.action.name / FOLDER

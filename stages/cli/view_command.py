@@ -6,16 +6,15 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 
+from stages.cli.options import ActionName, speaker, workspace_of
 from stages.harness.errors import WorkFailed, WrongUse
-from stages.harness.workspace import Workspace
 
 
 def view_command(
     context: typer.Context,
-    action: Annotated[str, typer.Argument(help="A name below actions/, or an action's folder.")],
+    action: ActionName,
     out: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Where to write the page instead.")
     ] = None,
@@ -23,9 +22,8 @@ def view_command(
     """Write the viewer of an action, one HTML file that needs nothing else, and say where it is."""
     from stages.cli.view import FILE_NAME, can_be_viewed, write_viewer
 
-    workspace = context.obj
-    assert isinstance(workspace, Workspace)
-    console = Console(highlight=False, soft_wrap=True)
+    workspace = workspace_of(context)
+    console = speaker()
     job = workspace.job(action, [])
     name, report = job.action.name, report_page(job.store.report(job.action.name))
     if out is not None and (out.is_dir() or out.suffix.lower() not in (".html", ".htm")):
