@@ -87,8 +87,18 @@ def fit_clips(clips: list[np.ndarray], names: list[str]) -> list[np.ndarray]:
 
 
 def fit_batch(body: Body, batch: list[np.ndarray], names: list[str]) -> list[np.ndarray]:
-    """Gauss-Newton fits of up to a few hundred frames each."""
-    longest = max(len(c) for c in batch)
+    """Articulation (T, 23, 3) of each clip of up to a few hundred frames."""
+    longest = max(map(len, batch))
+    state = fitted(body, batch, names, torch.zeros(len(batch), longest, 3, dtype=torch.float64))
+    theta = log(state.R_local[:, :, 1:]).numpy()
+    return [theta[row, : len(clip)] for row, clip in enumerate(batch)]
+
+
+def fitted(
+    body: Body, batch: list[np.ndarray], names: list[str], trans: torch.Tensor
+) -> MotionState:
+    """Gauss-Newton fits of the body to captured joints (T, 27, 3), from paths (B, T, 3)."""
+    longest = trans.shape[1]
     joints = torch.zeros(len(batch), longest, 24, 3, dtype=torch.float64)
     weight = torch.zeros(len(batch), longest, 24, dtype=torch.float64)
     valid = torch.zeros(len(batch), longest, dtype=torch.bool)
@@ -99,8 +109,7 @@ def fit_batch(body: Body, batch: list[np.ndarray], names: list[str]) -> list[np.
             joints[row, : len(clip), k] = torch.as_tensor(clip[:, names.index(captured)]).double()
             weight[row, : len(clip), k] = sigma**-2
     eye = torch.eye(3, dtype=torch.float64).expand(len(batch), longest, 24, 3, 3).contiguous()
-    zeros = torch.zeros(len(batch), longest, 3, dtype=torch.float64)
-    state = MotionState.of(eye, zeros, zeros.new_zeros(len(batch), 10), valid)
+    state = MotionState.of(eye, trans, trans.new_zeros(len(batch), 10), valid)
     ones = torch.ones(24, dtype=torch.float64)
     evidence = JointEvidence(body, joints, weight, 10.0)
     terms: list[Term] = [
@@ -116,8 +125,7 @@ def fit_batch(body: Body, batch: list[np.ndarray], names: list[str]) -> list[np.
     residual = evidence.residual(xyz).norm(dim=-1) * (weight > 5000)
     missed_mm = 1000 * residual.sum() / (residual > 0).sum()
     print(f"  {solution.status}; limb joints missed by {missed_mm:.1f} mm")
-    theta = log(solution.state.R_local[:, :, 1:]).numpy()
-    return [theta[row, : len(clip)] for row, clip in enumerate(batch)]
+    return solution.state
 
 
 def mirrored(theta: np.ndarray) -> np.ndarray:

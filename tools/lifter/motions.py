@@ -10,21 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from make_pose_prior import CHUNK, CORRESPONDENCE, mirrored, rest_prior
+from make_pose_prior import CHUNK, fitted, mirrored
 
 from imocap_core.body import load_free_body
-from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.solver import gauss_newton
-from imocap_core.motion.state import MotionState
-from imocap_core.motion.terms import (
-    HingeLimits,
-    JointEvidence,
-    PathSmoothness,
-    PosePriorTerm,
-    PoseSmoothness,
-    ShapePrior,
-)
 from imocap_core.rotations import log
 
 BATCH = 24  # pieces fitted side by side
@@ -60,8 +49,8 @@ def _fit(clips: dict[str, np.ndarray], names: list[str]) -> dict[str, Clip]:
     parts: dict[str, list[Clip]] = {k: [] for k in clips}
     for first in range(0, len(pieces), BATCH):
         batch = pieces[first : first + BATCH]
-        fitted = _fit_batch(body, [c for _, c in batch], names)
-        for (key, _), clip in zip(batch, fitted, strict=True):
+        found = _fit_batch(body, [c for _, c in batch], names)
+        for (key, _), clip in zip(batch, found, strict=True):
             parts[key].append(clip)
         print(f"fitted {first + len(batch)} of {len(pieces)} pieces", flush=True)
     return {
@@ -71,35 +60,10 @@ def _fit(clips: dict[str, np.ndarray], names: list[str]) -> dict[str, Clip]:
 
 
 def _fit_batch(body: Body, batch: list[np.ndarray], names: list[str]) -> list[Clip]:
-    longest = max(len(c) for c in batch)
-    joints = torch.zeros(len(batch), longest, 24, 3, dtype=torch.float64)
-    weight = torch.zeros(len(batch), longest, 24, dtype=torch.float64)
-    valid = torch.zeros(len(batch), longest, dtype=torch.bool)
-    trans = torch.zeros(len(batch), longest, 3, dtype=torch.float64)
+    """Rotations and paths of the free body on clips of captured joints (T, J, 3)."""
+    trans = torch.zeros(len(batch), max(map(len, batch)), 3, dtype=torch.float64)
     for row, clip in enumerate(batch):
-        valid[row, : len(clip)] = True
         trans[row, : len(clip)] = torch.as_tensor(clip[:, names.index("hip")])
-        for smpl, (captured, sigma) in CORRESPONDENCE.items():
-            k = SMPL_JOINTS.index(smpl)
-            joints[row, : len(clip), k] = torch.as_tensor(clip[:, names.index(captured)])
-            weight[row, : len(clip), k] = sigma**-2
-    eye = torch.eye(3, dtype=torch.float64).expand(len(batch), longest, 24, 3, 3).contiguous()
-    state = MotionState.of(eye, trans, trans.new_zeros(len(batch), 10), valid)
-    ones = torch.ones(24, dtype=torch.float64)
-    evidence = JointEvidence(body, joints, weight, 10.0)
-    terms = [
-        evidence,
-        PosePriorTerm(rest_prior(), 0.05),
-        ShapePrior(1.0),
-        HingeLimits(100.0),
-        PoseSmoothness(10.0 * ones, 0.0 * ones, 1.0),
-        PathSmoothness(1.0, 0.0),
-    ]
-    solution = gauss_newton(terms, state, max_steps=20, relative_tolerance=3e-3)
-    xyz = body.positions(body.joints, solution.state).xyz
-    seen = weight > 5000
-    missed = evidence.residual(xyz).norm(dim=-1)[seen].mean()
-    print(f"  limb joints missed by {1000 * missed:.1f} mm")
-    theta = log(solution.state.R_local).numpy()
-    path = solution.state.trans.numpy()
+    state = fitted(body, batch, names, trans)
+    theta, path = log(state.R_local).numpy(), state.trans.numpy()
     return [(theta[row, : len(c)], path[row, : len(c)]) for row, c in enumerate(batch)]
