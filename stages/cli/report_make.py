@@ -87,10 +87,10 @@ def results_of(stored: Mapping[str, Stored], single: Stored | None) -> list[Resu
     alone = stored["camera_motion"].decode(CameraMotion).videos
     initial = stored["initial_smpl"].decode(InitialSmpl).videos
     results = [Result("initial\n(monocular)", initial, {c.id: c.K for c in alone})]
-    solved = {"low-rank,\nsingle pass": stored["smpl_ba"].decode(SmplBa)}
+    solved = {"all videos,\nsingle pass": stored["smpl_ba"].decode(SmplBa)}
     if single is not None:
         solved = {"single model\n(one motion)": single.decode(SmplBa), **solved}
-    solved["low-rank,\nafter the loop"] = stored["refine_sync"].decode(RefineSync).motion
+    solved["all videos,\nafter the loop"] = stored["refine_sync"].decode(RefineSync).motion
     for name, found in solved.items():
         results.append(Result(name, found.videos, {c.id: c.K for c in found.cameras}))
     return results
