@@ -108,7 +108,7 @@ def _of_point(films: Sequence[Film], k: int, name: str) -> PointErrors:
     centred = [u - np.nanmean(u, axis=0) for u in usual if np.isfinite(u).any()]
     bias = np.nanmean(np.concatenate(usual), axis=0)
     outliers = away > limit
-    persistent, persistence_s = _persistence(centred, [film.fps for film in films])
+    persistent, persistence_s = correlation_in_time(centred, [film.fps for film in films])
     return PointErrors(
         name,
         float(bias[0]),
@@ -128,7 +128,7 @@ def _without(error: Array, middle: Array, limit: float) -> Array:
     return np.where((away <= limit)[:, None], error, np.nan)
 
 
-def _persistence(errors: Sequence[Array], fps: Sequence[float]) -> tuple[float, float]:
+def correlation_in_time(errors: Sequence[Array], fps: Sequence[float]) -> tuple[float, float]:
     """(share, seconds) of the exponential that the correlation in time follows."""
     times, correlations = [], []
     rate = float(np.median(fps))

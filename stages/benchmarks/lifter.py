@@ -28,7 +28,7 @@ from stages.harness.runner import Display
 from stages.harness.workspace import Workspace
 from stages.lifted import lifted_joints
 
-KINDS, LEVELS = ("trials", "protocol"), ("fine_tuned", "generic")
+KINDS, LEVELS = ("trials", "protocol"), ("fine_tuned", "generic", "mediapipe")
 METRICS = ("mpjpe_mm", "mpjpe_scaled_mm", "pa_mpjpe_mm")
 BEST = "best of both"
 

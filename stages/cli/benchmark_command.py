@@ -31,7 +31,8 @@ def benchmark_command(
     context: typer.Context,
     name: Annotated[Name, typer.Argument(help="What to measure; docs/benchmark.md says how.")],
     detector: Annotated[
-        Literal["fine_tuned", "generic"], typer.Option(help="Level of the simulated 2D detector.")
+        Literal["fine_tuned", "generic", "mediapipe"],
+        typer.Option(help="Level of the simulated 2D detector."),
     ] = "fine_tuned",
     sampling: Annotated[
         Literal["released", "paper"], typer.Option(help="How one motion is resampled.")

@@ -6,6 +6,7 @@ import pytest
 from imocap_core.camera.projection import project
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.synthetic.detector import DetectorErrors, detect, strangers
+from imocap_core.synthetic.marking import OTHER, Marking
 
 NAMES = (
     "nose",
@@ -25,9 +26,9 @@ def still(height_px: float = 300.0):
     return np.tile(figure, (FRAMES, 1, 1)), np.full(FRAMES, height_px)
 
 
-def only(**kinds: float) -> DetectorErrors:
+def only(**kinds: object) -> DetectorErrors:
     quiet = {"noise": 1e-9, "outlier_rate": 0.0, "miss_rate": 0.0, "swap_rate": 0.0}
-    return DetectorErrors(**(quiet | kinds))
+    return DetectorErrors(**(quiet | kinds))  # type: ignore[arg-type]
 
 
 def test_noise_has_the_stated_size_and_half_of_it_persists():
@@ -66,6 +67,47 @@ def test_misses_outliers_and_swaps_come_at_their_rates():
     arms = np.abs(swapped[:, 1] - truth[:, 2]).max(axis=-1) < 1
     assert 0.002 < arms.mean() < 0.016
     assert (np.abs(swapped[arms][:, 3] - truth[arms][:, 4]) < 1).all()  # the elbow goes along
+
+
+def test_without_habits_nothing_is_drawn_for_them():
+    """Levels that name none find what they always found: the protocol's inputs depend on it."""
+    truth, height = still()
+    plain = detect(truth, height, NAMES, 30.0, np.random.default_rng(5), only(noise=0.01))
+    marking = {"wrist": Marking(), "knee": Marking(towards="ankle", share=0.5)}  # no ankle here
+    named = only(noise=0.01, marking=marking)
+    again = detect(truth, height, NAMES, 30.0, np.random.default_rng(5), named)
+    assert (plain.xy_px == again.xy_px).all()
+    assert (plain.confidence == again.confidence).all()
+
+
+def test_points_are_marked_towards_others():
+    truth, height = still()
+    marking = {"wrist": Marking(towards="elbow", share=0.25), "knee": Marking(0, 0, OTHER, 0.1)}
+    seen = detect(truth, height, NAMES, 30.0, np.random.default_rng(6), only(marking=marking)).xy_px
+    assert seen[0, 1] == pytest.approx(0.75 * truth[0, 1] + 0.25 * truth[0, 3], abs=1e-4)
+    assert seen[0, 5] == pytest.approx(truth[0, 5] + 0.1 * (truth[0, 6] - truth[0, 5]), abs=1e-4)
+    assert seen[0, 3] == pytest.approx(truth[0, 3], abs=1e-4)
+
+
+def test_how_hard_a_point_is_changes_from_film_to_film_and_not_the_total():
+    truth, height = still()
+    spreads = []
+    for seed in range(60):
+        errors = only(noise=0.01, hard_spread=0.5, persistent=0.0)
+        found = detect(truth[:400], height[:400], NAMES, 30.0, np.random.default_rng(seed), errors)
+        spreads.append((found.xy_px - truth[:400]).std(axis=(0, 2)) / 300)
+    told = np.array(spreads)
+    assert np.sqrt((told**2).mean()) == pytest.approx(0.01, rel=0.1)
+    assert np.log(told).std() == pytest.approx(0.5, rel=0.15)
+
+
+def test_a_whole_body_is_turned_at_its_rate():
+    truth, height = still()
+    found = detect(truth, height, NAMES, 30.0, np.random.default_rng(7), only(turn_rate=0.05)).xy_px
+    turned = np.abs(found[:, [1, 3, 5]] - truth[:, [2, 4, 6]]).max(axis=(1, 2)) < 1
+    straight = np.abs(found - truth).max(axis=(1, 2)) < 1
+    assert turned.mean() == pytest.approx(0.05, rel=0.3)
+    assert (turned | straight).all()
 
 
 def test_confidence_reflects_error_but_imperfectly():
