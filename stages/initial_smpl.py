@@ -48,7 +48,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
     lifted = _lifted(keypoints, cameras, given) if lifting.lifter == "auto" else {}
     joints = {k: g for k, g in given.items() if isinstance(g, np.ndarray)}
     joints |= {k: evidence_of(found) for k, found in lifted.items()}
-    observations = observations_of(body, keypoints, cameras, joints)
+    observations = observations_of(body, keypoints, cameras, params.fit, joints)
     ctx.progress(0.05, "looking for starts")
     library = make_library(
         body, prior, ctx.rng(), poses=lifting.library_poses, directions=lifting.library_directions

@@ -49,6 +49,7 @@ def observations_of(
     body: Body,
     keypoints: Keypoints,
     camera_motion: CameraMotion,
+    fit: FitParams,
     joints: dict[str, np.ndarray] | None = None,
 ) -> list[Observation]:
     """Keypoints in the first frame's image, each video's layout in its place among all.
@@ -69,14 +70,14 @@ def observations_of(
         xy[:, here], confidence[:, here] = camera.xy_first_px[:, kept], video.confidence[:, kept]
         confidence[~np.isfinite(xy).all(-1)] = 0.0
         known = (joints or {}).get(video.id)
-        found.append(Observation(xy, confidence, camera.K, video.fps, known))
+        noise = fit.noise_share_of.get(video.layout, fit.noise_share)
+        found.append(Observation(xy, confidence, camera.K, video.fps, known, noise_share=noise))
     return found
 
 
 def weights_of(fit: FitParams) -> FitWeights:
     """The parameters' weights as the core's."""
     return FitWeights(
-        noise_share=fit.noise_share,
         robust_scale=fit.robust_scale_sigma,
         pose_prior=fit.pose_prior,
         shape_prior=fit.shape_prior,
@@ -125,15 +126,13 @@ def pictures_of(
     observations: Sequence[Observation],
     motions: Sequence[VideoMotion],
     cameras: Sequence[Camera],
-    fit: FitParams,
 ) -> Pictures:
     """What every video's detections can be held against: all motions in one world."""
     xyz = body.positions(body.keypoints, state_of(motions)).xyz.numpy()
     films = []
     for o, x, camera in zip(observations, xyz, cameras, strict=True):
         world = (x[: len(o.xy_px)] - camera.t) @ camera.R
-        noise = fit.noise_share * o.size_px
-        weight = o.confidence / noise[:, None] ** 2
+        weight = o.confidence / o.sigma_px[:, None] ** 2
         xy = np.where(weight[..., None] > 0, o.xy_px, 0.0)
         films.append(Filmed(world, xy, weight, camera.K, camera.R, camera.t))
     return Pictures(films)
@@ -154,7 +153,7 @@ def motions_of(
 ) -> list[VideoMotion]:
     """The state as stored motions, axis-angle on continuous branches."""
     joints = body.positions(body.joints, state).xyz
-    view = own_view(observations, state.trans, noise_share=1.0)
+    view = own_view(observations, state.trans)
     pixels, _ = project(view, body.positions(body.keypoints, state).xyz)
     error = torch.where(view.weight > 0, (pixels - view.xy_px).norm(dim=-1), torch.nan)
     errors = torch.nanmedian(error, dim=-1).values

@@ -105,6 +105,7 @@ class RepetitionParams(Group):
 
 class FitParams(Group):
     noise_share: Positive  # keypoint noise (one standard deviation), share of the person's size
+    noise_share_of: dict[str, Positive]  # by layout, of detectors that err otherwise
     robust_scale_sigma: Positive  # Geman-McClure scale in standard deviations
     pose_prior: NonNegative
     shape_prior: NonNegative

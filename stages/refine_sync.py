@@ -41,7 +41,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     body = body_for(keypoints)
     work = joint_work(keypoints, inputs.get(CameraMotion), initial, first_sync, body.model)
     observations = observations_of(
-        body, work.keypoints, work.camera_motion, evidence_joints(work.initial)
+        body, work.keypoints, work.camera_motion, params.fit, evidence_joints(work.initial)
     )
     hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))
     options = options_of(params.motion)
@@ -49,7 +49,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
 
     def pictures(motion: SmplBa) -> Pictures:
         motions, cameras = work.motions_in(motion.videos), work.cameras_in(motion)
-        return pictures_of(body, observations, motions, cameras, params.fit)
+        return pictures_of(body, observations, motions, cameras)
 
     def synchronise(motion: SmplBa) -> Sync:
         nonlocal rounds_begun

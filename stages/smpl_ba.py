@@ -24,7 +24,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> SmplBa:
     body = body_for(keypoints)
     work = joint_work(keypoints, inputs.get(CameraMotion), initial, sync, body.model)
     joints = evidence_joints(work.initial)
-    observations = observations_of(body, work.keypoints, work.camera_motion, joints)
+    observations = observations_of(body, work.keypoints, work.camera_motion, params.fit, joints)
     motion = recover_motion(
         scene_of(body, observations, work.sync_in(sync), params.fit),
         state_of(work.initial.videos),

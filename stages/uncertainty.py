@@ -46,7 +46,7 @@ def claims_of(group: Group, params: Params) -> Claims:
     body = body_for(group.keypoints)
     work = joint_work(group.keypoints, group.camera_motion, group.initial, group.sync, body.model)
     observations = observations_of(
-        body, work.keypoints, work.camera_motion, evidence_joints(work.initial)
+        body, work.keypoints, work.camera_motion, params.fit, evidence_joints(work.initial)
     )
     scene = scene_of(body, observations, work.sync_in(group.sync), params.fit)
     state, cameras = state_of(work.motions_in(group.motions)), cameras_of(group, work)

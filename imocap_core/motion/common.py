@@ -30,7 +30,7 @@ def misfit(
     scene: Scene, shared: MotionState, cameras: Cameras, stray: np.ndarray | None = None
 ) -> float:
     """Mean Geman-McClure reprojection cost a keypoint of one motion for all videos."""
-    evidence = gather(scene.observations, scene.timeline, noise_share=scene.weights.noise_share)
+    evidence = gather(scene.observations, scene.timeline)
     evidence = replace(evidence, stray=stray)
     errors = reprojection_errors_px(
         scene.body, shared, evidence, cameras, robust_scale=scene.weights.robust_scale
@@ -60,7 +60,7 @@ def common_then_own(
     """
     weights, costs = scene.weights, list[float]()
     free = [] if cameras_known else [v for v in range(len(cameras.R)) if v != scene.reference]
-    evidence = gather(scene.observations, scene.timeline, noise_share=weights.noise_share)
+    evidence = gather(scene.observations, scene.timeline)
     if options.objective != "single":
         evidence = replace(evidence, stray=first_strays(len(scene.observations)))
     shared = consensus_motion(scene, state, cameras, options)

@@ -95,7 +95,7 @@ def settle_common(
     steps with the cameras held.
     """
     weights = scene.weights
-    evidence = gather(scene.observations, scene.timeline, noise_share=weights.noise_share)
+    evidence = gather(scene.observations, scene.timeline)
     evidence = replace(evidence, stray=first_strays(len(scene.observations)))
     motion = consensus_motion(scene, state, cameras, options)
     estimates = estimates_on_axis(

@@ -50,7 +50,7 @@ def coupled_round(
     cameras = cameras_from_motion(align(scene.body, state, scene.timeline), scene.reference)
     if pnp:
         weights = scene.weights
-        evidence = gather(scene.observations, scene.timeline, noise_share=weights.noise_share)
+        evidence = gather(scene.observations, scene.timeline)
         common = consensus_motion(scene, state, cameras, options)
         cameras = refine_by_pnp(
             scene.body, common, evidence, cameras, scene.reference,

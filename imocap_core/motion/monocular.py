@@ -42,7 +42,6 @@ class FitWeights:
     """Strengths of the terms (see pipeline.yaml, group ``motion``).
 
     Attributes:
-        noise_share: keypoint noise as a share of the person's size.
         robust_scale: final Geman-McClure scale in standard deviations.
         pose_prior, shape_prior, limits: weights of those terms.
         velocity, acceleration: weight of Eq. 7 and of accelerations, relative to the spread
@@ -53,7 +52,6 @@ class FitWeights:
         evidence_mm: standard deviation of an estimator's joints.
     """
 
-    noise_share: float
     robust_scale: float
     pose_prior: float
     shape_prior: float
@@ -174,7 +172,7 @@ def monocular_terms(
     scale: float,
 ) -> list[Term]:
     """The whole objective of videos seen by themselves, its robust loss widened by ``scale``."""
-    view = own_view(observations, like, noise_share=weights.noise_share)
+    view = own_view(observations, like)
     fps = float(np.median([o.fps for o in observations]))
     return [
         Reprojection(body, (view,), weights.robust_scale * scale),

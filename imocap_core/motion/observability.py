@@ -79,7 +79,7 @@ def observe(
     pairs = near_pairs(angles, near_limit_deg)
     weights = scene.weights
     if found.common is None:
-        own = own_view(scene.observations, state.trans, noise_share=weights.noise_share)
+        own = own_view(scene.observations, state.trans)
         spec = spec_alone(state, own)
     else:
         spec = spec_of(found.common)

@@ -1,7 +1,7 @@
 """What one video contributes to a fit, and many videos as one padded batch."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -24,6 +24,7 @@ class Observation:
         xy_px: (T, K, 2), NaN where missing; confidence: (T, K), 0 where missing.
         K: (3, 3) intrinsics; fps: frames a second.
         joints: (T, 24, 3) a monocular estimator's joints in metres, NaN where not given, or None.
+        noise_share: detector noise (one standard deviation) as a share of the person's size.
     """
 
     xy_px: Array
@@ -31,22 +32,28 @@ class Observation:
     K: Array
     fps: float
     joints: Array | None = None
+    noise_share: float = field(kw_only=True)
 
     @cached_property
     def size_px(self) -> Array:
         """(T,) how large the person is in each frame (`person_size_px`), found once."""
         return person_size_px(self)
 
+    @property
+    def sigma_px(self) -> Array:
+        """(T,) detector noise in pixels, one standard deviation."""
+        return self.noise_share * self.size_px
+
 
 def every(observation: Observation, stride: int) -> Observation:
     """Every ``stride``-th frame of a video, as a video of a lower frame rate."""
     joints = observation.joints
-    return Observation(
-        observation.xy_px[::stride],
-        observation.confidence[::stride],
-        observation.K,
-        observation.fps / stride,
-        None if joints is None else joints[::stride],
+    return replace(
+        observation,
+        xy_px=observation.xy_px[::stride],
+        confidence=observation.confidence[::stride],
+        fps=observation.fps / stride,
+        joints=None if joints is None else joints[::stride],
     )
 
 
@@ -103,17 +110,13 @@ def validity(observations: Sequence[Observation], like: Tensor) -> Tensor:
     return torch.arange(int(lengths.max()), device=like.device) < lengths[:, None]
 
 
-def own_view(observations: Sequence[Observation], like: Tensor, *, noise_share: float) -> View:
-    """Each video seen by its own camera, which is also the frame of its state.
-
-    ``noise_share``: detector noise (one standard deviation) as a share of the person's size.
-    """
+def own_view(observations: Sequence[Observation], like: Tensor) -> View:
+    """Each video seen by its own camera, which is also the frame of its state."""
     xy, weights = [], []
     for o in observations:
         missing = ~np.isfinite(o.xy_px).all(-1) | (o.confidence <= 0)
-        sigma_px = noise_share * o.size_px[:, None]
         xy.append(np.where(missing[..., None], 0.0, o.xy_px))
-        weights.append(np.where(missing, 0.0, o.confidence) / sigma_px**2)
+        weights.append(np.where(missing, 0.0, o.confidence) / o.sigma_px[:, None] ** 2)
     batch = len(observations)
     eye = torch.eye(3).to(like).expand(batch, 3, 3)
     K = torch.as_tensor(np.stack([o.K for o in observations])).to(like)

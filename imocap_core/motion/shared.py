@@ -45,9 +45,7 @@ class Evidence:
     stray: Array | None = None
 
 
-def gather(
-    observations: Sequence[Observation], timeline: Timeline, *, noise_share: float
-) -> Evidence:
+def gather(observations: Sequence[Observation], timeline: Timeline) -> Evidence:
     """Sample all keypoints at the reference's frames, sub-frame."""
     xy, weight, sigma = [], [], []
     for o, at, trust in zip(
@@ -55,7 +53,7 @@ def gather(
     ):
         value, confidence = sample_keypoints(o.xy_px, o.confidence, at)
         nearest = np.clip(np.nan_to_num(at).round().astype(int), 0, len(o.xy_px) - 1)
-        noise = noise_share * o.size_px[nearest]
+        noise = o.sigma_px[nearest]
         xy.append(value)
         weight.append(confidence * trust[:, None] / noise[:, None] ** 2)
         sigma.append(noise)

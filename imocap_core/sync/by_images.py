@@ -20,8 +20,11 @@ FIRST_STRAY = np.array([0.08] * 3 + [0.15] * 3)  # rad, m: spreads of performanc
 LEAST_STRAY = np.array([0.01] * 3 + [0.005] * 3)
 ROUNDS = 4
 OUTLIER_SIGMA = 4.0  # scale of the Geman-McClure weights
-MOST_NOISE = 1.0  # mean square of what noise alone leaves, in units of the detector's variance
-CHUNK = 64
+MOST_NOISE = 2.25  # mean square left, of the detector's variance: one half as bad again as assumed
+CHUNK = 16
+STRAYS = 6
+LOWER = [(i, j) for i in range(STRAYS) for j in range(i + 1)]
+DIAGONAL = [n for n, (i, j) in enumerate(LOWER) if i == j]
 
 
 @dataclass(frozen=True)
@@ -90,25 +93,58 @@ def projected(xyz_m: Array, video: Filmed) -> Projected:
 def squares_in_picture(seen: Projected, video: Filmed, at: NDArray[np.int64]) -> Array:
     """(T, S) mean squared distance of each frame's detections to each moment, in units of noise.
 
-    How a performance strays as a whole, and which detections are outliers, is told at the moment
-    ``at`` (T,) where each frame lies so far.
+    At every moment the performance may turn and shift as a whole, and what fits best there counts
+    (variable projection): strays found where a frame lies so far would take up the time it is off.
+    How large strays are, and which detections are outliers, is told at those moments ``at`` (T,).
     """
-    strays, weight = _strays(seen, video, at)
+    weight, precision = _weights_and_precision(seen, video, at)
     count = np.maximum((weight / np.maximum(video.weight, 1e-12)).sum(1), 1e-6)
-    squares = np.empty((len(at), len(seen.xy_px)))
+    moments, points = seen.xy_px.shape[:2]
+    middle = seen.xy_px.mean(axis=(0, 1))
+    place = (seen.xy_px - middle).transpose(1, 2, 0)  # (K, 2, S)
+    found = np.where(weight[..., None] > 0, video.xy_px - middle, 0.0)
+    rows = seen.by_stray.transpose(1, 2, 3, 0)  # (K, 2, 6, S)
+    pairs = np.stack([(rows[:, :, i] * rows[:, :, j]).sum(1) for i, j in LOWER], axis=1)
+    against = np.einsum("kacs,kas->kcs", rows, place)
+    squares = np.empty((len(at), moments))
     for first in range(0, len(at), CHUNK):
         own = slice(first, first + CHUNK)
-        moved = np.einsum("skac,tc->tska", seen.by_stray, strays[own], optimize=True)
-        error = video.xy_px[own, None] - seen.xy_px[None] - moved
-        squares[own] = np.einsum("tska,tska,tk->ts", error, error, weight[own], optimize=True)
+        w, x = weight[own], weight[own, :, None] * found[own]
+        flat = x.reshape(len(w), -1)
+        alone = (x * found[own]).sum((1, 2))[:, None]
+        apart = alone - 2 * flat @ place.reshape(-1, moments) + w @ (place**2).sum(1)
+        pull = flat @ rows.reshape(2 * points, -1) - w @ against.reshape(points, -1)
+        sharpness = (w @ pairs.reshape(points, -1)).reshape(len(w), -1, moments)
+        sharpness[:, DIAGONAL] += precision[:, None]
+        explained = _quadratic(sharpness, pull.reshape(len(w), -1, moments))
+        squares[own] = np.maximum(apart - explained, 0.0)
     return squares / (2 * count)[:, None]
 
 
-def _strays(seen: Projected, video: Filmed, at: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Each frame's stray (T, 6) and the robust weights (T, K) of its detections."""
+def _quadratic(lower: Array, g: Array) -> Array:
+    """(T, S) g' H^-1 g for H given by its lower triangle (T, 21, S), row by row, and g (T, 6, S).
+
+    Cholesky and forward substitution, every step for all T x S systems at once.
+    """
+    L = {pair: lower[:, n] for n, pair in enumerate(LOWER)}
+    y: list[Array] = []
+    for i in range(STRAYS):
+        for j in range(i + 1):
+            value = L[i, j] - sum(L[i, k] * L[j, k] for k in range(j))
+            L[i, j] = np.sqrt(value) if i == j else value / L[j, j]
+        y.append((g[:, i] - sum(L[i, k] * y[k] for k in range(i))) / L[i, i])
+    total: Array = sum(part**2 for part in y[1:]) + y[0] ** 2
+    return total
+
+
+def _weights_and_precision(
+    seen: Projected, video: Filmed, at: NDArray[np.int64]
+) -> tuple[Array, Array]:
+    """The robust weights (T, K) of the detections and the inverse variances (6,) of strays, told
+    where each frame lies."""
     rows, residual = seen.by_stray[at], video.xy_px - seen.xy_px[at]
     residual = np.where(video.weight[..., None] > 0, residual, 0.0)
-    spread, strays, weight = FIRST_STRAY, np.zeros((len(at), 6)), video.weight
+    spread, strays, weight = FIRST_STRAY, np.zeros((len(at), STRAYS)), video.weight
     for _ in range(ROUNDS):
         left = residual - np.einsum("tkac,tc->tka", rows, strays)
         ratio = OUTLIER_SIGMA**2 / (OUTLIER_SIGMA**2 + video.weight * (left**2).sum(-1))
@@ -118,7 +154,7 @@ def _strays(seen: Projected, video: Filmed, at: NDArray[np.int64]) -> tuple[Arra
         pull = np.einsum("tkac,tka,tk->tc", rows, residual, weight, optimize=True)
         strays = np.linalg.solve(sharpness, pull[..., None])[..., 0]
         spread = _spread(strays, np.linalg.inv(sharpness))
-    return strays, weight
+    return weight, spread**-2.0
 
 
 def _spread(strays: Array, covariance: Array) -> Array:

@@ -17,7 +17,7 @@ from imocap_core.sync.warping import in_order, mass_within, median_positions
 
 Array = NDArray[np.float64]
 
-PICTURE_ROUNDS = 2
+PICTURE_ROUNDS = 4
 PICTURES_PER_S = 60.0  # a detector's errors persist far less than those of poses
 SKIPPED_SHARE = 0.3  # a frame of the other video left over at an end, of what a matching pair costs
 

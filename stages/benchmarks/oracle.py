@@ -44,7 +44,7 @@ def oracle(
     """The oracle's motion and its correspondences, with the reference video that was `found`."""
     sync = true_sync(found, truth)
     body = body_for(keypoints)
-    seen = observations_of(body, keypoints, camera_motion, evidence_joints(initial))
+    seen = observations_of(body, keypoints, camera_motion, params.fit, evidence_joints(initial))
     observations = [
         replace(o, K=_known(truth.videos[v.id].K, v.id))
         for o, v in zip(seen, keypoints.videos, strict=True)

@@ -159,7 +159,7 @@ def common_problem(
     scene, weights = made.scene, made.scene.weights
     state = one_body(made.start)
     cameras = cameras_from_motion(align(scene.body, state, scene.timeline), scene.reference)
-    evidence = gather(scene.observations, scene.timeline, noise_share=weights.noise_share)
+    evidence = gather(scene.observations, scene.timeline)
     if strays:
         evidence = replace(evidence, stray=first_strays(len(scene.observations)))
     shared = consensus_motion(scene, state, cameras, options)

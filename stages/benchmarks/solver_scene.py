@@ -32,7 +32,7 @@ LAYOUT = "body25"
 K = np.array([[1000.0, 0, 500], [0, 1000.0, 500], [0, 0, 1]])
 DISTANCE_M = 4.5
 KEY_FRAMES = 20  # between two poses
-NOISE_PX = 3.0
+NOISE_PX, NOISE_SHARE = 3.0, 0.01
 DEVIATION_RAD, DEVIATION_M = 0.05, 0.05
 ERROR_RAD, ERROR_M = 0.1, 0.1  # of the start
 SMOOTH_FRAMES = 10.0
@@ -100,7 +100,7 @@ def _seen(body: Body, own: MotionState, rng: np.random.Generator) -> Observation
     xyz = body.positions(body.keypoints, own).xyz[0].numpy()
     xy = xyz[..., :2] / xyz[..., 2:] * K[0, 0] + K[:2, 2]
     xy = xy + rng.normal(0.0, NOISE_PX, xy.shape)
-    return Observation(xy, np.ones(xy.shape[:2]), K, FPS)
+    return Observation(xy, np.ones(xy.shape[:2]), K, FPS, noise_share=NOISE_SHARE)
 
 
 def _smooth(shape: tuple[int, ...], rng: np.random.Generator) -> Floats:

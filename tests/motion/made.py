@@ -18,7 +18,6 @@ K = np.array([[FOCAL_PX, 0, 320], [0, FOCAL_PX, 180], [0, 0, 1.0]])
 FACING = torch.tensor([np.pi, 0.0, 0.0], dtype=torch.float64)  # upright, towards the camera
 
 WEIGHTS = FitWeights(
-    noise_share=0.01,
     robust_scale=4.0,
     pose_prior=0.05,
     shape_prior=50.0,
@@ -90,7 +89,7 @@ def scene(
         )
         R.append(R_cam)
         t.append(shift)
-        observations.append(Observation(xy, np.ones(xy.shape[:2]), K, 30.0))
+        observations.append(Observation(xy, np.ones(xy.shape[:2]), K, 30.0, noise_share=0.01))
     return Made(body, state, np.stack(R), np.stack(t), observations)
 
 

@@ -191,7 +191,7 @@ def test_a_leap_of_one_keypoint_is_not_believed() -> None:
     xy = np.tile(np.random.default_rng(0).uniform(100, 300, (1, 25, 2)), (20, 1, 1))
     xy[8, 3] += 150.0
     xy[9, 4] = np.nan
-    observation = Observation(xy, np.isfinite(xy).all(-1).astype(float), K, 30.0)
+    observation = Observation(xy, np.isfinite(xy).all(-1).astype(float), K, 30.0, noise_share=0.01)
     confidence = without_jumps(observation)
     assert confidence[8, 3] == 0
     assert confidence[9, 4] == 0

@@ -112,7 +112,7 @@ def test_the_body_is_placed_where_the_keypoints_are() -> None:
     )
     K = np.array([[600.0, 0, 320], [0, 600.0, 180], [0, 0, 1]])
     xy = (xyz / xyz[..., 2:]).numpy() @ K.T
-    seen = Observation(xy[..., :2], np.ones(xy.shape[:2]), K, 30.0)
+    seen = Observation(xy[..., :2], np.ones(xy.shape[:2]), K, 30.0, noise_share=0.01)
     library = SimpleNamespace(R_view=R_local)
     (start,) = _starts(body, library, seen, R_local, None)  # type: ignore[arg-type]
     assert torch.equal(start.R_local, R_local)

@@ -134,7 +134,7 @@ def solve(made: Made, mirrored: list[str]) -> list[VideoMotion]:
     sync = made.sync.model_copy(update={"mirrored": mirrored, "maps": maps})
     body = body_for(made.keypoints)
     work = joint_work(made.keypoints, made.camera_motion, made.initial, sync, body.model)
-    observations = observations_of(body, work.keypoints, work.camera_motion)
+    observations = observations_of(body, work.keypoints, work.camera_motion, params.fit)
     motion = recover_motion(
         scene_of(body, observations, work.sync_in(sync), params.fit),
         state_of(work.initial.videos),

@@ -47,7 +47,7 @@ def test_the_starts_are_where_the_lifter_says_and_where_the_person_is_seen() -> 
     assert lifted is not None
     body, prior = Body.of(load_free_body(), "coco17"), load_pose_prior()
     library = make_library(body, prior, np.random.default_rng(0), poses=800, directions=2)
-    observation = Observation(video.xy_px, video.confidence, camera.K, 30.0)
+    observation = Observation(video.xy_px, video.confidence, camera.K, 30.0, noise_share=0.01)
     starts = starts_of(body, library, observation, lifted)
     assert len(starts) == 2
     posed = body.model.shape(starts[0].trans.new_zeros(1, 10)).pose(
