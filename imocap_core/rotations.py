@@ -195,3 +195,18 @@ def right_jacobian(axis_angle: Tensor) -> Tensor:
     cross = hat(axis_angle)
     identity = torch.eye(3, dtype=axis_angle.dtype, device=axis_angle.device)
     return identity - first * cross + second * (cross @ cross)
+
+
+def inverse_right_jacobian(axis_angle: Tensor) -> Tensor:
+    """The inverse of `right_jacobian`, (..., 3) -> (..., 3, 3), for angles below 2 pi.
+
+    Turns derivatives by axis-angle into derivatives by right local increments.
+    """
+    angle2 = (axis_angle * axis_angle).sum(-1)[..., None, None]
+    small = angle2 < _SMALL_RAD2
+    safe2 = torch.where(small, torch.ones_like(angle2), angle2)
+    half = safe2.sqrt() / 2
+    second = torch.where(small, 1 / 12 + angle2 / 720, (1 - half / torch.tan(half)) / safe2)
+    cross = hat(axis_angle)
+    identity = torch.eye(3, dtype=axis_angle.dtype, device=axis_angle.device)
+    return identity + cross / 2 + second * (cross @ cross)

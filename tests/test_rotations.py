@@ -50,6 +50,8 @@ def test_derivatives_of_exp_and_log_are_finite_and_right(angle: float) -> None:
     right = so3.right_jacobian(vector)
     expected = torch.einsum("ab,bci,id->acd", so3.exp(vector), _generators(), right)
     torch.testing.assert_close(jacobian, expected.detach(), atol=1e-7, rtol=0)
+    undone = so3.inverse_right_jacobian(vector) @ right
+    torch.testing.assert_close(undone, torch.eye(3, dtype=torch.float64), atol=1e-12, rtol=0)
     there_and_back = torch.autograd.functional.jacobian(lambda v: so3.log(so3.exp(v)), vector)
     assert torch.isfinite(there_and_back).all()
     if angle < math.pi - 1e-6:

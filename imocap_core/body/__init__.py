@@ -1,7 +1,7 @@
 """Body models as immutable values: Model -> Shaped -> Posed -> Mesh, keypoints, derivatives."""
 
 from imocap_core.body.free import load_free_body
-from imocap_core.body.jacobian import keypoints_with_jacobian
+from imocap_core.body.jacobian import keypoints_with_jacobian, points_with_jacobian
 from imocap_core.body.layouts import layout_names, layouts
 from imocap_core.body.model import Mesh, Model, Posed, Shaped
 from imocap_core.body.official import ModelStatus, load_body, model_status
@@ -23,4 +23,5 @@ __all__ = [
     "make_points",
     "model_status",
     "pick_points",
+    "points_with_jacobian",
 ]

@@ -35,11 +35,15 @@ def keypoints_with_jacobian(
     xyz (..., K, 3), metres; d_pose (..., K, 3, 3 J) by right local increments in radians, joint
     by joint; d_shape (..., K, 3, n) per unit of each coefficient. By transl it is the identity.
     """
-    posed = shaped.pose(R_local, transl)
-    rows = rows_of(posed.R_world)
+    return points_with_jacobian(shaped.pose(R_local, transl), points)
+
+
+def points_with_jacobian(posed: Posed, points: PointSet) -> tuple[Tensor, Tensor, Tensor]:
+    """`keypoints_with_jacobian` of bodies that have been posed."""
+    shaped, rows = posed.shaped, rows_of(posed.R_world)
     levers = posed_levers(posed, points)
     placed = turn(rows, levers.flatten(-2).transpose(-1, -2)).transpose(-1, -2)
-    xyz = placed + shaped.joints_rest[..., :1, :] + transl[..., None, :]
+    xyz = placed + shaped.joints_rest[..., :1, :] + posed.transl[..., None, :]
     d_pose = _by_pose(posed.R_world, rows, levers, points)
     if points.corrections is not None:
         d_pose = d_pose + _by_pose_blend(posed, points.corrections)

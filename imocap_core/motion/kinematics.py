@@ -7,9 +7,10 @@ from torch import Tensor
 from imocap_core.body import (
     Model,
     PointSet,
+    Posed,
     join_points,
-    keypoints_with_jacobian,
     pick_points,
+    points_with_jacobian,
 )
 from imocap_core.motion.state import MotionState
 
@@ -46,12 +47,19 @@ class Body:
         keypoints = join_points([model.points(x) for x in layouts])
         return cls(model, keypoints, joints, pick_points(joints, FEET))
 
+    def posed(self, state: MotionState) -> Posed:
+        """The body in the state's shape and poses."""
+
+        def pose() -> Posed:
+            return self.model.shape(state.betas[:, None]).pose(state.R_local, state.trans)
+
+        return state.once((self.model,), pose)
+
     def positions(self, points: PointSet, state: MotionState) -> Points:
         """Positions only."""
-        shaped = self.model.shape(state.betas[:, None])
-        return Points(shaped.pose(state.R_local, state.trans).keypoints(points))
+        posed = self.posed(state)
+        return state.once((self.model, points), lambda: Points(posed.keypoints(points)))
 
     def derivatives(self, points: PointSet, state: MotionState) -> Points:
         """Positions and their derivatives."""
-        shaped = self.model.shape(state.betas[:, None])
-        return Points(*keypoints_with_jacobian(shaped, points, state.R_local, state.trans))
+        return Points(*points_with_jacobian(self.posed(state), points))

@@ -66,15 +66,20 @@ def _best_least_squares(
     for start in range(0, len(library.templates), CHUNK):
         p = library.templates[start : start + CHUNK].to(torch.complex64)
         mean = narrow_c.to(torch.complex64) @ p.T
-        spread_p = narrow_c @ p.abs().square().T - mean.abs().square()
+        spread_p = narrow_c @ _square(p).T - _square(mean)
         cross = weighted @ p.conj().T
-        value = 1 - cross.abs().square() / (spread_p.clamp_min(1e-9) * spread[:, None].float())
+        value = 1 - _square(cross) / (spread_p.clamp_min(1e-9) * spread[:, None].float())
         index = torch.arange(start, start + len(p), device=w.device).expand(len(w), -1)
         values = torch.cat([best_value.float(), value], 1)
         indices = torch.cat([best_index, index], 1)
         top = values.topk(min(keep, values.shape[1]), dim=1, largest=False)
         best_value, best_index = top.values, indices.gather(1, top.indices)
     return best_index
+
+
+def _square(z: Tensor) -> Tensor:
+    """Squared magnitude of complex numbers, without the square root of ``abs``."""
+    return z.real.square().addcmul_(z.imag, z.imag)
 
 
 def _rescore(
@@ -96,8 +101,8 @@ def _rescore(
         mean_p = (share * p).sum(-1, keepdim=True)
         mean_w = (share * w[:, None]).sum(-1, keepdim=True)
         q, v = p - mean_p, w[:, None] - mean_w
-        factor = (share * v * q.conj()).sum(-1) / (share * q.abs().square()).sum(-1).clamp_min(1e-9)
-        squared = (v - factor[..., None] * q).abs().square() / unit2
+        factor = (share * v * q.conj()).sum(-1) / (share * _square(q)).sum(-1).clamp_min(1e-9)
+        squared = _square(v - factor[..., None] * q) / unit2
         c = weight[:, None] * (9.0 / (9.0 + squared)) ** 2
     fit = (weight[:, None] * squared * 9.0 / (9.0 + squared)).sum(-1)
     directions = len(library.R_view)

@@ -97,6 +97,16 @@ class NormalEquations:
         return Reduced(frame_only, response, schur, rest)
 
 
+def add_product(target: Tensor, left: Tensor, right: Tensor, share: float = 1.0) -> None:
+    """Add ``share * left^T right`` to a target (B, T, n, m) in place.
+
+    Args:
+        left: (B, T, r, n); right: (B, T, r, m).
+    """
+    for own, a, b in zip(target, left, right, strict=True):
+        own.baddbmm_(a.mT, b, alpha=share)
+
+
 def _damped(blocks: Tensor, damping: float) -> Tensor:
     """Marquardt's scaling: the diagonal grows by ``damping`` times itself, and a floor."""
     diagonal = blocks.diagonal(dim1=-2, dim2=-1)

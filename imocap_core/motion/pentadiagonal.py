@@ -21,8 +21,8 @@ class Half:
 
     Attributes:
         factors: each frame's Cholesky factor L (n, n).
-        known: each frame's L^-1 [next1 | next2 | right] (n, 2n + k).
-        middle: (MIDDLE, n, 3n + k) rows of the frames after the last, after their losses.
+        known: each frame's ``L^-1 [next1 | next2 | right]``, transposed: (2n + k, n).
+        middle: (MIDDLE, 3n + k, n) columns of the frames after the last, after their losses.
         failed: () nonzero where the matrix is not positive definite.
     """
 
@@ -55,79 +55,84 @@ def solve_pentadiagonal(
     halves = each(
         _eliminated,
         [
-            _rows_from_first(diagonal, next1, next2, right, first),
-            _rows_from_last(diagonal, next1, next2, right, first),
+            _from_first(diagonal, next1, next2, right, first),
+            _from_last(diagonal, next1, next2, right, first),
         ],
     )
     middle, info = _middle(halves[0].middle, halves[1].middle)
     ends = each(_substituted, [(halves[0], middle), (halves[1], middle.flip(0))])
-    solution = torch.cat([ends[0], middle, ends[1].flip(0)])
+    solution = torch.cat([ends[0], middle, ends[1].flip(0)]).mT
     failed = halves[0].failed | halves[1].failed | info
     return torch.where(failed != 0, torch.nan, solution)
 
 
-def _rows_from_first(
+def _from_first(
     diagonal: Tensor, next1: Tensor, next2: Tensor, right: Tensor, first: int
 ) -> Tensor:
-    """(first + MIDDLE, n, 3n + k) rows [diagonal | next1 | next2 | right]."""
+    """(first + MIDDLE, 3n + k, n) columns [diagonal; next1^T; next2^T; right^T] of each frame.
+
+    A library of column-major routines meets them as they lie, and what a frame loses lies in one
+    piece.
+    """
     own = slice(0, first + MIDDLE)
-    return torch.cat([diagonal[own], next1[own], next2[own], right[own]], -1)
+    return torch.cat([diagonal[own], next1[own].mT, next2[own].mT, right[own].mT], 1)
 
 
-def _rows_from_last(
-    diagonal: Tensor, next1: Tensor, next2: Tensor, right: Tensor, first: int
-) -> Tensor:
+def _from_last(diagonal: Tensor, next1: Tensor, next2: Tensor, right: Tensor, first: int) -> Tensor:
     """The same from the last frame backwards; the middle's own values stand in the other half."""
     n, last = diagonal.shape[1], len(diagonal) - first - MIDDLE
-    rows = diagonal.new_zeros(last + MIDDLE, n, 3 * n + right.shape[2])
+    columns = diagonal.new_zeros(last + MIDDLE, 3 * n + right.shape[2], n)
     own = slice(first + MIDDLE, None)
-    rows[:last, :, :n] = diagonal[own].flip(0)
-    rows[:last, :, n : 2 * n] = next1[first + 1 : -1].flip(0).transpose(1, 2)
-    rows[:last, :, 2 * n : 3 * n] = next2[first:-2].flip(0).transpose(1, 2)
-    rows[:last, :, 3 * n :] = right[own].flip(0)
-    return rows
+    columns[:last, :n] = diagonal[own].flip(0)
+    columns[:last, n : 2 * n] = next1[first + 1 : -1].flip(0)
+    columns[:last, 2 * n : 3 * n] = next2[first:-2].flip(0)
+    columns[:last, 3 * n :] = right[own].flip(0).mT
+    return columns
 
 
-def _eliminated(rows: Tensor) -> Half:
-    """All rows but the last two. A frame's factor L gives A = L^-1 [next1 | next2 | right]; the
+def _eliminated(columns: Tensor) -> Half:
+    """All frames but the last two. A frame's factor L gives A = L^-1 [next1 | next2 | right]; the
     products of A's columns with themselves are what the two frames after it lose."""
-    n = rows.shape[1]
-    failed = torch.zeros((), dtype=torch.int32, device=rows.device)
-    factors, eliminated = [], []
-    row = rows.unbind()
-    for t in range(len(row) - MIDDLE):
-        factor, info = torch.linalg.cholesky_ex(row[t][:, :n])
-        failed |= info
-        known = torch.linalg.solve_triangular(factor, row[t][:, n:], upper=False)
+    n = columns.shape[2]
+    info, factors, eliminated = [], [], []
+    frames = columns.unbind()
+    for t in range(len(frames) - MIDDLE):
+        own, after, last = frames[t : t + 1 + MIDDLE]
+        factor, failed = torch.linalg.cholesky_ex(own[:n])
+        known = torch.linalg.solve_triangular(factor, own[n:].T, upper=False).T
+        one, two, right = known.split((n, n, len(known) - 2 * n))
+        after[: 2 * n].addmm_(known[: 2 * n], one.T, alpha=-1)
+        after[3 * n :].addmm_(right, one.T, alpha=-1)
+        last[:n].addmm_(two, two.T, alpha=-1)
+        last[3 * n :].addmm_(right, two.T, alpha=-1)
+        info.append(failed)
         factors.append(factor)
         eliminated.append(known)
-        one, two, right = known[:, :n], known[:, n : 2 * n], known[:, 2 * n :]
-        row[t + 1][:, : 2 * n].addmm_(one.T, known[:, : 2 * n], alpha=-1)
-        row[t + 1][:, 3 * n :].addmm_(one.T, right, alpha=-1)
-        row[t + 2][:, :n].addmm_(two.T, two, alpha=-1)
-        row[t + 2][:, 3 * n :].addmm_(two.T, right, alpha=-1)
-    return Half(factors, eliminated, rows[-MIDDLE:].clone(), failed)
+    failed = torch.stack(info).amax() if info else columns.new_zeros((), dtype=torch.int32)
+    return Half(factors, eliminated, columns[-MIDDLE:].clone(), failed)
 
 
 def _middle(from_first: Tensor, from_last: Tensor) -> tuple[Tensor, Tensor]:
-    """(MIDDLE, n, k) solution where the halves meet, and whether the factorisation failed."""
-    n = from_first.shape[1]
+    """(MIDDLE, k, n) solution where the halves meet, and whether the factorisation failed."""
+    n = from_first.shape[2]
     near, far = from_first + from_last.flip(0)
-    cross = from_first[0, :, n : 2 * n] + from_last[0, :, n : 2 * n].T
-    whole = torch.cat([torch.cat([near[:, :n], cross], 1), torch.cat([cross.T, far[:, :n]], 1)])
+    cross = from_first[0, n : 2 * n] + from_last[0, n : 2 * n].T  # the far frame by the near one
+    whole = torch.cat([torch.cat([near[:n], cross.T], 1), torch.cat([cross, far[:n]], 1)])
     factor, info = torch.linalg.cholesky_ex(whole)
-    right = torch.cat([near[:, 3 * n :], far[:, 3 * n :]])
-    return torch.cholesky_solve(right, factor).unflatten(0, (MIDDLE, n)), info
+    right = torch.cat([near[3 * n :], far[3 * n :]], 1)
+    solution = torch.cholesky_solve(right.T, factor)
+    return solution.unflatten(0, (MIDDLE, n)).mT, info
 
 
 def _substituted(work: tuple[Half, Tensor]) -> Tensor:
-    """(frames of the half, n, k) solution, given the middle's in the half's order."""
+    """(frames of the half, k, n) solution, given the middle's in the half's order."""
     half, middle = work
-    (_, n, k), count = middle.shape, len(half.factors)
-    solution = torch.cat([middle.new_empty(count, n, k), middle])
-    flat = solution.flatten(0, 1)
-    for t in range(count - 1, -1, -1):
-        known, later = half.known[t], flat[(t + 1) * n : (t + 1 + MIDDLE) * n]
-        value = torch.addmm(known[:, 2 * n :], known[:, : 2 * n], later, alpha=-1)
-        solution[t] = torch.linalg.solve_triangular(half.factors[t].T, value, upper=True)
-    return solution[:count]
+    (_, k, n), count = middle.shape, len(half.factors)
+    near, far = middle.unbind()
+    found = []
+    for factor, known in zip(half.factors[::-1], half.known[::-1], strict=True):
+        later = torch.cat([near, far], 1)
+        value = torch.addmm(known[2 * n :], later, known[: 2 * n], alpha=-1)
+        near, far = torch.linalg.solve_triangular(factor.T, value.T, upper=True).T, near
+        found.append(near)
+    return torch.stack(found[::-1]) if found else middle.new_empty(count, k, n)

@@ -71,18 +71,20 @@ def estimates_on_axis(
     evidence_mm: float,
 ) -> list[Term]:
     """Every estimator's joints (24) at the reference's frames, as evidence of articulation."""
-    terms: list[Term] = []
+    joints, weights = [], []
     for o, at, trust in zip(
         observations, timeline.from_reference, timeline.confidence, strict=True
     ):
         if o.joints is None:
             continue
         known = np.isfinite(o.joints).all(-1)
-        joints, given = sample_keypoints(o.joints, known.astype(float), at)
-        weight = given * trust[:, None] / (evidence_mm / 1000) ** 2
-        on_axis, strength = (torch.as_tensor(x).to(like)[None] for x in (joints, weight))
-        terms.append(JointEvidence(body, on_axis, strength, EVIDENCE_SCALE))
-    return terms
+        sampled, given = sample_keypoints(o.joints, known.astype(float), at)
+        joints.append(sampled)
+        weights.append(given * trust[:, None] / (evidence_mm / 1000) ** 2)
+    if not joints:
+        return []
+    on_axis, strength = (torch.as_tensor(np.stack(x, 1)).to(like)[None] for x in (joints, weights))
+    return [JointEvidence(body, on_axis, strength, EVIDENCE_SCALE)]
 
 
 def views_of(
@@ -195,11 +197,10 @@ def reprojection_errors_px(
     body: Body, state: MotionState, evidence: Evidence, cameras: Cameras, *, robust_scale: float
 ) -> Array:
     """(M, N, K, 2) signed error of the shared motion, strays taken out, NaN where unseen."""
-    xyz = body.positions(body.keypoints, state).xyz
     term = Reprojection(body, views_of(evidence, cameras, state.trans, free=()), robust_scale)
     errors = []
     for view in term.views:
-        at, _ = term.placed(view, xyz, state)
+        at, _ = term.placed(view, state)
         pixels, _ = project(view, at)
         error = torch.where(view.weight[..., None] > 0, pixels - view.xy_px, torch.nan)
         errors.append(error[0].cpu().numpy())

@@ -1,14 +1,19 @@
 """What the solver moves: rotations on their manifold, root paths, body shape, cameras."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any, TypeVar
 
 import torch
 from torch import Tensor
 
-from imocap_core.rotations import exp
+from imocap_core.rotations import exp, log
 
 POSE = 72
 FRAME_UNKNOWNS = POSE + 3
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -35,6 +40,28 @@ class MotionState:
         """A state without free cameras."""
         none = trans.new_zeros(len(trans), 0, 3)
         return cls(R_local, trans, betas, valid, none[..., None].expand(-1, 0, 3, 3), none)
+
+    def once(self, owners: tuple[object, ...], make: Callable[[], T]) -> T:
+        """What ``owners`` work out of this state: made when first asked for, then the same again.
+
+        A step is tried, its cost found, and the equations of the next step are set up at the same
+        state: what both need (poses, strays) is found once. It lives as long as the state.
+        """
+        key = tuple(id(owner) for owner in owners)
+        found = self._found.get(key)
+        if found is None:
+            found = self._found[key] = (owners, make())  # owners stay, so their ids stay theirs
+        value: T = found[1]
+        return value
+
+    @cached_property
+    def _found(self) -> dict[tuple[int, ...], tuple[tuple[object, ...], Any]]:
+        return {}
+
+    @cached_property
+    def axis_angle(self) -> Tensor:
+        """(B, T, 24, 3) joint rotations as vectors, radians."""
+        return log(self.R_local)
 
     @property
     def unknown_globals(self) -> int:

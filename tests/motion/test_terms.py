@@ -27,8 +27,9 @@ from imocap_core.motion.terms import (
     Term,
     View,
 )
+from imocap_core.motion.terms.sights import whitened
 from imocap_core.motion.terms.standing import standing_share
-from imocap_core.motion.terms.stray import strayed, without_strays
+from imocap_core.motion.terms.stray import strayed
 from imocap_core.motion.terms.view import project
 from imocap_core.rotations import exp
 
@@ -116,6 +117,12 @@ TERMS: dict[str, Callable[[Body, MotionState], Term]] = {
     "evidence": lambda b, s: JointEvidence(
         b, normal(B, T, 24, 3, seed=11), normal(B, T, 24, seed=12).abs() * seen(s), 3.0
     ),
+    "two estimates": lambda b, s: JointEvidence(
+        b,
+        normal(B, T, 2, 24, 3, seed=14),
+        normal(B, T, 2, 24, seed=15).abs() * s.valid[..., None, None],
+        3.0,
+    ),
 }
 
 
@@ -168,12 +175,12 @@ def test_strays_of_a_turned_and_shifted_performance_are_found(
 def test_eliminating_strays_is_the_schur_complement() -> None:
     rows = normal(1, 2, 40, 15, seed=30)
     precision = normal(1, 2, 6, seed=31).abs() + 0.1
-    full, gradient = rows.transpose(-1, -2) @ rows, torch.zeros(1, 2, 15).double()
-    found, _ = without_strays(full, gradient, precision)
-    whole = full.clone()
+    whole = rows.mT @ rows
     whole[..., 9:, 9:] += torch.diag_embed(precision)
+    kept, by_stray = rows[..., :9], rows[..., 9:]
+    lost = whitened(by_stray, precision) @ kept
     expected = torch.linalg.inv(torch.linalg.inv(whole)[..., :9, :9])
-    assert torch.allclose(found, expected, rtol=1e-9)
+    assert torch.allclose(kept.mT @ kept - lost.mT @ lost, expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", TERMS)

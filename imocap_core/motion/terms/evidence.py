@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.normal import NormalEquations
+from imocap_core.motion.normal import NormalEquations, add_product
 from imocap_core.motion.robust import geman_mcclure
 from imocap_core.motion.state import POSE, MotionState
 from imocap_core.rotations import project as nearest_rotation
@@ -22,8 +22,9 @@ class JointEvidence:
 
     Attributes:
         body: whose 24 joints are compared.
-        joints: (B, T, 24, 3) metres, any axes, centred on the weighted mean of each frame.
-        weight: (B, T, 24) 1/m^2, 0 for joints the estimator does not give.
+        joints: (B, T, 24, 3) metres, any axes, centred on the weighted mean of each frame; or
+            (B, T, E, 24, 3): E estimates of the same motion.
+        weight: (B, T, 24) or (B, T, E, 24) 1/m^2, 0 for joints that an estimator does not give.
         scale: Geman-McClure scale in units of the estimator's standard deviation.
     """
 
@@ -33,51 +34,75 @@ class JointEvidence:
     scale: float
 
     def residual(self, xyz: Tensor) -> Tensor:
-        """(B, T, 24, 3) body minus rotated estimate, both centred."""
+        """(B, T, [E,] 24, 3) body minus rotated estimate, both centred."""
+        xyz = xyz if self.joints.ndim == xyz.ndim else xyz[:, :, None]
         centred = xyz - self._centre(xyz)
         target = self.joints - self._centre(self.joints)
-        correlation = torch.einsum("btk,btki,btkj->btij", self.weight, centred, target)
+        correlation = (self.weight[..., None] * centred).mT @ target
         eye = torch.eye(3, dtype=xyz.dtype, device=xyz.device)
         empty = (self.weight.sum(-1) == 0)[..., None, None]
         R = nearest_rotation(torch.where(empty, eye, correlation).detach())
-        return centred - torch.einsum("btij,btkj->btki", R, target)
+        return centred - target @ R.mT
 
     def _centre(self, xyz: Tensor) -> Tensor:
-        share = self.weight / self.weight.sum(-1, keepdim=True).clamp_min(1e-12)
-        return (share[..., None] * xyz).sum(-2, keepdim=True)
+        return (self._share(self.weight)[..., None] * xyz).sum(-2, keepdim=True)
+
+    def _share(self, weight: Tensor) -> Tensor:
+        return weight / weight.sum(-1, keepdim=True).clamp_min(1e-12)
 
     def of(self, v: int, frames: int) -> Self:
         """One motion's joints."""
         own = slice(v, v + 1)
         return replace(self, joints=self.joints[own, :frames], weight=self.weight[own, :frames])
 
+    def _residual_at(self, state: MotionState) -> Tensor:
+        """The residual; the cost needs it, and the equations of the step from there."""
+        return state.once(
+            (self,), lambda: self.residual(self.body.positions(self.body.joints, state).xyz)
+        )
+
     def cost(self, state: MotionState) -> Tensor:
         """(B,)."""
-        residual = self.residual(self.body.positions(self.body.joints, state).xyz)
-        squared = self.weight * residual.square().sum(-1)
-        return geman_mcclure(squared, self.scale)[0].sum((1, 2))
+        squared = self.weight * self._residual_at(state).square().sum(-1)
+        return geman_mcclure(squared, self.scale)[0].flatten(1).sum(1)
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
-        """The rotation and the centre are held; translation is not touched."""
+        """The rotation and the centre are held; translation is not touched.
+
+        With weights w and shares s, centring makes of the joints' weights the matrix
+        ``diag(w) - w s^T - s w^T + (sum w) s s^T``: all estimates' together meet the Jacobian once.
+        """
+        given = (
+            (self.weight > 0).flatten(0, -2).any(0)
+        )  # joints that no estimate gives cost nothing
         points = self.body.derivatives(self.body.joints, state)
         assert points.d_pose is not None
         assert points.d_beta is not None
-        residual = self.residual(points.xyz)
+        pose, shape = (x[:, :, given] for x in (points.d_pose, points.d_beta))
+        metric, pull = self._metric(self._residual_at(state), given)
+        by_pose, by_shape = (
+            (metric @ x.flatten(3)).unflatten(-1, (3, -1)).flatten(2, 3) for x in (pose, shape)
+        )
+        pose, shape = pose.flatten(2, 3), shape.flatten(2, 3)
+        count, pulled = shape.shape[-1], pull.flatten(2)[..., None]
+        add_product(normal.diagonal[..., :POSE, :POSE], pose, by_pose)
+        normal.border[..., :POSE, :count] += by_pose.mT @ shape
+        normal.corner[:, :count, :count] += (shape.mT @ by_shape).sum(1)
+        normal.gradient[..., :POSE] += (pose.mT @ pulled)[..., 0]
+        normal.corner_gradient[:, :count] += (shape.mT @ pulled)[..., 0].sum(1)
+
+    def _metric(self, residual: Tensor, given: Tensor) -> tuple[Tensor, Tensor]:
+        """How the G given joints weigh together, (B, T, G, G), and their pull (B, T, G, 3)."""
         squared = self.weight * residual.square().sum(-1)
-        root = (self.weight * geman_mcclure(squared, self.scale)[1]).sqrt()
-        given = (self.weight > 0).flatten(0, 1).any(0)  # joints that no estimate gives cost nothing
-        d_xyz = torch.cat([points.d_pose[:, :, given], points.d_beta[:, :, given]], -1)
-        weight, root, residual = (x[:, :, given] for x in (self.weight, root, residual))
-        share = weight / weight.sum(-1, keepdim=True).clamp_min(1e-12)
-        eye = torch.eye(share.shape[-1], dtype=share.dtype, device=share.device)
-        centring = (eye - share[..., None, :]) * root[..., None]
-        rows = (centring @ d_xyz.flatten(3)).unflatten(-1, (3, -1)).flatten(2, 3)
-        error = (residual * root[..., None]).flatten(2)
-        full = rows.transpose(-1, -2) @ rows
-        gradient = (rows.transpose(-1, -2) @ error[..., None])[..., 0]
-        normal.diagonal[..., :POSE, :POSE] += full[..., :POSE, :POSE]
-        count = state.betas.shape[1]
-        normal.border[..., :POSE, :count] += full[..., :POSE, POSE:]
-        normal.corner[:, :count, :count] += full[..., POSE:, POSE:].sum(1)
-        normal.gradient[..., :POSE] += gradient[..., :POSE]
-        normal.corner_gradient[:, :count] += gradient[..., POSE:].sum(1)
+        trust = self.weight * geman_mcclure(squared, self.scale)[1]
+        weight, trust, residual = (
+            x if self.joints.ndim == 5 else x[:, :, None]
+            for x in (self.weight[..., given], trust[..., given], residual[..., given, :])
+        )
+        share = self._share(weight)  # (B, T, E, G)
+        total = trust.sum(-1, keepdim=True)
+        crossed = (trust - total / 2 * share).mT @ share
+        metric = torch.diag_embed(trust.sum(2)) - crossed - crossed.mT
+        pull = trust[..., None] * residual
+        pull = pull - share[..., None] * pull.sum(-2, keepdim=True)
+        return metric, pull.sum(2)

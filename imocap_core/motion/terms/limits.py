@@ -9,7 +9,7 @@ from torch import Tensor
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.normal import NormalEquations
 from imocap_core.motion.state import MotionState
-from imocap_core.rotations import log, right_jacobian
+from imocap_core.rotations import inverse_right_jacobian
 
 # joint, axis-angle component, sign in which it flexes (SMPL's T-pose: y up, facing +z)
 HINGES = (
@@ -31,7 +31,7 @@ class HingeLimits:
         found = []
         for name, axis, sign in HINGES:
             joint = SMPL_JOINTS.index(name)
-            flexion = sign * log(state.R_local[:, :, joint])[..., axis]
+            flexion = sign * state.axis_angle[:, :, joint, axis]
             excess = (-flexion - self.slack_rad).clamp_min(0.0) * state.valid
             found.append((joint, axis, sign, excess))
         return found
@@ -48,8 +48,8 @@ class HingeLimits:
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """Active only where violated."""
         for joint, axis, sign, excess in self._violation(state):
-            theta = log(state.R_local[:, :, joint])
-            row = -sign * torch.linalg.inv(right_jacobian(theta))[..., axis, :]
+            theta = state.axis_angle[:, :, joint]
+            row = -sign * inverse_right_jacobian(theta)[..., axis, :]
             row = row * (excess > 0)[..., None]
             span = slice(3 * joint, 3 * joint + 3)
             outer = row[..., :, None] * row[..., None, :]

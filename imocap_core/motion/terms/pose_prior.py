@@ -9,7 +9,9 @@ from torch import Tensor
 from imocap_core.motion.normal import NormalEquations
 from imocap_core.motion.prior import PosePrior
 from imocap_core.motion.state import POSE, MotionState
-from imocap_core.rotations import log, right_jacobian
+from imocap_core.rotations import inverse_right_jacobian
+
+CHUNK = 32  # frames at once: what they need stays in a processor's cache
 
 
 @dataclass(frozen=True)
@@ -29,26 +31,33 @@ class PosePriorTerm:
 
     def cost(self, state: MotionState) -> Tensor:
         """(B,) summed over valid frames."""
-        distance, _ = self.prior.best(_articulation(state))
+        distance, _ = self._best(state)
         return self.weight * torch.where(state.valid, distance, 0.0).sum(1)
+
+    def _best(self, state: MotionState) -> tuple[Tensor, Tensor]:
+        return state.once((self.prior,), lambda: self.prior.best(_articulation(state)))
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """Precision of the best component, pulled back by d theta / d delta = Jr^-1."""
-        theta = _articulation(state)
-        _, component = self.prior.best(theta)
-        pull = torch.linalg.inv(right_jacobian(log(state.R_local[:, :, 1:])))
-        precision = self.prior.precision[component] * self.weight
-        precision = precision * state.valid[..., None, None]
-        offset = theta - self.prior.mean[component]
-        joints = pull.shape[2]
-        blocks = precision.unflatten(-1, (joints, 3))
-        right = torch.einsum("btnjx,btjxy->btnjy", blocks, pull).flatten(-2)
-        both = torch.einsum("btjxm,btjxy->btjym", right.unflatten(-2, (joints, 3)), pull)
-        slope = (precision @ offset[..., None])[..., 0].unflatten(-1, (joints, 3))
-        normal.diagonal[..., 3:POSE, 3:POSE] += both.flatten(2, 3)
-        normal.gradient[..., 3:POSE] += torch.einsum("btjxy,btjx->btjy", pull, slope).flatten(2)
+        _, component = self._best(state)
+        pull = inverse_right_jacobian(state.axis_angle[:, :, 1:])
+        pull = pull * state.valid[..., None, None, None]
+        offset = _articulation(state) - self.prior.mean[component]
+        for first in range(0, pull.shape[1], CHUNK):
+            own = slice(first, first + CHUNK)
+            precision, joints = self.prior.precision[component[:, own]], pull[:, own]
+            slope = (precision @ offset[:, own, :, None]).unflatten(2, (-1, 3))
+            square = _by_joint(joints, _by_joint(joints, precision).mT)
+            normal.diagonal[:, own, 3:POSE, 3:POSE].add_(square, alpha=self.weight)
+            pulled = (joints.mT @ slope).flatten(2)
+            normal.gradient[:, own, 3:POSE].add_(pulled, alpha=self.weight)
+
+
+def _by_joint(pull: Tensor, columns: Tensor) -> Tensor:
+    """``pull^T`` (B, T, J, 3, 3), block by block, times columns (B, T, 3J, n)."""
+    return (pull.mT @ columns.unflatten(2, (-1, 3))).flatten(2, 3)
 
 
 def _articulation(state: MotionState) -> Tensor:
     """(B, T, 69) axis-angle of every joint but the root."""
-    return log(state.R_local[:, :, 1:]).flatten(2)
+    return state.axis_angle[:, :, 1:].flatten(2)

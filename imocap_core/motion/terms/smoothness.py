@@ -69,15 +69,21 @@ class PoseSmoothness:
         chord = _chords(state)
         weight = self.acceleration_weight * _triples(state.valid)[..., None] / 2
         weight = weight * self._bend(chord)[1]
-        coefficients = (1.0, -2.0, 1.0)
-        blocks = (normal.diagonal, normal.next1, normal.next2)
         R = [state.R_local[:, k : frames - 2 + k] for k in range(3)]
-        for a in range(3):
-            slope = coefficients[a] * _vee_pull(R[a], chord) * weight[..., None]
+        for a, coefficient in enumerate((1.0, -2.0, 1.0)):
+            slope = coefficient * _vee_pull(R[a], chord) * weight[..., None]
             normal.gradient[:, a : frames - 2 + a, :POSE] += slope.flatten(2)
-            for b in range(a, 3):
-                block = _chord_block(R[a], R[b]) * (coefficients[a] * coefficients[b])
-                _add_joint_blocks(blocks[b - a], a, block * weight[..., None, None])
+        # A frame is the first, the middle and the last of three chords, a pair of neighbours the
+        # first and the last of two; a frame with itself turns alike about every axis.
+        of_frame = _padded(weight, 0, 2) + 4 * _padded(weight, 1, 1) + _padded(weight, 2, 0)
+        diagonal = torch.diagonal(normal.diagonal, dim1=-2, dim2=-1)
+        diagonal[..., :POSE] += 2 * of_frame.repeat_interleave(3, -1)
+        of_pair = -2 * (_padded(weight, 0, 1) + _padded(weight, 1, 0))
+        for target, turn, share in (
+            (normal.next1, _turns(state), of_pair),
+            (normal.next2, R[0].mT @ R[2], weight),
+        ):
+            _add_joint_blocks(target, _chord_block(turn) * share[..., None, None])
 
 
 @dataclass(frozen=True)
@@ -134,11 +140,16 @@ def _triples(valid: Tensor) -> Tensor:
     return valid[:, :-2] & valid[:, 1:-1] & valid[:, 2:]
 
 
-def _steps(state: MotionState) -> Tensor:
-    """(B, T-1, 24, 3) relative rotation from each frame to the next."""
+def _turns(state: MotionState) -> Tensor:
+    """(B, T-1, 24, 3, 3) relative rotation from each frame to the next."""
     R = state.R_local
-    step = log(R[:, :-1].transpose(-1, -2) @ R[:, 1:])
-    return step * _pairs(state.valid)[..., None, None]
+    return state.once((_turns,), lambda: R[:, :-1].mT @ R[:, 1:])
+
+
+def _steps(state: MotionState) -> Tensor:
+    """(B, T-1, 24, 3) the same as vectors, 0 where one of them is padding."""
+    pair = _pairs(state.valid)[..., None, None]
+    return state.once((_steps,), lambda: log(_turns(state)) * pair)
 
 
 def _chords(state: MotionState) -> Tensor:
@@ -163,17 +174,21 @@ def _vee_pull(R: Tensor, chord: Tensor) -> Tensor:
     )
 
 
-def _chord_block(Ra: Tensor, Rb: Tensor) -> Tensor:
+def _chord_block(Q: Tensor) -> Tensor:
     """``<Ra hat(e_i), Rb hat(e_j)>`` for all i, j: ``tr(Q) I - Q^T`` with ``Q = Ra^T Rb``."""
-    Q = Ra.transpose(-1, -2) @ Rb
     trace = Q.diagonal(dim1=-2, dim2=-1).sum(-1)[..., None, None]
     return trace * torch.eye(3, dtype=Q.dtype, device=Q.device) - Q.transpose(-1, -2)
 
 
-def _add_joint_blocks(target: Tensor, first: int, blocks: Tensor) -> None:
-    """Add (B, L, 24, 3, 3) blocks on the joint diagonal of frames ``first`` to ``first + L``."""
+def _padded(weight: Tensor, before: int, after: int) -> Tensor:
+    """(B, before + T + after, J): weight (B, T, J) with zeros around it in time."""
+    return torch.nn.functional.pad(weight, (0, 0, before, after))
+
+
+def _add_joint_blocks(target: Tensor, blocks: Tensor) -> None:
+    """Add (B, L, 24, 3, 3) blocks on the joint diagonal of the first L frames."""
     length = blocks.shape[1]
     for i in range(3):
         for j in range(3):
-            part = target[:, first : first + length, i:POSE:3, j:POSE:3]
+            part = target[:, :length, i:POSE:3, j:POSE:3]
             torch.diagonal(part, dim1=-2, dim2=-1).add_(blocks[..., i, j])

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.normal import NormalEquations
+from imocap_core.motion.normal import NormalEquations, add_product
 from imocap_core.motion.robust import geman_mcclure
 from imocap_core.motion.state import MotionState
 
@@ -59,14 +59,16 @@ class StandingFeet:
         earlier, later = (_rows(x, root) for x in (-frame[:, :-1], frame[:, 1:]))
         shape = _rows(points.d_beta[:, 1:] - points.d_beta[:, :-1], root)
         count = shape.shape[-1]
+        beside = torch.nn.functional.pad(root.square(), (0, 0, 1, 1))  # of the pairs a frame is in
+        both = _rows(frame, (beside[:, :-1] + beside[:, 1:]).sqrt())
+        add_product(normal.diagonal, both, both)
+        add_product(normal.next1[:, :-1], earlier, later)
         for rows, frames in ((earlier, slice(None, -1)), (later, slice(1, None))):
-            normal.diagonal[:, frames] += rows.transpose(-1, -2) @ rows
-            normal.gradient[:, frames] += (rows.transpose(-1, -2) @ residual[..., None])[..., 0]
-            normal.border[:, frames, :, :count] += rows.transpose(-1, -2) @ shape
-        normal.next1[:, :-1] += earlier.transpose(-1, -2) @ later
-        normal.corner[:, :count, :count] += (shape.transpose(-1, -2) @ shape).sum(1)
-        pull = (shape.transpose(-1, -2) @ residual[..., None])[..., 0]
-        normal.corner_gradient[:, :count] += pull.sum(1)
+            normal.gradient[:, frames] += (rows.mT @ residual[..., None])[..., 0]
+            normal.border[:, frames, :, :count] += rows.mT @ shape
+        flat, pull = shape.flatten(1, 2), residual.flatten(1)[..., None]
+        normal.corner[:, :count, :count] += flat.mT @ flat
+        normal.corner_gradient[:, :count] += (flat.mT @ pull)[..., 0]
 
 
 def standing_share(body: Body, state: MotionState, fps: float, *, speed_m_s: float) -> Tensor:

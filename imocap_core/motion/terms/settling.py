@@ -1,0 +1,145 @@
+"""The strays of a view that fit its frames best: Gauss-Newton, six unknowns a frame.
+
+Every frame is by itself and small, and this runs at every state that is tried, so it works in the
+camera's axes, where a projection's derivative has four entries, and on planes (B, T, K) of one
+coordinate of all points; what is quadratic in a frame's rows is one product.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from imocap_core.motion.terms.view import NEAREST_M, View
+
+INNER_STEPS = 30  # at most
+SETTLED = 1e-4  # rad, m: strays that move less have settled
+
+
+@torch.no_grad()  # at their optimum the strays' own change does not change the cost
+def settle(
+    view: View, scale: float, xyz: Tensor, pivot: Tensor, precision: Tensor
+) -> tuple[Tensor, Tensor]:
+    """The strays of a view that fit its frames best, and how sharply.
+
+    Args:
+        view: what was seen; scale: of the Geman-McClure loss.
+        xyz: (B, T, K, 3) points of the common motion; pivot: (B, T, 3) its root.
+        precision: (B, T, 6) inverse variances of the strays, 1/rad^2 and 1/m^2.
+
+    Returns:
+        d (B, T, 6), turn and shift in the state's axes, and its precision matrix (B, T, 6, 6).
+    """
+    seen = _Seen.of(view, scale, xyz, pivot)
+    both = _twice(view.R)[:, None]  # turn and shift, to camera axes
+    prior = both @ torch.diag_embed(precision) @ both.mT
+    d = torch.zeros_like(precision)
+    for _ in range(INNER_STEPS):
+        square = seen.square(d)
+        sharpness = square[..., :6, :6] + prior
+        gradient = square[..., :6, 6] + (prior * d[..., None, :]).sum(-1)
+        step = torch.linalg.solve(sharpness, gradient)
+        d = d - step
+        if float(_to_state(step, view.R).abs().max()) < SETTLED:
+            break
+    return _to_state(d, view.R), both.mT @ sharpness @ both
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """One view's keypoints and the common motion's, in camera axes.
+
+    Attributes:
+        arms: (B, T, 3, K) from the root, root: (B, T, 3), both metres.
+        fx, fy: (B, 1, 1) pixels; x_px, y_px: (B, T, K) from the principal point.
+        weight: (B, T, K) 1/px^2, and its root; scale: of the Geman-McClure loss.
+    """
+
+    arms: Tensor
+    root: Tensor
+    fx: Tensor
+    fy: Tensor
+    x_px: Tensor
+    y_px: Tensor
+    weight: Tensor
+    weight_root: Tensor
+    scale: float
+
+    @classmethod
+    def of(cls, view: View, scale: float, xyz: Tensor, pivot: Tensor) -> "_Seen":
+        R, centre = view.R[:, None], view.K[:, None, None, :2, 2]
+        x_px, y_px = (view.xy_px - centre).unbind(-1)
+        return cls(
+            arms=R @ (xyz - pivot[..., None, :]).mT,
+            root=(R @ pivot[..., None])[..., 0] + view.t[:, None],
+            fx=view.K[:, 0, 0, None, None],
+            fy=view.K[:, 1, 1, None, None],
+            x_px=x_px.contiguous(),
+            y_px=y_px.contiguous(),
+            weight=view.weight,
+            weight_root=view.weight.sqrt(),
+            scale=scale,
+        )
+
+    def square(self, d: Tensor) -> Tensor:
+        """(B, T, 7, 7) of the rows [by turn | by shift | residual] at strays d, with themselves.
+
+        An arm a at the end of a derivative J by the point turns it: ``J (w x a) = (a x J) w``.
+        """
+        arms = _rotations(d[..., :3]) @ self.arms
+        ax, ay, az = arms.unbind(-2)
+        x, y, z = (arms + (self.root + d[..., 3:])[..., None]).unbind(-2)
+        nearness = 1 / z.clamp_min(NEAREST_M)
+        x, y = x * nearness, y * nearness
+        u, v = x * self.fx - self.x_px, y * self.fy - self.y_px
+        scale2 = self.scale**2
+        root = self.weight_root * (scale2 / (scale2 + self.weight * (u * u + v * v)))
+        near = root * nearness
+        ux, vy = near * self.fx, near * self.fy
+        uz, vz, zero = -ux * x, -vy * y, torch.zeros_like(x)
+        rows = torch.stack(
+            [
+                ay * uz, ay * vz - az * vy,
+                az * ux - ax * uz, -ax * vz,
+                -ay * ux, ax * vy,
+                ux, zero, zero, vy, uz, vz,
+                u * root, v * root,
+            ],
+            -2,
+        ).unflatten(-2, (7, 2)).flatten(-2)  # fmt: skip
+        return rows @ rows.mT
+
+
+def _rotations(turn: Tensor) -> Tensor:
+    """`rotations.exp` of turns (B, T, 3) that need no derivative: half of its work."""
+    angle = turn.norm(dim=-1, keepdim=True).clamp_min(1e-100)
+    half = torch.sin(angle / 2) / angle
+    x, y, z = turn.unbind(-1)
+    sine = (torch.sin(angle) / angle)[..., 0]
+    a, b, c = sine * x, sine * y, sine * z
+    p, q, r = (2**0.5 * half * turn).unbind(-1)
+    pq, pr, qr, pp, qq, rr = p * q, p * r, q * r, p * p, q * q, r * r
+    entries = [
+        1 - qq - rr,
+        pq - c,
+        pr + b,
+        pq + c,
+        1 - pp - rr,
+        qr - a,
+        pr - b,
+        qr + a,
+        1 - pp - qq,
+    ]
+    return torch.stack(entries, -1).unflatten(-1, (3, 3))
+
+
+def _to_state(d: Tensor, R: Tensor) -> Tensor:
+    """Strays (B, T, 6) in camera axes, in the state's."""
+    return (d.unflatten(-1, (2, 3)).flatten(1, 2) @ R).view(d.shape)
+
+
+def _twice(R: Tensor) -> Tensor:
+    """(B, 6, 6) with R (B, 3, 3) twice on the diagonal."""
+    both = R.new_zeros(len(R), 6, 6)
+    both[:, :3, :3] = both[:, 3:, 3:] = R
+    return both

@@ -1,0 +1,192 @@
+"""Terms worked out quickly, against slow twins that follow their definitions."""
+
+from dataclasses import fields, replace
+
+import torch
+from torch import Tensor
+
+from imocap_core.motion.kinematics import Body
+from imocap_core.motion.normal import NormalEquations
+from imocap_core.motion.robust import geman_mcclure
+from imocap_core.motion.solver import linearise
+from imocap_core.motion.state import FRAME_UNKNOWNS, POSE, MotionState
+from imocap_core.motion.terms import JointEvidence, PoseSmoothness, Reprojection, StandingFeet, Term
+from imocap_core.motion.terms.settling import INNER_STEPS, SETTLED, settle
+from imocap_core.motion.terms.stray import by_stray, strayed
+from imocap_core.motion.terms.view import View, project, projection_jacobian
+from imocap_core.rotations import exp, hat
+from tests.motion.test_terms import B, T, body, normal, reprojection, seen, state, straying
+
+__all__ = ["body", "state"]  # fixtures
+
+
+def two_straying_views(body: Body, state: MotionState) -> Reprojection:
+    """One of a known camera, one of the state's own, each with strays of its own."""
+    first = straying(body, state)
+    (view,) = first.views
+    known = replace(view.at(state), camera=None, xy_px=view.xy_px + normal(B, T, 25, 2, seed=40))
+    turned = exp(normal(B, 3, seed=41, spread=0.2)) @ known.R
+    return replace(first, views=(view, replace(known, R=turned)))
+
+
+def weighted(term: Reprojection, view: View, xyz: Tensor) -> tuple[Tensor, Tensor]:
+    """Residuals and their derivatives by points in camera axes, robust weights included."""
+    pixels, x_cam = project(view, xyz)
+    error = pixels - view.xy_px
+    squared = view.weight * error.square().sum(-1)
+    root = (view.weight * geman_mcclure(squared, term.scale)[1]).sqrt()[..., None]
+    return error * root, projection_jacobian(view, x_cam) * root[..., None]
+
+
+def settle_slowly(
+    term: Reprojection, view: View, xyz: Tensor, pivot: Tensor, precision: Tensor
+) -> tuple[Tensor, Tensor]:
+    d = torch.zeros_like(precision)
+    for _ in range(INNER_STEPS):
+        at = strayed(xyz, pivot, d)
+        residual, by_camera = weighted(term, view, at)
+        rows = by_stray(by_camera @ view.R[:, None, None], at, pivot, d).flatten(2, 3)
+        gradient = (rows.mT @ residual.flatten(2)[..., None])[..., 0] + precision * d
+        sharpness = rows.mT @ rows + torch.diag_embed(precision)
+        step = torch.linalg.solve(sharpness, gradient)
+        d = d - step
+        if float(step.abs().max()) < SETTLED:
+            break
+    return d, sharpness
+
+
+def test_strays_settle_where_the_definition_says(body: Body, state: MotionState) -> None:
+    term = two_straying_views(body, state)
+    xyz = body.positions(body.keypoints, state).xyz
+    pivot = state.trans + body.model.shape(state.betas).joints_rest[:, 0][:, None]
+    precision = normal(B, T, 6, seed=42).abs() * 100 + 20  # of every axis its own
+    for view in (view.at(state) for view in term.views):
+        expected = settle_slowly(term, view, xyz, pivot, precision)
+        found = settle(view, term.scale, xyz, pivot, precision)
+        assert float(expected[0].abs().max()) > 0.01
+        for mine, theirs in zip(found, expected, strict=True):
+            assert torch.allclose(mine, theirs, rtol=1e-9, atol=1e-10 * float(theirs.abs().max()))
+
+
+def rows_of(term: Reprojection, state: MotionState) -> NormalEquations:
+    """All rows of every view, its strays' among them, and their Schur complement."""
+    body, m = term.body, state.unknown_globals
+    found = NormalEquations.zeros(B, T, FRAME_UNKNOWNS, m, state.trans)
+    points = body.derivatives(body.keypoints, state)
+    pivot = state.trans + body.model.shape(state.betas).joints_rest[:, 0][:, None]
+    for fixed in term.views:
+        view, (xyz, d) = fixed.at(state), term.placed(fixed, state)
+        residual, by_camera = weighted(term, view, xyz)
+        by_point = by_camera @ view.R[:, None, None]
+        turned = by_point @ exp(d[:, :, None, :3])
+        rows = torch.zeros(B, T, 25, 2, FRAME_UNKNOWNS + m + 6).double()
+        rows[..., :POSE] = turned @ points.d_pose
+        rows[..., POSE:FRAME_UNKNOWNS] = by_point
+        rows[..., FRAME_UNKNOWNS : FRAME_UNKNOWNS + 10] = turned @ points.d_beta
+        if view.camera is not None:
+            lever = (xyz - state.pivot()[:, None, None]) @ view.R[:, None].mT
+            own = state.camera_columns(view.camera)
+            rows[..., FRAME_UNKNOWNS + own.start : FRAME_UNKNOWNS + own.stop] = torch.cat(
+                [by_camera @ -hat(lever), by_camera], -1
+            )
+        if view.stray is not None:
+            rows[..., -6:] = by_stray(by_point, xyz, pivot, d)
+        flat = rows.flatten(2, 3)
+        full, gradient = flat.mT @ flat, (flat.mT @ residual.flatten(2)[..., None])[..., 0]
+        if view.stray is not None:
+            own_part = full[..., -6:, -6:] + torch.diag_embed(view.stray)
+            full = full - full[..., -6:] @ torch.linalg.solve(own_part, full[..., -6:, :])
+        n = FRAME_UNKNOWNS
+        found.diagonal += full[..., :n, :n]
+        found.border += full[..., :n, n:-6]
+        found.corner += full[..., n:-6, n:-6].sum(1)
+        found.gradient += gradient[..., :n]
+        found.corner_gradient += gradient[..., n:-6].sum(1)
+    return found
+
+
+def test_views_gathered_by_their_points_are_their_rows(body: Body, state: MotionState) -> None:
+    for term in (reprojection(body, state), two_straying_views(body, state)):
+        assert isinstance(term, Reprojection)
+        expected = rows_of(term, state)
+        found = NormalEquations.zeros(B, T, FRAME_UNKNOWNS, state.unknown_globals, state.trans)
+        term.add_to(found, state)
+        assert_equal(found, expected)
+
+
+def assert_equal(found: NormalEquations, expected: NormalEquations) -> None:
+    for field in fields(found):
+        mine, theirs = getattr(found, field.name), getattr(expected, field.name)
+        assert torch.allclose(mine, theirs, rtol=0, atol=1e-10 * (1 + float(theirs.abs().max())))
+
+
+def test_estimates_together_are_the_sum_of_each(body: Body, state: MotionState) -> None:
+    joints, weight = normal(B, T, 3, 24, 3, seed=43), normal(B, T, 3, 24, seed=44).abs()
+    weight = weight * seen(state)[..., None] * (normal(3, 24, seed=45) > -0.5)  # some are not given
+    each = [JointEvidence(body, joints[:, :, e], weight[:, :, e], 3.0) for e in range(3)]
+    together = JointEvidence(body, joints, weight, 3.0)
+    costs = torch.stack([term.cost(state) for term in each]).sum(0)
+    assert torch.allclose(together.cost(state), costs, rtol=1e-12)
+    assert_equal(linearise([together], state), linearise(each, state))
+
+
+def test_an_estimate_weighs_as_its_centred_joints_do(body: Body, state: MotionState) -> None:
+    joints, weight = normal(B, T, 24, 3, seed=46), normal(B, T, 24, seed=47).abs()
+    found = linearise([JointEvidence(body, joints, weight, 1e9)], state)
+    share = weight / weight.sum(-1, keepdim=True)
+    d_xyz = body.derivatives(body.joints, state).d_pose
+    assert d_xyz is not None
+    centred = d_xyz - (share[..., None, None] * d_xyz).sum(2, keepdim=True)
+    rows = (weight.sqrt()[..., None, None] * centred).flatten(2, 3)
+    expected = rows.mT @ rows
+    mine = found.diagonal[state.valid][..., :POSE, :POSE]
+    assert torch.allclose(mine, expected[state.valid], atol=1e-9 * float(expected.abs().max()))
+
+
+def chords(state: MotionState) -> Tensor:
+    """Accelerations as `PoseSmoothness` weighs them: half of a chord's squared length."""
+    R = state.R_local
+    return ((R[:, :-2] - 2 * R[:, 1:-1] + R[:, 2:]) / 2**0.5).flatten()
+
+
+def steps_of_feet(body: Body, state: MotionState) -> Tensor:
+    feet = body.positions(body.feet, state).xyz
+    return (feet[:, 1:] - feet[:, :-1]).flatten()
+
+
+def test_terms_that_couple_frames_are_their_rows(body: Body, state: MotionState) -> None:
+    """Far below their scales: ``J^T J`` of the residuals, J by automatic differentiation."""
+    one = state.of_motion(0, 4)
+    start = MotionState.of(one.R_local, one.trans, one.betas, one.valid)
+    bend = PoseSmoothness(torch.zeros(24).double(), torch.ones(24).double(), 1e9)
+    cases: list[tuple[Term, object]] = [
+        (bend, lambda s: chords(s)),
+        (StandingFeet(body, 1.0, 1e9), lambda s: steps_of_feet(body, s)),
+    ]
+    for term, residuals in cases:
+
+        def moved(d: Tensor, residuals: object = residuals) -> Tensor:
+            assert callable(residuals)
+            return residuals(start.retract(d[None], torch.zeros_like(start.betas)))
+
+        zero = torch.zeros(4, FRAME_UNKNOWNS).double()
+        J = torch.autograd.functional.jacobian(moved, zero, vectorize=True).flatten(1)
+        expected = (J.mT @ J).unflatten(0, (4, -1)).unflatten(2, (4, -1))
+        found = linearise([term], start)
+        for apart, blocks in enumerate((found.diagonal, found.next1, found.next2)):
+            for t in range(4 - apart):
+                error = blocks[0, t] - expected[t, :, t + apart]
+                assert float(error.abs().max()) < 1e-8 * float(expected.abs().max())
+
+
+def test_what_a_state_was_asked_before_is_not_worked_out_again(state: MotionState) -> None:
+    asked = []
+
+    def answer() -> int:
+        asked.append(1)
+        return len(asked)
+
+    one, other = object(), object()
+    assert [state.once((one,), answer) for _ in range(3)] == [1, 1, 1]
+    assert state.once((one, other), answer) == 2
+    assert replace(state).once((one,), answer) == 3
