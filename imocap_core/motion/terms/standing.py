@@ -47,17 +47,13 @@ class StandingFeet:
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """Rows of a pair of frames are those of the later minus those of the earlier one."""
-        points = self.body.derivatives(self.body.feet, state)
-        assert points.d_pose is not None
-        assert points.d_beta is not None
-        step = _steps(points.xyz, state.valid)
+        feet, frame, d_beta = state.once((self.body.feet, _moved), lambda: _moved(self.body, state))
+        step = _steps(feet, state.valid)
         root = (self.weight * self._cost(step)[1]).sqrt()
         root = root * (state.valid[:, :-1] & state.valid[:, 1:])[..., None]
         residual = (step * root[..., None]).flatten(2)
-        moves = torch.eye(3).to(step).expand(*points.xyz.shape, 3)
-        frame = torch.cat([points.d_pose, moves], -1)
         earlier, later = (_rows(x, root) for x in (-frame[:, :-1], frame[:, 1:]))
-        shape = _rows(points.d_beta[:, 1:] - points.d_beta[:, :-1], root)
+        shape = _rows(d_beta[:, 1:] - d_beta[:, :-1], root)
         count = shape.shape[-1]
         beside = torch.nn.functional.pad(root.square(), (0, 0, 1, 1))  # of the pairs a frame is in
         both = _rows(frame, (beside[:, :-1] + beside[:, 1:]).sqrt())
@@ -89,6 +85,15 @@ def _steps(feet: Tensor, valid: Tensor) -> Tensor:
     """(B, T-1, F, 3) movement from each frame to the next, 0 where one of them is padding."""
     both = (valid[:, :-1] & valid[:, 1:])[..., None, None]
     return (feet[:, 1:] - feet[:, :-1]) * both
+
+
+def _moved(body: Body, state: MotionState) -> tuple[Tensor, Tensor, Tensor]:
+    """Feet (B, T, F, 3) and their derivatives by a frame's unknowns and by the shape."""
+    points = body.derivatives(body.feet, state)
+    assert points.d_pose is not None
+    assert points.d_beta is not None
+    moves = torch.eye(3).to(points.xyz).expand(*points.xyz.shape, 3)
+    return points.xyz, torch.cat([points.d_pose, moves], -1), points.d_beta
 
 
 def _rows(derivative: Tensor, root: Tensor) -> Tensor:
