@@ -105,6 +105,7 @@ def main() -> None:
         network.load_state_dict(torch.load(arguments.work / "checkpoint.pt"))
     averaged.load_state_dict(network.state_dict())
     print(f"{count_weights(network)} weights, held out: {', '.join(held_out)}", flush=True)
+    print({"step": 0, **errors_mm(averaged, batches)}, flush=True)
     optimiser = torch.optim.AdamW(network.parameters(), weight_decay=WEIGHT_DECAY)
     began, curve, step, done = time.monotonic(), [], 0, 0.0
     while done < 1.0:

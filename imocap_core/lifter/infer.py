@@ -1,7 +1,8 @@
 """A whole video through the network: windows at about its frame rate, blended to every frame.
 
 A video of 60 frames a second is read as four interleaved ones of 15, and so on. Windows overlap by
-two thirds; what they say is turned back into the camera's axes and blended.
+two thirds; what they say is turned back into the camera's axes and blended. Every window is also
+read in a mirror, and the two answers are averaged.
 """
 
 from __future__ import annotations
@@ -13,13 +14,16 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.lifter.network import RATE_HZ, WINDOW, Answer, Lifter
-from imocap_core.lifter.points import COMMON
+from imocap_core.lifter.points import COMMON, MIRROR
 from imocap_core.lifter.rays import look_at_person
 from imocap_core.lifter.stitch import one_alternative
 
 HOP = WINDOW // 3
 CHUNK = 64  # windows answered at once
+FLIP = torch.tensor([-1.0, 1.0, 1.0])  # left is right in a mirror
+POINTS, JOINTS = list(MIRROR), list(mirror_indices(SMPL_JOINTS))
 
 Array = NDArray[np.float64]
 
@@ -81,25 +85,41 @@ def window_rows(frames: int, stride: int, phase: int) -> list[NDArray[np.int64]]
 
 
 def _answer(network: Lifter, xy: Tensor, trust: Tensor) -> Answer:
-    """In the camera's axes, chunk by chunk."""
+    """In the camera's axes, chunk by chunk: of the windows and of their mirror images."""
     parts = []
     with torch.inference_mode():
         for begin in range(0, len(xy), CHUNK):
-            seen = look_at_person(xy[begin : begin + CHUNK], trust[begin : begin + CHUNK])
-            told, R = network(seen.features), seen.R_turned_from_cam
-            parts.append(
-                Answer(
-                    torch.einsum("bji,blkj->blki", R, told.joints),
-                    told.log_variance,
-                    torch.einsum("bji,blhkj->blhki", R, told.alternatives),
-                    told.logits,
-                )
-            )
+            rays, own = xy[begin : begin + CHUNK], trust[begin : begin + CHUNK]
+            as_seen = _told(network, rays, own)
+            in_mirror = _told(network, rays[:, :, POINTS] * FLIP[:2], own[:, :, POINTS])
+            parts.append(_both(as_seen, in_mirror))
     return Answer(
         *(
             torch.cat([getattr(p, name) for p in parts])
             for name in ("joints", "log_variance", "alternatives", "logits")
         )
+    )
+
+
+def _told(network: Lifter, rays: Tensor, trust: Tensor) -> Answer:
+    seen = look_at_person(rays, trust)
+    told, R = network(seen.features), seen.R_turned_from_cam
+    return Answer(
+        torch.einsum("bji,blkj->blki", R, told.joints),
+        told.log_variance,
+        torch.einsum("bji,blhkj->blhki", R, told.alternatives),
+        told.logits,
+    )
+
+
+def _both(as_seen: Answer, in_mirror: Answer) -> Answer:
+    """The mean of two answers, the second one turned back; the alternatives of both."""
+    joints, others = in_mirror.joints[:, :, JOINTS], in_mirror.alternatives[..., JOINTS, :]
+    return Answer(
+        (as_seen.joints + joints * FLIP) / 2,
+        (as_seen.log_variance + in_mirror.log_variance[:, :, JOINTS]) / 2,
+        torch.cat([as_seen.alternatives, others * FLIP], 2),
+        torch.cat([as_seen.logits, in_mirror.logits], 1),
     )
 
 

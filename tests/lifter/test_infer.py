@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 import torch
 
+from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.lifter.infer import lift, window_rows
 from imocap_core.lifter.network import WINDOW, Lifter
-from imocap_core.lifter.points import COMMON
+from imocap_core.lifter.points import COMMON, MIRROR
 from imocap_core.lifter.stitch import one_alternative
 
 K = len(COMMON)
@@ -52,6 +53,19 @@ def test_a_faster_film_of_the_same_moments(network: Lifter) -> None:
     slow = lift(network, rays, trust, 15.0)
     fast = lift(network, rays.repeat(2, 0), trust.repeat(2, 0), 30.0)
     np.testing.assert_allclose(fast.joints[::2], slow.joints, atol=1e-5)
+
+
+def test_a_film_in_a_mirror_shows_the_motion_in_a_mirror(network: Lifter) -> None:
+    rays, trust = seen(50)
+    trust[:, COMMON.index("left_wrist")] = 0.5
+    flip, points = np.array([-1.0, 1.0, 1.0]), list(MIRROR)
+    a = lift(network, rays, trust, 15.0)
+    b = lift(network, rays[:, points] * flip[:2], trust[:, points], 15.0)
+    joints = list(mirror_indices(SMPL_JOINTS))
+    assert np.abs(a.joints - a.joints[:, joints] * flip).max() > 1e-3
+    np.testing.assert_allclose(b.joints[:, joints] * flip, a.joints, atol=1e-5)
+    np.testing.assert_allclose(b.alternative[:, joints] * flip, a.alternative, atol=1e-5)
+    np.testing.assert_allclose(b.sigma_m[:, joints], a.sigma_m, atol=1e-5)
 
 
 def test_no_point_no_matter(network: Lifter) -> None:

@@ -13,14 +13,15 @@ from torch import Tensor
 
 from imocap_core.body.layouts import layout_keypoints
 from imocap_core.conventions import left_right_pairs
-from imocap_core.lifter.network import RATE_HZ
 from imocap_core.lifter.points import COMMON
+from lifter.habits import habits_of, jumps, marked, persistent
 
 STATURE_M = 1.7
 LAYOUTS = ("body25", "body25b", "coco17", "coco18", "halpe26", "h36m17", "mediapipe33", "coco18")
 FACE = tuple(k for k, n in enumerate(COMMON) if n in
              ("nose", "left_eye", "right_eye", "left_ear", "right_ear", "head_top"))  # fmt: skip
 FEET = tuple(k for k, n in enumerate(COMMON) if "toe" in n or "heel" in n)
+PAIRS = left_right_pairs(COMMON)
 LIMBS = tuple(
     tuple(pair for pair in left_right_pairs(COMMON)
           if COMMON[pair[0]].removeprefix("left_") in parts)
@@ -28,7 +29,6 @@ LIMBS = tuple(
                   ("hip_seen", "hip", "knee", "ankle", "big_toe", "small_toe", "heel"),
                   ("eye", "ear"))
 )  # fmt: skip
-PERSISTENCE = float(np.exp(-1.0 / (0.3 * RATE_HZ)))
 
 
 def film(points: Tensor, joints: Tensor, rng: np.random.Generator) -> tuple[Tensor, ...]:
@@ -60,19 +60,17 @@ def film(points: Tensor, joints: Tensor, rng: np.random.Generator) -> tuple[Tens
 def detect(rays: Tensor, height: Tensor, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
     """Rays (B, L, K, 2) and confidences (B, L, K) as a detector of some layout reports them."""
     count, frames, K = rays.shape[:3]
-    per_window = (count, 1, 1)
-    noise = np.exp(rng.uniform(np.log(0.003), np.log(0.02), (*per_window, 1)))
-    hard = rng.uniform(0.7, 1.3, (count, 1, K, 1))
-    offset = noise * hard * _persistent((count, frames, K, 2), rng)
-    outlier = rng.random((count, frames, K)) < rng.uniform(0.0, 0.06, per_window)
-    offset += outlier[..., None] * rng.normal(0.0, 0.10, offset.shape)
-    error = np.linalg.norm(offset, axis=-1) / noise[..., 0]
-    own = rng.normal(size=(count, 1, K, 2)) * 0.006  # where a detector marks a joint
+    habits = habits_of(count, rng)
+    noise = habits.noise[:, None]
+    offset = noise[..., None] * persistent(habits, frames, rng)
+    offset += jumps(habits, frames, rng)
+    error = np.linalg.norm(offset, axis=-1) / habits.level[:, None, None]
+    own = rng.normal(size=(count, 1, K, 2)) * habits.lasting[:, None, :, None]
     trust = _believed(error, rng)
     plain = rng.random(count) < 0.25  # detectors that do not say how sure they are
     trust[plain] = 1.0
-    missed = rng.random((count, frames, K)) < rng.uniform(0.0, 0.08, per_window)
-    seen = _swapped(rays, rng) + height[:, None, None, None] * torch.as_tensor(
+    missed = rng.random((count, frames, K)) < habits.misses[:, None, None]
+    seen = _swapped(marked(rays, habits), rng) + height[:, None, None, None] * torch.as_tensor(
         offset + own, dtype=torch.float32
     )
     hidden = missed | ~_marked(count, frames, rng)
@@ -96,15 +94,6 @@ def _orientations(count: int, rng: np.random.Generator) -> Tensor:
     return torch.as_tensor(np.stack([x, y, forward], 1), dtype=torch.float32)
 
 
-def _persistent(shape: tuple[int, ...], rng: np.random.Generator) -> np.ndarray:
-    """Unit variance, half of it white and half persisting along axis 1."""
-    white = rng.standard_normal(shape, dtype=np.float32)
-    slow = rng.standard_normal(shape, dtype=np.float32)
-    for t in range(1, shape[1]):
-        slow[:, t] = PERSISTENCE * slow[:, t - 1] + np.sqrt(1 - PERSISTENCE**2) * slow[:, t]
-    return (white + slow) / np.sqrt(2)
-
-
 def _believed(error_in_sigma: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """As imocap_core.synthetic.detector.believed, its invention drawn once for both shares."""
     known = 0.92 / (1.0 + (error_in_sigma / 6.0) ** 2)
@@ -113,17 +102,18 @@ def _believed(error_in_sigma: np.ndarray, rng: np.random.Generator) -> np.ndarra
 
 
 def _swapped(rays: Tensor, rng: np.random.Generator) -> Tensor:
-    """Arms, legs or faces exchanged in bouts; in one window of fifty all of them throughout."""
+    """Arms, legs or faces exchanged in bouts, more rarely the whole body."""
     swapped = rays.clone()
     count, frames = rays.shape[:2]
     time = np.arange(frames)
-    for limb in LIMBS:
+    for limb, share in (*((limb, 0.12) for limb in LIMBS), (PAIRS, 0.06)):
         begin = rng.integers(-3, frames, count)
-        length = np.where(rng.random(count) < 0.12, rng.integers(1, 5, count), 0)
+        length = np.where(rng.random(count) < share, rng.integers(1, 5, count), 0)
         bout = (time >= begin[:, None]) & (time < (begin + length)[:, None])
         b, t = (torch.as_tensor(i)[:, None] for i in np.nonzero(bout))
         left, right = [p for p, _ in limb], [q for _, q in limb]
-        swapped[b, t, left], swapped[b, t, right] = rays[b, t, right], rays[b, t, left]
+        kept = swapped.clone()
+        swapped[b, t, left], swapped[b, t, right] = kept[b, t, right], kept[b, t, left]
     return swapped
 
 
