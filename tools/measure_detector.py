@@ -33,7 +33,7 @@ from stages.params import DetectParams
 CLIPS = ("02_05", "03_02", "05_02", "05_18", "06_12", "07_04", "10_04", "13_09")
 FRAMES = 64
 SIZE, CRF, SEED = (640, 480), 20, 7
-LAYOUT = "mediapipe33"
+LAYOUT = "body33"  # MediaPipe's keypoints where they are on the body
 TARGETS = {"nose": "", "eye": "", "ear": "", "shoulder": "elbow", "elbow": "shoulder",
            "wrist": "elbow", "hip": OTHER, "knee": "", "ankle": "knee", "heel": "knee",
            "foot_index": "heel"}  # fmt: skip

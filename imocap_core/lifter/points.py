@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from imocap_core.body.layouts import layout_keypoints
+from imocap_core.body.layouts import Keypoint, layout_keypoints
 from imocap_core.conventions import mirror_indices
 
 COMMON: tuple[str, ...] = (
@@ -32,7 +32,7 @@ def columns_of(layout: str) -> tuple[list[int], list[int]]:
 
     ValueError when the layout is not known or has too few of the points (`can_lift`).
     """
-    at = {k.point: column for column, k in reversed(list(enumerate(layout_keypoints(layout))))}
+    at = {_point(k): column for column, k in reversed(list(enumerate(layout_keypoints(layout))))}
     rows = [row for row, point in enumerate(COMMON) if point in at]
     if len(rows) < LEAST_POINTS:
         raise ValueError(
@@ -42,9 +42,14 @@ def columns_of(layout: str) -> tuple[list[int], list[int]]:
     return [at[COMMON[row]] for row in rows], rows
 
 
+def _point(keypoint: Keypoint) -> str:
+    """Where it sits; a detector's own idea of a limb's end is that end."""
+    return keypoint.point.removesuffix("_mediapipe")
+
+
 def can_lift(layout: str) -> bool:
     """Whether a layout has enough of the points."""
-    here = {keypoint.point for keypoint in layout_keypoints(layout)}
+    here = {_point(keypoint) for keypoint in layout_keypoints(layout)}
     return sum(point in here for point in COMMON) >= LEAST_POINTS
 
 

@@ -29,6 +29,7 @@ from stages.benchmarks.inputs import SEED, Shot, trial_shots
 from stages.harness.source import closure
 
 LAYOUT = "mediapipe33"
+BODY_LAYOUT = "body33"  # the same keypoints where they are on the body, to measure against
 SIZES = {False: (640, 480), True: (320, 240)}
 POINTS = "points.npz"  # where the points truly are: for the detector's errors alone
 CRF = 20  # H.264 quality, about that of a video from the Internet
@@ -94,12 +95,12 @@ def _scored(shot: Shot, shooting: Shooting) -> Shot:
 
 def _seen(shooting: Shooting, shaped: Shaped) -> dict[str, Any]:
     """Where the layout's points are seen, how tall the person is in the picture, and from where."""
-    xy_px, depth_m = true_points_px(shooting, shaped, LAYOUT)
+    xy_px, depth_m = true_points_px(shooting, shaped, BODY_LAYOUT)
     stature_m = float(np.ptp(shaped.vertices_rest[:, 1].numpy()))
     return {
         "xy_px": xy_px,
         "height_px": shooting.K[1, 1] * stature_m / depth_m.mean(axis=1),
-        "names": np.array(shaped.model.points(LAYOUT).names),
-        "columns": np.array(shaped.model.points(LAYOUT).columns),
+        "names": np.array(shaped.model.points(BODY_LAYOUT).names),
+        "columns": np.array(shaped.model.points(BODY_LAYOUT).columns),
         "side": np.array(seen_from(shooting.joints, shooting.R, shooting.t)),
     }

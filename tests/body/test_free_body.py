@@ -28,6 +28,7 @@ COUNTS = {
     "halpe136": 136,
     "h36m17": 17,
     "mediapipe33": 33,
+    "body33": 33,
     "hands42": 42,
     "smpl24": 24,
     "smplh52": 52,
@@ -149,3 +150,16 @@ def test_the_body_of_a_layout_are_its_first_points(layout: str) -> None:
     names, body = layout_names(layout), layout_names(body_layout(layout))
     assert names[: len(body)] == body
     assert not any("face" in name or "thumb" in name for name in body) or body == names
+
+
+def test_mediapipe_marks_limbs_nearer_to_their_other_end(body: Model) -> None:
+    marked, joints = at_rest(body, "mediapipe33"), at_rest(body, "body33")
+    assert list(marked) == list(joints)
+    for end, other, share in (("ankle", "knee", 0.09), ("wrist", "elbow", 0.09)):
+        limb = joints[f"left_{other}"] - joints[f"left_{end}"]
+        moved = marked[f"left_{end}"] - joints[f"left_{end}"]
+        np.testing.assert_allclose(moved, share * limb, atol=1e-9)
+    same = ("nose", "right_knee", "left_heel", "right_foot_index")
+    assert all(np.array_equal(marked[name], joints[name]) for name in same)
+    apart = [np.linalg.norm(p["left_hip"] - p["right_hip"]) for p in (marked, joints)]
+    assert 1.1 < apart[1] / apart[0] < 1.4

@@ -15,7 +15,8 @@ LAYOUTS = ("body25", "body25b", "coco17", "coco18", "halpe26", "h36m17", "mediap
 def test_a_column_goes_to_the_point_it_sits_at(layout: str) -> None:
     columns, rows = columns_of(layout)
     keypoints = layout_keypoints(layout)
-    assert [keypoints[c].point for c in columns] == [COMMON[r] for r in rows]
+    at = [keypoints[c].point.removesuffix("_mediapipe") for c in columns]
+    assert at == [COMMON[r] for r in rows]
     assert len(rows) >= 15
 
 

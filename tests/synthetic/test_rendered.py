@@ -70,7 +70,7 @@ def test_what_a_camera_sees(turn_deg: float, side: str) -> None:
 
 def test_feet_stand_on_the_floor_and_everything_is_in_the_picture() -> None:
     shooting = shoot(upright(), performer(), Viewpoint(35.0, 3.0, 1.4, 1.0), SIZE)
-    xy_px, depth_m = true_points_px(shooting, performer(), "mediapipe33")
+    xy_px, depth_m = true_points_px(shooting, performer(), "body33")
     assert ((xy_px > 0) & (xy_px < SIZE)).all()
     assert (depth_m > 1).all()
     ankles = shooting.joints[:, [SMPL_JOINTS.index("left_ankle")], 2]
