@@ -97,7 +97,7 @@ def squares_in_picture(seen: Projected, video: Filmed, at: NDArray[np.int64]) ->
     (variable projection): strays found where a frame lies so far would take up the time it is off.
     How large strays are, and which detections are outliers, is told at those moments ``at`` (T,).
     """
-    weight, precision = _weights_and_precision(seen, video, at)
+    weight, precision = weights_and_precision(seen, video, at)
     count = np.maximum((weight / np.maximum(video.weight, 1e-12)).sum(1), 1e-6)
     moments, points = seen.xy_px.shape[:2]
     middle = seen.xy_px.mean(axis=(0, 1))
@@ -137,7 +137,7 @@ def _quadratic(lower: Array, g: Array) -> Array:
     return total
 
 
-def _weights_and_precision(
+def weights_and_precision(
     seen: Projected, video: Filmed, at: NDArray[np.int64]
 ) -> tuple[Array, Array]:
     """The robust weights (T, K) of the detections and the inverse variances (6,) of strays, told

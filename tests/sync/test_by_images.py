@@ -9,9 +9,9 @@ from imocap_core.sync import synchronise
 from imocap_core.sync.by_images import (
     Filmed,
     Pictures,
-    _weights_and_precision,
     projected,
     squares_in_picture,
+    weights_and_precision,
 )
 from tests.sync.test_synchronise import SETTINGS
 
@@ -166,7 +166,7 @@ def test_the_fit_of_strays_at_every_moment_is_the_one_found_by_itself() -> None:
     video = film(phase, 0.4, 31)
     seen, at = projected(motion(phase), video), np.array([0, 1, 1, 3, 4, 5])
     squares = squares_in_picture(seen, video, at)
-    weight, precision = _weights_and_precision(seen, video, at)
+    weight, precision = weights_and_precision(seen, video, at)
     for t in range(6):
         for s in range(6):
             root = np.sqrt(np.repeat(weight[t], 2))
