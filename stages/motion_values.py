@@ -17,6 +17,7 @@ from imocap_core.artifacts.schemas import (
     VideoMotion,
 )
 from imocap_core.body import load_free_body
+from imocap_core.body.layouts import layouts
 from imocap_core.formats.estimators import JOINTS
 from imocap_core.motion.consensus import Cameras
 from imocap_core.motion.kinematics import Body
@@ -70,9 +71,19 @@ def observations_of(
         xy[:, here], confidence[:, here] = camera.xy_first_px[:, kept], video.confidence[:, kept]
         confidence[~np.isfinite(xy).all(-1)] = 0.0
         known = (joints or {}).get(video.id)
-        noise = fit.noise_share_of.get(video.layout, fit.noise_share)
+        noise = noise_share_of(video.layout, fit)
         found.append(Observation(xy, confidence, camera.K, video.fps, known, noise_share=noise))
     return found
+
+
+def noise_share_of(layout: str, fit: FitParams) -> float:
+    """The noise of a layout's detector, a share of the person's size; ValueError names a layout
+    that there is not."""
+    if unknown := sorted(set(fit.noise_share_of) - set(layouts())):
+        raise ValueError(
+            f"fit.noise_share_of: expected some of {', '.join(layouts())}, got {unknown[0]}"
+        )
+    return fit.noise_share_of.get(layout, fit.noise_share)
 
 
 def weights_of(fit: FitParams) -> FitWeights:
