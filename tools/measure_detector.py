@@ -1,4 +1,4 @@
-"""MediaPipe's errors on films: ``python tools/measure_detector.py DATA/train/cmu_train.npz --work FOLDER``.
+"""MediaPipe's errors on films: `tools/measure_detector.py DATA/train/cmu_train.npz --work FOLDER`.
 
 Two seconds of training clips on the free body, filmed by four cameras as `imocap benchmark
 rendered` films performances of `trials`, found by the detector. Prints its habits, and below each
