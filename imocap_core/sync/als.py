@@ -43,8 +43,12 @@ def _ridge(factor: Matrix, target: Matrix, ridge: float) -> Matrix:
     """argmin_B |target - factor B'|^2 + ridge |B|^2."""
     gram = factor.T @ factor
     gram[np.diag_indices_from(gram)] += ridge
+    right = (target.T @ factor).T  # as LAPACK has it, so that nothing is copied
     solution: Matrix = cho_solve(
-        cho_factor(gram, check_finite=False), factor.T @ target, check_finite=False
+        cho_factor(gram, overwrite_a=True, check_finite=False),
+        right,
+        overwrite_b=True,
+        check_finite=False,
     )
     return solution.T
 
@@ -84,8 +88,10 @@ def als(
         A = _ridge(B, target.T, nuclear_weight / mu)
         X = A @ B.T
         Z_old, Z = Z, project(X + Y / np.float32(mu), blocks)
-        Y += np.float32(mu) * (X - Z)
-        primal, dual = float(np.linalg.norm(X - Z)) / N, mu * float(np.linalg.norm(Z - Z_old)) / N
+        X -= Z
+        primal, dual = float(np.linalg.norm(X)) / N, mu * float(np.linalg.norm(Z - Z_old)) / N
+        X *= np.float32(mu)
+        Y += X
         history.append(max(primal, dual))
         if history[-1] < tolerance:
             break
