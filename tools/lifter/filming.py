@@ -11,9 +11,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from imocap_core.body.layouts import layout_keypoints
 from imocap_core.conventions import left_right_pairs
-from imocap_core.lifter.points import COMMON
+from imocap_core.lifter.points import COMMON, columns_of
 from lifter.habits import habits_of, jumps, marked, persistent
 
 STATURE_M = 1.7
@@ -119,8 +118,7 @@ def _swapped(rays: Tensor, rng: np.random.Generator) -> Tensor:
 
 def _marked(count: int, frames: int, rng: np.random.Generator) -> np.ndarray:
     """(B, L, K) bool: what the layout has, less what is cut off, hidden or outside the clip."""
-    tables = np.stack([[n in {k.point for k in layout_keypoints(x)} for n in COMMON]
-                       for x in LAYOUTS])  # fmt: skip
+    tables = np.stack([np.isin(np.arange(len(COMMON)), columns_of(x)[1]) for x in LAYOUTS])
     marked = np.repeat(tables[rng.integers(len(LAYOUTS), size=count)][:, None], frames, 1)
     for rows, columns in (
         (rng.random(count) < 0.25, list(FACE)),
