@@ -72,9 +72,7 @@ class JointEvidence:
         With weights w and shares s, centring makes of the joints' weights the matrix
         ``diag(w) - w s^T - s w^T + (sum w) s s^T``: all estimates' together meet the Jacobian once.
         """
-        given = (
-            (self.weight > 0).flatten(0, -2).any(0)
-        )  # joints that no estimate gives cost nothing
+        given = (self.weight > 0).flatten(0, -2).any(0)  # the others need no equations
         points = self.body.derivatives(self.body.joints, state)
         assert points.d_pose is not None
         assert points.d_beta is not None

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from imocap_core.motion.terms.view import NEAREST_M, View
+from imocap_core.rotations import exp
 
 INNER_STEPS = 30  # at most
 SETTLED = 1e-4  # rad, m: strays that move less have settled
@@ -86,7 +87,7 @@ class _Seen:
 
         An arm a at the end of a derivative J by the point turns it: ``J (w x a) = (a x J) w``.
         """
-        arms = _rotations(d[..., :3]) @ self.arms
+        arms = exp(d[..., :3]) @ self.arms
         ax, ay, az = arms.unbind(-2)
         x, y, z = (arms + (self.root + d[..., 3:])[..., None]).unbind(-2)
         nearness = 1 / z.clamp_min(NEAREST_M)
@@ -108,29 +109,6 @@ class _Seen:
             -2,
         ).unflatten(-2, (7, 2)).flatten(-2)  # fmt: skip
         return rows @ rows.mT
-
-
-def _rotations(turn: Tensor) -> Tensor:
-    """`rotations.exp` of turns (B, T, 3) that need no derivative: half of its work."""
-    angle = turn.norm(dim=-1, keepdim=True).clamp_min(1e-100)
-    half = torch.sin(angle / 2) / angle
-    x, y, z = turn.unbind(-1)
-    sine = (torch.sin(angle) / angle)[..., 0]
-    a, b, c = sine * x, sine * y, sine * z
-    p, q, r = (2**0.5 * half * turn).unbind(-1)
-    pq, pr, qr, pp, qq, rr = p * q, p * r, q * r, p * p, q * q, r * r
-    entries = [
-        1 - qq - rr,
-        pq - c,
-        pr + b,
-        pq + c,
-        1 - pp - rr,
-        qr - a,
-        pr - b,
-        qr + a,
-        1 - pp - qq,
-    ]
-    return torch.stack(entries, -1).unflatten(-1, (3, 3))
 
 
 def _to_state(d: Tensor, R: Tensor) -> Tensor:
