@@ -98,6 +98,20 @@ def swap_side(name: str) -> str:
     return name
 
 
+def sideless(name: str) -> str:
+    """left_knee and right_knee -> knee; names without a side stay."""
+    return name.removeprefix("left_").removeprefix("right_")
+
+
+OTHER = "other"  # the same point of the other side
+
+
+def point_towards(name: str, target: str) -> str:
+    """The point of the same side that `target` names without its side, or with `OTHER` the twin."""
+    side = name[: len(name) - len(sideless(name))]
+    return swap_side(name) if target == OTHER else side + target
+
+
 def mirror_indices(names: Sequence[str]) -> tuple[int, ...]:
     """For each name the index of its mirror twin (its own index when it has none)."""
     index = {name: i for i, name in enumerate(names)}

@@ -16,14 +16,16 @@ import torch
 import yaml
 
 from imocap_core.body import load_free_body
+from imocap_core.conventions import OTHER
 from imocap_core.formats.video import write_h264
 from imocap_core.metrics.detections import Film, exchanged_share
-from imocap_core.metrics.habits import OTHER, habit_of, turned_share
+from imocap_core.metrics.habits import habit_of, turned_share
 from imocap_core.synthetic.captured import VIEWPOINTS
 from imocap_core.synthetic.detector import detect
 from imocap_core.synthetic.embodied import embody
 from imocap_core.synthetic.levels import DETECTORS
-from imocap_core.synthetic.rendered import film_frames, seen_from, shoot, true_points_px
+from imocap_core.synthetic.rendered import film_frames, shoot
+from stages.benchmarks.rendered_action import seen_points
 from stages.benchmarks.sync_training import CAPTURED_FPS, training_clip
 from stages.detect.detection import detect_video
 from stages.detect.detectors import detector_of
@@ -33,7 +35,6 @@ from stages.params import DetectParams
 CLIPS = ("02_05", "03_02", "05_02", "05_18", "06_12", "07_04", "10_04", "13_09")
 FRAMES = 64
 SIZE, CRF, SEED = (640, 480), 20, 7
-LAYOUT = "body33"  # MediaPipe's keypoints where they are on the body
 TARGETS = {"nose": "", "eye": "", "ear": "", "shoulder": "elbow", "elbow": "shoulder",
            "wrist": "elbow", "hip": OTHER, "knee": "", "ankle": "knee", "heel": "knee",
            "foot_index": "heel"}  # fmt: skip
@@ -44,8 +45,8 @@ PIPELINE = Path(__file__).parents[1] / "pipeline.yaml"
 
 
 def measure(train: Path, clip: str, view: int, python: Path) -> dict[str, np.ndarray]:
-    """One film: where the points truly are and where they were found (T, 33, 2), NaN where nobody
-    was; the detector's own trust (T, 33); the person's height in the picture (T,)."""
+    """One film: what is true of it (`seen_points`), where its points were found (T, 33, 2), NaN
+    where nobody was, and the detector's own trust (T, 33)."""
     joints = training_clip(train, clip)
     first = max(0, (len(joints) - FRAMES) // 2)
     model = load_free_body(dtype=torch.float64)
@@ -61,18 +62,9 @@ def measure(train: Path, clip: str, view: int, python: Path) -> dict[str, np.nda
         detect_video(video, found, detector, python, lambda share, what: None)
         with np.load(found) as stored:
             landmarks = stored["pose_landmarks"]
-    true, depth_m = true_points_px(shooting, shaped, LAYOUT)
-    stature_m = float(np.ptp(shaped.vertices_rest[:, 1].numpy()))
-    points = shaped.model.points(LAYOUT)
-    return {
-        "true_px": true,
-        "found_px": landmarks[:, points.columns, :2] * SIZE,
-        "trust": landmarks[:, points.columns, 3],
-        "height_px": shooting.K[1, 1] * stature_m / depth_m.mean(axis=1),
-        "side": np.array(seen_from(shooting.joints, shooting.R, shooting.t)),
-        "names": np.array(points.names),
-        "depth_m": depth_m,
-    }
+    seen = seen_points(shooting, shaped)
+    found_px, trust = landmarks[:, seen["columns"], :2] * SIZE, landmarks[:, seen["columns"], 3]
+    return seen | {"found_px": found_px, "trust": trust}
 
 
 def films(train: Path, work: Path, python: Path) -> list[dict[str, np.ndarray]]:
@@ -94,15 +86,15 @@ def simulated(found: dict[str, np.ndarray], names: list[str], seed: list[int]) -
     """The same film as the simulated level sees it."""
     level, rng = DETECTORS["mediapipe"], np.random.default_rng(seed)
     asked = [name.replace("foot_index", "big_toe") for name in names]
-    d = detect(found["true_px"], found["height_px"], asked, CAPTURED_FPS, rng, level)
+    d = detect(found["xy_px"], found["height_px"], asked, CAPTURED_FPS, rng, level)
     xy = np.where(d.confidence[..., None] > 0, d.xy_px, np.nan)
-    return Film(xy, found["true_px"], found["height_px"], str(found["side"]), CAPTURED_FPS)
+    return Film(xy, found["xy_px"], found["height_px"], str(found["side"]), CAPTURED_FPS)
 
 
 def report(every: list[dict[str, np.ndarray]]) -> None:
     """Habits of the detector and, below, of its simulation; then how far all points are off."""
     names = [str(name) for name in every[0]["names"]]
-    real = [Film(f["found_px"], f["true_px"], f["height_px"], str(f["side"]), CAPTURED_FPS)
+    real = [Film(f["found_px"], f["xy_px"], f["height_px"], str(f["side"]), CAPTURED_FPS)
             for f in every]  # fmt: skip
     made = [simulated(f, names, [n, k]) for n, f in enumerate(every) for k in range(DRAWS)]
     kinds = ((kind, target, who, seen) for kind, target in TARGETS.items()

@@ -13,12 +13,11 @@ from itertools import groupby
 import numpy as np
 from numpy.typing import NDArray
 
-from imocap_core.conventions import swap_side
+from imocap_core.conventions import point_towards, sideless, swap_side
 from imocap_core.metrics.detections import Array, Film, correlation_in_time
 
 Mask = NDArray[np.bool_]
 
-OTHER = "other"  # the same point of the other side
 GAUSSIAN = 1.4826  # standard deviation over median distance from zero
 FAR = 0.06  # of the height from the film's usual offset: an outlier
 ROUNDS = 3  # of finding outliers and fitting the rest
@@ -46,7 +45,7 @@ class Habit:
 
 
 def habit_of(films: Sequence[Film], names: Sequence[str], kind: str, target: str) -> Habit:
-    """Measure a kind that is marked towards a target kind, `OTHER`, or "" for nothing."""
+    """Measure a kind that is marked towards a target (`conventions.point_towards`; "" for none)."""
     series = [
         _series(film, names, side + kind, target) for film in films for side in _sides(names, kind)
     ]
@@ -82,7 +81,7 @@ def habit_of(films: Sequence[Film], names: Sequence[str], kind: str, target: str
 def turned_share(film: Film, names: Sequence[str], nearer: float) -> float:
     """Share of frames in which the whole body is found exchanged: shoulders and hips all lie nearer
     to the other side's true place, by more than `nearer` a point."""
-    own = [k for k, n in enumerate(names) if _kind(n) in ("shoulder", "hip")]
+    own = [k for k, n in enumerate(names) if sideless(n) in ("shoulder", "hip")]
     other = [list(names).index(swap_side(names[k])) for k in own]
     gain = [
         np.linalg.norm(film.found_px[:, own] - film.true_px[:, to], axis=-1)
@@ -94,10 +93,6 @@ def turned_share(film: Film, names: Sequence[str], nearer: float) -> float:
     return float((least[known] > nearer).mean()) if known.any() else float("nan")
 
 
-def _kind(name: str) -> str:
-    return name.removeprefix("left_").removeprefix("right_")
-
-
 def _sides(names: Sequence[str], kind: str) -> list[str]:
     return [side for side in ("left_", "right_", "") if side + kind in names]
 
@@ -107,8 +102,7 @@ def _series(film: Film, names: Sequence[str], name: str, target: str) -> tuple[A
     at = list(names).index(name)
     if not target:
         return film.error[:, at], np.zeros((len(film.true_px), 2))
-    side = name[: len(name) - len(_kind(name))]
-    to = list(names).index(swap_side(name) if target == OTHER else side + target)
+    to = list(names).index(point_towards(name, target))
     way = (film.true_px[:, to] - film.true_px[:, at]) / film.height_px[:, None]
     return film.error[:, at], way
 

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
+from imocap_core.body import Shaped
 from imocap_core.camera.projection import intrinsics
 from imocap_core.render.arrays import Floats
 
@@ -31,6 +32,13 @@ class Viewpoint:
     follow: float = 0.0
     wander_deg: float = 0.0
     roll_deg: float = 0.0
+
+
+def standing_height_px(shaped: Shaped, focal_px: float, depth_m: Floats) -> Floats:
+    """(T,) how tall a body would stand in the picture, its points being (T, K) away."""
+    stature_m = float(np.ptp(shaped.vertices_rest[:, 1].numpy()))
+    height: Floats = focal_px * stature_m / depth_m.mean(axis=1)
+    return height
 
 
 @dataclass(frozen=True)

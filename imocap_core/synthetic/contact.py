@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.conventions import SMPL_JOINTS, sideless
 from imocap_core.render.arrays import Floats
 from imocap_core.synthetic.yoga import Key
 
@@ -66,8 +66,7 @@ _GIVE_HIPS_M = (0.06, 0.20, 0.20)
 
 def per_name(table: Mapping[str, object], names: Sequence[str]) -> Floats:
     """Rows of a table for names with or without their side."""
-    sideless = [name.removeprefix("left_").removeprefix("right_") for name in names]
-    return np.array([table[name] for name in sideless], dtype=np.float64)
+    return np.array([table[sideless(name)] for name in names], dtype=np.float64)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """A simulated 2D keypoint detector: wrong in the ways real ones are.
 
-Its errors scale with the person's size in the picture, half of their variance persists over
+Its errors scale with the person's size in the picture, a share of their variance persists over
 neighbouring frames, and its confidence knows only part of the truth.
 """
 
@@ -81,7 +81,7 @@ def detect(
     bout = max(1, round(errors.outlier_s * fps))
     begins = rng.random(shape) < errors.outlier_rate * oftener * trouble / bout
     offset = scale * errors.noise * deviation
-    offset += scale * _held(begins, rng.normal(0.0, errors.outlier_noise, xy_px.shape), bout)
+    offset += scale * held(begins, rng.normal(0.0, errors.outlier_noise, xy_px.shape), bout)
     confidence = believed(
         np.linalg.norm(offset, axis=-1) / (height_px[:, None] * errors.noise), rng
     )
@@ -117,12 +117,16 @@ def persistent_noise(
     return mixed
 
 
-def _held(begins: NDArray[np.bool_], jumps: Floats, frames: int) -> Floats:
-    """Each point's jump (T, K, 2) of the frame at which a bout began, for `frames`; else 0."""
-    time = np.arange(len(begins))[:, None]
-    last = np.maximum.accumulate(np.where(begins, time, -frames), axis=0)
-    held = np.take_along_axis(jumps, np.maximum(last, 0)[..., None], axis=0)
-    return np.where((time - last < frames)[..., None], held, 0.0)
+def held(begins: NDArray[np.bool_], jumps: Floats, frames: int | NDArray[np.int64]) -> Floats:
+    """Each point's jump of the frame at which a bout began, for `frames`; else 0.
+
+    Args:
+        begins: (..., T, K); jumps: (..., T, K, 2); frames: one number, or (..., 1, 1).
+    """
+    time = np.arange(begins.shape[-2])[:, None]
+    last = np.maximum.accumulate(np.where(begins, time, -frames), axis=-2)
+    kept = np.take_along_axis(jumps, np.maximum(last, 0)[..., None], axis=-3)
+    return np.where((time - last < frames)[..., None], kept, 0.0)
 
 
 def believed(error_in_sigma: Floats, rng: np.random.Generator) -> Floats:
@@ -159,34 +163,3 @@ def _exchanged(
     rows = np.flatnonzero(np.convolve(begins, np.ones(frames))[: len(xy_px)] > 0)[:, None]
     swapped[rows, left], swapped[rows, right] = xy_px[rows, right], xy_px[rows, left]
     return swapped
-
-
-def strangers(
-    performer: Detections,
-    size: tuple[int, int],
-    rng: np.random.Generator,
-    errors: DetectorErrors | None = None,
-) -> list[Detections | None]:
-    """For each frame the false second person a detector sees for a few frames, or None.
-
-    It is the performer's own figure, shrunk, elsewhere in the picture, and half of it missing.
-    Each entry holds one frame: xy_px (1, K, 2), confidence (1, K). There is at least one bout.
-    """
-    errors = errors or DetectorErrors()
-    frames, count = performer.confidence.shape
-    begins = np.flatnonzero(rng.random(frames) < errors.stranger_rate / errors.stranger_frames)
-    begins = np.append(begins, rng.integers(frames // 4, frames // 2))
-    found: list[Detections | None] = [None] * frames
-    for begin in begins:
-        place = rng.uniform(0.1, 0.9, 2) * size
-        shrink = rng.uniform(0.25, 0.6)
-        seen = rng.random(count) < 0.5
-        for frame in range(begin, min(begin + errors.stranger_frames, frames)):
-            figure = performer.xy_px[frame]
-            known = performer.confidence[frame] > 0
-            middle = figure[known].mean(axis=0) if known.any() else np.zeros(2)
-            xy = place + shrink * (figure - middle) + rng.normal(0.0, 2.0, figure.shape)
-            keep = seen & known
-            confidence = np.where(keep, rng.uniform(0.1, 0.5, count), 0.0)
-            found[frame] = Detections(np.where(keep[:, None], xy, 0.0)[None], confidence[None])
-    return found

@@ -10,10 +10,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from imocap_core.conventions import OTHER
 from imocap_core.render.arrays import Floats
 from imocap_core.synthetic.captured import COCO18
 from imocap_core.synthetic.detector import Detections, DetectorErrors, detect
-from imocap_core.synthetic.marking import OTHER, Marking
+from imocap_core.synthetic.marking import Marking
 
 MEDIAPIPE = {
     "nose": Marking(noise=0.8, outliers=0.0),

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imocap_core.conventions import swap_side
+from imocap_core.conventions import point_towards, sideless
 from imocap_core.render.arrays import Floats
-
-OTHER = "other"  # the same point of the other side
 
 
 @dataclass(frozen=True)
@@ -18,7 +16,7 @@ class Marking:
     """A kind of point ("wrist" of both sides), beside the detector's own numbers.
 
     noise, outliers: factors of the detector's noise and outlier_rate; towards, share: it is marked
-    this share of the way to that point of the same side, or to its `OTHER` side ("" for nowhere).
+    this share of the way to that point (`conventions.point_towards`; "" for nowhere).
     """
 
     noise: float = 1.0
@@ -27,23 +25,15 @@ class Marking:
     share: float = 0.0
 
 
-def kind_of(name: str) -> str:
-    """A point's name without its side."""
-    return name.removeprefix("left_").removeprefix("right_")
-
-
 def target_of(name: str, marking: Mapping[str, Marking]) -> tuple[str, float]:
     """The point towards which a point is marked, and the share of the way; ("", 0) for none."""
-    own = marking.get(kind_of(name), Marking())
-    if not own.towards:
-        return "", 0.0
-    side = name[: len(name) - len(kind_of(name))]
-    return (swap_side(name) if own.towards == OTHER else side + own.towards), own.share
+    own = marking.get(sideless(name), Marking())
+    return (point_towards(name, own.towards), own.share) if own.towards else ("", 0.0)
 
 
 def factors(names: Sequence[str], marking: Mapping[str, Marking]) -> tuple[Floats, Floats]:
     """Factors (K,) of the noise and of the outlier rate."""
-    own = [marking.get(kind_of(name), Marking()) for name in names]
+    own = [marking.get(sideless(name), Marking()) for name in names]
     return np.array([m.noise for m in own]), np.array([m.outliers for m in own])
 
 

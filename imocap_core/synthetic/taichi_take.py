@@ -14,9 +14,10 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.hands.skeleton import SIDES, hand_skeleton
 from imocap_core.render.arrays import Floats
 from imocap_core.synthetic.cameras import FilmCamera, Viewpoint, film
-from imocap_core.synthetic.detector import detect, strangers
+from imocap_core.synthetic.detector import detect
 from imocap_core.synthetic.fingers import detect_hands, perform_fingers
 from imocap_core.synthetic.performer import contact_forward
+from imocap_core.synthetic.strangers import strangers
 from imocap_core.synthetic.taichi import HAND_POSES, HANDS, TAI_CHI
 from imocap_core.synthetic.take import LAYOUT, HandTake, Take, draw_betas
 from imocap_core.synthetic.variation import PHASE_PER_S, Clip, perform

@@ -10,10 +10,11 @@ from imocap_core.body import Shaped
 from imocap_core.camera.projection import camera_from_world, project_camera
 from imocap_core.render import draw_mesh
 from imocap_core.render.arrays import Floats, Image
-from imocap_core.synthetic.cameras import YOGA_VIEWPOINTS, FilmCamera, film
-from imocap_core.synthetic.detector import Detections, detect, strangers
+from imocap_core.synthetic.cameras import YOGA_VIEWPOINTS, FilmCamera, film, standing_height_px
+from imocap_core.synthetic.detector import Detections, detect
 from imocap_core.synthetic.performer import contact_forward, outfit
 from imocap_core.synthetic.scene import backdrop, cast_shadow, render_plate, room
+from imocap_core.synthetic.strangers import strangers
 from imocap_core.synthetic.variation import Clip, Performance, perform
 from imocap_core.synthetic.yoga import SUN_SALUTATION
 
@@ -86,8 +87,7 @@ def yoga_take(seed: int, index: int, shaped: Shaped) -> Take:
         posed.keypoints(points).numpy(), camera.R_cam_from_world, camera.t[:, None]
     )
     xy_px = project_camera(in_camera, camera.K)
-    stature = float(np.ptp(shaped.vertices_rest[:, 1].numpy()))
-    height_px = camera.K[1, 1] * stature / in_camera[..., 2].mean(axis=1)
+    height_px = standing_height_px(shaped, camera.K[1, 1], in_camera[..., 2])
     detections = detect(xy_px, height_px, points.names, clip.fps, detector_rng)
     others = strangers(detections, SIZE, detector_rng)
     joints = posed.joints.numpy()

@@ -21,6 +21,7 @@ import yaml
 from imocap_core.body import Shaped, load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.formats.video import write_h264
+from imocap_core.synthetic.cameras import standing_height_px
 from imocap_core.synthetic.captured import VIEWPOINTS
 from imocap_core.synthetic.embodied import embody
 from imocap_core.synthetic.rendered import Shooting, film_frames, seen_from, shoot, true_points_px
@@ -77,7 +78,8 @@ def _write(folder: Path, name: str, shots: list[Shot], size: tuple[int, int], sa
         file = folder / "videos" / f"{video}.mp4"
         write_h264(file, film_frames(shooting, shaped, v, SEED), shot.fps, crf=CRF)
         truth |= _scored(shot, shooting).truth(video, shooting.K, shooting.R, shooting.t)
-        points |= {f"{video}/{part}": value for part, value in _seen(shooting, shaped).items()}
+        seen = seen_points(shooting, shaped)
+        points |= {f"{video}/{part}": value for part, value in seen.items()}
         declared.append({"id": video, "video": f"videos/{video}.mp4", "keypoints": "detect"})
     np.savez(folder / "truth.npz", **truth)
     np.savez(folder / POINTS, **points)
@@ -93,13 +95,12 @@ def _scored(shot: Shot, shooting: Shooting) -> Shot:
     )
 
 
-def _seen(shooting: Shooting, shaped: Shaped) -> dict[str, Any]:
+def seen_points(shooting: Shooting, shaped: Shaped) -> dict[str, Any]:
     """Where the layout's points are seen, how tall the person is in the picture, and from where."""
     xy_px, depth_m = true_points_px(shooting, shaped, BODY_LAYOUT)
-    stature_m = float(np.ptp(shaped.vertices_rest[:, 1].numpy()))
     return {
         "xy_px": xy_px,
-        "height_px": shooting.K[1, 1] * stature_m / depth_m.mean(axis=1),
+        "height_px": standing_height_px(shaped, shooting.K[1, 1], depth_m),
         "names": np.array(shaped.model.points(BODY_LAYOUT).names),
         "columns": np.array(shaped.model.points(BODY_LAYOUT).columns),
         "side": np.array(seen_from(shooting.joints, shooting.R, shooting.t)),

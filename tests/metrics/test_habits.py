@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from imocap_core.conventions import OTHER
 from imocap_core.metrics.detections import Film
 from imocap_core.metrics.habits import habit_of, turned_share
 from imocap_core.synthetic.detector import DetectorErrors, detect
-from imocap_core.synthetic.marking import OTHER, Marking
+from imocap_core.synthetic.marking import Marking
 
 NAMES = tuple(
     f"{side}_{kind}" for kind in ("shoulder", "elbow", "wrist", "hip") for side in ("left", "right")

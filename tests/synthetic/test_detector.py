@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from imocap_core.camera.projection import project
-from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.synthetic.detector import DetectorErrors, detect, strangers
-from imocap_core.synthetic.marking import OTHER, Marking
+from imocap_core.conventions import OTHER, SMPL_JOINTS
+from imocap_core.synthetic.detector import DetectorErrors, detect
+from imocap_core.synthetic.marking import Marking
+from imocap_core.synthetic.strangers import strangers
 
 NAMES = (
     "nose",

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from imocap_core.lifter.network import RATE_HZ
 from imocap_core.lifter.points import COMMON
+from imocap_core.synthetic.detector import held
 from imocap_core.synthetic.levels import DETECTORS
 from imocap_core.synthetic.marking import factors, target_of
 
@@ -71,7 +72,7 @@ def habits_of(count: int, rng: np.random.Generator) -> Habits:
                     rng.uniform(0.0, 0.06, count))  # fmt: skip
     hard = np.where(one, np.exp(rng.normal(-(LEVEL.hard_spread**2), LEVEL.hard_spread, (count, K))),
                     rng.uniform(0.7, 1.3, (count, K)))  # fmt: skip
-    held = max(1, round(LEVEL.outlier_s * RATE_HZ))
+    least = max(1, round(LEVEL.outlier_s * RATE_HZ))
     return Habits(
         level=level,
         noise=level[:, None] * harder * hard,
@@ -79,7 +80,7 @@ def habits_of(count: int, rng: np.random.Generator) -> Habits:
         lasts_s=np.where(measured, LEVEL.persistence_s, 0.3),
         lasting=np.where(one, LEVEL.lasting * hard, OWN_PLACE),
         outliers=rate[:, None] * oftener * np.where(one, hard**2, 1.0),
-        bout=np.where(measured, rng.integers(held, held + 2, count), 1),
+        bout=np.where(measured, rng.integers(least, least + 2, count), 1),
         misses=np.where(measured, 2 * LEVEL.miss_rate, 0.08) * rng.random(count),
         towards=SHARES * (one * rng.uniform(0.4, 1.6, (count, 1))),
     )
@@ -104,10 +105,7 @@ def jumps(habits: Habits, frames: int, rng: np.random.Generator) -> np.ndarray:
     bout = habits.bout[:, None, None]
     begins = rng.random(shape) < habits.outliers[:, None] / bout
     far = rng.standard_normal((*shape, 2), dtype=np.float32) * LEVEL.outlier_noise
-    time = np.arange(frames)[:, None]
-    last = np.maximum.accumulate(np.where(begins, time, -frames), axis=1)
-    held = np.take_along_axis(far, np.maximum(last, 0)[..., None], axis=1)
-    return np.where((time - last < bout)[..., None], held, 0.0)
+    return held(begins, far, bout)
 
 
 def marked(rays: Tensor, habits: Habits) -> Tensor:
