@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import torch
 from torch import Tensor
@@ -55,6 +56,13 @@ class PointSet:
     below: Tensor
     columns: tuple[int, ...]
     corrections: Corrections | None = None
+
+    @cached_property
+    def movers(self) -> int:
+        """How many joints there are up to the last one that moves a point."""
+        if self.corrections is not None:
+            return self.moved_by.shape[1]
+        return 1 + max(self.moved_by.any(0).nonzero()[:, 0].tolist(), default=0)
 
     def levers(self, shaped: Shaped) -> Tensor:
         """(..., K, J, 3) for a shape, before pose blend shapes."""

@@ -190,3 +190,38 @@ def test_what_a_state_was_asked_before_is_not_worked_out_again(state: MotionStat
     assert [state.once((one,), answer) for _ in range(3)] == [1, 1, 1]
     assert state.once((one, other), answer) == 2
     assert replace(state).once((one,), answer) == 3
+
+
+def rows_of_feet(term: StandingFeet, state: MotionState) -> NormalEquations:
+    """Every step's weighted row by all unknowns of both frames and of the shape."""
+    n = FRAME_UNKNOWNS
+    found = NormalEquations.zeros(B, T, n, state.unknown_globals, state.trans)
+    feet = term.body.derivatives(term.body.feet, state)
+    assert feet.d_pose is not None
+    assert feet.d_beta is not None
+    place = torch.eye(3).double().expand(*feet.xyz.shape, 3)
+    frame = torch.cat([feet.d_pose, place], -1)
+    step = feet.xyz[:, 1:] - feet.xyz[:, :-1]
+    squared = term.weight * step.square().sum(-1)
+    trust = term.weight * geman_mcclure(squared, term.scale)[1]
+    root = (trust * (state.valid[:, 1:] & state.valid[:, :-1])[..., None]).sqrt()[..., None]
+    residual = (root * step).flatten(2)[..., None]
+    shape = feet.d_beta[:, 1:] - feet.d_beta[:, :-1]
+    rows = torch.cat([-frame[:, :-1], frame[:, 1:], shape], -1) * root[..., None]
+    flat = rows.flatten(2, 3)
+    full, gradient = flat.mT @ flat, (flat.mT @ residual)[..., 0]
+    found.next1[:, :-1] += full[..., :n, n : 2 * n]
+    for own, frames in ((slice(n), slice(T - 1)), (slice(n, 2 * n), slice(1, T))):
+        found.diagonal[:, frames] += full[..., own, own]
+        found.border[:, frames, :, :10] += full[..., own, 2 * n :]
+        found.gradient[:, frames] += gradient[..., own]
+    found.corner[:, :10, :10] += full[..., 2 * n :, 2 * n :].sum(1)
+    found.corner_gradient[:, :10] += gradient[..., 2 * n :].sum(1)
+    return found
+
+
+def test_feet_add_what_their_rows_say(body: Body, state: MotionState) -> None:
+    term = StandingFeet(body, normal(B, T - 1, 4, seed=50).abs() + 0.1, 0.8)
+    found = NormalEquations.zeros(B, T, FRAME_UNKNOWNS, state.unknown_globals, state.trans)
+    term.add_to(found, state)
+    assert_equal(found, rows_of_feet(term, state))

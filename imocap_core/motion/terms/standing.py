@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.normal import NormalEquations, add_product
+from imocap_core.motion.normal import NormalEquations
 from imocap_core.motion.robust import geman_mcclure
 from imocap_core.motion.state import MotionState
 
@@ -46,25 +46,31 @@ class StandingFeet:
         return self._cost(_steps(feet, state.valid))[0].sum((1, 2))
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
-        """Rows of a pair of frames are those of the later minus those of the earlier one."""
+        """A step is the later frame's foot minus the earlier one's, so with feet's derivatives J
+        and a pair's weights W a frame gets ``J^T W J`` of both pairs it is in, and a pair
+        ``-J^T W J'``. Only the unknowns that move a foot take part."""
         feet, frame, d_beta = state.once((self.body.feet, _moved), lambda: _moved(self.body, state))
         step = _steps(feet, state.valid)
-        root = (self.weight * self._cost(step)[1]).sqrt()
-        root = root * (state.valid[:, :-1] & state.valid[:, 1:])[..., None]
-        residual = (step * root[..., None]).flatten(2)
-        earlier, later = (_rows(x, root) for x in (-frame[:, :-1], frame[:, 1:]))
-        shape = _rows(d_beta[:, 1:] - d_beta[:, :-1], root)
-        count = shape.shape[-1]
-        beside = torch.nn.functional.pad(root.square(), (0, 0, 1, 1))  # of the pairs a frame is in
-        both = _rows(frame, (beside[:, :-1] + beside[:, 1:]).sqrt())
-        add_product(normal.diagonal, both, both)
-        add_product(normal.next1[:, :-1], earlier, later)
-        for rows, frames in ((earlier, slice(None, -1)), (later, slice(1, None))):
-            normal.gradient[:, frames] += (rows.mT @ residual[..., None])[..., 0]
-            normal.border[:, frames, :, :count] += rows.mT @ shape
-        flat, pull = shape.flatten(1, 2), residual.flatten(1)[..., None]
-        normal.corner[:, :count, :count] += flat.mT @ flat
-        normal.corner_gradient[:, :count] += (flat.mT @ pull)[..., 0]
+        weight = self.weight * self._cost(step)[1] * _both(state.valid)[..., None]
+        weight = weight.repeat_interleave(3, -1)[..., None]  # (B, T-1, 12, 1)
+        shape = d_beta[:, 1:] - d_beta[:, :-1]
+        count, unknowns = shape.shape[-1], frame.shape[-1]
+        change = torch.cat([shape, step.flatten(2)[..., None]], -1)
+        pull = weight * change
+        (before, after), (pulled, pulls) = _beside(weight), _beside(pull)
+        columns = torch.cat([(before + after) * frame, pulled - pulls], -1)
+        of_frame, by_globals = (frame.mT @ columns).split([unknowns, count + 1], -1)
+        across = frame[:, :-1].mT @ (-weight * frame[:, 1:])
+        places = (slice(0, unknowns - 3), slice(0, unknowns - 3)), (slice(-3, None),) * 2
+        for mine, own in places:
+            for theirs, other in places:
+                normal.diagonal[..., own, other] += of_frame[..., mine, theirs]
+                normal.next1[:, :-1, own, other] += across[..., mine, theirs]
+            normal.border[..., own, :count] += by_globals[..., mine, :-1]
+            normal.gradient[..., own] += by_globals[..., mine, -1]
+        corner = shape.flatten(1, 2).mT @ pull.flatten(1, 2)
+        normal.corner[:, :count, :count] += corner[..., :-1]
+        normal.corner_gradient[:, :count] += corner[..., -1]
 
 
 def standing_share(body: Body, state: MotionState, fps: float, *, speed_m_s: float) -> Tensor:
@@ -81,20 +87,28 @@ def standing_share(body: Body, state: MotionState, fps: float, *, speed_m_s: flo
     return 1 / (1 + (speed / speed_m_s).square()).square()
 
 
+def _both(valid: Tensor) -> Tensor:
+    """(B, T-1) which pairs of neighbouring frames exist."""
+    return valid[:, :-1] & valid[:, 1:]
+
+
 def _steps(feet: Tensor, valid: Tensor) -> Tensor:
     """(B, T-1, F, 3) movement from each frame to the next, 0 where one of them is padding."""
-    both = (valid[:, :-1] & valid[:, 1:])[..., None, None]
-    return (feet[:, 1:] - feet[:, :-1]) * both
+    return (feet[:, 1:] - feet[:, :-1]) * _both(valid)[..., None, None]
 
 
 def _moved(body: Body, state: MotionState) -> tuple[Tensor, Tensor, Tensor]:
-    """Feet (B, T, F, 3) and their derivatives by a frame's unknowns and by the shape."""
+    """Feet (B, T, F, 3), and their derivatives (B, T, 3F, n) by the unknowns of a frame that move
+    them, its translation last, and by the shape."""
     points = body.derivatives(body.feet, state)
     assert points.d_pose is not None
     assert points.d_beta is not None
     moves = torch.eye(3).to(points.xyz).expand(*points.xyz.shape, 3)
-    return points.xyz, torch.cat([points.d_pose, moves], -1), points.d_beta
+    frame = torch.cat([points.d_pose[..., : 3 * body.feet.movers], moves], -1)
+    return points.xyz, frame.flatten(2, 3), points.d_beta.flatten(2, 3)
 
 
-def _rows(derivative: Tensor, root: Tensor) -> Tensor:
-    return (derivative * root[..., None, None]).flatten(2, 3)
+def _beside(of_pairs: Tensor) -> tuple[Tensor, Tensor]:
+    """What pairs (B, T-1, R, C) say of each frame, as their later one and as their earlier one."""
+    padded = torch.nn.functional.pad(of_pairs, (0, 0, 0, 0, 1, 1))
+    return padded[:, :-1], padded[:, 1:]
