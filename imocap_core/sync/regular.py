@@ -62,54 +62,66 @@ def rates_between(
     return Rates(usual * np.exp(log), share, moves)
 
 
-def _ahead(state: Array, rates: Rates) -> Array:
-    """P(position, rate) one frame later, before the frame is seen: (K, S) -> (K, S)."""
-    K, S = state.shape
-    moved = np.zeros_like(state)
-    for k in range(K):
-        whole = int(rates.advance[k])
-        part = rates.advance[k] - whole
-        if whole < S:
-            moved[k, whole:] = (1.0 - part) * state[k, : S - whole]
-        if part > 0 and whole + 1 < S:
-            moved[k, whole + 1 :] += part * state[k, : S - whole - 1]
-    return np.asarray(rates.moves.T @ moved)
+Places = list[tuple[NDArray[np.int64], Array]]  # flat indices (K, S) and how much of each
 
 
-def _behind(state: Array, rates: Rates) -> Array:
-    """The transpose of `_ahead`."""
-    mixed = rates.moves @ state
-    K, S = state.shape
-    back = np.zeros_like(state)
-    for k in range(K):
-        whole = int(rates.advance[k])
-        part = rates.advance[k] - whole
-        if whole < S:
-            back[k, : S - whole] = (1.0 - part) * mixed[k, whole:]
-        if part > 0 and whole + 1 < S:
-            back[k, : S - whole - 1] += part * mixed[k, whole + 1 :]
-    return back
+@dataclass(frozen=True)
+class _Walk:
+    """From frame to frame: what comes to a place (rate, position), and what it goes to."""
+
+    moves: Array
+    sources: Places
+    targets: Places
+
+    @classmethod
+    def of(cls, rates: Rates, S: int) -> "_Walk":
+        return cls(rates.moves, _places(rates, S, -1), _places(rates, S, 1))
+
+    def ahead(self, state: Array) -> Array:
+        """P(position, rate) one frame later, before the frame is seen: (K, S) -> (K, S)."""
+        return np.asarray(self.moves.T @ _gathered(state, self.sources))
+
+    def behind(self, state: Array) -> Array:
+        """The transpose of `ahead`."""
+        return _gathered(self.moves @ state, self.targets)
+
+
+def _places(rates: Rates, S: int, way: int) -> Places:
+    """The two positions one frame back (`way` -1) or ahead (1) between which a rate lies."""
+    K = len(rates.share)
+    whole = rates.advance.astype(np.int64)
+    part = rates.advance - whole
+    found = []
+    for step, share in ((whole, 1.0 - part), (whole + 1, part)):
+        at = np.arange(S) + way * step[:, None]
+        index = np.arange(K)[:, None] * S + np.clip(at, 0, S - 1)
+        found.append((index, np.where((at >= 0) & (at < S), share[:, None], 0.0)))
+    return found
+
+
+def _gathered(state: Array, places: Places) -> Array:
+    (near, its), (far, other) = places
+    return np.asarray(its * state.take(near) + other * state.take(far))
 
 
 @dataclass(frozen=True)
 class _Likelihoods:
     match: Array  # (n, S)
     skip: Array  # (n,)
-    entry: Array  # (S,) P(first matched frame lies here | frames before it are unmatched)
-    leave: Array  # (S,) P(the next frame is beyond the end | the frame lies here)
+    enter: Array  # (K, edge) P(first matched frame lies in front here | those before are unmatched)
+    edge: int  # positions at either end; from the last ones a warp may leave
     base: float  # log of what was taken out
 
 
-def _likelihoods(cost: Array, unmatched: float, usual: float) -> _Likelihoods:
+def _likelihoods(cost: Array, unmatched: float, rates: Rates) -> _Likelihoods:
     S = cost.shape[1]
     base = np.minimum(cost.min(axis=1), unmatched)
     # No frame may rule a position out altogether: one bad pose would end every warp there.
     match = np.exp(np.maximum(base[:, None] - cost, -WORST_FRAME))
     skip = np.exp(np.maximum(base - unmatched, -WORST_FRAME))
-    edge = min(S, max(1, int(np.ceil(2.0 * usual))))
-    entry, leave = np.zeros(S), np.zeros(S)
-    entry[:edge], leave[-edge:] = 1.0 / edge, 1.0
-    return _Likelihoods(match, skip, entry, leave, float(-base.sum()))
+    edge = min(S, max(1, int(np.ceil(2.0 * float(rates.advance @ rates.share)))))
+    enter = np.repeat(rates.share[:, None] / edge, edge, axis=1)
+    return _Likelihoods(match, skip, enter, edge, float(-base.sum()))
 
 
 @dataclass(frozen=True)
@@ -125,9 +137,10 @@ class _Front:
         return _Front(self.inside / total, self.before / total, self.after / total), total
 
 
-def _next(front: _Front, t: int, like: _Likelihoods, rates: Rates) -> _Front:
-    inside = _ahead(front.inside, rates) + front.before * rates.share[:, None] * like.entry
-    after = front.after + float(front.inside.sum(axis=0) @ like.leave)
+def _next(front: _Front, t: int, like: _Likelihoods, walk: _Walk) -> _Front:
+    inside = walk.ahead(front.inside)
+    inside[:, : like.edge] += front.before * like.enter
+    after = front.after + float(front.inside[:, -like.edge :].sum())
     return _Front(inside * like.match[t], front.before * like.skip[t], after * like.skip[t])
 
 
@@ -142,8 +155,7 @@ def regular_posterior(
     at some frames and made again between them: memory grows with S sqrt(n).
     """
     n, S = cost.shape
-    usual = float(rates.advance @ rates.share)
-    like = _likelihoods(cost, unmatched, usual)
+    like, walk = _likelihoods(cost, unmatched, rates), _Walk.of(rates, S)
     early = np.exp(-skipped * np.arange(S))
     first = _Front(
         rates.share[:, None] * like.match[0] * early / early.sum(), float(like.skip[0]), 0.0
@@ -153,7 +165,7 @@ def regular_posterior(
     stride = max(1, int(np.sqrt(n)))
     kept = {0: front}
     for t in range(1, n):
-        front, total = _next(front, t, like, rates).scaled()
+        front, total = _next(front, t, like, walk).scaled()
         evidence += np.log(total)
         if t % stride == 0:
             kept[t] = front
@@ -169,10 +181,10 @@ def regular_posterior(
         stop = min(start + stride, n)
         fronts = [kept[start]]
         for t in range(start + 1, stop):
-            fronts.append(_next(fronts[-1], t, like, rates).scaled()[0])
+            fronts.append(_next(fronts[-1], t, like, walk).scaled()[0])
         for t in range(stop - 1, start - 1, -1):
             if t < n - 1:
-                back = _before(back, t + 1, like, rates).scaled()[0]
+                back = _before(back, t + 1, like, walk).scaled()[0]
             here = fronts[t - start]
             joint = (here.inside * back.inside).sum(axis=0)
             inside = joint.sum()
@@ -182,12 +194,10 @@ def regular_posterior(
     return posterior, matched, float(evidence)
 
 
-def _before(back: _Front, t: int, like: _Likelihoods, rates: Rates) -> _Front:
+def _before(back: _Front, t: int, like: _Likelihoods, walk: _Walk) -> _Front:
     """What frames t and later say of the frame before t."""
     match = back.inside * like.match[t]
-    enter = float((rates.share[:, None] * like.entry * match).sum())
-    return _Front(
-        _behind(match, rates) + like.leave * back.after * like.skip[t],
-        enter + back.before * like.skip[t],
-        back.after * like.skip[t],
-    )
+    inside, skip = walk.behind(match), like.skip[t]
+    inside[:, -like.edge :] += back.after * skip
+    enter = float((like.enter * match[:, : like.edge]).sum())
+    return _Front(inside, enter + back.before * skip, back.after * skip)
