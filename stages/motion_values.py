@@ -30,9 +30,11 @@ from imocap_core.motion.terms.view import project
 from imocap_core.motion.timeline import make_timeline
 from imocap_core.rotations import exp, log, unwrap
 from imocap_core.sync.by_images import Filmed, Pictures
+from stages.harness.memory import keep_freed_memory
 from stages.params import FitParams, MotionParams
 
 torch.set_num_threads(1)  # blocks of 75 to 150: the solver's own threads, one a motion, pay
+keep_freed_memory()
 LIKE = torch.zeros((), dtype=torch.float64)
 
 
