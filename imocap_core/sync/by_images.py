@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from imocap_core.sync.consensus import Contribution, positions_between, template
+from imocap_core.sync.contribution import Contribution, alike, positions_between, template
 from imocap_core.sync.warping import median_positions
 
 Array = NDArray[np.float64]
@@ -68,11 +68,11 @@ def others_motion(
             continue
         seen = np.ones(video.xyz_m.shape[:2])
         if u == reference:
-            parts.append(positions_between(video.xyz_m, seen, per_frame))
+            parts.append(alike(*positions_between(video.xyz_m, seen, per_frame)))
             continue
         total = (soft.T @ seen)[..., None]
         mixed = (soft.T @ video.xyz_m.reshape(len(soft), -1)).reshape(-1, *video.xyz_m.shape[1:])
-        parts.append(Contribution(mixed / np.maximum(total, 1e-9), np.minimum(total[..., 0], 1.0)))
+        parts.append(alike(mixed / np.maximum(total, 1e-9), np.minimum(total[..., 0], 1.0)))
     return template(parts).poses
 
 

@@ -17,6 +17,8 @@ from imocap_core.sync.warping import in_order, mass_within, median_positions
 
 Array = NDArray[np.float64]
 
+SHARP_ROUNDS = 2  # the last refinements, against a template that errs less than two estimates
+SHARPNESS = 3.0  # of their evidence
 PICTURE_ROUNDS = 4
 PICTURES_PER_S = 60.0  # a detector's errors persist far less than those of poses
 SKIPPED_SHARE = 0.3  # a frame of the other video left over at an end, of what a matching pair costs
@@ -118,10 +120,48 @@ def posterior_warps(
         for v in range(M)
     ]
     seen = [matched[c.blocks.rows(v), reference] for v in range(M)]
+    usual = _refined_by_poses(soft, seen, c, reference, fps, settings, bend)
+    if pictures is not None:
+        for v in _seen_in_pictures(soft, pictures, reference, fps, settings, bend):
+            usual[v] = soft[v]
+    reach = settings.confidence_reach_s * fps[reference]
+    frames, trust = [], []
+    for v in range(M):
+        position = median_positions(soft[v], per_frame)
+        certain = mass_within(usual[v], position, reach, per_frame)
+        position = in_order(np.where(seen[v] >= 0.5, position, np.nan), certain)
+        frames.append(position)
+        trust.append(np.where(np.isfinite(position), np.minimum(certain * seen[v], 1.0), 0.0))
+    return frames, trust
+
+
+def _refined_by_poses(
+    soft: list[Array],
+    seen: list[Array],
+    c: Comparison,
+    reference: int,
+    fps: Sequence[float],
+    settings: Settings,
+    bend: Bend | None,
+) -> list[Array]:
+    """Refine the maps (T_v, S) and P(matched) (T_v,) by the poses of the other videos, in place.
+
+    The last rounds believe the template more: it errs less than the two estimates for which the
+    evidence is set. How sure a frame's place is stays a matter of the usual evidence: those maps
+    are the answer.
+    """
+    per_frame = settings.positions_per_frame
+    sharp = replace(settings, evidence_per_s=SHARPNESS * settings.evidence_per_s)
+    usual = list(soft)
+    plan = [settings] * settings.consensus_rounds
+    plan += [sharp] * (SHARP_ROUNDS if plan else 0)
     # the first refinement aligns frame by frame; only then are orientations known well enough
     steady = [settings.orientation_window_s * f for f in fps]
-    for round_ in range(settings.consensus_rounds):
-        counted = [None if v == reference else soft[v] * seen[v][:, None] for v in range(M)]
+    for round_, believed in enumerate(plan):
+        counted = [
+            None if v == reference else s * matched[:, None]
+            for v, (s, matched) in enumerate(zip(soft, seen, strict=True))
+        ]
         for v, squares in enumerate(
             squared_distances_to_others(
                 c.poses, c.weights, counted, reference, per_frame, steady if round_ else None
@@ -130,22 +170,16 @@ def posterior_warps(
             if squares is None:
                 continue
             near = _typical(squares, c)
-            if bend is not None:
-                squares = bend(v, squares, near, settings.evidence_per_s)
-            soft[v], seen[v] = _posterior(
-                squares, near, fps[v], fps[reference], per_frame, settings, 0.0
-            )
-    if pictures is not None:
-        _seen_in_pictures(soft, pictures, reference, fps, settings, bend)
-    reach = settings.confidence_reach_s * fps[reference]
-    frames, trust = [], []
-    for v in range(M):
-        position = median_positions(soft[v], per_frame)
-        certain = mass_within(soft[v], position, reach, per_frame)
-        position = in_order(np.where(seen[v] >= 0.5, position, np.nan), certain)
-        frames.append(position)
-        trust.append(np.where(np.isfinite(position), np.minimum(certain * seen[v], 1.0), 0.0))
-    return frames, trust
+
+            def told(
+                by: Settings, v: int = v, squares: Array = squares, near: float = near
+            ) -> tuple[Array, Array]:
+                bent = squares if bend is None else bend(v, squares, near, by.evidence_per_s)
+                return _posterior(bent, near, fps[v], fps[reference], per_frame, by, 0.0)
+
+            usual[v], seen[v] = told(settings)
+            soft[v] = usual[v] if believed is settings else told(sharp)[0]
+    return usual
 
 
 def _seen_in_pictures(
@@ -155,9 +189,13 @@ def _seen_in_pictures(
     fps: Sequence[float],
     settings: Settings,
     bend: Bend | None,
-) -> None:
-    """Refine the maps (T_v, S) by the pictures; which frames are matched stays."""
+) -> set[int]:
+    """Refine the maps (T_v, S) by the pictures, in place; which frames are matched stays.
+
+    The videos whose pictures told anything are the answer.
+    """
     sharp = replace(settings, unmatched_level=np.inf, evidence_per_s=PICTURES_PER_S)
+    told: set[int] = set()
     for _ in range(PICTURE_ROUNDS):
         before = list(soft)
         for v in range(len(soft)):
@@ -171,3 +209,5 @@ def _seen_in_pictures(
             soft[v], _ = _posterior(
                 squares, 1.0, fps[v], fps[reference], settings.positions_per_frame, sharp, 0.0
             )
+            told.add(v)
+    return told
