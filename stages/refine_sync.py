@@ -99,7 +99,7 @@ def _as_artifact(done: Alternation[Sync, SmplBa]) -> RefineSync:
             for turn in done.turns
         ],
         best=done.best,
-        sync=best.sync,
+        sync=done.sync,
         motion=best.motion,
         status=done.status,
     )

@@ -30,10 +30,15 @@ class Turn(Generic[S, M]):
 
 @dataclass(frozen=True)
 class Alternation(Generic[S, M]):
-    """All rounds, the index of the best, and a sentence."""
+    """All rounds, the index of the best, its correspondences, and a sentence.
+
+    Where the loop settled these are the ones told by the best motion, which hardly differ from
+    those that it was found with and are nearer to the truth.
+    """
 
     turns: list[Turn[S, M]]
     best: int
+    sync: S
     status: str
 
 
@@ -58,6 +63,7 @@ def alternate(
         maps: the per-video maps (T_v,) of correspondences; cost: of a motion.
     """
     turns = [first]
+    settled: S | None = None
     status = f"stopped after {max_rounds} rounds while the correspondences still moved"
     if max_rounds == 0:
         status = "no rounds asked for: the single pass stands"
@@ -66,11 +72,13 @@ def alternate(
         change = mean_change(maps(turns[-1].sync), maps(sync))
         if change < settled_frames:
             status = f"settled after {round_ - 1} rounds (moved {change:.2f} frames)"
+            settled = sync
             break
         motion = recover(sync, turns[-1].motion)
         turns.append(Turn(sync, motion, cost(motion), change))
     best = _kept(turns, [matched_share(maps(turn.sync)) for turn in turns])
-    return Alternation(turns, best, f"{status}; round {best} is kept")
+    told = settled if settled is not None and best == len(turns) - 1 else turns[best].sync
+    return Alternation(turns, best, told, f"{status}; round {best} is kept")
 
 
 def _kept(turns: Sequence[Turn[S, M]], shares: Sequence[float]) -> int:

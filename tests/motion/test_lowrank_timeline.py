@@ -123,11 +123,13 @@ def test_alternation_stops_when_the_correspondences_settle() -> None:
     assert [t.change_frames for t in done.turns] == [0.0, 2.0, 0.5]
     assert done.best == 2
     assert "settled after 2 rounds" in done.status
+    np.testing.assert_array_equal(done.sync, np.full(4, 2.55))  # as the last motion tells it
 
 
 def test_alternation_returns_the_cheapest_round_when_it_diverges() -> None:
     done = rounds([3.0, 30.0], [2.0, 9.0], 2)
     assert done.best == 1
+    np.testing.assert_array_equal(done.sync, np.full(4, 2.0))
     assert "round 1 is kept" in done.status
 
 

@@ -21,6 +21,6 @@ class RefineSync(Artifact):
 
     rounds: list[Round]
     best: int  # index into rounds
-    sync: Sync
+    sync: Sync  # of the best round, or what its motion tells where the loop settled
     motion: SmplBa
     status: str
