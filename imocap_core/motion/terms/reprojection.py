@@ -73,8 +73,9 @@ class Reprojection:
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """All views at once (`sights`)."""
-        points = self.body.derivatives(self.body.keypoints, state)
-        add_sights(normal, points, [self._sight(view, state) for view in self.views])
+        keypoints = self.body.keypoints
+        sights = [self._sight(view, state) for view in self.views]
+        add_sights(normal, self.body.derivatives(keypoints, state), sights, keypoints.movers)
 
     def _sight(self, fixed: View, state: MotionState) -> Sight:
         """One view's weighted residuals and their derivatives."""

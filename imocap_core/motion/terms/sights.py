@@ -49,16 +49,21 @@ def whitened(by_stray: Tensor, precision: Tensor) -> Tensor:
     return torch.linalg.solve_triangular(factor, by_stray.mT, upper=False)
 
 
-def add_sights(normal: NormalEquations, points: Points, sights: Sequence[Sight]) -> None:
+def add_sights(
+    normal: NormalEquations, points: Points, sights: Sequence[Sight], movers: int
+) -> None:
     """Add ``J^T W J`` and ``J^T W r`` of all views.
 
-    The unknowns of a frame are pose and translation; of the globals the shape and the cameras.
+    The unknowns of a frame are pose and translation; of the globals the shape and the cameras. Of
+    the pose the first ``movers`` joints alone move the points.
     """
     assert points.d_pose is not None
     assert points.d_beta is not None
-    pose, shape = points.d_pose.flatten(2, 3), points.d_beta.flatten(2, 3)  # (B, T, 3K, n)
+    of_joints = slice(3 * movers)
+    d_pose = points.d_pose[..., of_joints]
+    pose, shape = d_pose.flatten(2, 3), points.d_beta.flatten(2, 3)  # (B, T, 3K, n)
     metric, mixed, moved = _metric(sights)
-    add_product(normal.diagonal[..., :POSE, :POSE], pose, (metric @ points.d_pose).flatten(2, 3))
+    add_product(normal.diagonal[..., of_joints, of_joints], pose, (metric @ d_pose).flatten(2, 3))
     residual, pull = _residual(sights)
     cameras = [s for s in sights if s.by_camera is not None]
     straying = [s for s in sights if s.strays is not None]
@@ -69,13 +74,13 @@ def add_sights(normal: NormalEquations, points: Points, sights: Sequence[Sight])
     together = torch.cat(columns, -1)
     of_pose, of_shape = ((x.mT @ together).split(sizes, -1) for x in (pose, shape))
     shapes = slice(shape.shape[-1])
-    normal.diagonal[..., :POSE, POSE:] += of_pose[0]
-    normal.diagonal[..., POSE:, :POSE] += of_pose[0].mT
+    normal.diagonal[..., of_joints, POSE:] += of_pose[0]
+    normal.diagonal[..., POSE:, of_joints] += of_pose[0].mT
     normal.diagonal[..., POSE:, POSE:] += moved
-    normal.border[..., :POSE, shapes] += of_pose[1]
+    normal.border[..., of_joints, shapes] += of_pose[1]
     normal.border[..., POSE:, shapes] += of_shape[0].mT
     normal.corner[:, shapes, shapes] += of_shape[1].sum(1)
-    normal.gradient[..., :POSE] += of_pose[2][..., 0]
+    normal.gradient[..., of_joints] += of_pose[2][..., 0]
     normal.gradient[..., POSE:] += pull
     normal.corner_gradient[:, shapes] += of_shape[2][..., 0].sum(1)
     for sight, by_pose, by_shape in zip(cameras, of_pose[3:], of_shape[3:], strict=False):
@@ -113,10 +118,10 @@ def _by_points(turned: Tensor, rows: Tensor | None) -> Tensor:
 
 
 def _add_camera(normal: NormalEquations, sight: Sight, by_pose: Tensor, by_shape: Tensor) -> None:
-    """A free camera's equations; by_pose (B, T, 72, 6), by_shape (B, T, n, 6): with the others."""
+    """A free camera's equations; by_pose (B, T, 3J, 6), by_shape (B, T, n, 6): with the others."""
     assert sight.by_camera is not None
     own, shapes, rows = sight.columns, slice(by_shape.shape[2]), sight.by_camera.flatten(1, 2)
-    normal.border[..., :POSE, own] += by_pose
+    normal.border[..., : by_pose.shape[2], own] += by_pose
     normal.border[..., POSE:, own] += sight.by_point.mT @ sight.by_camera
     _add_corner(normal, own, shapes, by_shape.sum(1), rows.mT @ rows)
     normal.corner_gradient[:, own] += (rows.mT @ sight.residual.flatten(1)[..., None])[..., 0]
@@ -130,10 +135,11 @@ def _take_strays(
     The gradient stays: the strays' own is zero where they have settled.
 
     Args:
-        by_pose: (B, T, 72, 6V) derivatives of the strays by the pose; by_shape: (B, T, n, 6V).
+        by_pose: (B, T, 3J, 6V) derivatives of the strays by the pose; by_shape: (B, T, n, 6V).
     """
     shapes = slice(by_shape.shape[2])
     by_place = torch.cat([s.strays @ s.by_point for s in sights if s.strays is not None], -2)
+    by_pose = torch.nn.functional.pad(by_pose, (0, 0, 0, POSE - by_pose.shape[2]))
     frame, others = torch.cat([by_pose, by_place.mT], -2), by_shape.mT  # (B, T, 75, 6V)
     add_product(normal.diagonal, frame.mT, frame.mT, share=-1.0)
     normal.border[..., shapes] -= frame @ others
