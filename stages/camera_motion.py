@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from imocap_core.camera.background import rescaled, track_background
 from imocap_core.camera.projection import warp
 from imocap_core.camera.turning import Turning, camera_turning, standing_still
 from imocap_core.formats.video import read_gray
+from imocap_core.motion.workers import cores
 from stages.harness.stage import Context, Inputs, main
 from stages.params import CameraMotionParams, Params
 
@@ -26,7 +26,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> CameraMotion:
     paths = [ctx.video(video.id) for video in videos]
     ctx.progress(0.0, f"following the background of {len(videos)} videos")
     # threads suffice: decoding, optical flow and robust fitting all run outside Python's lock
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(cores()) as pool:
         found = list(pool.map(_motion_of, videos, paths, [params.camera_motion] * len(videos)))
     return CameraMotion(videos=found)
 

@@ -15,6 +15,7 @@ from imocap_core.artifacts.schemas import (
     Hypothesis,
     InitialSmpl,
     Keypoints,
+    VideoKeypoints,
 )
 from imocap_core.lifter.infer import Lifted
 from imocap_core.motion.kinematics import Body
@@ -29,6 +30,7 @@ from imocap_core.motion.starts import (
     lifted_starts,
     start_at_joints,
 )
+from imocap_core.motion.workers import at_once
 from stages.harness.stage import Context, Inputs, main
 from stages.initial_estimates import Estimate, estimate_of
 from stages.lifted import evidence_of, lifted_joints, starts_of
@@ -53,16 +55,15 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
     library = make_library(
         body, prior, ctx.rng(), poses=lifting.library_poses, directions=lifting.library_directions
     )
-    starts, source = [], {}
-    for video, observation in zip(keypoints.videos, observations, strict=True):
-        if video.id in lifted:
-            starts.append(starts_of(body, library, observation, lifted[video.id]))
-            source[video.id] = "lifter"
-        else:
-            starts.append(_starts(body, library, observation, given[video.id], params))
-            estimated = given[video.id] is not None
-            source[video.id] = (video.initial_format or "") if estimated else "monocular"
-        ctx.progress(0.05 + 0.35 * len(starts) / len(observations), f"starts of {video.id}")
+    ids = [video.id for video in keypoints.videos]
+
+    def begun(v: int) -> list[Start]:
+        if ids[v] in lifted:
+            return starts_of(body, library, observations[v], lifted[ids[v]])
+        return _starts(body, library, observations[v], given[ids[v]], params)
+
+    starts = at_once(begun, range(len(ids)))
+    ctx.progress(0.4, "starts of all videos")
     slowest = min(o.fps for o in observations)
     fit = fit_monocular(
         body, prior, observations, starts, weights_of(params.fit),
@@ -73,7 +74,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
         model=body.model.name,
         model_digest=body.model.digest,
         videos=motions_of(body, fit.state, observations, keypoints),
-        source=source,
+        source={v.id: _source(v, given, lifted) for v in keypoints.videos},
         hypotheses=[
             Hypothesis(
                 video=video.id, name=f"start {n + 1}", cost=cost, chosen=cost == min(costs),
@@ -92,6 +93,13 @@ def _lifted(
     pairs = zip(keypoints.videos, cameras.videos, strict=True)
     told = {v.id: lifted_joints(v, camera) for v, camera in pairs if given[v.id] is None}
     return {video: found for video, found in told.items() if found is not None}
+
+
+def _source(video: VideoKeypoints, given: dict[str, Estimate], lifted: dict[str, Lifted]) -> str:
+    """Where the start of a video came from: an estimator, the lifter, or its keypoints alone."""
+    if video.id in lifted:
+        return "lifter"
+    return "monocular" if given[video.id] is None else video.initial_format or ""
 
 
 def _starts(

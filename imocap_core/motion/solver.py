@@ -6,7 +6,6 @@ thread, and a motion alone has one for each half of its work: the blocks are too
 algebra library's own threads to pay.
 """
 
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -18,7 +17,7 @@ from torch import Tensor
 from imocap_core.motion.normal import NormalEquations, Reduced, solve_globals
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms.base import Term
-from imocap_core.motion.workers import Each, in_turn, on
+from imocap_core.motion.workers import Each, cores, in_turn, on
 
 FIRST_DAMPING = 1e-3
 LEAST_DAMPING = 1e-9
@@ -126,7 +125,7 @@ def gauss_newton(
     motions = take_apart(terms, state)
     alone = len(motions) == 1
     most = HALVES if alone else len(motions)
-    workers = 1 if state.trans.is_cuda else min(most, len(os.sched_getaffinity(0)))
+    workers = 1 if state.trans.is_cuda else min(most, cores())
     with ThreadPoolExecutor(workers) as pool:
 
         def descend(group: list[Motion], each: Each) -> Descent:

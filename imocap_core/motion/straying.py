@@ -18,6 +18,7 @@ from imocap_core.motion.kinematics import Body
 from imocap_core.motion.shared import Evidence, views_of
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import Reprojection, View
+from imocap_core.motion.workers import at_once, in_turn
 
 Array = NDArray[np.float64]
 FIRST_TURN_RAD, FIRST_SHIFT_M = 0.08, 0.15
@@ -38,10 +39,9 @@ def estimate_strays(
         return evidence
     views = views_of(evidence, cameras, shared.trans, free=())
     term = Reprojection(body, views, robust_scale)
-    spread = [
-        _spread(term, view, shared, before)
-        for view, before in zip(views, evidence.stray, strict=True)
-    ]
+    known = list(zip(views, evidence.stray, strict=True))
+    each = in_turn if shared.trans.is_cuda else at_once
+    spread = each(lambda own: _spread(term, own[0], shared, own[1]), known)
     return replace(evidence, stray=np.stack(spread))
 
 

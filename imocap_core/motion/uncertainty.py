@@ -16,8 +16,6 @@ lens, the body model's own misfit, and everything not Gaussian: a limb on the wr
 depth flip, or taken for its twin, is not covered by any of these numbers.
 """
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,6 +31,7 @@ from imocap_core.motion.normal import NormalEquations
 from imocap_core.motion.own_posterior import own_fits, own_posterior
 from imocap_core.motion.scene import JointOptions, Scene
 from imocap_core.motion.state import MotionState
+from imocap_core.motion.workers import at_once
 
 Array = NDArray[np.float64]
 
@@ -80,8 +79,7 @@ def uncertainty(
         frames = own.given_shape + own.gain @ carried @ own.gain.mT
         return joint_claim(scene.body, fits[v].state, frames, own.response), own.schur
 
-    with ThreadPoolExecutor(min(videos, len(os.sched_getaffinity(0)))) as pool:
-        claims, schurs = zip(*pool.map(claimed, range(videos)), strict=True)
+    claims, schurs = zip(*at_once(claimed, range(videos)), strict=True)
     shape = torch.linalg.inv(torch.stack(schurs).sum(0))
     joints = [claim.covariance(shape).cpu().numpy() for claim in claims]
     return Uncertainty(joints, settled.motion, common.normal, common)

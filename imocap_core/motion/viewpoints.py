@@ -1,7 +1,5 @@
 """Which further viewpoint would help most: the common motion's variance after one more camera."""
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +17,7 @@ from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.straying import first_strays
 from imocap_core.motion.terms import Reprojection, View
 from imocap_core.motion.terms.view import project
+from imocap_core.motion.workers import at_once
 
 Array = NDArray[np.float64]
 AZIMUTHS_DEG = tuple(range(0, 360, 45))
@@ -70,9 +69,7 @@ def reductions(
         return variance(added.diagonal[0])
 
     before = variance(torch.zeros_like(normal.diagonal[0]))
-    with ThreadPoolExecutor(min(len(AZIMUTHS_DEG), len(os.sched_getaffinity(0)))) as pool:
-        after = list(pool.map(with_camera, AZIMUTHS_DEG))
-    return 1 - np.array(after) / before
+    return 1 - np.array(at_once(with_camera, AZIMUTHS_DEG)) / before
 
 
 def _summed(rows: Tensor, covariance: Tensor) -> float:
