@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.sync import Settings, synchronise
+from imocap_core.sync import Settings, posterior, synchronise
 
 SETTINGS = Settings(
     affinity="reciprocal",
@@ -102,6 +102,19 @@ def test_finds_known_warps(settings: Settings, limit_s: float) -> None:
     for f in result.reference_frame:
         assert (np.diff(f[np.isfinite(f)]) >= 0).all()
     np.testing.assert_array_equal(result.reference_frame[0], np.arange(150.0))
+
+
+def test_sharper_last_refinements_claim_no_more_confidence(monkeypatch: pytest.MonkeyPatch) -> None:
+    phases, rng = four_phases(), np.random.default_rng(3)
+    poses = [seen(p, rng) for p in phases]
+    sharp = run(poses, reference=0)
+    monkeypatch.setattr(posterior, "SHARPNESS", 1.0)
+    usual = run(poses, reference=0)
+    moved = [np.nanmax(np.abs(a - b)) for a, b in zip(
+        sharp.reference_frame[1:], usual.reference_frame[1:], strict=True)]  # fmt: skip
+    assert max(moved) > 0.1  # frames: the last refinements do something
+    claimed, before = (np.concatenate(r.confidence).mean() for r in (sharp, usual))
+    assert claimed < before + 0.01
 
 
 def test_what_the_reference_does_not_show_is_unmatched() -> None:
