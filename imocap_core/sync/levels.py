@@ -81,6 +81,21 @@ def expected_squares(
     return out
 
 
+def soft_maps(
+    squares: PairSquares, fps: Sequence[float], near: PairNumbers, max_rate: float
+) -> PairSquares:
+    """Where each frame of video i lies in video j, (T_i, T_j) for all i != j, rows of sum 1.
+
+    Arguments as of `expected_squares`; pairs without any known distance are left out.
+    """
+    return {
+        (a, b): _map(_filled(own), fps[a], fps[b], near[i, j], max_rate)
+        for (i, j), square in squares.items()
+        if np.isfinite(square).any()
+        for a, b, own in ((i, j, square), (j, i, square.T))
+    }
+
+
 def matched_levels(expected: PairSquares, count: int, *, share: float = 1.0) -> Array:
     """Matched level (M, M) of video i in video j, in the unit of the poses: over the `share` of the
     frames that fit best. NaN where two videos share no joints, and on the diagonal."""
@@ -96,9 +111,18 @@ def _expected(square: Array, fps: float, fps_to: float, near: float, max_rate: f
     known = np.isfinite(square)
     if not known.any():
         return np.zeros(0)
-    filled = np.where(known, square, square[known].mean())
+    filled = _filled(square)
+    soft = _map(filled, fps, fps_to, near, max_rate)
+    return np.asarray((soft * filled).sum(axis=1)[known.any(axis=1)])
+
+
+def _filled(square: Array) -> Array:
+    known = np.isfinite(square)
+    return np.where(known, square, square[known].mean())
+
+
+def _map(filled: Array, fps: float, fps_to: float, near: float, max_rate: float) -> Array:
     step = max_rate * fps_to / fps
     max_step = max(1, int(np.ceil(step))) if np.isfinite(step) else None
     cost = LOOKS_PER_S / fps / near * filled
-    maps, _ = monotone_posterior(cost, unmatched=np.inf, max_step=max_step)
-    return np.asarray((maps * filled).sum(axis=1)[known.any(axis=1)])
+    return monotone_posterior(cost, unmatched=np.inf, max_step=max_step)[0]

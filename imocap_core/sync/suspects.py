@@ -12,12 +12,14 @@ from imocap_core.sync.levels import (
     PairSquares,
     expected_squares,
     matched_levels,
+    soft_maps,
     squares_between,
     typical_squares,
 )
 from imocap_core.sync.mirror import agreed, find_mirrored, mirror_evidence
 from imocap_core.sync.order import alignment_gains, begun, motion_windows
 from imocap_core.sync.outliers import FITTING_SHARE, find_outliers
+from imocap_core.sync.steady import steady_levels
 
 Array = NDArray[np.float64]
 
@@ -102,4 +104,6 @@ def outliers_among(
     moving = seen.in_motion(fps)
     motion = squares_between(moving.poses, moving.weights, moving.poses, moving.weights)
     gains = alignment_gains(motion, fps, typical_squares(motion), max_rate)
-    return find_outliers(levels, gains, kept)
+    maps = soft_maps(squares, fps, near, max_rate)
+    steady = steady_levels(seen.poses, seen.weights, maps, fps, FITTING_SHARE)
+    return find_outliers(levels, gains, steady, kept)

@@ -11,6 +11,7 @@ from imocap_core.sync.outliers import find_outliers, outlier_scores
 from imocap_core.sync.screening import sentences
 from tests.sync.test_synchronise import SETTINGS, four_phases, run, seen
 
+ALIKE = np.full((4, 4), 0.05)  # steady levels, metres, of which no video stands out
 TWINS = (1, 0, 3, 2, 5, 4, 7, 6, 8, 9, 11, 10)
 
 
@@ -150,25 +151,25 @@ def test_signs_are_found_together_and_the_smaller_side_turns() -> None:
 def test_scores_do_not_change_with_noise_that_all_share_once_it_is_large() -> None:
     levels, gains = np.full((4, 4), 1.0), np.zeros((4, 4))
     levels[3, :3] = levels[:3, 3] = 1.5
-    low, high = outlier_scores(levels, gains), outlier_scores(20 * levels, gains)
+    low, high = (outlier_scores(k * levels, gains, ALIKE) for k in (1, 20))
     np.testing.assert_allclose(low, high, rtol=0.02)
     assert np.argmax(low) == 3
-    assert find_outliers(levels, gains)[0] == [3]
-    assert find_outliers(levels, gains, np.array([False, False, False, True]))[0] == []
+    assert find_outliers(levels, gains, ALIKE)[0] == [3]
+    assert find_outliers(levels, gains, ALIKE, np.array([False, False, False, True]))[0] == []
 
 
 def test_one_short_clip_that_fits_into_the_others_is_judged_by_that_direction() -> None:
     levels, gains = np.full((4, 4), 1.0), np.zeros((4, 4))
     levels[:3, 3] = 1.5  # the others don't fit into it
-    assert find_outliers(levels, gains)[0] == []
+    assert find_outliers(levels, gains, ALIKE)[0] == []
 
 
 def test_most_of_the_videos_are_left() -> None:
     levels = 1.0 + np.add.outer(np.arange(6.0), np.arange(6.0)) ** 2
     for M in (3, 4, 5, 6):
-        found, _ = find_outliers(levels[:M, :M], np.zeros((M, M)))
+        found, _ = find_outliers(levels[:M, :M], np.zeros((M, M)), np.ones((M, M)))
         assert 2 * len(found) < M
-    assert np.isnan(outlier_scores(levels[:2, :2], np.zeros((2, 2)))).all()
+    assert np.isnan(outlier_scores(levels[:2, :2], np.zeros((2, 2)), ALIKE[:2, :2])).all()
 
 
 def test_a_bad_estimate_that_follows_the_order_of_time_is_no_outlier() -> None:
@@ -179,16 +180,18 @@ def test_a_bad_estimate_that_follows_the_order_of_time_is_no_outlier() -> None:
     assert result.screening.outliers == ()
     levels, gains = np.full((4, 4), 1.0), np.zeros((4, 4))
     levels[1] = levels[:, 1] = 1.5
-    assert find_outliers(levels, gains)[0] == [1]
+    assert find_outliers(levels, gains, ALIKE)[0] == [1]
     gains[1] = gains[:, 1] = 0.3
-    assert find_outliers(levels, gains)[0] == []
+    assert find_outliers(levels, gains, ALIKE)[0] == []
 
 
 def test_scores_fall_with_the_order_of_time_and_never_rise() -> None:
     levels, gains = np.full((4, 4), 1.0), np.zeros((4, 4))
-    np.testing.assert_allclose(outlier_scores(levels, gains), 1.0)
-    np.testing.assert_allclose(outlier_scores(levels, gains - 0.2), 1.0)
-    assert (outlier_scores(levels, gains + 0.2) < 0.5).all()
+    np.testing.assert_allclose(outlier_scores(levels, gains, ALIKE), 1.0)
+    np.testing.assert_allclose(outlier_scores(levels, gains - 0.2, ALIKE), 1.0)
+    some, much = (outlier_scores(levels, gains + g, ALIKE) for g in (0.2, 0.6))
+    assert (some < 0.8).all()
+    assert (much < 0.5).all()
 
 
 def test_weak_or_contradicting_evidence_of_reflection_does_not_count() -> None:

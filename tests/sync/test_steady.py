@@ -1,0 +1,94 @@
+"""What two videos differ in for good, and the outliers that it tells."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from imocap_core.sync.levels import (
+    expected_squares,
+    matched_levels,
+    soft_maps,
+    squares_between,
+    typical_squares,
+)
+from imocap_core.sync.outliers import find_outliers, outlier_scores
+from imocap_core.sync.steady import steady_levels, steady_squares
+from imocap_core.sync.view_axes import centred, rotations_onto
+from tests.sync.test_synchronise import pose_at
+
+
+def test_is_the_distance_of_every_frame_to_its_mean_counterpart() -> None:
+    rng = np.random.default_rng(0)
+    poses, others = rng.normal(size=(6, 5, 3)), rng.normal(size=(8, 5, 3))
+    w, u, maps = rng.random((6, 5)), rng.random((8, 5)), rng.random((6, 8))
+    w[2, 1], u[:, 3] = 0.0, 0.0
+    maps /= maps.sum(axis=1, keepdims=True)
+    found = steady_squares(poses, w, others, u, maps, window=2.0)
+
+    about = centred(others, u)
+    mean = np.zeros((6, 5, 3))
+    both = np.zeros((6, 5))
+    for t in range(6):
+        for j in (0, 1, 2, 4):
+            share = maps[t] * u[:, j]
+            mean[t, j] = share @ about[:, j] / share.sum()
+            both[t, j] = w[t, j] * share.sum()
+    x, y = centred(poses, both), centred(mean, both)
+    R = rotations_onto(x, y, both, 2.0)
+    naive = [
+        sum(both[t, j] * ((x[t, j] - y[t, j] @ R[t]) ** 2).sum() for j in range(5)) / both[t].sum()
+        for t in range(6)
+    ]
+    np.testing.assert_allclose(found, naive, atol=1e-12)
+
+
+def test_a_turn_of_the_whole_is_no_difference_and_unseen_frames_are_unknown() -> None:
+    pose = pose_at(np.linspace(0, 4, 60))
+    turn = Rotation.random(random_state=3).as_matrix()
+    w = np.ones(pose.shape[:2])
+    w[7] = 0.0
+    square = steady_squares(
+        pose @ turn + [1.0, 2.0, 3.0], w, pose, np.ones_like(w), np.eye(60), 15.0
+    )
+    assert np.isnan(square[7])
+    np.testing.assert_allclose(np.delete(square, 7), 0.0, atol=1e-18)
+
+
+def test_noise_raises_it_less_than_a_lasting_difference_does() -> None:
+    rng = np.random.default_rng(6)
+    w = [np.ones((60, 12))] * 2
+    pose, fps = pose_at(np.linspace(0, 6, 60)), [15.0, 15.0]
+
+    def both(other: np.ndarray) -> tuple[float, float]:
+        squares = squares_between([pose, other], w, [pose, other], w)
+        near = typical_squares(squares)
+        plain = matched_levels(expected_squares(squares, fps, near, 4.0), 2)
+        steady = steady_levels([pose, other], w, soft_maps(squares, fps, near, 4.0), fps, 1.0)
+        assert np.isnan(np.diag(steady)).all()
+        return np.nanmin(plain), np.nanmin(steady)  # the better direction counts
+
+    elsewhere = pose.copy()
+    elsewhere[:, :4] += rng.normal(0.0, 0.12, (4, 3))  # a limb held otherwise all the time
+    noisy = both(pose + rng.normal(0.0, 0.12, pose.shape))
+    lasting = both(elsewhere)
+    assert noisy[1] < 0.65 * noisy[0]
+    assert lasting[1] > 0.8 * lasting[0]
+
+
+def test_another_action_of_the_same_rhythm_is_an_outlier_and_what_follows_clearly_is_not() -> None:
+    levels, gains = np.full((4, 4), 0.07), np.full((4, 4), 0.3)
+    steady = np.full((4, 4), 0.05)
+    assert find_outliers(levels, gains, steady)[0] == []
+    steady[2] = steady[:, 2] = 0.12
+    assert find_outliers(levels, gains, steady)[0] == [2]
+    assert find_outliers(levels, gains + 0.3, steady)[0] == []
+    assert outlier_scores(levels, gains, steady)[2] > outlier_scores(levels, gains, 0.9 * steady)[2]
+
+
+def test_one_direction_is_enough_and_a_video_of_no_known_pair_has_no_score() -> None:
+    levels, gains = np.full((4, 4), 0.07), np.full((4, 4), 0.3)
+    steady = np.full((4, 4), 0.05)
+    steady[:3, 3] = 0.12  # a short clip: the others don't fit into it
+    assert find_outliers(levels, gains, steady)[0] == []
+    for pairs in (levels, gains, steady):
+        pairs[0] = pairs[:, 0] = np.nan
+    assert np.isnan(outlier_scores(levels, gains, steady)[0])
