@@ -15,7 +15,7 @@ from imocap_core.camera.background import rescaled, track_background
 from imocap_core.camera.projection import warp
 from imocap_core.camera.turning import Turning, camera_turning, standing_still
 from imocap_core.formats.video import read_gray
-from imocap_core.motion.workers import cores
+from imocap_core.workers import cores
 from stages.harness.stage import Context, Inputs, main
 from stages.params import CameraMotionParams, Params
 

@@ -56,7 +56,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
         *metric_tables(rows, summary),
         *hand_tables([*rows, *summary]),
         *([round_table(refined, round_errors)] if len(refined.rounds) > 1 else []),
-        video_table(keypoints, camera_motion, refined.sync),
+        video_table(keypoints, camera_motion, refined),
         *trust_tables(refined.sync),
         open_table(claimed),
         *uncertainty_tables(claimed, motions, truth, [*rows, *summary]),

@@ -30,7 +30,7 @@ from imocap_core.motion.starts import (
     lifted_starts,
     start_at_joints,
 )
-from imocap_core.motion.workers import at_once
+from imocap_core.workers import at_once
 from stages.harness.stage import Context, Inputs, main
 from stages.initial_estimates import Estimate, estimate_of
 from stages.lifted import evidence_of, lifted_joints, starts_of

@@ -64,11 +64,11 @@ class JointWork:
         """Motions as filmed to those the joint motion starts from."""
         return [self._turned(v) for v in videos if v.id not in self.excluded]
 
-    def cameras_in(self, found: SmplBa) -> list[Camera]:
+    def cameras_in(self, cameras: Sequence[Camera]) -> list[Camera]:
         """A result's cameras (as filmed) in the world that the joint motion is solved in."""
         return [
             mirrored_camera(c) if c.id in self.mirrored else c
-            for c in found.cameras
+            for c in cameras
             if c.id not in self.excluded
         ]
 

@@ -24,7 +24,7 @@ from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular import FitWeights
 from imocap_core.motion.observations import Observation, own_view, padded
 from imocap_core.motion.prior import load_pose_prior
-from imocap_core.motion.scene import JointMotion, JointOptions, Scene
+from imocap_core.motion.scene import JointMotion, JointOptions, Scene, through
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms.view import project
 from imocap_core.motion.timeline import make_timeline
@@ -74,7 +74,13 @@ def observations_of(
         confidence[~np.isfinite(xy).all(-1)] = 0.0
         known = (joints or {}).get(video.id)
         noise = noise_share_of(video.layout, fit)
-        found.append(Observation(xy, confidence, camera.K, video.fps, known, noise_share=noise))
+        spread = fit.focal_spread if camera.focal_source == "assumed" else 0.0
+        found.append(
+            Observation(
+                xy, confidence, camera.K, video.fps, known,
+                noise_share=noise, focal_spread=spread,
+            )
+        )  # fmt: skip
     return found
 
 
@@ -196,16 +202,17 @@ def smpl_ba_of(
 ) -> SmplBa:
     """The core's joint motion as an artifact."""
     cameras = [
-        Camera(id=video.id, K=observation.K, R=R.numpy(), t=t.numpy())
-        for video, observation, R, t in zip(
-            keypoints.videos, observations, motion.cameras.R, motion.cameras.t, strict=True
+        Camera(id=video.id, K=K.numpy(), R=R.numpy(), t=t.numpy())
+        for video, K, R, t in zip(
+            keypoints.videos, motion.cameras.K, motion.cameras.R, motion.cameras.t, strict=True
         )
     ]
+    seen = through(observations, motion.cameras)
     return SmplBa(
         reference=reference,
         model=body.model.name,
         model_digest=body.model.digest,
-        videos=motions_of(body, motion.state, observations, keypoints),
+        videos=motions_of(body, motion.state, seen, keypoints),
         cameras=cameras,
         objective=motion.costs,
         misfit=motion.misfit,
@@ -215,8 +222,8 @@ def smpl_ba_of(
 
 def cameras_of(cameras: Sequence[Camera]) -> Cameras:
     """An artifact's cameras as the core's."""
-    R, t = (np.stack([getattr(camera, name) for camera in cameras]) for name in "Rt")
-    return Cameras(torch.as_tensor(R).to(LIKE), torch.as_tensor(t).to(LIKE))
+    R, t, K = (np.stack([getattr(camera, name) for camera in cameras]) for name in "RtK")
+    return Cameras(*(torch.as_tensor(x).to(LIKE) for x in (R, t, K)))
 
 
 def evidence_joints(initial: InitialSmpl) -> dict[str, np.ndarray]:

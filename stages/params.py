@@ -104,6 +104,7 @@ class RepetitionParams(Group):
 
 
 class FitParams(Group):
+    focal_spread: NonNegative  # of the logarithm of an assumed focal length; 0: taken as it is
     noise_share: Positive  # keypoint noise (one standard deviation), share of the person's size
     noise_share_of: dict[str, Positive]  # by layout, of detectors that err otherwise
     robust_scale_sigma: Positive  # Geman-McClure scale in standard deviations

@@ -48,7 +48,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     rounds_begun = 0
 
     def pictures(motion: SmplBa) -> Pictures:
-        motions, cameras = work.motions_in(motion.videos), work.cameras_in(motion)
+        motions, cameras = work.motions_in(motion.videos), work.cameras_in(motion.cameras)
         return pictures_of(body, observations, motions, cameras)
 
     def synchronise(motion: SmplBa) -> Sync:
@@ -70,7 +70,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
         ctx.progress(rounds_begun / (params.refine.max_rounds + 1), f"round {rounds_begun}: motion")
         scene = scene_of(body, observations, work.sync_in(sync), params.fit)
         state: MotionState = state_of(work.motions_in(motion.videos))
-        cameras = cameras_of(work.cameras_in(motion))
+        cameras = cameras_of(work.cameras_in(motion.cameras))
         found = recover_motion(scene, state, options, cameras=cameras)
         return work.out(smpl_ba_of(body, found, observations, work.keypoints, sync.reference))
 

@@ -16,6 +16,7 @@ from stages.harness.stage import Context, Inputs, main
 from stages.joint_work import joint_work
 from stages.motion_values import (
     body_for,
+    cameras_of,
     evidence_joints,
     observations_of,
     options_of,
@@ -23,7 +24,7 @@ from stages.motion_values import (
     state_of,
 )
 from stages.params import Params
-from stages.uncertainty_groups import Group, cameras_of, groups_of
+from stages.uncertainty_groups import Group, groups_of
 from stages.uncertainty_values import Claims, uncertainty_of
 
 
@@ -48,8 +49,11 @@ def claims_of(group: Group, params: Params) -> Claims:
     observations = observations_of(
         body, work.keypoints, work.camera_motion, params.fit, evidence_joints(work.initial)
     )
-    scene = scene_of(body, observations, work.sync_in(group.sync), params.fit)
-    state, cameras = state_of(work.motions_in(group.motions)), cameras_of(group, work)
+    state, cameras = (
+        state_of(work.motions_in(group.motions)),
+        cameras_of(work.cameras_in(group.cameras)),
+    )
+    scene = scene_of(body, observations, work.sync_in(group.sync), params.fit).through(cameras)
     told = params.uncertainty
     noise = Noise(told.correlation_s, told.pose_persistence_s)
     found = uncertainty(scene, state, cameras, options_of(params.motion), noise)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
 from imocap_core.artifacts.schemas import (
     Camera,
@@ -17,8 +16,6 @@ from imocap_core.artifacts.schemas import (
     SyncSummary,
     VideoMotion,
 )
-from imocap_core.motion.consensus import Cameras
-from stages.joint_work import JointWork, mirrored_camera
 
 
 @dataclass(frozen=True)
@@ -66,14 +63,3 @@ def _alone(whole: Group, video: str) -> Group:
         [whole.motions[at]],
         [whole.cameras[at]],
     )
-
-
-def cameras_of(group: Group, work: JointWork) -> Cameras:
-    """The cameras of the videos that take part, as they were solved."""
-    used = [
-        mirrored_camera(c) if c.id in work.mirrored else c
-        for c in group.cameras
-        if c.id not in work.excluded
-    ]
-    R, t = np.stack([c.R for c in used]), np.stack([c.t for c in used])
-    return Cameras(torch.as_tensor(R), torch.as_tensor(t))

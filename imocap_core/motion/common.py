@@ -8,6 +8,7 @@ import torch
 from imocap_core.motion.consensus import Cameras
 from imocap_core.motion.coupled import consensus_motion
 from imocap_core.motion.deviation import Spread, keypoint_spread_m
+from imocap_core.motion.lenses import NO_LENSES, lenses_of
 from imocap_core.motion.monocular import Progress, regularisers
 from imocap_core.motion.own import own_deviations, single_motion
 from imocap_core.motion.robust import geman_mcclure
@@ -68,6 +69,7 @@ def common_then_own(
         scene.body, scene.observations, scene.timeline, shared.trans,
         evidence_mm=weights.evidence_mm * options.once(scene.fps) ** 0.5,
     )  # fmt: skip
+    lenses = NO_LENSES if cameras_known else lenses_of(scene)
     spread_m = np.zeros(evidence.weight.shape)
     status = ""
     for stage in ROBUST_STAGES[warm:]:
@@ -75,7 +77,7 @@ def common_then_own(
         scale = weights.robust_scale * stage
         shared, cameras, solution = fit_shared(
             scene.body, shared, with_spread(evidence, spread_m, scene, shared, cameras), cameras,
-            free, terms, options, robust_scale=scale,
+            free, terms, options, robust_scale=scale, lenses=lenses,
         )  # fmt: skip
         evidence = estimate_strays(scene.body, shared, evidence, cameras, robust_scale=scale)
         spread_m = spread_m_of(evidence, scene, shared, cameras)
@@ -87,8 +89,14 @@ def common_then_own(
         return JointMotion(own, cameras, shared, costs, f"one motion for all: {status}", fit)
     progress("each video's own deviation")
     spread = Spread(spread_m, evidence.stray)
-    state, cost = own_deviations(scene, state, shared, cameras, spread, options)
+    state, cost = own_deviations(scene.through(cameras), state, shared, cameras, spread, options)
     return JointMotion(state, cameras, shared, [*costs, cost], f"shared motion {status}", fit)
+
+
+def focal_px(cameras: Cameras) -> np.ndarray:
+    """(M,) focal lengths."""
+    found: np.ndarray = cameras.K[:, 0, 0].cpu().numpy()
+    return found
 
 
 def spread_m_of(
@@ -100,7 +108,7 @@ def spread_m_of(
     )
     depth = depths_m(scene.body, shared, cameras)
     return keypoint_spread_m(
-        errors, evidence.sigma_px, depth, evidence.K[:, 0, 0], window=round(scene.fps / 2)
+        errors, evidence.sigma_px, depth, focal_px(cameras), window=round(scene.fps / 2)
     )
 
 
@@ -109,6 +117,6 @@ def with_spread(
 ) -> Evidence:
     """Evidence whose noise holds how far a performance strays from the common one."""
     depth = depths_m(scene.body, shared, cameras)
-    spread_px = spread_m * (evidence.K[:, 0, 0, None] / depth)[..., None]
+    spread_px = spread_m * (focal_px(cameras)[:, None] / depth)[..., None]
     sigma2 = evidence.sigma_px[..., None] ** 2
     return replace(evidence, weight=evidence.weight * sigma2 / (sigma2 + spread_px**2))

@@ -21,10 +21,12 @@ from imocap_core.rotations import mean as chordal_mean
 
 @dataclass(frozen=True)
 class Cameras:
-    """R (M, 3, 3), t (M, 3): camera of each video from the world (the reference's camera axes)."""
+    """R (M, 3, 3), t (M, 3): camera of each video from the world (the reference's camera axes);
+    K (M, 3, 3): its intrinsics."""
 
     R: Tensor
     t: Tensor
+    K: Tensor
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ def align(body: Body, state: MotionState, timeline: Timeline) -> Aligned:
     return Aligned(torch.stack(R), torch.stack(p), weight)
 
 
-def cameras_from_motion(aligned: Aligned, reference: int, *, rounds: int = 4) -> Cameras:
+def cameras_from_motion(aligned: Aligned, K: Tensor, reference: int, *, rounds: int = 4) -> Cameras:
     """Robust averages of root orientations and paths, all videos against their consensus.
 
     The first consensus is the reference alone; each round the consensus of all videos replaces
@@ -84,7 +86,7 @@ def cameras_from_motion(aligned: Aligned, reference: int, *, rounds: int = 4) ->
         robust = weight / (1 + (angle / 0.35).square()).square()
         consensus = chordal_mean(in_world, robust)
         trust = weight.amax(0)
-    return Cameras(R, _translations(aligned, R, reference))
+    return Cameras(R, _translations(aligned, R, reference), K)
 
 
 def _translations(aligned: Aligned, R: Tensor, reference: int) -> Tensor:

@@ -47,7 +47,9 @@ def coupled_round(
     terms += coupling_terms(scene.body, targets, state, joint_weight, path_weight)
     solution = solve(terms, state, options, one_body=True)
     state = solution.state
-    cameras = cameras_from_motion(align(scene.body, state, scene.timeline), scene.reference)
+    cameras = cameras_from_motion(
+        align(scene.body, state, scene.timeline), cameras.K, scene.reference
+    )
     if pnp:
         weights = scene.weights
         evidence = gather(scene.observations, scene.timeline)

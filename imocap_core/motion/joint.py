@@ -17,7 +17,7 @@ from imocap_core.motion.monocular import Progress
 from imocap_core.motion.scene import JointMotion, JointOptions, Scene
 from imocap_core.motion.state import MotionState
 
-START_STEPS = 4  # of the coupled fit that the common one starts from: more gain nothing there
+START_STEPS = 2  # of the coupled fit that the common one starts from: more gain nothing there
 
 
 def recover_motion(
@@ -37,11 +37,12 @@ def recover_motion(
     if len(scene.observations) == 1:
         eye, zero = torch.eye(3).to(start.trans)[None], torch.zeros(1, 3).to(start.trans)
         status = "one video: the monocular motion stands"
-        return JointMotion(start, Cameras(eye, zero), start, [], status, 0.0)
+        return JointMotion(start, Cameras(eye, zero, scene.K.to(eye)), start, [], status, 0.0)
     state, costs = one_body(start), []
     if cameras is not None and options.objective != "paper":
         return common_then_own(scene, state, cameras, options, progress, warm=True)
-    cameras = cameras_from_motion(align(scene.body, state, scene.timeline), scene.reference)
+    aligned = align(scene.body, state, scene.timeline)
+    cameras = cameras_from_motion(aligned, scene.K.to(start.trans), scene.reference)
     if options.objective == "paper":
         rounds, coupled = options.rounds, options
     else:  # only a start for the common fit

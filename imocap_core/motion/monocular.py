@@ -33,7 +33,10 @@ from imocap_core.motion.terms import (
 from imocap_core.motion.timeline import sample
 
 Progress = Callable[[str], None]
-COARSE_SCALES = (10.0, 3.0, 1.0)  # of the robust loss, relative to the final one
+# Of the robust loss, relative to the final scale, and the tolerance with each: a start may rest for
+# a while on its way in, once there it need not be exact.
+COARSE = ((10.0, 3e-3), (3.0, 1e-2), (1.0, 1e-2))
+TOLERANCE = 3e-3  # of the fit on all frames, which every later fit improves
 PRIOR_FPS = 30.0  # frame rate at which the prior's joint speeds were measured
 
 
@@ -152,14 +155,14 @@ def fit_monocular(
     coarse = [every(observations[v], stride) for v in owner]
     flat = [Start(s.R_local[::stride], s.trans[::stride], s.cost) for own in starts for s in own]
     state = stacked(flat, validity(coarse, flat[0].trans))
-    for scale in COARSE_SCALES:
+    for scale, tolerance in COARSE:
         terms = monocular_terms(body, prior, coarse, state.trans, weights, scale)
-        state = gauss_newton(terms, state, max_steps=6, relative_tolerance=3e-3).state
+        state = gauss_newton(terms, state, max_steps=6, relative_tolerance=tolerance).state
     chosen, costs = _cheapest(objective(terms, state), owner, len(observations))
     progress("the best start of each video on all frames")
     state = _all_frames(state.rows(chosen), observations, stride)
     terms = monocular_terms(body, prior, observations, state.trans, weights, 1.0)
-    solution = gauss_newton(terms, state, max_steps=max_steps, relative_tolerance=1e-3)
+    solution = gauss_newton(terms, state, max_steps=max_steps, relative_tolerance=TOLERANCE)
     return MonocularFit(solution.state, costs, solution.status)
 
 

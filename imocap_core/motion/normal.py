@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from imocap_core.motion.pentadiagonal import solve_pentadiagonal
-from imocap_core.motion.workers import Each, in_turn
+from imocap_core.workers import Each, in_turn
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,8 @@ class Observation:
         K: (3, 3) intrinsics; fps: frames a second.
         joints: (T, 24, 3) a monocular estimator's joints in metres, NaN where not given, or None.
         noise_share: detector noise (one standard deviation) as a share of the person's size.
+        focal_spread: how far K's focal length may be off (standard deviation of its logarithm);
+            0: it is known.
     """
 
     xy_px: Array
@@ -33,6 +35,7 @@ class Observation:
     fps: float
     joints: Array | None = None
     noise_share: float = field(kw_only=True)
+    focal_spread: float = 0.0
 
     @cached_property
     def size_px(self) -> Array:

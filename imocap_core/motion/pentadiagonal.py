@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from imocap_core.motion.workers import Each, in_turn
+from imocap_core.workers import Each, in_turn
 
 MIDDLE = 2  # frames between the halves: as far as a frame reaches
 

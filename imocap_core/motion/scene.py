@@ -1,9 +1,10 @@
 """What SMPL-BA works on, how it proceeds, and what it returns."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
@@ -20,6 +21,7 @@ from imocap_core.motion.terms import Term
 from imocap_core.motion.timeline import Timeline
 
 GRADIENT_STEPS_PER_NEWTON_STEP = 25
+TOLERANCE = 2e-3  # tighter ones change what is found by less than another start does
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,15 @@ class Scene:
     weights: FitWeights
 
     @property
+    def K(self) -> Tensor:
+        """(M, 3, 3) intrinsics that are known or assumed."""
+        return torch.as_tensor(np.stack([o.K for o in self.observations]))
+
+    def through(self, cameras: Cameras) -> "Scene":
+        """The same seen by cameras whose focal lengths were found."""
+        return replace(self, observations=through(self.observations, cameras))
+
+    @property
     def fps(self) -> float:
         """Frame rate of the reference."""
         return self.observations[self.reference].fps
@@ -94,6 +105,12 @@ class JointMotion:
     misfit: float
 
 
+def through(observations: Sequence[Observation], cameras: Cameras) -> list[Observation]:
+    """What was seen, by cameras whose focal lengths were found."""
+    rows = zip(observations, cameras.K.cpu().numpy(), strict=True)
+    return [replace(o, K=K) for o, K in rows]
+
+
 def solve(
     terms: Sequence[Term], state: MotionState, options: JointOptions, *, one_body: bool
 ) -> Solution:
@@ -107,7 +124,7 @@ def solve(
         terms,
         state,
         max_steps=options.max_steps,
-        relative_tolerance=1e-3,
+        relative_tolerance=TOLERANCE,
         shared_globals=one_body,
     )
 

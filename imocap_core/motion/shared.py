@@ -5,7 +5,7 @@ them. This is bundle adjustment proper: poses, shape and cameras are unknowns of
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -15,6 +15,7 @@ from torch import Tensor
 from imocap_core.camera.pnp import pnp_over_frames
 from imocap_core.motion.consensus import Cameras, pelvis
 from imocap_core.motion.kinematics import Body
+from imocap_core.motion.lenses import NO_LENSES, Lenses
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.scene import JointOptions, solve
 from imocap_core.motion.solver import HALVES, Solution
@@ -33,7 +34,6 @@ class Evidence:
 
     Attributes:
         xy_px: (M, N, K, 2); weight: (M, N, K) in 1/px^2, 0 where unseen; sigma_px: (M, N).
-        K: (M, 3, 3).
         stray: (M, 6) standard deviations with which each performance turns (rad) and shifts (m)
             as a whole against the common one, or None: rigid copies.
     """
@@ -41,7 +41,6 @@ class Evidence:
     xy_px: Array
     weight: Array
     sigma_px: Array
-    K: Array
     stray: Array | None = None
 
 
@@ -57,9 +56,7 @@ def gather(observations: Sequence[Observation], timeline: Timeline) -> Evidence:
         xy.append(value)
         weight.append(confidence * trust[:, None] / noise[:, None] ** 2)
         sigma.append(noise)
-    return Evidence(
-        np.stack(xy), np.stack(weight), np.stack(sigma), np.stack([o.K for o in observations])
-    )
+    return Evidence(np.stack(xy), np.stack(weight), np.stack(sigma))
 
 
 def estimates_on_axis(
@@ -88,19 +85,27 @@ def estimates_on_axis(
 
 
 def views_of(
-    evidence: Evidence, cameras: Cameras, like: Tensor, *, free: Sequence[int]
+    evidence: Evidence,
+    cameras: Cameras,
+    like: Tensor,
+    *,
+    free: Sequence[int],
+    lenses: Sequence[int] = (),
 ) -> tuple[View, ...]:
-    """One view a video; the cameras in ``free`` become unknowns of the state, in that order."""
+    """One view a video; the cameras in ``free`` and the focal lengths in ``lenses`` become unknowns
+    of the state, in that order."""
     views = []
     for v in range(len(evidence.xy_px)):
-        arrays = (evidence.xy_px[v], evidence.weight[v], evidence.K[v])
+        arrays = (evidence.xy_px[v], evidence.weight[v], cameras.K[v])
         xy, weight, K = (torch.as_tensor(a).to(like)[None] for a in arrays)
+        focal = list(lenses).index(v) if v in lenses else None
         camera = list(free).index(v) if v in free else None
         stray = None
         if evidence.stray is not None:
             sharp = torch.as_tensor(evidence.stray[v] ** -2.0).to(like)
             stray = sharp.expand(1, xy.shape[1], -1)
-        views.append(View(xy, weight, K, cameras.R[v][None], cameras.t[v][None], camera, stray))
+        R, t = cameras.R[v][None], cameras.t[v][None]
+        views.append(View(xy, weight, K, R, t, camera, focal, stray))
     return tuple(views)
 
 
@@ -127,14 +132,14 @@ def refine_by_pnp(
             xyz,
             evidence.xy_px[v],
             evidence.weight[v] * sigma**2,
-            evidence.K[v],
+            cameras.K[v].cpu().numpy(),
             R[v].cpu().numpy(),
             scale_px=robust_scale * sigma,
             inlier_px=2 * robust_scale * sigma,
         )
         if found.ok:
             R[v], t[v] = torch.as_tensor(found.R).to(R), torch.as_tensor(found.t).to(t)
-    return Cameras(R, t)
+    return replace(cameras, R=R, t=t)
 
 
 def shared_problem(
@@ -145,21 +150,22 @@ def shared_problem(
     free: Sequence[int],
     *,
     robust_scale: float,
+    lenses: Lenses = NO_LENSES,
 ) -> tuple[list[Term], MotionState]:
     """What all views say of one motion, as two halves of them that can be worked on at the same
-    time, and the start with the cameras in ``free`` among its unknowns."""
+    time, and the start with the cameras in ``free`` and the focal lengths of ``lenses`` among its
+    unknowns."""
     index = torch.tensor(free, dtype=torch.long, device=start.trans.device)
-    state = MotionState(
-        start.R_local,
-        start.trans,
-        start.betas,
-        start.valid,
-        cameras.R[index][None],
-        cameras.t[index][None],
+    state = replace(
+        start,
+        camera_R=cameras.R[index][None],
+        camera_t=cameras.t[index][None],
+        log_focal=start.trans.new_zeros(1, len(lenses.videos)),
     )
-    views = views_of(evidence, cameras, start.trans, free=free)
+    views = views_of(evidence, cameras, start.trans, free=free, lenses=lenses.videos)
     halves = [views[k::HALVES] for k in range(min(HALVES, len(views)))]
-    return [Reprojection(body, half, robust_scale) for half in halves], state
+    image = [Reprojection(body, half, robust_scale) for half in halves]
+    return [*image, *lenses.prior(cameras.K)], state
 
 
 def fit_shared(
@@ -172,8 +178,10 @@ def fit_shared(
     options: JointOptions,
     *,
     robust_scale: float,
+    lenses: Lenses = NO_LENSES,
 ) -> tuple[MotionState, Cameras, Solution]:
-    """Joint Gauss-Newton over the shared motion, its shape and the cameras in ``free``.
+    """Joint Gauss-Newton over the shared motion, its shape, the cameras in ``free`` and the focal
+    lengths of ``lenses``.
 
     Args:
         start: one motion (batch of 1) in the world's axes on the reference's frames.
@@ -183,14 +191,17 @@ def fit_shared(
         The motion, the cameras, and the solver's account.
     """
     free = [v for v in free if (evidence.weight[v] > 0).any()]
-    seen, state = shared_problem(body, start, evidence, cameras, free, robust_scale=robust_scale)
-    solution = solve([*seen, *terms], state, options, one_body=False)
+    image, state = shared_problem(
+        body, start, evidence, cameras, free, robust_scale=robust_scale, lenses=lenses
+    )
+    solution = solve([*image, *terms], state, options, one_body=False)
     state = solution.state
     R, t = cameras.R.clone(), cameras.t.clone()
     index = torch.tensor(free, dtype=torch.long, device=start.trans.device)
     R[index], t[index] = state.camera_R[0], state.camera_t[0]
+    K = lenses.found(cameras.K, state.log_focal[0])
     motion = MotionState.of(state.R_local, state.trans, state.betas, state.valid)
-    return motion, Cameras(R, t), solution
+    return motion, Cameras(R, t, K), solution
 
 
 def reprojection_errors_px(

@@ -17,7 +17,7 @@ from torch import Tensor
 from imocap_core.motion.normal import NormalEquations, Reduced, solve_globals
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms.base import Term
-from imocap_core.motion.workers import Each, cores, in_turn, on
+from imocap_core.workers import Each, cores, in_turn, on
 
 FIRST_DAMPING = 1e-3
 LEAST_DAMPING = 1e-9
@@ -171,6 +171,7 @@ def put_together(batch: MotionState, motions: Sequence[MotionState]) -> MotionSt
         betas=torch.cat([m.betas for m in motions]),
         camera_R=torch.cat([m.camera_R for m in motions]),
         camera_t=torch.cat([m.camera_t for m in motions]),
+        log_focal=torch.cat([m.log_focal for m in motions]),
     )
 
 

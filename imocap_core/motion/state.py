@@ -26,6 +26,7 @@ class MotionState:
         betas: (B, 10) shape.
         valid: (B, T) bool; False pads shorter motions and takes no part in anything.
         camera_R: (B, C, 3, 3), camera_t: (B, C, 3) free cameras from the state's axes; C may be 0.
+        log_focal: (B, F) free focal lengths, logarithms over those of their views; F may be 0.
     """
 
     R_local: Tensor
@@ -34,12 +35,14 @@ class MotionState:
     valid: Tensor
     camera_R: Tensor
     camera_t: Tensor
+    log_focal: Tensor
 
     @classmethod
     def of(cls, R_local: Tensor, trans: Tensor, betas: Tensor, valid: Tensor) -> "MotionState":
         """A state without free cameras."""
         none = trans.new_zeros(len(trans), 0, 3)
-        return cls(R_local, trans, betas, valid, none[..., None].expand(-1, 0, 3, 3), none)
+        no_turn, no_focal = none[..., None].expand(-1, 0, 3, 3), none[..., 0]
+        return cls(R_local, trans, betas, valid, no_turn, none, no_focal)
 
     def once(self, owners: tuple[object, ...], make: Callable[[], T]) -> T:
         """What ``owners`` work out of this state: made when first asked for, then the same again.
@@ -65,13 +68,17 @@ class MotionState:
 
     @property
     def unknown_globals(self) -> int:
-        """How many unknowns all frames share: 10 of shape, 6 a free camera."""
-        return self.betas.shape[1] + 6 * self.camera_t.shape[1]
+        """How many unknowns all frames share: 10 of shape, 6 a free camera, 1 a focal length."""
+        return self.betas.shape[1] + 6 * self.camera_t.shape[1] + self.log_focal.shape[1]
 
     def camera_columns(self, camera: int) -> slice:
         """Where a free camera's (turn, shift) stand among the globals."""
         start = self.betas.shape[1] + 6 * camera
         return slice(start, start + 6)
+
+    def focal_column(self, focal: int) -> int:
+        """Where a free focal length stands among the globals."""
+        return self.betas.shape[1] + 6 * self.camera_t.shape[1] + focal
 
     def retract(self, d_frames: Tensor, d_globals: Tensor) -> "MotionState":
         """The state after local increments, (B, T, 75) and (B, globals).
@@ -81,7 +88,9 @@ class MotionState:
         """
         d_frames = torch.where(self.valid[..., None], d_frames, 0.0)
         delta = d_frames[..., :POSE].reshape(*self.R_local.shape[:-2], 3)
-        change = d_globals[:, self.betas.shape[1] :].reshape(*self.camera_t.shape[:2], 6)
+        sizes = [self.betas.shape[1], 6 * self.camera_t.shape[1], self.log_focal.shape[1]]
+        d_betas, d_cameras, d_focal = d_globals.split(sizes, dim=1)
+        change = d_cameras.reshape(*self.camera_t.shape[:2], 6)
         turned = exp(change[..., :3]) @ self.camera_R
         before, after = (
             torch.einsum("bcij,bj->bci", R, self.pivot()) for R in (self.camera_R, turned)
@@ -90,9 +99,10 @@ class MotionState:
             self,
             R_local=self.R_local @ exp(delta),
             trans=self.trans + d_frames[..., POSE:],
-            betas=self.betas + d_globals[:, : self.betas.shape[1]],
+            betas=self.betas + d_betas,
             camera_R=turned,
             camera_t=self.camera_t + change[..., 3:] + before - after,
+            log_focal=self.log_focal + d_focal,
         )
 
     def pivot(self) -> Tensor:

@@ -18,7 +18,7 @@ from imocap_core.motion.kinematics import Body
 from imocap_core.motion.shared import Evidence, views_of
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import Reprojection, View
-from imocap_core.motion.workers import at_once, in_turn
+from imocap_core.workers import at_once, in_turn
 
 Array = NDArray[np.float64]
 FIRST_TURN_RAD, FIRST_SHIFT_M = 0.08, 0.15

@@ -31,7 +31,7 @@ from imocap_core.motion.normal import NormalEquations
 from imocap_core.motion.own_posterior import own_fits, own_posterior
 from imocap_core.motion.scene import JointOptions, Scene
 from imocap_core.motion.state import MotionState
-from imocap_core.motion.workers import at_once
+from imocap_core.workers import at_once
 
 Array = NDArray[np.float64]
 

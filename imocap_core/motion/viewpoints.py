@@ -17,7 +17,7 @@ from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.straying import first_strays
 from imocap_core.motion.terms import Reprojection, View
 from imocap_core.motion.terms.view import project
-from imocap_core.motion.workers import at_once
+from imocap_core.workers import at_once
 
 Array = NDArray[np.float64]
 AZIMUTHS_DEG = tuple(range(0, 360, 45))
@@ -99,7 +99,7 @@ def spec_of(common: CommonPosterior) -> Spec:
     depth = motion.trans[0].mean(0) @ cameras.R.mT + cameras.t
     return Spec(
         float(depth[:, 2].median()),
-        float(np.median(evidence.K[:, 0, 0])),
+        float(cameras.K[:, 0, 0].median()),
         float(np.median(evidence.weight[evidence.weight > 0])),
         np.sqrt(np.square(common.common.spread.whole).mean(0)),
     )

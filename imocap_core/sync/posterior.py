@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from imocap_core.sync.regular import rates_between, regular_posterior
 from imocap_core.sync.settings import Settings
 from imocap_core.sync.ties import Bend
 from imocap_core.sync.warping import in_order, mass_within, median_positions
+from imocap_core.workers import at_once
 
 Array = NDArray[np.float64]
 
@@ -157,6 +159,12 @@ def _refined_by_poses(
     plan += [sharp] * (SHARP_ROUNDS if plan else 0)
     # the first refinement aligns frame by frame; only then are orientations known well enough
     steady = [settings.orientation_window_s * f for f in fps]
+
+    def told(v: int, squares: Array, by: Settings) -> tuple[Array, Array]:
+        near = _typical(squares, c)
+        bent = squares if bend is None else bend(v, squares, near, by.evidence_per_s)
+        return _posterior(bent, near, fps[v], fps[reference], per_frame, by, 0.0)
+
     for round_, believed in enumerate(plan):
         counted = [
             None if v == reference else s * matched[:, None]
@@ -169,16 +177,8 @@ def _refined_by_poses(
         ):
             if squares is None:
                 continue
-            near = _typical(squares, c)
-
-            def told(
-                by: Settings, v: int = v, squares: Array = squares, near: float = near
-            ) -> tuple[Array, Array]:
-                bent = squares if bend is None else bend(v, squares, near, by.evidence_per_s)
-                return _posterior(bent, near, fps[v], fps[reference], per_frame, by, 0.0)
-
-            usual[v], seen[v] = told(settings)
-            soft[v] = usual[v] if believed is settings else told(sharp)[0]
+            usual[v], seen[v] = told(v, squares, settings)
+            soft[v] = usual[v] if believed is settings else told(v, squares, believed)[0]
     return usual
 
 
@@ -195,19 +195,22 @@ def _seen_in_pictures(
     The videos whose pictures told anything are the answer.
     """
     sharp = replace(settings, unmatched_level=np.inf, evidence_per_s=PICTURES_PER_S)
+    per_frame = settings.positions_per_frame
+
+    def refined(v: int, before: Sequence[Array]) -> Array | None:
+        squares = pictures.squares(v, before, reference, per_frame)
+        if squares is None:
+            return None
+        if bend is not None:
+            squares = bend(v, squares, 1.0, PICTURES_PER_S)
+        return _posterior(squares, 1.0, fps[v], fps[reference], per_frame, sharp, 0.0)[0]
+
     told: set[int] = set()
+    others = [v for v in range(len(soft)) if v != reference]
     for _ in range(PICTURE_ROUNDS):
-        before = list(soft)
-        for v in range(len(soft)):
-            if v == reference:
-                continue
-            squares = pictures.squares(v, before, reference, settings.positions_per_frame)
-            if squares is None:
-                continue
-            if bend is not None:
-                squares = bend(v, squares, 1.0, PICTURES_PER_S)
-            soft[v], _ = _posterior(
-                squares, 1.0, fps[v], fps[reference], settings.positions_per_frame, sharp, 0.0
-            )
-            told.add(v)
+        found = at_once(partial(refined, before=tuple(soft)), others)
+        for v, own in zip(others, found, strict=True):
+            if own is not None:
+                soft[v] = own
+                told.add(v)
     return told

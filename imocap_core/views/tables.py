@@ -14,7 +14,6 @@ from imocap_core.artifacts.schemas import (
     CameraMotion,
     Keypoints,
     RefineSync,
-    SyncSummary,
     Table,
     VideoKeypoints,
 )
@@ -112,10 +111,12 @@ def round_table(refined: RefineSync, errors: Sequence[Mapping[str, float]]) -> T
     )
 
 
-def video_table(keypoints: Keypoints, camera_motion: CameraMotion, sync: SyncSummary) -> Table:
+def video_table(keypoints: Keypoints, camera_motion: CameraMotion, refined: RefineSync) -> Table:
     """What is known of each video: frames, people, camera, matches."""
+    sync, solved = refined.sync, refined.motion.cameras
+    every = zip(keypoints.videos, camera_motion.videos, solved, sync.maps, strict=True)
     rows: list[list[Cell]] = []
-    for seen, camera, found in zip(keypoints.videos, camera_motion.videos, sync.maps, strict=True):
+    for seen, camera, result, found in every:
         matched = float(np.isfinite(found.reference_frame).mean())
         rows.append(
             [
@@ -129,11 +130,12 @@ def video_table(keypoints: Keypoints, camera_motion: CameraMotion, sync: SyncSum
                 camera.residual_px,
                 float(camera.K[0, 0]),
                 camera.focal_source,
+                float(result.K[0, 0]),
                 matched,
             ]
         )
     columns = ["video", "frames", "fps", "size", "people", "presence_share", "camera", "camera_px"]
-    columns += ["focal_px", "focal", "matched_share"]
+    columns += ["focal_px", "focal", "solved_focal_px", "matched_share"]
     note = " ".join(f"{seen.id}: {said}." for seen in keypoints.videos for said in remarks(seen))
     return Table(name="videos", title="The videos", columns=columns, rows=rows, note=note)
 

@@ -85,7 +85,8 @@ def true_cameras(sync: SyncSummary, truth: Truth) -> Cameras:
     R_ref, t_ref = _known(at.R, sync.reference), _known(at.t, sync.reference)
     R = [_known(truth.videos[v].R, v) @ R_ref.T for v in sync.ids]
     t = [_known(truth.videos[v].t, v) - turn @ t_ref for v, turn in zip(sync.ids, R, strict=True)]
-    return Cameras(torch.as_tensor(np.stack(R)).to(LIKE), torch.as_tensor(np.stack(t)).to(LIKE))
+    K = [_known(truth.videos[v].K, v) for v in sync.ids]
+    return Cameras(*(torch.as_tensor(np.stack(x)).to(LIKE) for x in (R, t, K)))
 
 
 def _known(value: np.ndarray | None, video: str) -> np.ndarray:

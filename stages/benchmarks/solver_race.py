@@ -158,7 +158,8 @@ def common_problem(
     """The first fit of one motion to all views."""
     scene, weights = made.scene, made.scene.weights
     state = one_body(made.start)
-    cameras = cameras_from_motion(align(scene.body, state, scene.timeline), scene.reference)
+    aligned = align(scene.body, state, scene.timeline)
+    cameras = cameras_from_motion(aligned, scene.K.to(state.trans), scene.reference)
     evidence = gather(scene.observations, scene.timeline)
     if strays:
         evidence = replace(evidence, stray=first_strays(len(scene.observations)))

@@ -11,7 +11,6 @@ import torch
 from imocap_core.artifacts.schemas import SyncMap
 from imocap_core.artifacts.schemas.sync import SyncSummary
 from imocap_core.formats.truth import Truth, VideoTruth
-from imocap_core.motion.consensus import Cameras
 from stages.benchmarks.oracle import fit_with_cameras, true_cameras, true_sync
 from tests.motion.made import mpjpe_mm
 from tests.motion.test_joint import OPTIONS, in_own_axes, made, whole  # noqa: F401
@@ -64,7 +63,7 @@ def test_the_oracle_s_cameras_see_a_world_point_where_the_true_ones_do() -> None
 
 def test_the_oracle_s_fit_leaves_the_cameras_alone(made) -> None:  # noqa: F811
     scene, true = whole(made), in_own_axes(made)
-    cameras = Cameras(torch.as_tensor(made.R), torch.as_tensor(made.t))
+    cameras = made.cameras()
     start = replace(true, trans=true.trans + 0.05)
     found = fit_with_cameras(scene, start, cameras, replace(OPTIONS, max_steps=3))
     assert torch.equal(found.cameras.R, cameras.R)
@@ -75,6 +74,6 @@ def test_the_oracle_s_fit_leaves_the_cameras_alone(made) -> None:  # noqa: F811
 def test_the_oracle_of_one_video_is_its_monocular_fit(made) -> None:  # noqa: F811
     true = in_own_axes(made)
     alone = replace(whole(made), observations=made.observations[:1])
-    cameras = Cameras(torch.as_tensor(made.R[:1]), torch.as_tensor(made.t[:1]))
+    cameras = made.cameras(1)
     start = true.rows(torch.tensor([0]))
     assert fit_with_cameras(alone, start, cameras, OPTIONS).state is start

@@ -6,6 +6,7 @@ import numpy as np
 import torch
 
 from imocap_core.body import load_free_body
+from imocap_core.motion.consensus import Cameras
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular import FitWeights
 from imocap_core.motion.observations import Observation
@@ -44,6 +45,11 @@ class Made:
     t: np.ndarray  # (M, 3)
     observations: list[Observation]
 
+    def cameras(self, count: int | None = None) -> Cameras:
+        """The true ones, or the first of them."""
+        K = np.stack([o.K for o in self.observations])
+        return Cameras(*(torch.as_tensor(x[:count]) for x in (self.R, self.t, K)))
+
 
 def wide_prior() -> PosePrior:
     """A single wide Gaussian about the rest pose."""
@@ -51,7 +57,9 @@ def wide_prior() -> PosePrior:
     return mixture(np.zeros((1, 69)), 0.25 * np.eye(69)[None], np.ones(1), 0.1 * ones, 0.05 * ones)
 
 
-def waving(frames: int, body: Body, rng: np.random.Generator) -> MotionState:
+def waving(
+    frames: int, body: Body, rng: np.random.Generator, *, path_m: float = 0.1
+) -> MotionState:
     """A smooth motion of all big joints, facing the camera four metres away."""
     phase = torch.linspace(0, 2 * np.pi, frames, dtype=torch.float64)[:, None, None]
     amplitude = torch.as_tensor(rng.normal(0, 0.25, (1, 24, 3)))
@@ -61,7 +69,7 @@ def waving(frames: int, body: Body, rng: np.random.Generator) -> MotionState:
         theta[:, still] = 0.0
     R_local = exp(theta)
     R_local[:, 0] = exp(FACING) @ exp(0.3 * theta[:, 0])
-    trans = torch.tensor([0.0, 0.0, 4.0], dtype=torch.float64) + 0.1 * torch.sin(
+    trans = torch.tensor([0.0, 0.0, 4.0], dtype=torch.float64) + path_m * torch.sin(
         phase[:, 0] + torch.tensor([0.0, 1.0, 2.0], dtype=torch.float64)
     )
     valid = torch.ones(1, frames, dtype=torch.bool)
@@ -69,11 +77,16 @@ def waving(frames: int, body: Body, rng: np.random.Generator) -> MotionState:
 
 
 def scene(
-    frames: int, turns_deg: list[float], rng: np.random.Generator, *, noise_px: float = 1.0
+    frames: int,
+    turns_deg: list[float],
+    rng: np.random.Generator,
+    *,
+    noise_px: float = 1.0,
+    path_m: float = 0.1,
 ) -> Made:
     """Cameras on a circle about the performer, the first of them the world's axes."""
     body = Body.of(load_free_body(), "body25")
-    state = waving(frames, body, rng)
+    state = waving(frames, body, rng, path_m=path_m)
     xyz = body.positions(body.keypoints, state).xyz[0].numpy()
     centre = np.array([0.0, 0.0, 4.0])
     R, t, observations = [], [], []

@@ -19,7 +19,7 @@ from imocap_core.motion.normal import solve_globals
 from imocap_core.motion.solver import gauss_newton, linearise, linearise_halves, objective
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import Term
-from imocap_core.motion.workers import in_turn
+from imocap_core.workers import in_turn
 from tests.motion.made import WEIGHTS, Made, scene, wide_prior
 from tests.motion.test_solver import disturbed
 from tests.motion.test_terms import TERMS, body, state, straying

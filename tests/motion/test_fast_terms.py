@@ -24,7 +24,9 @@ def two_straying_views(body: Body, state: MotionState) -> Reprojection:
     """One of a known camera, one of the state's own, each with strays of its own."""
     first = straying(body, state)
     (view,) = first.views
-    known = replace(view.at(state), camera=None, xy_px=view.xy_px + normal(B, T, 25, 2, seed=40))
+    known = replace(
+        view.at(state), camera=None, focal=None, xy_px=view.xy_px + normal(B, T, 25, 2, seed=40)
+    )
     turned = exp(normal(B, 3, seed=41, spread=0.2)) @ known.R
     return replace(first, views=(view, replace(known, R=turned)))
 
@@ -89,6 +91,11 @@ def rows_of(term: Reprojection, state: MotionState) -> NormalEquations:
             rows[..., FRAME_UNKNOWNS + own.start : FRAME_UNKNOWNS + own.stop] = torch.cat(
                 [by_camera @ -hat(lever), by_camera], -1
             )
+        if view.focal is not None:
+            centre = view.K[:, None, None, :2, 2]
+            pixels, _ = project(view, xyz)
+            grows = residual * (pixels - centre) / (pixels - view.xy_px)
+            rows[..., FRAME_UNKNOWNS + state.focal_column(view.focal)] = grows
         if view.stray is not None:
             rows[..., -6:] = by_stray(by_point, xyz, pivot, d)
         flat = rows.flatten(2, 3)

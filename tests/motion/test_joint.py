@@ -68,7 +68,7 @@ def disturbed(state: MotionState, spread: float) -> MotionState:
 
 def test_cameras_of_equal_motions_are_exact(made: Made) -> None:
     aligned = align(made.body, in_own_axes(made), whole(made).timeline)
-    cameras = cameras_from_motion(aligned, 0)
+    cameras = cameras_from_motion(aligned, whole(made).K, 0)
     assert float(np.max(angle_deg(cameras.R.numpy(), made.R))) < 1e-4
     np.testing.assert_allclose(cameras.t.numpy(), made.t, atol=1e-6)
     world = to_world(aligned, cameras)

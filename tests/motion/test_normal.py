@@ -8,7 +8,7 @@ from torch import Tensor
 
 from imocap_core.motion.normal import NormalEquations, solve_globals
 from imocap_core.motion.pentadiagonal import solve_pentadiagonal
-from imocap_core.motion.workers import on
+from imocap_core.workers import on
 
 
 def banded(frames: int, n: int, *, accelerations: bool) -> tuple[Tensor, Tensor, Tensor, Tensor]:

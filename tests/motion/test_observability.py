@@ -4,11 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.azimuth import stage_of
-from imocap_core.motion.consensus import Cameras
 from imocap_core.motion.noise import Noise
 from imocap_core.motion.observability import (
     Open,
@@ -52,7 +50,7 @@ def looked_at(
 
 def posterior(made: Made, seen: Scene) -> tuple[Uncertainty, Open]:
     """At the truth."""
-    cameras = Cameras(torch.as_tensor(made.R), torch.as_tensor(made.t))
+    cameras = made.cameras()
     state = in_own_axes(made)
     found = uncertainty(seen, state, cameras, OPTIONS, NOISE)
     share = NOISE.evidence_share(FPS)
@@ -141,7 +139,7 @@ def test_spans_close_to_each_other_are_one_and_short_ones_none() -> None:
 
 def test_directions_are_those_of_the_cameras() -> None:
     made, seen = looked_at([0.0, 40.0])
-    cameras = Cameras(torch.as_tensor(made.R), torch.as_tensor(made.t))
+    cameras = made.cameras()
     angles = angles_deg(view_directions(seen, in_own_axes(made), cameras))
     assert angles[0, 1] == pytest.approx(40, abs=1)
     assert angles[0, 0] == pytest.approx(0, abs=1e-3)

@@ -18,8 +18,8 @@ from imocap_core.motion.solver import gauss_newton, linearise, linearise_halves,
 from imocap_core.motion.starts import LiftingOptions, Start, lifted_starts, start_at_joints
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms import PathCoupling, PoseCoupling, Term
-from imocap_core.motion.workers import in_turn, on
 from imocap_core.rotations import geodesic_angle
+from imocap_core.workers import in_turn, on
 from tests.motion.made import WEIGHTS, K, Made, mpjpe_mm, scene, wide_prior
 
 

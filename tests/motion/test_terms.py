@@ -14,6 +14,7 @@ from imocap_core.motion.robust import cauchy, geman_mcclure
 from imocap_core.motion.solver import linearise, objective
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms import (
+    FocalPrior,
     HingeLimits,
     JointEvidence,
     PathCoupling,
@@ -48,7 +49,7 @@ def body() -> Body:
 
 @pytest.fixture(scope="module")
 def state() -> MotionState:
-    """Two motions of five frames, one padded frame, one free camera."""
+    """Two motions of five frames, one padded frame, one free camera, two free focal lengths."""
     valid = torch.ones(B, T, dtype=torch.bool)
     valid[1, 4] = False
     return MotionState(
@@ -58,6 +59,7 @@ def state() -> MotionState:
         valid,
         exp(normal(B, 1, 3, seed=3, spread=0.1)),
         normal(B, 1, 3, seed=4, spread=0.1),
+        normal(B, 2, seed=16, spread=0.1),
     )
 
 
@@ -71,8 +73,11 @@ def reprojection(body: Body, state: MotionState) -> Term:
     eye, zero = torch.eye(3, dtype=torch.float64).expand(B, 3, 3), torch.zeros(B, 3).double()
     weight = normal(B, T, POINTS, seed=5).abs() / 25 * seen(state)
     views = [
-        View(200 + normal(B, T, POINTS, 2, seed=6 + c, spread=100.0), weight, K, eye, zero, camera)
-        for c, camera in enumerate((None, 0))
+        View(
+            200 + normal(B, T, POINTS, 2, seed=6 + c, spread=100.0),
+            *(weight, K, eye, zero, camera, focal),
+        )
+        for c, (camera, focal) in enumerate(((None, None), (0, None), (None, 1), (0, 0)))
     ]
     return Reprojection(body, tuple(views), 30.0)
 
@@ -83,7 +88,7 @@ def straying(body: Body, state: MotionState) -> Reprojection:
     K = torch.tensor([[500.0, 0, 320], [0, 500, 180], [0, 0, 1]], dtype=torch.float64)
     weight = normal(B, T, POINTS, seed=5).abs() / 25 * seen(state)
     eye, zero = torch.eye(3, dtype=torch.float64).expand(B, 3, 3), torch.zeros(B, 3).double()
-    view = View(torch.zeros(B, T, POINTS, 2).double(), weight, K.expand(B, 3, 3), eye, zero, 0)
+    view = View(torch.zeros(B, T, POINTS, 2).double(), weight, K.expand(B, 3, 3), eye, zero, 0, 1)
     xy, _ = project(view.at(state), xyz)
     noisy = xy + normal(*xy.shape, seed=20, spread=5.0)
     precision = torch.tensor([25.0] * 3 + [100.0] * 3).double().expand(B, T, 6)
@@ -102,6 +107,9 @@ TERMS: dict[str, Callable[[Body, MotionState], Term]] = {
     "reprojection": reprojection,
     "pose prior": pose_prior,
     "shape prior": lambda b, s: ShapePrior(2.0),
+    "focal prior": lambda b, s: FocalPrior(
+        normal(2, seed=17, spread=0.1), normal(2, seed=18).abs()
+    ),
     "limits": lambda b, s: HingeLimits(2.0),
     "velocity": lambda b, s: PoseSmoothness(normal(24).abs(), torch.zeros(24).double(), 1.0),
     "acceleration": lambda b, s: PoseSmoothness(torch.zeros(24).double(), normal(24).abs(), 0.7),
@@ -203,7 +211,8 @@ def test_padding_takes_no_part(name: str, body: Body, state: MotionState) -> Non
     moved = state.trans.clone()
     moved[1, 4] += 0.5
     other = MotionState(
-        state.R_local, moved, state.betas, state.valid, state.camera_R, state.camera_t
+        *(state.R_local, moved, state.betas, state.valid),
+        *(state.camera_R, state.camera_t, state.log_focal),
     )
     assert torch.allclose(term.cost(state), term.cost(other), rtol=1e-12)
 

@@ -8,7 +8,6 @@ import torch
 from torch import Tensor
 
 from imocap_core.motion.common_posterior import CommonPosterior, common_posterior, settle_common
-from imocap_core.motion.consensus import Cameras
 from imocap_core.motion.joint import recover_motion
 from imocap_core.motion.joint_covariance import joint_claim, joint_jacobian
 from imocap_core.motion.noise import Noise
@@ -133,7 +132,7 @@ def _in_camera(motion: MotionState, camera: int) -> tuple[Tensor, Tensor]:
 def test_the_common_motion_s_covariance_is_the_dense_inverse_s(made: Made) -> None:
     all_ = whole(made)
     truth = in_own_axes(made)
-    cameras = Cameras(torch.as_tensor(made.R), torch.as_tensor(made.t))
+    cameras = made.cameras()
     posterior = common_posterior(
         WHITE.scene(all_, 1), settle_common(all_, truth, cameras, OPTIONS), WHITE
     )

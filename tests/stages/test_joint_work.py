@@ -149,7 +149,7 @@ def test_cameras_come_back_into_the_world_of_the_joint_motion(made: Made) -> Non
     found = made.single.model_copy(
         update={"videos": made.single.videos[:3], "cameras": made.single.cameras[:3]}
     )
-    back = work.cameras_in(work.out(found))
+    back = work.cameras_in(work.out(found).cameras)
     assert [c.id for c in back] == ["v1", "v2", "v3"]
     for camera, before in zip(back, found.cameras, strict=True):
         np.testing.assert_allclose(camera.R, before.R, atol=1e-12)

@@ -25,7 +25,7 @@ class Camera(Value):
     """x_cam = R x_world + t; the world is the first-frame camera of the reference video."""
 
     id: str
-    K: Annotated[Floats, Shape(3, 3)]
+    K: Annotated[Floats, Shape(3, 3)]  # an assumed focal length is solved with the motion
     R: Annotated[Floats, Shape(3, 3)]
     t: Annotated[Floats, Shape(3)]  # metres
 

@@ -7,6 +7,7 @@ equations. The solver adds terms up and knows nothing else of them.
 from imocap_core.motion.terms.base import Term
 from imocap_core.motion.terms.coupling import PathCoupling, PoseCoupling
 from imocap_core.motion.terms.evidence import JointEvidence
+from imocap_core.motion.terms.focal_prior import FocalPrior
 from imocap_core.motion.terms.limits import HingeLimits
 from imocap_core.motion.terms.pose_prior import PosePriorTerm
 from imocap_core.motion.terms.reprojection import Reprojection
@@ -16,6 +17,7 @@ from imocap_core.motion.terms.standing import StandingFeet
 from imocap_core.motion.terms.view import View
 
 __all__ = [
+    "FocalPrior",
     "HingeLimits",
     "JointEvidence",
     "PathCoupling",

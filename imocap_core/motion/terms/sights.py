@@ -6,7 +6,7 @@ Jacobian instead of one a view.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import torch
 from torch import Tensor
@@ -24,7 +24,7 @@ class Sight:
         residual: (B, T, 2K).
         by_point: (B, T, 2K, 3) by each residual's own point, the body having stayed as it is posed.
         turned: (B, T, 2K, 3) by the point of the common motion, before it strays.
-        by_camera: (B, T, 2K, 6) and the globals they belong to, or None: a known camera.
+        by_camera: (B, T, 2K, m) and the globals they belong to, or None: a known camera.
         strays: (B, T, 6, 2K) whitened derivative by the strays, as `whitened`, or None.
     """
 
@@ -32,7 +32,7 @@ class Sight:
     by_point: Tensor
     turned: Tensor
     by_camera: Tensor | None = None
-    columns: slice | None = None
+    columns: list[int] = field(default_factory=list)
     strays: Tensor | None = None
 
 
@@ -118,7 +118,7 @@ def _by_points(turned: Tensor, rows: Tensor | None) -> Tensor:
 
 
 def _add_camera(normal: NormalEquations, sight: Sight, by_pose: Tensor, by_shape: Tensor) -> None:
-    """A free camera's equations; by_pose (B, T, 3J, 6), by_shape (B, T, n, 6): with the others."""
+    """A free camera's equations; by_pose (B, T, 3J, m), by_shape (B, T, n, m): with the others."""
     assert sight.by_camera is not None
     own, shapes, rows = sight.columns, slice(by_shape.shape[2]), sight.by_camera.flatten(1, 2)
     normal.border[..., : by_pose.shape[2], own] += by_pose
@@ -155,8 +155,8 @@ def _take_strays(
 
 
 def _add_corner(
-    normal: NormalEquations, own: slice | None, shapes: slice, crossed: Tensor, square: Tensor
+    normal: NormalEquations, own: list[int], shapes: slice, crossed: Tensor, square: Tensor
 ) -> None:
-    normal.corner[:, own, own] += square
+    normal.corner[:, [[k] for k in own], own] += square
     normal.corner[:, shapes, own] += crossed
     normal.corner[:, own, shapes] += crossed.mT

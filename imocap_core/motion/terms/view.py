@@ -19,6 +19,7 @@ class View:
         weight: (B, T, K) confidence over the noise's variance, 1/px^2; 0 for a missing one.
         K: (B, 3, 3) intrinsics; R: (B, 3, 3), t: (B, 3) camera from the state's axes.
         camera: index of the state's free camera that takes the place of R and t, or None.
+        focal: index of the state's free focal length that K's is multiplied by, or None.
         stray: (B, T, 6) inverse variances (1/rad^2, 1/m^2) with which this view's performance
             may turn and shift as a whole against the state (`stray`), or None.
     """
@@ -29,6 +30,7 @@ class View:
     R: Tensor
     t: Tensor
     camera: int | None = None
+    focal: int | None = None
     stray: Tensor | None = None
 
     def of(self, v: int, frames: int) -> "View":
@@ -46,10 +48,28 @@ class View:
 
     def at(self, state: MotionState) -> "View":
         """The view with the camera that the state holds."""
-        if self.camera is None:
-            return self
-        c = self.camera
-        return replace(self, R=state.camera_R[:, c], t=state.camera_t[:, c])
+        view = self
+        if self.camera is not None:
+            c = self.camera
+            view = replace(view, R=state.camera_R[:, c], t=state.camera_t[:, c])
+        if self.focal is not None:
+            view = replace(view, K=with_focal(self.K, state.log_focal[:, self.focal].exp()))
+        return view
+
+    def columns(self, state: MotionState) -> list[int]:
+        """Where its free camera (turn, shift) and focal length stand among the globals."""
+        own: list[int] = []
+        if self.camera is not None:
+            span = state.camera_columns(self.camera)
+            own += range(span.start, span.stop)
+        if self.focal is not None:
+            own.append(state.focal_column(self.focal))
+        return own
+
+
+def with_focal(K: Tensor, factor: Tensor) -> Tensor:
+    """Intrinsics (..., 3, 3) with their focal lengths times ``factor`` (...)."""
+    return K * torch.stack([factor, factor, torch.ones_like(factor)], -1)[..., None, :]
 
 
 def project(view: View, xyz: Tensor) -> tuple[Tensor, Tensor]:

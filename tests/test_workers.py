@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from imocap_core.motion.workers import at_once, cores, in_turn
+from imocap_core.workers import at_once, cores, in_turn
 
 
 def test_at_once_answers_in_the_order_asked() -> None:
