@@ -93,7 +93,7 @@ class Reprojection:
         )
         if columns := view.columns(state):
             off_centre = (pixels - view.K[:, None, None, :2, 2]) * root[..., None]
-            rows = self._by_camera(view, state, xyz, by_camera_axes, off_centre)
+            rows = _by_camera(view, state, xyz, by_camera_axes, off_centre)
             sight = replace(sight, by_camera=rows.flatten(2, 3), columns=columns)
         if view.stray is not None:
             rows = by_stray(by_point, xyz, self._pivot(state), d).flatten(2, 3)
@@ -101,24 +101,25 @@ class Reprojection:
             sight = replace(sight, turned=turned, strays=whitened(rows, view.stray))
         return sight
 
-    def _by_camera(
-        self, view: View, state: MotionState, xyz: Tensor, by_axes: Tensor, off_centre: Tensor
-    ) -> Tensor:
-        """(B, T, K, 2, n) derivative by what of the camera is free, the focal length last.
-
-        Args:
-            by_axes: (B, T, K, 2, 3) by the point in camera axes; off_centre: (B, T, K, 2) weighted
-                pixels from the principal point, which grow with the focal length.
-        """
-        parts = []
-        if view.camera is not None:
-            parts.append(by_axes @ _by_turn_and_shift(view, state, xyz))
-        if view.focal is not None:
-            parts.append(off_centre[..., None])
-        return torch.cat(parts, -1)
-
     def _weighted(self, view: View, error: Tensor) -> Tensor:
         return view.weight * error.square().sum(-1)
+
+
+def _by_camera(
+    view: View, state: MotionState, xyz: Tensor, by_axes: Tensor, off_centre: Tensor
+) -> Tensor:
+    """(B, T, K, 2, n) derivative by what of the camera is free, the focal length last.
+
+    Args:
+        by_axes: (B, T, K, 2, 3) by the point in camera axes; off_centre: (B, T, K, 2) weighted
+            pixels from the principal point, which grow with the focal length.
+    """
+    parts = []
+    if view.camera is not None:
+        parts.append(by_axes @ _by_turn_and_shift(view, state, xyz))
+    if view.focal is not None:
+        parts.append(off_centre[..., None])
+    return torch.cat(parts, -1)
 
 
 def _by_turn_and_shift(view: View, state: MotionState, xyz: Tensor) -> Tensor:
