@@ -89,7 +89,9 @@ def common_then_own(
         return JointMotion(own, cameras, shared, costs, f"one motion for all: {status}", fit)
     progress("each video's own deviation")
     spread = Spread(spread_m, evidence.stray)
-    state, cost = own_deviations(scene.through(cameras), state, shared, cameras, spread, options)
+    state, cost = own_deviations(
+        scene.through(cameras), state, shared, cameras, spread, options, warm=warm
+    )
     return JointMotion(state, cameras, shared, [*costs, cost], f"shared motion {status}", fit)
 
 

@@ -27,13 +27,20 @@ def own_deviations(
     cameras: Cameras,
     spread: Spread,
     options: JointOptions,
+    *,
+    warm: bool = False,
 ) -> tuple[MotionState, float]:
-    """Each video from its own image, drawn to the common motion as strongly as it follows it."""
+    """Each video from its own image, drawn to the common motion as strongly as it follows it.
+
+    Args:
+        state: what each video said before; warm: it is such a fit, and the start of this one.
+    """
     targets = targets_of(scene, state, shared, cameras)
     faces = facing_alike(state, targets)
-    start = _released(single_motion(scene, state, shared, cameras), state, faces)
-    terms = [*own_terms(scene, start.trans), held_feet(scene, start, state)]
-    terms += deviation_terms(scene, start, shared, cameras, spread, options, faces)
+    common = _released(single_motion(scene, state, shared, cameras), state, faces)
+    start = replace(state, betas=common.betas) if warm else common
+    terms = [*own_terms(scene, start.trans), held_feet(scene, common, state)]
+    terms += deviation_terms(scene, common, shared, cameras, spread, options, faces)
     solution = solve(terms, start, options, one_body=True)
     return solution.state, solution.costs[-1]
 

@@ -21,7 +21,7 @@ from imocap_core.motion.terms import Term
 from imocap_core.motion.timeline import Timeline
 
 GRADIENT_STEPS_PER_NEWTON_STEP = 25
-TOLERANCE = 2e-3  # tighter ones change what is found by less than another start does
+TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True)
