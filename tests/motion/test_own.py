@@ -8,12 +8,14 @@ import torch
 from torch import Tensor
 
 from imocap_core.motion.coupling import Targets
-from imocap_core.motion.own import HOLD, facing_alike, held_feet
+from imocap_core.motion.deviation import Spread
+from imocap_core.motion.own import HOLD, facing_alike, held_feet, own_deviations
 from imocap_core.motion.state import MotionState
+from imocap_core.motion.straying import first_strays
 from imocap_core.motion.terms import StandingFeet
 from imocap_core.rotations import exp
-from tests.motion.made import WEIGHTS, Made, scene
-from tests.motion.test_joint import in_own_axes, whole
+from tests.motion.made import WEIGHTS, Made, mpjpe_mm, scene
+from tests.motion.test_joint import OPTIONS, disturbed, in_own_axes, whole
 
 FULL = (30.0 / WEIGHTS.foot_hold_m_s) ** 2  # weight of a step between frames at 30 a second
 
@@ -75,3 +77,17 @@ def test_who_turns_away_for_a_while_is_released_for_that_while(made: Made) -> No
     torch.testing.assert_close(alike[[0, 2]], torch.ones(2, 20, dtype=torch.float64))
     assert float(alike[1, :4].min()) > 0.99
     assert float(alike[1, 12:].max()) < 0.25
+
+
+def test_a_fit_goes_on_from_the_one_before_to_the_same_place(made: Made) -> None:
+    all_, true = whole(made), in_own_axes(made)
+    spread = Spread(np.full((3, 20, 25), 0.03), first_strays(3))
+    given = (made.state, made.cameras(), spread, replace(OPTIONS, max_steps=12))
+    cold, cost = own_deviations(all_, true, *given)
+    again, lower = own_deviations(all_, cold, *given, warm=True)
+    assert lower <= cost
+    assert mpjpe_mm(made.body, again, cold) < 1.0
+    astray = disturbed(cold, 0.03)
+    back, _ = own_deviations(all_, astray, *given, warm=True)
+    assert mpjpe_mm(made.body, astray, cold) > 10.0
+    assert mpjpe_mm(made.body, back, cold) < 2.0
