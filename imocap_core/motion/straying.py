@@ -49,10 +49,10 @@ def _spread(term: Reprojection, view: View, shared: MotionState, before: Array) 
     seen = (view.weight > 0).sum(-1)[0] >= 4
     if not bool(seen.any()):
         return before
-    sigma = torch.as_tensor(before).to(shared.trans)
+    sigma, d = torch.as_tensor(before).to(shared.trans), None
     for _ in range(ROUNDS):
         precision = sigma.pow(-2).expand(1, len(seen), -1)
-        d, sharpness = term.strays(view, shared, precision)
+        d, sharpness = term.strays(view, shared, precision, d)
         sigma = _mean_square(d[0, seen], torch.linalg.inv(sharpness[0, seen])).sqrt()
     found: Array = sigma.cpu().numpy()
     return found

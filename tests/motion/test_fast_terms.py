@@ -232,3 +232,15 @@ def test_feet_add_what_their_rows_say(body: Body, state: MotionState) -> None:
     found = NormalEquations.zeros(B, T, FRAME_UNKNOWNS, state.unknown_globals, state.trans)
     term.add_to(found, state)
     assert_equal(found, rows_of_feet(term, state))
+
+
+def test_strays_settle_at_one_place_wherever_they_start(body: Body, state: MotionState) -> None:
+    term = straying(body, state)
+    (view,) = term.views
+    precision = normal(B, T, 6, seed=42).abs() * 100 + 20
+    expected, sharpness = term.strays(view, state, precision)
+    elsewhere = expected + normal(B, T, 6, seed=43, spread=0.05)
+    for start in (expected, elsewhere):
+        found, sharp = term.strays(view, state, precision, start)
+        assert float((found - expected).abs().max()) < 2 * SETTLED
+        assert torch.allclose(sharp, sharpness, rtol=1e-2, atol=1e-2 * float(sharpness.abs().max()))

@@ -62,10 +62,15 @@ class Reprojection:
         d, _ = settle(view.at(state), self.scale, xyz, pivot, view.stray)
         return strayed(xyz, pivot, d), d
 
-    def strays(self, view: View, state: MotionState, precision: Tensor) -> tuple[Tensor, Tensor]:
-        """A view's strays (B, T, 6) and their precision matrices (B, T, 6, 6)."""
+    def strays(
+        self, view: View, state: MotionState, precision: Tensor, start: Tensor | None = None
+    ) -> tuple[Tensor, Tensor]:
+        """A view's strays (B, T, 6) and their precision matrices (B, T, 6, 6).
+
+        ``start``: strays that were found nearby.
+        """
         xyz = self.body.positions(self.body.keypoints, state).xyz
-        return settle(view.at(state), self.scale, xyz, self._pivot(state), precision)
+        return settle(view.at(state), self.scale, xyz, self._pivot(state), precision, start)
 
     def _pivot(self, state: MotionState) -> Tensor:
         rest = self.body.model.shape(state.betas).joints_rest[:, 0]

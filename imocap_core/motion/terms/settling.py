@@ -19,7 +19,12 @@ SETTLED = 1e-4  # rad, m: strays that move less have settled
 
 @torch.no_grad()  # at their optimum the strays' own change does not change the cost
 def settle(
-    view: View, scale: float, xyz: Tensor, pivot: Tensor, precision: Tensor
+    view: View,
+    scale: float,
+    xyz: Tensor,
+    pivot: Tensor,
+    precision: Tensor,
+    start: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
     """The strays of a view that fit its frames best, and how sharply.
 
@@ -27,6 +32,7 @@ def settle(
         view: what was seen; scale: of the Geman-McClure loss.
         xyz: (B, T, K, 3) points of the common motion; pivot: (B, T, 3) its root.
         precision: (B, T, 6) inverse variances of the strays, 1/rad^2 and 1/m^2.
+        start: (B, T, 6) strays that were found nearby, or None: from zero.
 
     Returns:
         d (B, T, 6), turn and shift in the state's axes, and its precision matrix (B, T, 6, 6).
@@ -34,7 +40,7 @@ def settle(
     seen = _Seen.of(view, scale, xyz, pivot)
     both = _twice(view.R)[:, None]  # turn and shift, to camera axes
     prior = both @ torch.diag_embed(precision) @ both.mT
-    d = torch.zeros_like(precision)
+    d = torch.zeros_like(precision) if start is None else _to_state(start, view.R.mT)
     for _ in range(INNER_STEPS):
         square = seen.square(d)
         sharpness = square[..., :6, :6] + prior
