@@ -44,7 +44,7 @@ def test_a_wrong_arrow_is_seen(
     for package in packages:
         (tmp_path / package).mkdir()
         (tmp_path / package / "__init__.py").touch()
-    for module in ("rotations", "conventions", "alignment"):
+    for module in ("rotations", "conventions", "alignment", "workers"):
         (tmp_path / "imocap_core" / f"{module}.py").touch()
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     place = tmp_path.joinpath(*importer.split("."))
