@@ -49,9 +49,7 @@ def keypoint_spread_m(
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=1)
     seen = np.isfinite(windows).sum(-1) >= 3
     filled = np.where(seen[..., None], windows, 0.0)
-    pooled = np.nanmedian(filled, axis=-1) / np.log(
-        2
-    )  # median of an exponential is ln 2 of its mean
+    pooled = median_of_known(filled) / np.log(2)  # the median of an exponential is ln 2 of its mean
     videos = len(errors_px)
     inflated = pooled * videos / max(videos - 1, 1)
     excess = np.maximum(inflated - sigma_px[..., None] ** 2, 0.0)
@@ -60,6 +58,14 @@ def keypoint_spread_m(
         np.median(s[k]) if k.any() else UNSEEN_SPREAD_M for s, k in zip(spread, seen, strict=True)
     ]
     return np.where(seen, spread, np.array(typical)[:, None, None])
+
+
+def median_of_known(values: Array) -> Array:
+    """Medians over the last axis, NaN left out; every row has a number (`np.nanmedian`, faster)."""
+    ordered = np.sort(values, axis=-1)  # NaN last
+    known = np.isfinite(values).sum(-1, keepdims=True)
+    low, high = (np.take_along_axis(ordered, k, -1)[..., 0] for k in ((known - 1) // 2, known // 2))
+    return np.asarray(0.5 * (low + high))
 
 
 def joint_spread_rad(body: Body, shared: MotionState, spread_m: Array) -> Array:

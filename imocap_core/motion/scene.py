@@ -21,7 +21,6 @@ from imocap_core.motion.terms import Term
 from imocap_core.motion.timeline import Timeline
 
 GRADIENT_STEPS_PER_NEWTON_STEP = 25
-TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -124,7 +123,7 @@ def solve(
         terms,
         state,
         max_steps=options.max_steps,
-        relative_tolerance=TOLERANCE,
+        relative_tolerance=1e-3,
         shared_globals=one_body,
     )
 

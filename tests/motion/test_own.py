@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from imocap_core.motion.coupling import Targets
-from imocap_core.motion.deviation import Spread
+from imocap_core.motion.deviation import Spread, median_of_known
 from imocap_core.motion.own import HOLD, facing_alike, held_feet, own_deviations
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.straying import first_strays
@@ -91,3 +91,10 @@ def test_a_fit_goes_on_from_the_one_before_to_the_same_place(made: Made) -> None
     back, _ = own_deviations(all_, astray, *given, warm=True)
     assert mpjpe_mm(made.body, astray, cold) > 10.0
     assert mpjpe_mm(made.body, back, cold) < 2.0
+
+
+def test_medians_leave_out_what_is_not_known() -> None:
+    rng = np.random.default_rng(0)
+    values = np.where(rng.random((7, 4, 9)) < 0.4, np.nan, rng.random((7, 4, 9)))
+    values[..., 0] = 0.5
+    np.testing.assert_array_equal(median_of_known(values), np.nanmedian(values, axis=-1))
