@@ -12,7 +12,6 @@ from imocap_core.body.layouts import body_layout, hand_columns, layout_names
 from imocap_core.camera.tracking import Performer
 from imocap_core.formats.mediapipe_hands import read_mediapipe_hands
 from imocap_core.formats.openpose_hands import read_openpose_hands
-from imocap_core.workers import at_once
 from stages.cuts import advice, cuts_of
 from stages.harness.action import Declaration
 from stages.harness.stage import Context, Inputs, main
@@ -30,11 +29,12 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Keypoints:
         ctx.progress(number / len(declarations), f"following people in {declared.id}")
         sources.append(_followed(declared, ctx, params.keypoints))
     chosen = performers([s.watched for s in sources], ctx.action_file(), params.keypoints)
-
-    def made(v: int) -> VideoKeypoints:  # decodes the video to look for cuts
-        return _keypoints_of(sources[v], chosen[v], params.keypoints)
-
-    return Keypoints(videos=at_once(made, range(len(sources))))
+    return Keypoints(
+        videos=[
+            _keypoints_of(source, performer, params.keypoints)
+            for source, performer in zip(sources, chosen, strict=True)
+        ]
+    )
 
 
 def _all_have_keypoints(declarations: tuple[Declaration, ...], ctx: Context) -> None:
