@@ -96,6 +96,14 @@ def soft_maps(
     }
 
 
+def expected_by(maps: PairSquares, squares: PairSquares) -> PairSquares:
+    """`expected_squares` where the `soft_maps` are at hand."""
+    return {
+        (a, b): _along(soft, squares[a, b] if a < b else squares[b, a].T)
+        for (a, b), soft in maps.items()
+    }
+
+
 def matched_levels(expected: PairSquares, count: int, *, share: float = 1.0) -> Array:
     """Matched level (M, M) of video i in video j, in the unit of the poses: over the `share` of the
     frames that fit best. NaN where two videos share no joints, and on the diagonal."""
@@ -108,12 +116,14 @@ def matched_levels(expected: PairSquares, count: int, *, share: float = 1.0) -> 
 
 
 def _expected(square: Array, fps: float, fps_to: float, near: float, max_rate: float) -> Array:
-    known = np.isfinite(square)
-    if not known.any():
+    if not np.isfinite(square).any():
         return np.zeros(0)
-    filled = _filled(square)
-    soft = _map(filled, fps, fps_to, near, max_rate)
-    return np.asarray((soft * filled).sum(axis=1)[known.any(axis=1)])
+    return _along(_map(_filled(square), fps, fps_to, near, max_rate), square)
+
+
+def _along(soft: Array, square: Array) -> Array:
+    known = np.isfinite(square).any(axis=1)
+    return np.asarray((soft * _filled(square)).sum(axis=1)[known])
 
 
 def _filled(square: Array) -> Array:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from imocap_core.sync.levels import (
     PairSquares,
+    expected_by,
     expected_squares,
     matched_levels,
     soft_maps,
@@ -99,11 +100,10 @@ def outliers_among(
     """The videos of another action and all scores; `kept` (M,) are none."""
     squares = squares_between(seen.poses, seen.weights, seen.poses, seen.weights)
     near = typical_squares(squares)
-    fits = expected_squares(squares, fps, near, max_rate)
-    levels = matched_levels(fits, len(fps), share=FITTING_SHARE)
+    maps = soft_maps(squares, fps, near, max_rate)
+    levels = matched_levels(expected_by(maps, squares), len(fps), share=FITTING_SHARE)
     moving = seen.in_motion(fps)
     motion = squares_between(moving.poses, moving.weights, moving.poses, moving.weights)
     gains = alignment_gains(motion, fps, typical_squares(motion), max_rate)
-    maps = soft_maps(squares, fps, near, max_rate)
     steady = steady_levels(seen.poses, seen.weights, maps, fps, FITTING_SHARE)
     return find_outliers(levels, gains, steady, kept)

@@ -4,6 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from imocap_core.sync.levels import (
+    expected_by,
     expected_squares,
     matched_levels,
     soft_maps,
@@ -92,3 +93,18 @@ def test_one_direction_is_enough_and_a_video_of_no_known_pair_has_no_score() -> 
     for pairs in (levels, gains, steady):
         pairs[0] = pairs[:, 0] = np.nan
     assert np.isnan(outlier_scores(levels, gains, steady)[0])
+
+
+def test_levels_by_maps_at_hand_are_those_that_find_the_maps_themselves() -> None:
+    rng = np.random.default_rng(2)
+    shown = [pose_at(np.linspace(0, 6, n)) for n in (40, 30)]
+    poses = [x + rng.normal(0.0, 0.02, x.shape) for x in shown]
+    w, fps = [np.ones(x.shape[:2]) for x in poses], [15.0, 12.0]
+    w[0][3] = 0.0
+    squares = squares_between(poses, w, poses, w)
+    near = typical_squares(squares)
+    expected = expected_squares(squares, fps, near, 4.0)
+    found = expected_by(soft_maps(squares, fps, near, 4.0), squares)
+    assert found.keys() == expected.keys() == {(0, 1), (1, 0)}
+    for pair, own in expected.items():
+        np.testing.assert_array_equal(found[pair], own)
