@@ -68,7 +68,7 @@ class View:
 
 
 def with_focal(K: Tensor, factor: Tensor) -> Tensor:
-    """Intrinsics (..., 3, 3), focal lengths times ``factor`` (...): `zooming.lens_of`, derivable."""
+    """`zooming.lens_of` of tensors: K (..., 3, 3) with focal lengths times ``factor`` (...)."""
     return K * torch.stack([factor, factor, torch.ones_like(factor)], -1)[..., None, :]
 
 
