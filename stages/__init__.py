@@ -1,1 +1,1 @@
-"""The eight stages, each a short script: read -> call the core -> write."""
+"""The nine stages, each a short script: read -> call the core -> write."""

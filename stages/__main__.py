@@ -1,5 +1,5 @@
 """`python -m stages` is `imocap`."""
 
-from stages.cli import main
+from imocap_core.cli import main
 
 raise SystemExit(main())

@@ -14,10 +14,11 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.camera.background import rescaled, track_background
 from imocap_core.camera.projection import warp
 from imocap_core.camera.turning import Turning, camera_turning, standing_still
-from imocap_core.formats.video import read_gray
+from imocap_core.cli import stage_main
+from imocap_core.io.video import read_gray
+from imocap_core.params import CameraMotionParams, Params
+from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.workers import cores
-from stages.harness.stage import Context, Inputs, main
-from stages.params import CameraMotionParams, Params
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> CameraMotion:
@@ -79,4 +80,4 @@ def _look(video: VideoKeypoints, path: Path, params: CameraMotionParams) -> Turn
 
 
 if __name__ == "__main__":
-    raise SystemExit(main("camera_motion"))
+    raise SystemExit(stage_main("camera_motion"))

@@ -14,21 +14,22 @@ from imocap_core.artifacts.schemas import (
     Uncertainty,
 )
 from imocap_core.body import Model, load_free_body
-from imocap_core.formats.pose2sim_truth import has_pose2sim_truth, read_pose2sim_truth
-from imocap_core.formats.truth import Truth, read_truth
+from imocap_core.cli import stage_main
+from imocap_core.evaluate.scoreboard import Answer, against_truth, cycle_row, score, true_positions
+from imocap_core.figures.bodies import body_points
+from imocap_core.figures.contact_sheets import Shot
+from imocap_core.io.pose2sim_truth import has_pose2sim_truth, read_pose2sim_truth
+from imocap_core.io.truth import Truth, read_truth
 from imocap_core.metrics.scoring import ALL_VIDEOS, Row, over_videos
-from imocap_core.views.bodies import body_points
-from imocap_core.views.film import Shot
-from imocap_core.views.gallery import draw_film, draw_numbers
-from imocap_core.views.hand_tables import hand_rows, hand_tables
-from imocap_core.views.observability_text import observability_markdown, open_table
-from imocap_core.views.report import Picture, write_report
-from imocap_core.views.scoreboard import Answer, against_truth, cycle_row, score, true_positions
-from imocap_core.views.tables import long_table, metric_tables, round_table, video_table
-from imocap_core.views.trust_tables import trust_tables
-from imocap_core.views.uncertainty_tables import normalised_rows, uncertainty_tables
-from stages.harness.stage import Context, Inputs, main
-from stages.params import Params
+from imocap_core.params import Params
+from imocap_core.pipeline.stage import Context, Inputs
+from imocap_core.report.files import Picture, write_report
+from imocap_core.report.gallery import draw_film, draw_numbers
+from imocap_core.report.hand_tables import hand_rows, hand_tables
+from imocap_core.report.observability_text import observability_markdown, open_table
+from imocap_core.report.tables import long_table, metric_tables, round_table, video_table
+from imocap_core.report.trust_tables import trust_tables
+from imocap_core.report.uncertainty_tables import normalised_rows, uncertainty_tables
 
 OPEN = "observability.md"
 
@@ -149,4 +150,4 @@ def lead_of(refined: RefineSync) -> str:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main("evaluate"))
+    raise SystemExit(stage_main("evaluate"))

@@ -7,24 +7,24 @@ import torch
 
 from imocap_core.artifacts.schemas import CameraMotion, Hands, Keypoints, RefineSync, VideoHands
 from imocap_core.body import load_free_body
+from imocap_core.cli import stage_main
 from imocap_core.hands.fit import FittedHands, fit_hands
 from imocap_core.hands.skeleton import hand_skeleton
-from imocap_core.motion.timeline import Timeline
-from imocap_core.rotations import log, unwrap
-from stages.hand_values import (
+from imocap_core.motion.multiview.timeline import Timeline
+from imocap_core.params import Params
+from imocap_core.pipeline.stage import Context, Inputs
+from imocap_core.problem.hands import (
     arms_and_hands,
     members_of,
     plan_of,
     timeline_of,
     weights_of,
 )
-from stages.harness.stage import Context, Inputs, main
-from stages.params import Params
+from imocap_core.rotations import log, unwrap
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Hands:
     """Videos of one action share a motion and a size; others are looked at by themselves."""
-    torch.set_num_threads(1)
     keypoints, refined = inputs.get(Keypoints), inputs.get(RefineSync)
     motions = {v.id: v for v in refined.motion.videos}
     if all(video.hands is None for video in keypoints.videos):
@@ -83,4 +83,4 @@ def _stored(name: str, frames: np.ndarray, hands: FittedHands) -> VideoHands:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main("hands"))
+    raise SystemExit(stage_main("hands"))

@@ -17,25 +17,26 @@ from imocap_core.artifacts.schemas import (
     Keypoints,
     VideoKeypoints,
 )
+from imocap_core.cli import stage_main
 from imocap_core.lifter.infer import Lifted
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.library import Library, make_library
-from imocap_core.motion.monocular import fit_monocular
-from imocap_core.motion.observations import Observation
-from imocap_core.motion.prior import load_pose_prior
-from imocap_core.motion.starts import (
+from imocap_core.motion.monocular.fit import fit_monocular
+from imocap_core.motion.monocular.library import Library, make_library
+from imocap_core.motion.monocular.starts import (
     LiftingOptions,
     Start,
     fit_rotations_to_joints,
     lifted_starts,
     start_at_joints,
 )
+from imocap_core.motion.observations import Observation
+from imocap_core.motion.prior import load_pose_prior
+from imocap_core.params import Params
+from imocap_core.pipeline.stage import Context, Inputs
+from imocap_core.problem.estimates import Estimate, estimate_of
+from imocap_core.problem.lifted import evidence_of, lifted_joints, starts_of
+from imocap_core.problem.motion import body_for, motions_of, observations_of, weights_of
 from imocap_core.workers import at_once
-from stages.harness.stage import Context, Inputs, main
-from stages.initial_estimates import Estimate, estimate_of
-from stages.lifted import evidence_of, lifted_joints, starts_of
-from stages.motion_values import body_for, motions_of, observations_of, weights_of
-from stages.params import Params
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
@@ -128,4 +129,4 @@ def _starts(
 
 
 if __name__ == "__main__":
-    raise SystemExit(main("initial_smpl"))
+    raise SystemExit(stage_main("initial_smpl"))

@@ -9,15 +9,16 @@ import numpy as np
 
 from imocap_core.artifacts.schemas import HandKeypoints, Keypoints, VideoKeypoints
 from imocap_core.body.layouts import body_layout, hand_columns, layout_names
-from imocap_core.camera.tracking import Performer
-from imocap_core.formats.mediapipe_hands import read_mediapipe_hands
-from imocap_core.formats.openpose_hands import read_openpose_hands
-from stages.cuts import advice, cuts_of
-from stages.harness.action import Declaration
-from stages.harness.stage import Context, Inputs, main
-from stages.params import KeypointsParams, Params
-from stages.people import followed, performers
-from stages.people_sources import Source, people_in
+from imocap_core.cli import stage_main
+from imocap_core.io.detectors.mediapipe_hands import read_mediapipe_hands
+from imocap_core.io.detectors.openpose_hands import read_openpose_hands
+from imocap_core.params import KeypointsParams, Params
+from imocap_core.people.tracking import Performer
+from imocap_core.pipeline.action import Declaration
+from imocap_core.pipeline.stage import Context, Inputs
+from imocap_core.problem.cuts import advice, cuts_of
+from imocap_core.problem.people import Source, people_in
+from imocap_core.problem.performers import followed, performers
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Keypoints:
@@ -134,4 +135,4 @@ def _must_fit_picture(xy_px: np.ndarray, size: tuple[int, int], folder: Path) ->
 
 
 if __name__ == "__main__":
-    raise SystemExit(main("keypoints"))
+    raise SystemExit(stage_main("keypoints"))

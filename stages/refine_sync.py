@@ -12,13 +12,15 @@ from imocap_core.artifacts.schemas import (
     Sync,
     SyncSummary,
 )
-from imocap_core.motion.alternation import Alternation, Turn, alternate
-from imocap_core.motion.joint import recover_motion
+from imocap_core.cli import stage_main
+from imocap_core.motion.multiview.alternation import Alternation, Turn, alternate
+from imocap_core.motion.multiview.joint import recover_motion
 from imocap_core.motion.state import MotionState
-from imocap_core.sync.by_images import Pictures
-from stages.harness.stage import Context, Inputs, main
-from stages.joint_work import joint_work
-from stages.motion_values import (
+from imocap_core.params import Params
+from imocap_core.pipeline.stage import Context, Inputs
+from imocap_core.problem.hints import hints_of
+from imocap_core.problem.mirroring import joint_work
+from imocap_core.problem.motion import (
     body_for,
     cameras_of,
     evidence_joints,
@@ -29,9 +31,8 @@ from stages.motion_values import (
     smpl_ba_of,
     state_of,
 )
-from stages.params import Params
-from stages.sync import synchronise_motions
-from stages.sync_hints import hints_of
+from imocap_core.problem.synchronisation import synchronise_motions
+from imocap_core.sync.warp.by_images import Pictures
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
@@ -110,4 +111,4 @@ def _summary(sync: Sync) -> SyncSummary:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main("refine_sync"))
+    raise SystemExit(stage_main("refine_sync"))

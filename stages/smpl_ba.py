@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, SmplBa, Sync
-from imocap_core.motion.joint import recover_motion
-from stages.harness.stage import Context, Inputs, main
-from stages.joint_work import joint_work
-from stages.motion_values import (
+from imocap_core.cli import stage_main
+from imocap_core.motion.multiview.joint import recover_motion
+from imocap_core.params import Params
+from imocap_core.pipeline.stage import Context, Inputs
+from imocap_core.problem.mirroring import joint_work
+from imocap_core.problem.motion import (
     body_for,
     evidence_joints,
     observations_of,
@@ -15,7 +17,6 @@ from stages.motion_values import (
     smpl_ba_of,
     state_of,
 )
-from stages.params import Params
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> SmplBa:
@@ -35,4 +36,4 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> SmplBa:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main("smpl_ba"))
+    raise SystemExit(stage_main("smpl_ba"))

@@ -2,28 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-import numpy as np
-
-from imocap_core.artifacts.schemas import (
-    CycleTriple,
-    InitialSmpl,
-    Keypoints,
-    Sync,
-    SyncMap,
-    SyncSummary,
-    SyncTrust,
-    VideoMotion,
-    VideoTrust,
-)
-from imocap_core.conventions import SMPL_JOINTS, mirror_indices
-from imocap_core.sync import Hints, Settings, SyncResult, synchronise
-from imocap_core.sync.by_images import Pictures
-from imocap_core.sync.screening import Screening, sentences
-from stages.harness.stage import Context, Inputs, main
-from stages.params import Params, SyncParams
-from stages.sync_hints import hints_of
+from imocap_core.artifacts.schemas import InitialSmpl, Keypoints, Sync
+from imocap_core.cli import stage_main
+from imocap_core.params import Params
+from imocap_core.pipeline.stage import Context, Inputs
+from imocap_core.problem.hints import hints_of
+from imocap_core.problem.synchronisation import synchronise_motions
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Sync:
@@ -36,117 +20,5 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Sync:
     )
 
 
-def synchronise_motions(
-    videos: Sequence[VideoMotion],
-    keypoints: Keypoints,
-    params: SyncParams,
-    rng: np.random.Generator,
-    *,
-    reference: str | None = None,
-    mirrored: Sequence[bool | None] | None = None,
-    hints: Hints | None = None,
-    decided: SyncSummary | None = None,
-    pictures: Pictures | None = None,
-) -> Sync:
-    """Synchronise motions by their joints; frames without any detection are bridged.
-
-    `videos` in the order of `keypoints`; `reference` the id of the reference video, chosen by
-    centrality when None; `mirrored` what is known of each video; `hints` as of the core; `decided`:
-    an earlier synchronisation whose mirrored and excluded videos stay as they are.
-    """
-    ids = [video.id for video in videos]
-    seen = [(video.confidence > 0).max(axis=1).astype(float) for video in keypoints.videos]
-    fps = [video.fps for video in keypoints.videos]
-    result = synchronise(
-        [video.joints for video in videos],
-        fps=fps,
-        settings=settings_of(params),
-        rng=rng,
-        confidence=[
-            np.repeat(s[:, None], video.joints.shape[1], axis=1)
-            for s, video in zip(seen, videos, strict=True)
-        ],
-        joint_weights=joint_weights_of(params),
-        reference=None if reference is None else ids.index(reference),
-        twins=mirror_indices(SMPL_JOINTS),
-        mirrored=mirrored,
-        hints=hints,
-        decided=None if decided is None else _screening_of(decided),
-        pictures=pictures,
-    )
-    return Sync(
-        reference=ids[result.reference],
-        ids=ids,
-        lengths=[len(video.joints) for video in videos],
-        maps=[
-            SyncMap(id=name, reference_frame=frame, confidence=trust)
-            for name, frame, trust in zip(
-                ids, result.reference_frame, result.confidence, strict=True
-            )
-        ],
-        method=result.cycle.method,
-        centrality=result.centrality,
-        status=result.status,
-        excluded=[ids[v] for v in result.screening.excluded],
-        mirrored=[ids[v] for v in result.screening.flipped],
-        notes=sentences(result.screening, ids) if decided is None else decided.notes,
-        trust=_trust(result, ids, fps),
-        affinity=result.affinity,
-        relaxed=result.relaxed,
-    )
-
-
-def settings_of(params: SyncParams) -> Settings:
-    """The core's settings; joints have no names there."""
-    return Settings(**params.model_dump(exclude={"joint_weights"}))
-
-
-def joint_weights_of(params: SyncParams) -> np.ndarray | None:
-    """Weights (24,) of SMPL's joints, None where all are alike."""
-    given = params.joint_weights
-    return np.array([given.get(name, 1.0) for name in SMPL_JOINTS]) if given else None
-
-
-def _screening_of(decided: SyncSummary) -> Screening:
-    """What an earlier synchronisation found about the videos, and did."""
-    out, flipped = (
-        tuple(v for v, name in enumerate(decided.ids) if name in names)
-        for names in (decided.excluded, decided.mirrored)
-    )
-    known = [] if decided.trust is None else decided.trust.videos
-    scores, margins = (
-        np.array([getattr(v, name) for v in known]) if known else np.full(len(decided.ids), np.nan)
-        for name in ("outlier_score", "mirror_margin")
-    )
-    return Screening(out, flipped, out, flipped, scores, margins)
-
-
-def _trust(result: SyncResult, ids: Sequence[str], fps: Sequence[float]) -> SyncTrust:
-    found = result.screening
-    return SyncTrust(
-        videos=[
-            VideoTrust(
-                id=name,
-                phase_s=result.phase[v],
-                outlier_score=float(found.outlier_score[v]),
-                mirror_margin=float(found.mirror_margin[v]),
-                left_out_frames=float(result.left_out_frames[v]),
-                left_out_s=float(result.left_out_frames[v]) / fps[result.reference],
-                left_out_share=float(result.left_out_share[v]),
-            )
-            for v, name in enumerate(ids)
-        ],
-        triples=[
-            CycleTriple(
-                videos=[ids[v] for v in triple.videos],
-                frames=triple.frames,
-                seconds=triple.seconds,
-                share=triple.share,
-            )
-            for triple in result.triples
-        ],
-    )
-
-
 if __name__ == "__main__":
-    raise SystemExit(main("sync"))
+    raise SystemExit(stage_main("sync"))

@@ -9,12 +9,14 @@ from imocap_core.artifacts.schemas import (
     RefineSync,
     Uncertainty,
 )
-from imocap_core.motion.noise import Noise
-from imocap_core.motion.observability import observe
-from imocap_core.motion.uncertainty import uncertainty
-from stages.harness.stage import Context, Inputs, main
-from stages.joint_work import joint_work
-from stages.motion_values import (
+from imocap_core.cli import stage_main
+from imocap_core.motion.posterior.noise import Noise
+from imocap_core.motion.posterior.observability import observe
+from imocap_core.motion.posterior.uncertainty import uncertainty
+from imocap_core.params import Params
+from imocap_core.pipeline.stage import Context, Inputs
+from imocap_core.problem.mirroring import joint_work
+from imocap_core.problem.motion import (
     body_for,
     cameras_of,
     evidence_joints,
@@ -23,9 +25,8 @@ from stages.motion_values import (
     scene_of,
     state_of,
 )
-from stages.params import Params
-from stages.uncertainty_groups import Group, groups_of
-from stages.uncertainty_values import Claims, uncertainty_of
+from imocap_core.problem.uncertainty import Claims, uncertainty_of
+from imocap_core.problem.uncertainty_groups import Group, groups_of
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Uncertainty:
@@ -69,4 +70,4 @@ def claims_of(group: Group, params: Params) -> Claims:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main("uncertainty"))
+    raise SystemExit(stage_main("uncertainty"))

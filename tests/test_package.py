@@ -19,19 +19,19 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
 
 
 def test_the_defaults_are_inside(wheel: zipfile.ZipFile) -> None:
-    assert wheel.read("stages/pipeline.yaml") == (ROOT / "pipeline.yaml").read_bytes()
+    assert wheel.read("imocap_core/pipeline.yaml") == (ROOT / "pipeline.yaml").read_bytes()
 
 
 def test_code_and_data_are_inside(wheel: zipfile.ZipFile) -> None:
     inside = set(wheel.namelist())
-    for package in ("imocap_core", "stages"):
+    for package, place in {"imocap": "", "imocap_core": "", "stages": "imocap_core/"}.items():
         files = {p for p in (ROOT / package).rglob("*") if p.is_file() and p.suffix != ".pyc"}
-        assert {p.relative_to(ROOT).as_posix() for p in files} <= inside
+        assert {place + p.relative_to(ROOT).as_posix() for p in files} <= inside
     assert "imocap_core/body/data/free_body.npz" in inside
 
 
 def test_nothing_else_is(wheel: zipfile.ZipFile) -> None:
     tops = {name.split("/")[0] for name in wheel.namelist()}
-    assert {t for t in tops if not t.endswith(".dist-info")} == {"imocap_core", "stages"}
+    assert {t for t in tops if not t.endswith(".dist-info")} == {"imocap", "imocap_core"}
     (notices,) = (n for n in wheel.namelist() if n.endswith("licenses/NOTICE"))
     assert b"CC0" in wheel.read(notices)

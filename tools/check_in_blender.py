@@ -16,13 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from imocap_core.formats.take import Take
-from stages.cli.export_formats import export
-from stages.cli.export_sources import read_result
-from stages.cli.export_takes import camera_of, shaped_of, take_of
-from stages.cli.export_time import on_common_time
-from stages.cli.export_values import Result
-from stages.harness.workspace import Workspace
+from imocap_core.export.clips import camera_of, shaped_of, take_of
+from imocap_core.export.common_time import on_common_time
+from imocap_core.export.formats import export
+from imocap_core.export.sources import read_result
+from imocap_core.export.values import Result
+from imocap_core.io.writers.motion_clip import Take
+from imocap_core.workspace import Workspace
 
 READER = Path(__file__).with_name("blender_joints.py")
 

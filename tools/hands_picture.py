@@ -15,7 +15,7 @@ import numpy as np
 from imocap_core.artifacts.schemas import CameraMotion, Hands, Keypoints, RefineSync
 from imocap_core.artifacts.store import Store
 from imocap_core.camera.projection import warp
-from imocap_core.formats.video import read_rgb
+from imocap_core.io.video import read_rgb
 
 ROOT = Path(__file__).resolve().parents[1]
 COLUMNS, TILE, HALF_PX = 10, 144, 36

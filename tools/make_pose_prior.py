@@ -16,7 +16,7 @@ from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.prior import PosePrior, mixture
-from imocap_core.motion.solver import gauss_newton
+from imocap_core.motion.solver.gauss_newton import gauss_newton
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import (
     HingeLimits,

@@ -15,22 +15,22 @@ import numpy as np
 import torch
 import yaml
 
+from benchmarks.rendered_action import seen_points
+from benchmarks.sync_training import CAPTURED_FPS, training_clip
 from imocap_core.body import load_free_body
 from imocap_core.conventions import OTHER
-from imocap_core.formats.video import write_h264
+from imocap_core.detect.detection import detect_video
+from imocap_core.detect.detectors import detector_of
+from imocap_core.detect.environment import python_for
+from imocap_core.io.video import write_h264
 from imocap_core.metrics.detections import Film, exchanged_share
-from imocap_core.metrics.habits import habit_of, turned_share
+from imocap_core.metrics.detector_bias import habit_of, turned_share
+from imocap_core.params import DetectParams
 from imocap_core.synthetic.captured import VIEWPOINTS
 from imocap_core.synthetic.detector import detect
+from imocap_core.synthetic.detector_levels import DETECTORS
 from imocap_core.synthetic.embodied import embody
-from imocap_core.synthetic.levels import DETECTORS
 from imocap_core.synthetic.rendered import film_frames, shoot
-from stages.benchmarks.rendered_action import seen_points
-from stages.benchmarks.sync_training import CAPTURED_FPS, training_clip
-from stages.detect.detection import detect_video
-from stages.detect.detectors import detector_of
-from stages.detect.environment import python_for
-from stages.params import DetectParams
 
 CLIPS = ("02_05", "03_02", "05_02", "05_18", "06_12", "07_04", "10_04", "13_09")
 FRAMES = 64
@@ -128,7 +128,8 @@ def main() -> None:
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
-    environment = Path(__file__).parents[1] / "stages" / "detect" / "environments" / "mediapipe.txt"
+    environments = Path(__file__).parents[1] / "imocap_core" / "detect" / "environments"
+    environment = environments / "mediapipe.txt"
     python = python_for(environment, PIPELINE.parent, print)
     report(films(arguments.train, arguments.work, python))
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.sync_training import training_clip
 from imocap_core.camera.projection import project
 from imocap_core.people.sides import exchanged, limbs_of, repaired
 from imocap_core.synthetic.captured import (
@@ -21,7 +22,6 @@ from imocap_core.synthetic.captured import (
     stature_m,
 )
 from imocap_core.synthetic.detector import Detections, DetectorErrors, detect
-from stages.benchmarks.sync_training import training_clip
 
 CLIPS = ("02_05", "02_10", "05_06", "06_12", "12_02", "13_30", "13_01", "02_04", "05_18", "07_04")
 LEVELS = {"exact": (1e-6, 0.0, 0.0), "fine_tuned": (4 / 600, 0.02, 0.02),

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from imocap_core.artifacts.schemas import VideoKeypoints, VideoMotion
 from imocap_core.body import load_free_body
-from imocap_core.formats.ahead import ahead
-from imocap_core.formats.video import read_rgb, write_h264
-from imocap_core.views.overlay_film import overlay_film
-from imocap_core.views.performer import Performer
+from imocap_core.film.overlay_film import overlay_film
+from imocap_core.film.performer import Performer
+from imocap_core.io.ahead import ahead
+from imocap_core.io.video import read_rgb, write_h264
 
 FPS = 30.0
 SHARE_OF_HEIGHT = 0.9

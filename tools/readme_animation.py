@@ -16,10 +16,10 @@ from PIL import Image
 
 from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync
 from imocap_core.body import load_free_body
-from imocap_core.views.performer import Painter, performers
-from imocap_core.views.phase_bar import lock_step
-from stages.cli.films import stored, video_files
-from stages.harness.workspace import Workspace
+from imocap_core.film.action_films import stored, video_files
+from imocap_core.film.performer import Painter, performers
+from imocap_core.film.phase_bar import lock_step
+from imocap_core.workspace import Workspace
 
 ROOT = Path(__file__).resolve().parents[1]
 

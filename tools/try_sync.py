@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 import yaml
 
+from benchmarks.sync_scenes import SyncScene, protocol_scene, trial_scene
+from benchmarks.sync_score import event_errors_frames, score_maps
+from benchmarks.sync_training import training_scenes
 from imocap_core.sync import Settings, synchronise
-from stages.benchmarks.sync_scenes import SyncScene, protocol_scene, trial_scene
-from stages.benchmarks.sync_score import event_errors_frames, score_maps
-from stages.benchmarks.sync_training import training_scenes
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = Path(os.environ.get("IMOCAP_DATA", ROOT.parent / "shared" / "data"))

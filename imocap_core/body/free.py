@@ -16,7 +16,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from imocap_core.body.model import Landmark, Model
+from imocap_core.body.model import Model
+from imocap_core.body.protocols import Landmark
 from imocap_core.conventions import SMPL_JOINTS, SMPLH_JOINTS
 
 

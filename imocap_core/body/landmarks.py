@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from imocap_core.body.model import Landmark
+from imocap_core.body.protocols import Landmark
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]

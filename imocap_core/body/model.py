@@ -11,17 +11,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
 from imocap_core.body.kinematics import check_tree, joint_positions, world_rotations
-
-if TYPE_CHECKING:
-    from imocap_core.body.points import PointSet
-
-Landmark = tuple[tuple[int, float], ...]  # (vertex, weight) pairs whose weights sum to 1
+from imocap_core.body.layouts import layout_points
+from imocap_core.body.points import PointSet, place_points
+from imocap_core.body.protocols import Landmark
+from imocap_core.body.skinning import skin
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +123,6 @@ class Model:
 
     def points(self, layout: str) -> PointSet:
         """The keypoints of a layout ("body25", "coco17", "smpl24", ...) on this body."""
-        from imocap_core.body.layouts import layout_points  # layouts describe models
 
         return layout_points(self, layout)
 
@@ -185,13 +182,11 @@ class Posed:
 
     def keypoints(self, points: PointSet) -> Tensor:
         """World positions (..., K, 3) of a layout's keypoints, metres."""
-        from imocap_core.body.points import place_points
 
         return place_points(self, points)
 
     def mesh(self) -> Mesh:
         """Skin the whole surface: never needed to fit, only to look at."""
-        from imocap_core.body.skinning import skin
 
         return Mesh(skin(self), self.shaped.model.faces)
 

@@ -20,7 +20,7 @@ import torch
 from torch import Tensor
 
 from imocap_core.body.kinematics import ancestors
-from imocap_core.body.model import Model, Posed, Shaped
+from imocap_core.body.protocols import ModelArrays, PosedArrays, ShapedArrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class PointSet:
             return self.moved_by.shape[1]
         return 1 + max(self.moved_by.any(0).nonzero()[:, 0].tolist(), default=0)
 
-    def levers(self, shaped: Shaped) -> Tensor:
+    def levers(self, shaped: ShapedArrays) -> Tensor:
         """(..., K, J, 3) for a shape, before pose blend shapes."""
         count = shaped.coefficients.shape[-1]
         directions = self.levers_shapedirs[..., :count]
@@ -90,7 +90,7 @@ def pick_points(points: PointSet, names: Sequence[str]) -> PointSet:
 
 
 def make_points(
-    model: Model,
+    model: ModelArrays,
     names: Sequence[str],
     joint_shares: Sequence[Mapping[int, float]],
     vertex_shares: Sequence[Mapping[int, float]],
@@ -159,7 +159,11 @@ def _table(rows: Sequence[Mapping[int, float]], width: int) -> Tensor:
 
 
 def _build(
-    model: Model, names: tuple[str, ...], joint_shares: Tensor, shares: Tensor, vertices: list[int]
+    model: ModelArrays,
+    names: tuple[str, ...],
+    joint_shares: Tensor,
+    shares: Tensor,
+    vertices: list[int],
 ) -> PointSet:
     weights = model.weights[vertices]  # (U, J)
     shares = shares.to(weights)
@@ -204,7 +208,7 @@ def pose_features(R_local: Tensor) -> Tensor:
     return (R_local[..., 1:, :, :] - identity).flatten(-3)
 
 
-def posed_levers(posed: Posed, points: PointSet) -> Tensor:
+def posed_levers(posed: PosedArrays, points: PointSet) -> Tensor:
     """Levers (..., K, J, 3) with the pose blend shapes of this pose added."""
     levers = points.levers(posed.shaped)
     if points.corrections is None:
@@ -234,7 +238,7 @@ def turn(rows: Tensor, columns: Tensor) -> Tensor:
     return stacked.unflatten(-2, (-1, 3))
 
 
-def place_points(posed: Posed, points: PointSet) -> Tensor:
+def place_points(posed: PosedArrays, points: PointSet) -> Tensor:
     """World positions (..., K, 3) of the points, metres."""
     columns = posed_levers(posed, points).flatten(-2).transpose(-1, -2)
     placed = turn(rows_of(posed.R_world), columns).transpose(-1, -2)

@@ -9,13 +9,13 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
-from imocap_core.body.model import Posed
 from imocap_core.body.points import pose_features, rows_of, turn
+from imocap_core.body.protocols import PosedArrays
 
 _BODIES_AT_ONCE = 4  # keeps a chunk's 12 numbers a vertex within the processor's cache
 
 
-def skin(posed: Posed) -> Tensor:
+def skin(posed: PosedArrays) -> Tensor:
     """Posed vertices (..., V, 3), metres."""
     rest = posed.shaped.joints_rest
     shared = rest.ndim == 2 or (rest.shape[-3] == 1 and posed.R_world.ndim > 3)
@@ -24,7 +24,7 @@ def skin(posed: Posed) -> Tensor:
     return _skin_each(posed)
 
 
-def _skin_shared(posed: Posed) -> Tensor:
+def _skin_shared(posed: PosedArrays) -> Tensor:
     """Many poses of one surface: one product of all bones with what each carries of each vertex."""
     shaped = posed.shaped
     weights = shaped.model.weights
@@ -35,7 +35,7 @@ def _skin_shared(posed: Posed) -> Tensor:
     return turn(rows, torch.cat((carried, offsets), dim=-2)).transpose(-1, -2)
 
 
-def _skin_each(posed: Posed) -> Tensor:
+def _skin_each(posed: PosedArrays) -> Tensor:
     """Bodies that differ in shape too, or whose pose bends the surface: a few at a time."""
     shaped, model = posed.shaped, posed.shaped.model
     batch = posed.joints.shape[:-2]

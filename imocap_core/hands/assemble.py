@@ -12,7 +12,12 @@ from torch import Tensor
 
 from imocap_core.hands.problem import CommonHand, HandState, HandViews
 from imocap_core.hands.skeleton import POINTS, HandSkeleton
-from imocap_core.motion.timeline import Timeline, sample, sample_keypoints, sample_rotations
+from imocap_core.motion.multiview.timeline import (
+    Timeline,
+    sample,
+    sample_keypoints,
+    sample_rotations,
+)
 from imocap_core.rotations import mean
 
 FLOOR_PX = 0.5  # no keypoint is known better

@@ -20,7 +20,7 @@ from imocap_core.hands.problem import HandState, HandWeights
 from imocap_core.hands.skeleton import HandSkeleton
 from imocap_core.hands.solver import HandProblem, solve_hands, solve_hands_and_size
 from imocap_core.hands.starts import started
-from imocap_core.motion.timeline import Timeline
+from imocap_core.motion.multiview.timeline import Timeline
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from imocap_core.hands.terms import (
     prior_cost,
     smooth_cost,
 )
-from imocap_core.motion.normal import NormalEquations, solve_globals
+from imocap_core.motion.solver.normal import NormalEquations, solve_globals
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-7, 1e6
 TOLERANCE = 1e-4  # a step that lowers the objective by a smaller share is the last

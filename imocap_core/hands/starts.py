@@ -16,7 +16,7 @@ from torch import Tensor
 
 from imocap_core.hands.problem import HandState
 from imocap_core.hands.solver import HandProblem, solve_hands
-from imocap_core.motion.timeline import sample, sample_rotations
+from imocap_core.motion.multiview.timeline import sample, sample_rotations
 from imocap_core.rotations import exp, geodesic_angle
 
 _TWISTS_DEG, _BENDS_DEG = (-120, -60, 0, 60, 120, 180), (-45, 45)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.sync.affinity import procrustes_distances
+from imocap_core.sync.pairwise.affinity import procrustes_distances
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from imocap_core.camera.tracking import Performer, Track, performer_of
+from imocap_core.people.tracking import Performer, Track, performer_of
 
 Array = NDArray[np.float64]
 Ranked = Sequence[tuple[float, Track]]

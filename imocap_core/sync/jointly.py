@@ -6,15 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from imocap_core.sync.affinity import gaussian_affinity, reciprocal_affinity
 from imocap_core.sync.anchors import Hints, bent_comparison
-from imocap_core.sync.by_images import Pictures
-from imocap_core.sync.comparison import centrality_of, compare
-from imocap_core.sync.cycle import relax, relax_auto
-from imocap_core.sync.paths import dtw_warps
+from imocap_core.sync.cycle.methods import relax, relax_auto
+from imocap_core.sync.cycle.report import CycleReport
+from imocap_core.sync.pairwise.affinity import gaussian_affinity, reciprocal_affinity
+from imocap_core.sync.pairwise.comparison import centrality_of, compare
 from imocap_core.sync.phase import Link, common_phase, inside
-from imocap_core.sync.posterior import directed_maps, posterior_warps
-from imocap_core.sync.report import CycleReport
 from imocap_core.sync.settings import Settings
 from imocap_core.sync.ties import bend_of, firm_links, through_hard_anchors, ties_to_reference
 from imocap_core.sync.trust import (
@@ -24,6 +21,9 @@ from imocap_core.sync.trust import (
     left_out_disagreement,
     pair_maps,
 )
+from imocap_core.sync.warp.by_images import Pictures
+from imocap_core.sync.warp.paths import dtw_warps
+from imocap_core.sync.warp.posterior import directed_maps, posterior_warps
 
 Array = NDArray[np.float64]
 

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from imocap_core.sync.anchors import Hints, check_hints
 from imocap_core.sync.blocks import Blocks
-from imocap_core.sync.by_images import Pictures
+from imocap_core.sync.cycle.report import CycleReport
 from imocap_core.sync.jointly import Joint, synchronise_jointly
-from imocap_core.sync.mirror import mirrored_poses
-from imocap_core.sync.poses import body_scales, check_poses, joint_weights_of
-from imocap_core.sync.report import CycleReport
-from imocap_core.sync.screening import Screening, screen
+from imocap_core.sync.pairwise.poses import body_scales, check_poses, joint_weights_of
+from imocap_core.sync.screening.mirror import mirrored_poses
+from imocap_core.sync.screening.screening import Screening, screen
 from imocap_core.sync.settings import Settings
 from imocap_core.sync.trust import Triple
+from imocap_core.sync.warp.by_images import Pictures
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from imocap_core.body.model import Model
 from imocap_core.conventions import EVAL_14, SMPL_JOINTS
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.prior import PosePrior, mixture
-from imocap_core.motion.solver import gauss_newton
+from imocap_core.motion.solver.gauss_newton import gauss_newton
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import (
     HingeLimits,

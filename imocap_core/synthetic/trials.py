@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from imocap_core.render.arrays import Floats
-from imocap_core.sync.dtw import dtw, positions_of_rows
+from imocap_core.sync.warp.dtw import dtw, positions_of_rows
 from imocap_core.synthetic.captured import hip_middle, to_stage
 
 SMOOTH_FRAMES = 2.0  # a path on frames is made sub-frame

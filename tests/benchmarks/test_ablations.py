@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks import ablation_tables, ablations, claims, rivals
+from benchmarks.choice import Choice
+from benchmarks.meter import Cost
+from benchmarks.score_file import ActionScore
+from benchmarks.tables import PA, SCALED, SYNC
+from benchmarks.variants import VARIANTS, Run, chosen_variants
 from imocap_core.artifacts.schemas import Keypoints
-from stages.benchmarks import ablation_tables, ablations, claims, rivals
-from stages.benchmarks.choice import Choice
-from stages.benchmarks.kept import ActionScore
-from stages.benchmarks.meter import Cost
-from stages.benchmarks.tables import PA, SCALED, SYNC
-from stages.benchmarks.variants import VARIANTS, Run, chosen_variants
-from stages.harness.errors import WorkFailed, WrongUse
-from stages.harness.pipeline import read_pipeline, settings
-from stages.harness.source import PROJECT
-from stages.harness.workspace import Workspace
-from stages.params import Params
+from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.params import Params
+from imocap_core.pipeline.graph import read_pipeline, settings
+from imocap_core.pipeline.source import PROJECT
+from imocap_core.workspace import Workspace
 from tests.benchmarks.test_tcc_benchmark import seen
 
 BY_NAME = {variant.name: variant for variant in VARIANTS}

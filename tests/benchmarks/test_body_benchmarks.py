@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import torch
 
+from benchmarks import body, bones
 from imocap_core.body import load_free_body
 from imocap_core.conventions import EVAL_12
-from stages.benchmarks import body, bones
 
 
 def test_every_row_is_measured_in_both_precisions() -> None:

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks import h36m
+from benchmarks.choice import Choice
+from benchmarks.prepare import chosen_names
 from imocap_core.camera.projection import project
 from imocap_core.conventions import EVAL_12, EVAL_14, EVAL_17
-from imocap_core.formats.h36m import H36M_17
+from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.io.h36m import H36M_17
 from imocap_core.synthetic.captured import COCO18, VIEWPOINTS, place_camera
-from stages.benchmarks import h36m
-from stages.benchmarks.choice import Choice
-from stages.benchmarks.prepare import chosen_names
-from stages.harness.errors import WorkFailed, WrongUse
-from tests.formats.test_h36m import write_h36m
+from tests.io.test_h36m import write_h36m
 from tests.synthetic.test_captured import figure
 
 FRAMES = 320

@@ -9,16 +9,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from imocap_core.formats.joints_npz import read_joints_npz
-from imocap_core.formats.openpose import read_openpose
-from stages.benchmarks import inputs, motion, score
-from stages.benchmarks.action_folder import MADE, action_key, is_made, make_action
-from stages.benchmarks.choice import Choice
-from stages.benchmarks.kept import ActionScore
-from stages.cli import main
-from stages.harness.action import read_action
-from stages.harness.errors import WorkFailed, WrongUse
-from stages.harness.workspace import Workspace
+from benchmarks import inputs, motion, score
+from benchmarks.action_folder import MADE, action_key, is_made, make_action
+from benchmarks.choice import Choice
+from benchmarks.score_file import ActionScore
+from imocap_core.cli import main
+from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.io.detectors.openpose import read_openpose
+from imocap_core.io.estimators.joints_npz import read_joints_npz
+from imocap_core.pipeline.action import read_action
+from imocap_core.workspace import Workspace
 from tests.synthetic.test_captured import figure
 
 SWING = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import torch
 
+from benchmarks.oracle import fit_with_cameras, true_cameras, true_sync
 from imocap_core.artifacts.schemas import SyncMap
 from imocap_core.artifacts.schemas.sync import SyncSummary
-from imocap_core.formats.truth import Truth, VideoTruth
-from stages.benchmarks.oracle import fit_with_cameras, true_cameras, true_sync
+from imocap_core.io.truth import Truth, VideoTruth
 from tests.motion.made import mpjpe_mm
 from tests.motion.test_joint import OPTIONS, in_own_axes, made, whole  # noqa: F401
 

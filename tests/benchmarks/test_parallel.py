@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.meter import Meter, peak_gb, reset_peak
+from benchmarks.parallel import Named, each
 from imocap_core.artifacts.store import Stored
-from stages.benchmarks.meter import Meter, peak_gb, reset_peak
-from stages.benchmarks.parallel import Named, each
-from stages.harness.errors import WorkFailed
-from stages.harness.runner import Outcome
+from imocap_core.errors import WorkFailed
+from imocap_core.pipeline.runner import Outcome
 
 
 class Recording:

@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks import rendered_action
+from benchmarks.inputs import Shot
+from benchmarks.rendered import Rendering, measure
+from benchmarks.rendered_action import _scored, key_of
+from benchmarks.rendered_tables import markdown, motion_table, proposal, sides_table
+from benchmarks.score_file import ActionScore
+from imocap_core.errors import WrongUse
 from imocap_core.metrics.detections import Film
 from imocap_core.synthetic.embodied import Embodied
-from stages.benchmarks import rendered_action
-from stages.benchmarks.inputs import Shot
-from stages.benchmarks.kept import ActionScore
-from stages.benchmarks.rendered import Rendering, measure
-from stages.benchmarks.rendered_action import _scored, key_of
-from stages.benchmarks.rendered_tables import markdown, motion_table, proposal, sides_table
-from stages.harness.errors import WrongUse
-from stages.harness.workspace import Workspace
+from imocap_core.workspace import Workspace
 from tests.metrics.test_detections import NAMES, SPREAD, film
 
 METRICS = ("mpjpe_scaled_mm", "pa_mpjpe_mm", "sync_error_pct", "camera_rotation_error_deg")

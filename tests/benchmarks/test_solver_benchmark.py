@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.motion.solver import gauss_newton
-from stages.benchmarks.solver import HEADS, markdown, measure
-from stages.benchmarks.solver_growth import grown
-from stages.benchmarks.solver_race import NEWTON, common_problem, newton, race, watched
-from stages.benchmarks.solver_scene import DISTANCE_M, NOISE_PX, K, made_scene
-from stages.harness.errors import WrongUse
-from stages.harness.workspace import Workspace
-from stages.motion_values import options_of, weights_of
-from stages.params import FitParams, MotionParams
+from benchmarks.solver import HEADS, markdown, measure
+from benchmarks.solver_growth import grown
+from benchmarks.solver_race import NEWTON, common_problem, newton, race, watched
+from benchmarks.solver_scene import DISTANCE_M, NOISE_PX, K, made_scene
+from imocap_core.errors import WrongUse
+from imocap_core.motion.solver.gauss_newton import gauss_newton
+from imocap_core.params import FitParams, MotionParams
+from imocap_core.problem.motion import options_of, weights_of
+from imocap_core.workspace import Workspace
 
 ROOT = Path(__file__).parents[2]
 DEFAULTS = Workspace(ROOT).pipeline().defaults

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imocap_core.baselines.tcc import POSES
-from stages.benchmarks.sync import EventRow
-from stages.benchmarks.sync_calibration import calibration, confidences_and_errors
-from stages.benchmarks.sync_rivals import rival, rooted
-from stages.benchmarks.sync_scenes import SyncScene
-from stages.benchmarks.sync_score import event_errors_frames, pair_error_pct, score_maps
-from stages.benchmarks.sync_tables import markdown, write_tables
+from benchmarks.sync import EventRow
+from benchmarks.sync_calibration import calibration, confidences_and_errors
+from benchmarks.sync_rivals import rival, rooted
+from benchmarks.sync_scenes import SyncScene
+from benchmarks.sync_score import event_errors_frames, pair_error_pct, score_maps
+from benchmarks.sync_tables import markdown, write_tables
+from benchmarks.tcc import POSES
 
 
 def scene() -> SyncScene:

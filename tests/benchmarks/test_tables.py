@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stages.benchmarks import docs, tables
-from stages.benchmarks.kept import RESULTS, ActionScore
-from stages.benchmarks.meter import Cost
-from stages.cli import benchmark as cli
-from stages.cli import main
-from stages.harness.errors import WrongUse
+from benchmarks import docs, tables
+from benchmarks import names as cli
+from benchmarks.meter import Cost
+from benchmarks.score_file import RESULTS, ActionScore
+from imocap_core.cli import main
+from imocap_core.errors import WrongUse
 
 
 def made_score(action: str, loop: float) -> ActionScore:

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.tcc import FRAMES, POSES
+from benchmarks.tcc_rival import hip_columns, tcc_sync
 from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
-from imocap_core.baselines.tcc import FRAMES, POSES
-from imocap_core.formats.video import write_h264
-from stages.benchmarks.tcc import hip_columns, tcc_sync
+from imocap_core.io.video import write_h264
 
 SIZE = (96, 64)
 

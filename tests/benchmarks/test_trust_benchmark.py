@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from benchmarks.trust import Seen, TrustRow, among_decidable, measure, totals
 from imocap_core.conventions import EVAL_14, mirror_indices
-from stages.benchmarks.trust import Seen, TrustRow, among_decidable, measure, totals
 
 REST = {
     "ankle": (0.1, 0.0, 0.1), "knee": (0.1, 0.0, 0.5), "hip": (0.1, 0.0, 0.9),

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from imocap_core.camera.shots import Picture, find_cuts, likeness, thumbnail
+from imocap_core.people.shots import Picture, find_cuts, likeness, thumbnail
 
 
 def place(seed: int) -> Picture:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from imocap_core.camera.tracking import choose_performer, distinct_people, follow, pose_distance
+from imocap_core.people.tracking import choose_performer, distinct_people, follow, pose_distance
 
 SIZE, FPS = (640, 360), 30.0
 OFFSETS = np.random.default_rng(0).uniform(-1, 1, size=(17, 2)) * [25, 60]

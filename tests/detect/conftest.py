@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imocap_core.formats.video import write_h264
+from imocap_core.io.video import write_h264
 
 SIZE = (64, 48)
 MEDIAPIPE = """

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.store import Store
-from imocap_core.formats.estimates import Wanted
-from imocap_core.formats.guess import guess_detections
-from imocap_core.formats.mediapipe import read_mediapipe, read_mediapipe_world
-from imocap_core.formats.mediapipe_hands import read_mediapipe_hands
-from stages.detect.detection import detect_video, kept_at
-from stages.detect.detectors import detector_of
-from stages.harness.errors import WorkFailed
-from stages.harness.pipeline import read_pipeline
-from stages.harness.source import PROJECT
-from stages.params import DetectParams, Params
+from imocap_core.detect.detection import detect_video, kept_at
+from imocap_core.detect.detectors import detector_of
+from imocap_core.errors import WorkFailed
+from imocap_core.io.detectors.guess import guess_detections
+from imocap_core.io.detectors.mediapipe import read_mediapipe, read_mediapipe_world
+from imocap_core.io.detectors.mediapipe_hands import read_mediapipe_hands
+from imocap_core.io.estimators.estimates import Wanted
+from imocap_core.params import DetectParams, Params
+from imocap_core.pipeline.graph import read_pipeline
+from imocap_core.pipeline.source import PROJECT
 from tests.detect.conftest import SIZE, clip
 
 COLUMNS = [20, 22, None, 30, 40]

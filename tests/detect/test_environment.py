@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from stages.detect import environment
-from stages.detect.environment import FOLDER, python_for
-from stages.harness.errors import WorkFailed
+from imocap_core.detect import environment
+from imocap_core.detect.environment import FOLDER, python_for
+from imocap_core.errors import WorkFailed
 
 
 @pytest.fixture(autouse=True)

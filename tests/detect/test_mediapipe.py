@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imocap_core.formats.mediapipe import read_mediapipe
-from imocap_core.formats.video import write_h264
-from imocap_core.synthetic.take import SIZE, pictures, yoga_take
-from stages.detect.detection import detect_video
-from stages.detect.detectors import detector_of
-from stages.detect.environment import FOLDER
-from stages.harness.demo import demo_body
-from stages.harness.source import PROJECT
+from imocap_core.detect.detection import detect_video
+from imocap_core.detect.detectors import detector_of
+from imocap_core.detect.environment import FOLDER
+from imocap_core.io.detectors.mediapipe import read_mediapipe
+from imocap_core.io.video import write_h264
+from imocap_core.pipeline.make_demo import demo_body
+from imocap_core.pipeline.source import PROJECT
+from imocap_core.synthetic.yoga_clip import SIZE, pictures, yoga_take
 from tests.detect.test_detection import params
 
 PYTHON = PROJECT / FOLDER / "bin" / "python"

@@ -10,9 +10,9 @@ import yaml
 
 from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.artifacts.store import Store
-from stages.cli import main
-from stages.harness.action import read_action
-from stages.harness.errors import WorkFailed
+from imocap_core.cli import main
+from imocap_core.errors import WorkFailed
+from imocap_core.pipeline.action import read_action
 from tests.detect.conftest import clip
 
 Capture = pytest.CaptureFixture[str]

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from imocap_core.body.layouts import layout_names
-from imocap_core.formats.guess import guess_detections
-from imocap_core.formats.keypoints_npz import read_keypoints_npz
-from imocap_core.formats.video import write_h264
-from stages.detect.detection import detect_video
-from stages.detect.detectors import Detector, detector_of
-from stages.detect.environment import FOLDER
-from stages.detect.results import people_of, somebody
-from stages.harness.source import PROJECT
+from imocap_core.detect.detection import detect_video
+from imocap_core.detect.detectors import Detector, detector_of
+from imocap_core.detect.environment import FOLDER
+from imocap_core.detect.results import people_of, somebody
+from imocap_core.io.detectors.guess import guess_detections
+from imocap_core.io.detectors.keypoints_npz import read_keypoints_npz
+from imocap_core.io.video import write_h264
+from imocap_core.pipeline.source import PROJECT
 from tests.detect.made_onnx import person_model, pose_model
 from tests.detect.test_detection import params
 

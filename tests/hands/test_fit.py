@@ -15,7 +15,7 @@ from imocap_core.hands.fit import FitPlan, FittedHands, fit_hands
 from imocap_core.hands.kinematics import hand_points
 from imocap_core.hands.problem import HandWeights
 from imocap_core.hands.skeleton import ANGLE_NAMES, hand_skeleton
-from imocap_core.motion.timeline import make_timeline
+from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.rotations import exp
 
 SKELETON = hand_skeleton(load_free_body(hands=True).shape(torch.zeros(10, dtype=torch.float64)))

@@ -14,7 +14,7 @@ from imocap_core.hands.problem import CommonHand, HandState, HandViews, HandWeig
 from imocap_core.hands.skeleton import hand_skeleton
 from imocap_core.hands.starts import cheapest_path
 from imocap_core.hands.terms import coupling_cost, image_cost, prior_cost, smooth_cost
-from imocap_core.motion.normal import NormalEquations
+from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.rotations import exp
 
 SKELETON = hand_skeleton(load_free_body(hands=True).shape(torch.zeros(10, dtype=torch.float64)))

@@ -7,7 +7,7 @@ import pytest
 
 from imocap_core.conventions import OTHER
 from imocap_core.metrics.detections import Film
-from imocap_core.metrics.habits import habit_of, turned_share
+from imocap_core.metrics.detector_bias import habit_of, turned_share
 from imocap_core.synthetic.detector import DetectorErrors, detect
 from imocap_core.synthetic.marking import Marking
 

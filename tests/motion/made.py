@@ -6,9 +6,9 @@ import numpy as np
 import torch
 
 from imocap_core.body import load_free_body
-from imocap_core.motion.consensus import Cameras
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.monocular import FitWeights
+from imocap_core.motion.monocular.fit import FitWeights
+from imocap_core.motion.multiview.consensus import Cameras
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import PosePrior, mixture
 from imocap_core.motion.state import MotionState

@@ -11,12 +11,17 @@ from torch import Tensor
 from torch.overrides import TorchFunctionMode
 from torch.utils._pytree import tree_leaves
 
-from imocap_core.motion.adam import adam
+from benchmarks.solvers.adam import adam
+from benchmarks.solvers.lbfgs import lbfgs
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.lbfgs import lbfgs
-from imocap_core.motion.monocular import monocular_terms
-from imocap_core.motion.normal import solve_globals
-from imocap_core.motion.solver import gauss_newton, linearise, linearise_halves, objective
+from imocap_core.motion.monocular.fit import monocular_terms
+from imocap_core.motion.solver.gauss_newton import (
+    gauss_newton,
+    linearise,
+    linearise_halves,
+    objective,
+)
+from imocap_core.motion.solver.normal import solve_globals
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import Term
 from imocap_core.workers import in_turn

@@ -7,12 +7,12 @@ import pytest
 import torch
 
 from imocap_core.camera.averaging import angle_deg
-from imocap_core.motion.consensus import agreement, align, cameras_from_motion, to_world
-from imocap_core.motion.deviation import joint_spread_rad, keypoint_spread_m
-from imocap_core.motion.joint import recover_motion
-from imocap_core.motion.scene import JointOptions, Scene
+from imocap_core.motion.multiview.consensus import agreement, align, cameras_from_motion, to_world
+from imocap_core.motion.multiview.deviation import joint_spread_rad, keypoint_spread_m
+from imocap_core.motion.multiview.joint import recover_motion
+from imocap_core.motion.multiview.scene import JointOptions, Scene
+from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
-from imocap_core.motion.timeline import make_timeline
 from imocap_core.rotations import exp
 from tests.motion.made import WEIGHTS, Made, mpjpe_mm, scene, wide_prior
 
@@ -20,7 +20,6 @@ TURNS_DEG = [0.0, 80.0, -70.0]
 FRAMES = 20
 OPTIONS = JointOptions(
     objective="shared",
-    solver="gauss_newton",
     rank=1,
     rounds=2,
     coupling_rad=0.1,
@@ -168,13 +167,3 @@ def test_a_still_performance_is_coupled_tightly(made: Made) -> None:
     loose = joint_spread_rad(made.body, made.state, np.full((3, FRAMES, 25), 0.1))
     assert (still <= loose).all()
     assert (loose[:, :, 18] > still[:, :, 18]).all()
-
-
-@pytest.mark.parametrize("solver", ["lbfgs", "adam"])
-def test_the_comparison_solvers_go_the_same_way(made: Made, solver: str) -> None:
-    truth = in_own_axes(made)
-    start = disturbed(truth, 0.12)
-    found = recover_motion(whole(made), start, replace(OPTIONS, solver=solver, max_steps=2))
-    before, after = (mpjpe_mm(made.body, s, truth) for s in (start, found.state))
-    assert after < 0.7 * before
-    assert {"lbfgs": "L-BFGS", "adam": "Adam"}[solver] in found.status

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.motion.joint import recover_motion
-from imocap_core.motion.lenses import lenses_of
-from imocap_core.motion.scene import JointMotion, JointOptions, Scene
+from imocap_core.motion.multiview.focal_lengths import lenses_of
+from imocap_core.motion.multiview.joint import recover_motion
+from imocap_core.motion.multiview.scene import JointMotion, JointOptions, Scene
+from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.motion.state import MotionState
-from imocap_core.motion.timeline import make_timeline
 from tests.motion.made import FOCAL_PX, WEIGHTS, Made, scene, wide_prior
 from tests.motion.test_joint import FRAMES, OPTIONS, disturbed, in_own_axes
 

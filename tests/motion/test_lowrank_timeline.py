@@ -4,9 +4,14 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.motion.alternation import Alternation, Turn, alternate, mean_change
-from imocap_core.motion.lowrank import low_rank_paths, low_rank_poses, low_rank_rows
-from imocap_core.motion.timeline import make_timeline, sample, sample_keypoints, sample_rotations
+from imocap_core.motion.multiview.alternation import Alternation, Turn, alternate, mean_change
+from imocap_core.motion.multiview.lowrank import low_rank_paths, low_rank_poses, low_rank_rows
+from imocap_core.motion.multiview.timeline import (
+    make_timeline,
+    sample,
+    sample_keypoints,
+    sample_rotations,
+)
 from imocap_core.rotations import exp, geodesic_angle
 
 

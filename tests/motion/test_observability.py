@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.motion.azimuth import stage_of
-from imocap_core.motion.noise import Noise
-from imocap_core.motion.observability import (
+from imocap_core.motion.multiview.scene import Scene
+from imocap_core.motion.multiview.timeline import make_timeline
+from imocap_core.motion.posterior.azimuth import stage_of
+from imocap_core.motion.posterior.noise import Noise
+from imocap_core.motion.posterior.observability import (
     Open,
     angles_deg,
     near_pairs,
@@ -17,10 +19,8 @@ from imocap_core.motion.observability import (
     view_directions,
     weak_spans,
 )
-from imocap_core.motion.scene import Scene
-from imocap_core.motion.timeline import make_timeline
-from imocap_core.motion.uncertainty import Uncertainty, uncertainty
-from imocap_core.motion.viewpoints import AZIMUTHS_DEG
+from imocap_core.motion.posterior.uncertainty import Uncertainty, uncertainty
+from imocap_core.motion.posterior.viewpoints import AZIMUTHS_DEG
 from tests.motion.made import WEIGHTS, Made, scene, wide_prior
 from tests.motion.test_joint import FRAMES, OPTIONS, in_own_axes
 

@@ -7,11 +7,11 @@ import pytest
 import torch
 from torch import Tensor
 
-from imocap_core.motion.coupling import Targets
-from imocap_core.motion.deviation import Spread, median_of_known
-from imocap_core.motion.own import HOLD, facing_alike, held_feet, own_deviations
+from imocap_core.motion.multiview.coupling import Targets
+from imocap_core.motion.multiview.deviation import Spread, median_of_known
+from imocap_core.motion.multiview.per_video import HOLD, facing_alike, held_feet, own_deviations
+from imocap_core.motion.multiview.rigid_offsets import first_strays
 from imocap_core.motion.state import MotionState
-from imocap_core.motion.straying import first_strays
 from imocap_core.motion.terms import StandingFeet
 from imocap_core.rotations import exp
 from tests.motion.made import WEIGHTS, Made, mpjpe_mm, scene

@@ -3,8 +3,8 @@
 import pytest
 import torch
 
-from imocap_core.motion.normal import solve_pentadiagonal
-from imocap_core.motion.selected import factorise
+from imocap_core.motion.solver.normal import solve_pentadiagonal
+from imocap_core.motion.solver.selected import factorise
 from tests.motion.test_normal import banded
 
 N = 4

@@ -7,15 +7,25 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.motion.adam import adam
-from imocap_core.motion.lbfgs import lbfgs
-from imocap_core.motion.library import make_library
-from imocap_core.motion.lifting import best_path, match
-from imocap_core.motion.monocular import fit_monocular, monocular_terms
+from benchmarks.solvers.adam import adam
+from benchmarks.solvers.lbfgs import lbfgs
+from imocap_core.motion.monocular.fit import fit_monocular, monocular_terms
+from imocap_core.motion.monocular.library import make_library
+from imocap_core.motion.monocular.lifting import best_path, match
+from imocap_core.motion.monocular.starts import (
+    LiftingOptions,
+    Start,
+    lifted_starts,
+    start_at_joints,
+)
 from imocap_core.motion.observations import Observation, person_size_px, without_jumps
 from imocap_core.motion.prior import load_pose_prior
-from imocap_core.motion.solver import gauss_newton, linearise, linearise_halves, objective
-from imocap_core.motion.starts import LiftingOptions, Start, lifted_starts, start_at_joints
+from imocap_core.motion.solver.gauss_newton import (
+    gauss_newton,
+    linearise,
+    linearise_halves,
+    objective,
+)
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms import PathCoupling, PoseCoupling, Term
 from imocap_core.rotations import geodesic_angle

@@ -8,9 +8,9 @@ import torch
 
 from imocap_core.body import load_free_body
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.library import Library, make_library
+from imocap_core.motion.monocular.library import Library, make_library
+from imocap_core.motion.monocular.starts import MIN_JOINTS, fit_rotations_to_joints, start_at_motion
 from imocap_core.motion.prior import load_pose_prior
-from imocap_core.motion.starts import MIN_JOINTS, fit_rotations_to_joints, start_at_motion
 from imocap_core.rotations import exp, geodesic_angle
 
 

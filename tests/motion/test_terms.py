@@ -11,7 +11,7 @@ from imocap_core.body import load_free_body
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.prior import mixture
 from imocap_core.motion.robust import cauchy, geman_mcclure
-from imocap_core.motion.solver import linearise, objective
+from imocap_core.motion.solver.gauss_newton import linearise, objective
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms import (
     FocalPrior,
@@ -28,10 +28,10 @@ from imocap_core.motion.terms import (
     Term,
     View,
 )
-from imocap_core.motion.terms.sights import whitened
-from imocap_core.motion.terms.standing import standing_share
-from imocap_core.motion.terms.stray import strayed
+from imocap_core.motion.terms.foot_contact import standing_share
+from imocap_core.motion.terms.rigid_offset import strayed
 from imocap_core.motion.terms.view import project
+from imocap_core.motion.terms.view_residuals import whitened
 from imocap_core.rotations import exp
 
 B, T, POINTS = 2, 5, 25

@@ -7,18 +7,22 @@ import pytest
 import torch
 from torch import Tensor
 
-from imocap_core.motion.common_posterior import CommonPosterior, common_posterior, settle_common
-from imocap_core.motion.joint import recover_motion
-from imocap_core.motion.joint_covariance import joint_claim, joint_jacobian
-from imocap_core.motion.noise import Noise
-from imocap_core.motion.normal import NormalEquations
-from imocap_core.motion.own_posterior import own_fits, own_posterior
-from imocap_core.motion.scene import JointMotion, Scene, own_terms
-from imocap_core.motion.solver import linearise
+from imocap_core.motion.multiview.joint import recover_motion
+from imocap_core.motion.multiview.scene import JointMotion, Scene, own_terms
+from imocap_core.motion.posterior.common_posterior import (
+    CommonPosterior,
+    common_posterior,
+    settle_common,
+)
+from imocap_core.motion.posterior.joint_covariance import joint_claim, joint_jacobian
+from imocap_core.motion.posterior.noise import Noise
+from imocap_core.motion.posterior.per_video_posterior import own_fits, own_posterior
+from imocap_core.motion.posterior.uncertainty import nearest_reference, uncertainty
+from imocap_core.motion.solver.gauss_newton import linearise
+from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms import Reprojection
 from imocap_core.motion.terms.tempered import Tempered
-from imocap_core.motion.uncertainty import nearest_reference, uncertainty
 from imocap_core.rotations import log
 from tests.motion.made import Made, scene
 from tests.motion.test_joint import FRAMES, OPTIONS, TURNS_DEG, disturbed, in_own_axes, whole

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from imocap_core.camera.tracking import Track
-from imocap_core.people.looks import (
+from imocap_core.people.appearance import (
     apart,
     exchange_where_met,
     join_by_looks,
     look_of,
     meetings,
 )
+from imocap_core.people.tracking import Track
 
 SHAPE = np.random.default_rng(0).uniform(-1, 1, (17, 2)) * [25, 60]
 RED, BLUE = (200, 40, 40), (40, 60, 200)

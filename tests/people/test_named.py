@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from imocap_core.camera.tracking import ranked_tracks
 from imocap_core.people.named import Place, named_performer, track_at, track_numbered
+from imocap_core.people.tracking import ranked_tracks
 
 SHAPE = np.random.default_rng(0).uniform(-1, 1, (17, 2)) * [25, 60]
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from imocap_core.metrics.scoring import ALL_VIDEOS
-from stages.harness.source import PROJECT
+from imocap_core.pipeline.source import PROJECT
 
 DATA_VARIABLE = "IMOCAP_DATA"
 REAL = "balance_beam"

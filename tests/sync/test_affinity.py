@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.sync.affinity import (
+from imocap_core.sync.pairwise.affinity import (
     gaussian_affinity,
     optimal_trace,
     procrustes_distances,

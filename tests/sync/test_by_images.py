@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from imocap_core.sync import synchronise
-from imocap_core.sync.by_images import (
+from imocap_core.sync.warp.by_images import (
     Filmed,
     Pictures,
     projected,

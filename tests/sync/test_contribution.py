@@ -3,7 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from imocap_core.sync.contribution import (
+from imocap_core.sync.pairwise.view_axes import centred
+from imocap_core.sync.warp.contribution import (
     ALIKE,
     IN_VIEW,
     alike,
@@ -11,7 +12,6 @@ from imocap_core.sync.contribution import (
     of_reference,
     template,
 )
-from imocap_core.sync.view_axes import centred
 
 T, J = 12, 7
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from imocap_core.sync.als import als
 from imocap_core.sync.blocks import Blocks
-from imocap_core.sync.cycle import held_out_residual, relax, relax_auto, symmetric_affinity
-from imocap_core.sync.softmap import row_stochastic, softmap
-from imocap_core.sync.svt import shrink_spectrum, svt
+from imocap_core.sync.cycle.als import als
+from imocap_core.sync.cycle.methods import held_out_residual, relax, relax_auto, symmetric_affinity
+from imocap_core.sync.cycle.softmap import row_stochastic, softmap
+from imocap_core.sync.cycle.svt import shrink_spectrum, svt
 
 RNG = np.random.default_rng
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from imocap_core.sync.als import als
 from imocap_core.sync.blocks import Blocks
-from imocap_core.sync.contrast import contrasted
-from imocap_core.sync.cycle import relax, symmetric_affinity
-from imocap_core.sync.dtw import dtw, positions_of_rows
-from imocap_core.sync.svt import svt
+from imocap_core.sync.cycle.als import als
+from imocap_core.sync.cycle.contrast import contrasted
+from imocap_core.sync.cycle.methods import relax, symmetric_affinity
+from imocap_core.sync.cycle.svt import svt
+from imocap_core.sync.warp.dtw import dtw, positions_of_rows
 
 RNG = np.random.default_rng
 ALPHA, LAMBDA = 0.1, 1.0

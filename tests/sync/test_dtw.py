@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from imocap_core.sync.dtw import dtw, positions_of_rows
+from imocap_core.sync.warp.dtw import dtw, positions_of_rows
 
 
 def best_total_naive(cost: np.ndarray, skip: float) -> float:

@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from imocap_core.sync.monotone import interpolated_squares, monotone_posterior
+from imocap_core.sync.warp.monotone import interpolated_squares, monotone_posterior
 
 
 def posterior_naive(cost: np.ndarray, max_step: int | None) -> np.ndarray:

@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from imocap_core.sync.monotone import monotone_posterior
-from imocap_core.sync.regular import Rates, rates_between, regular_posterior
+from imocap_core.sync.warp.monotone import monotone_posterior
+from imocap_core.sync.warp.regular import Rates, rates_between, regular_posterior
 
 RATES = Rates(
     np.array([0.5, 1.0, 2.0]),

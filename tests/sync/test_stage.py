@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints, VideoMotion
-from stages.params import SyncParams
-from stages.sync import synchronise_motions
+from imocap_core.params import SyncParams
+from imocap_core.problem.synchronisation import synchronise_motions
 from tests.sync.test_synchronise import SETTINGS, pose_at
 
 PARAMS = SyncParams(**(vars(SETTINGS) | {"max_rate": 20.0, "joint_weights": {}}))

@@ -3,7 +3,10 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from imocap_core.sync.levels import (
+from imocap_core.sync.pairwise.view_axes import centred, rotations_onto
+from imocap_core.sync.screening.outliers import find_outliers, outlier_scores
+from imocap_core.sync.screening.persistent_difference import steady_levels, steady_squares
+from imocap_core.sync.screening.warp_fit import (
     expected_by,
     expected_squares,
     matched_levels,
@@ -11,9 +14,6 @@ from imocap_core.sync.levels import (
     squares_between,
     typical_squares,
 )
-from imocap_core.sync.outliers import find_outliers, outlier_scores
-from imocap_core.sync.steady import steady_levels, steady_squares
-from imocap_core.sync.view_axes import centred, rotations_onto
 from tests.sync.test_synchronise import pose_at
 
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.sync import Settings, posterior, synchronise
+from imocap_core.sync import Settings, synchronise
+from imocap_core.sync.warp import posterior
 
 SETTINGS = Settings(
     affinity="reciprocal",

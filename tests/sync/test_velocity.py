@@ -8,11 +8,11 @@ import pytest
 from pydantic import ValidationError
 
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.sync.comparison import compare
-from imocap_core.sync.velocity import with_velocity
-from stages.harness.pipeline import read_pipeline
-from stages.params import Params, SyncParams
-from stages.sync import joint_weights_of, settings_of
+from imocap_core.params import Params, SyncParams
+from imocap_core.pipeline.graph import read_pipeline
+from imocap_core.problem.synchronisation import joint_weights_of, settings_of
+from imocap_core.sync.pairwise.comparison import compare
+from imocap_core.sync.pairwise.velocity import with_velocity
 from tests.sync.test_synchronise import SETTINGS, error_s, run, seen
 
 FPS = 30.0

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from imocap_core.sync.view_axes import (
+from imocap_core.sync.pairwise.view_axes import (
     axis_precisions,
     centred,
     rotations_onto,

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from imocap_core.body import Shaped, load_free_body
-from imocap_core.synthetic.take import YOGA_CLIPS, Take, draw_betas, yoga_take
+from imocap_core.synthetic.yoga_clip import YOGA_CLIPS, Take, draw_betas, yoga_take
 
 SEED = 3
 

@@ -19,8 +19,8 @@ from imocap_core.synthetic.captured import (
     stature_m,
     to_stage,
 )
+from imocap_core.synthetic.detector_levels import DETECTORS, detect_person
 from imocap_core.synthetic.estimator import TREE, EstimatorErrors, estimate
-from imocap_core.synthetic.levels import DETECTORS, detect_person
 from imocap_core.synthetic.marking import marked
 from imocap_core.synthetic.samplings import base_frames, sample_frames
 from imocap_core.synthetic.trials import correspondence, on_one_stage

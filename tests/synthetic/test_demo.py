@@ -5,12 +5,12 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from imocap_core.formats.openpose import read_openpose
-from imocap_core.formats.truth import read_truth
-from imocap_core.formats.video import probe, write_h264
-from imocap_core.synthetic.take import pictures
-from stages.harness import demo
-from stages.harness.action import read_action
+from imocap_core.io.detectors.openpose import read_openpose
+from imocap_core.io.truth import read_truth
+from imocap_core.io.video import probe, write_h264
+from imocap_core.pipeline import make_demo as demo
+from imocap_core.pipeline.action import read_action
+from imocap_core.synthetic.yoga_clip import pictures
 
 SEED = 3
 

@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.synthetic.contact import contact_targets, floor_plan, plant
 from imocap_core.synthetic.performer import contact_forward
-from imocap_core.synthetic.take import YOGA_CLIPS, yoga_take
 from imocap_core.synthetic.variation import Clip, pace
 from imocap_core.synthetic.yoga import DURATION_S, SUN_SALUTATION, local_rotations
+from imocap_core.synthetic.yoga_clip import YOGA_CLIPS, yoga_take
 
 INDEX = {name: i for i, name in enumerate(SMPL_JOINTS)}
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.formats.openpose import read_openpose
-from imocap_core.formats.openpose_hands import read_openpose_hands
 from imocap_core.hands.skeleton import hand_skeleton
+from imocap_core.io.detectors.openpose import read_openpose
+from imocap_core.io.detectors.openpose_hands import read_openpose_hands
+from imocap_core.pipeline import make_demo as demo
 from imocap_core.synthetic.taichi import HAND_POSES, HANDS, TAI_CHI
-from imocap_core.synthetic.taichi_take import SIZE, TAICHI_CLIPS, taichi_body, taichi_take
-from imocap_core.synthetic.take import Take
-from stages.harness import demo
+from imocap_core.synthetic.taichi_clip import SIZE, TAICHI_CLIPS, taichi_body, taichi_take
+from imocap_core.synthetic.yoga_clip import Take
 
 SEED, INDEX = 3, 2
 

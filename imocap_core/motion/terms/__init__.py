@@ -8,12 +8,12 @@ from imocap_core.motion.terms.base import Term
 from imocap_core.motion.terms.coupling import PathCoupling, PoseCoupling
 from imocap_core.motion.terms.evidence import JointEvidence
 from imocap_core.motion.terms.focal_prior import FocalPrior
+from imocap_core.motion.terms.foot_contact import StandingFeet
 from imocap_core.motion.terms.limits import HingeLimits
 from imocap_core.motion.terms.pose_prior import PosePriorTerm
 from imocap_core.motion.terms.reprojection import Reprojection
 from imocap_core.motion.terms.shape_prior import ShapePrior
 from imocap_core.motion.terms.smoothness import PathSmoothness, PoseSmoothness
-from imocap_core.motion.terms.standing import StandingFeet
 from imocap_core.motion.terms.view import View
 
 __all__ = [

@@ -4,7 +4,7 @@ from typing import Protocol, Self
 
 from torch import Tensor
 
-from imocap_core.motion.normal import NormalEquations
+from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import MotionState
 
 

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.motion.normal import NormalEquations
+from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import MotionState
 from imocap_core.rotations import inverse_right_jacobian
 

@@ -6,7 +6,7 @@ from typing import Self
 import torch
 from torch import Tensor
 
-from imocap_core.motion.normal import NormalEquations
+from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import MotionState
 
 

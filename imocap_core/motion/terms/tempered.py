@@ -5,7 +5,7 @@ from typing import Self
 
 from torch import Tensor
 
-from imocap_core.motion.normal import NormalEquations
+from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms.base import Term
 

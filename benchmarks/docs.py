@@ -1,0 +1,58 @@
+"""Measured tables in the documentation: replaced by the command that measured them.
+
+<!-- table trials-fine_tuned-4v -->
+... the last measured table ...
+<!-- end -->
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from imocap_core.errors import WrongUse
+
+PAGE, FRONT = Path("docs/benchmark.md"), Path("README.md")
+END = "<!-- end -->"
+
+
+def check_marks(root: Path, name: str) -> None:
+    """WrongUse, before anything is measured, when the page has no place for the table."""
+    file = root / PAGE
+    if not file.is_file() or _block(name).search(file.read_text(encoding="utf-8")) is None:
+        raise WrongUse(
+            f"--docs: {file} has no place for this table; put the two lines "
+            f"`{_begin(name)}` and `{END}` where it shall stand"
+        )
+
+
+def put_into_docs(root: Path, name: str, table: str, summary: str) -> list[Path]:
+    """Replace the page's block by the table, and the README's by the summary where it has one."""
+    written = []
+    for file, text in ((root / PAGE, _one_level_down(table)), (root / FRONT, summary)):
+        before = file.read_text(encoding="utf-8") if file.is_file() else ""
+        after = replaced(before, name, text)
+        if after is not None:
+            file.write_text(after, encoding="utf-8")
+            written.append(file)
+    return written
+
+
+def replaced(page: str, name: str, text: str) -> str | None:
+    """The page with the block of `name` replaced; None when it has no such block."""
+    block = _block(name)
+    if block.search(page) is None:
+        return None
+    return block.sub(lambda _: f"{_begin(name)}\n\n{text.strip()}\n\n{END}", page)
+
+
+def _begin(name: str) -> str:
+    return f"<!-- table {name} -->"
+
+
+def _block(name: str) -> re.Pattern[str]:
+    return re.compile(re.escape(_begin(name)) + r"(?:(?!<!-- table ).)*?" + re.escape(END), re.S)
+
+
+def _one_level_down(table: str) -> str:
+    return re.sub(r"^(#+ )", r"#\1", table, flags=re.M)

@@ -1,0 +1,1 @@
+"""Solvers that are only raced against Gauss-Newton."""

@@ -1,0 +1,87 @@
+"""How long each part of the synchronisation takes, and how much memory, at several sizes."""
+
+from __future__ import annotations
+
+import time
+import tracemalloc
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from imocap_core.sync import Settings, synchronise
+from imocap_core.sync.blocks import Blocks
+from imocap_core.sync.cycle.methods import relax, symmetric_affinity
+from imocap_core.sync.pairwise.comparison import compare
+from imocap_core.sync.warp.posterior import directed_maps
+
+Floats = NDArray[np.float64]
+
+SIZES = (600, 1200, 1550, 4000)
+LARGEST = {"als": 1550, "svt": 1200}  # beyond it a method is not measured
+VIDEOS, JOINTS, FPS = 4, 24, 30.0
+
+
+@dataclass(frozen=True)
+class SpeedRow:
+    """One part at one size; growth: exponent of the seconds since the size before."""
+
+    part: str
+    frames: int
+    seconds: float
+    peak_mb: float
+    growth: float
+    said: str
+
+
+def made_poses(frames: int, rng: np.random.Generator) -> list[Floats]:
+    """Four noisy views (frames / 4, 24, 3) of one smooth motion, metres."""
+    T = frames // VIDEOS
+    motion = 0.3 * gaussian_filter1d(rng.normal(size=(T, JOINTS, 3)), 8.0, axis=0) * 5.0
+    return [motion + 0.05 * rng.normal(size=motion.shape) for _ in range(VIDEOS)]
+
+
+def speed(settings: Settings) -> list[SpeedRow]:
+    """Affinity, each cycle-consistency method and the whole synchronisation."""
+    rows: list[SpeedRow] = []
+    fps = [FPS] * VIDEOS
+    for size in SIZES:
+        poses = made_poses(size, np.random.default_rng(size))
+        work = partial(compare, poses, None, None, fps, settings)
+        rows.append(_row(rows, "affinity", size, work))
+        c = work()
+        soft = symmetric_affinity(directed_maps(c, fps, settings)[0], c.blocks)
+        for method in ("softmap", "als", "svt"):
+            if size <= LARGEST.get(method, size):
+                relaxed = partial(_relaxed, method, soft, c.blocks, settings.rounds)
+                rows.append(_row(rows, method, size, relaxed))
+        rows.append(_row(rows, "whole, default", size, partial(_whole, poses, fps, settings)))
+    return rows
+
+
+def _relaxed(method: str, soft: NDArray[np.floating], blocks: Blocks, rounds: int) -> str:
+    return relax(method, soft, blocks, rounds=rounds, rng=np.random.default_rng(0))[1].status
+
+
+def _whole(poses: list[Floats], fps: list[float], settings: Settings) -> None:
+    synchronise(poses, fps=fps, settings=settings, rng=np.random.default_rng(0))
+
+
+def _row(rows: list[SpeedRow], part: str, size: int, work: Callable[[], object]) -> SpeedRow:
+    began = time.perf_counter()
+    said = work()
+    seconds = time.perf_counter() - began
+    tracemalloc.start()
+    work()
+    peak = tracemalloc.get_traced_memory()[1] / 1e6
+    tracemalloc.stop()
+    before = [r for r in rows if r.part == part]
+    growth = (
+        float(np.log(seconds / before[-1].seconds) / np.log(size / before[-1].frames))
+        if before
+        else float("nan")
+    )
+    return SpeedRow(part, size, seconds, peak, growth, said if isinstance(said, str) else "")

@@ -1,0 +1,1 @@
+"""Motion capture from several unsynchronised, uncalibrated videos."""

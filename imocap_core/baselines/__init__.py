@@ -1,1 +1,0 @@
-"""Other people's methods, implemented to be compared with; the pipeline never uses them."""

@@ -1,0 +1,63 @@
+"""The arrays of a body that keypoints and skinning need, as protocols (`model` imports both)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from torch import Tensor
+
+Landmark = tuple[tuple[int, float], ...]  # (vertex, weight) pairs whose weights sum to 1
+
+
+class ModelArrays(Protocol):
+    """The arrays of `Model`; shapes and units stand there."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def joint_names(self) -> tuple[str, ...]: ...
+    @property
+    def parents(self) -> tuple[int, ...]: ...
+    @property
+    def v_template(self) -> Tensor: ...
+    @property
+    def shapedirs(self) -> Tensor: ...
+    @property
+    def weights(self) -> Tensor: ...
+    @property
+    def posedirs(self) -> Tensor | None: ...
+    @property
+    def landmarks(self) -> Mapping[str, Landmark]: ...
+    @property
+    def joints_template(self) -> Tensor: ...
+    @property
+    def joints_shapedirs(self) -> Tensor: ...
+
+
+class ShapedArrays(Protocol):
+    """The arrays of `Shaped`."""
+
+    @property
+    def model(self) -> ModelArrays: ...
+    @property
+    def coefficients(self) -> Tensor: ...
+    @property
+    def joints_rest(self) -> Tensor: ...
+    @property
+    def vertices_rest(self) -> Tensor: ...
+
+
+class PosedArrays(Protocol):
+    """The arrays of `Posed`."""
+
+    @property
+    def shaped(self) -> ShapedArrays: ...
+    @property
+    def R_local(self) -> Tensor: ...
+    @property
+    def R_world(self) -> Tensor: ...
+    @property
+    def transl(self) -> Tensor: ...
+    @property
+    def joints(self) -> Tensor: ...

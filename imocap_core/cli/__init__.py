@@ -1,0 +1,61 @@
+"""The command line: `imocap`, `python -m stages`, and every stage script on its own."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from collections.abc import Sequence
+
+from imocap_core.errors import WorkFailed, WrongUse, own_fault
+
+GLOBAL_WITH_VALUE, GLOBAL_FLAGS = ("--root",), ("--traceback",)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command. 0 done, 1 the work failed, 2 wrong use; a sentence instead of a traceback.
+
+    `arguments` (by default none) stand before those of the process.
+    """
+    from imocap_core.cli.app import app
+
+    words = hoisted([*(arguments or []), *sys.argv[1:]])
+    try:
+        app(args=words, prog_name="imocap")
+    except SystemExit as done:
+        return done.code if isinstance(done.code, int) else 0
+    except Exception as error:
+        if "--traceback" in words:
+            traceback.print_exc()
+        sys.stderr.write(f"imocap: {_sentence(error)}\n")
+        return 2 if isinstance(error, WrongUse) else 1
+    return 0
+
+
+def stage_main(stage: str) -> int:
+    """`python -m stages.<stage> ACTION [options]`: this one stage, by the command line's rules."""
+    return main(["stage", stage])
+
+
+def _sentence(error: Exception) -> str:
+    if isinstance(error, (WorkFailed, WrongUse)):
+        return str(error)
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"cannot use {error.filename}: {error.strerror}"
+    return own_fault(error)
+
+
+def hoisted(words: list[str]) -> list[str]:
+    """The options that hold for every command moved to the front, wherever they stood."""
+    front: list[str] = []
+    rest: list[str] = []
+    waiting = iter(words)
+    for word in waiting:
+        if word == "--":
+            rest += [word, *waiting]
+        elif word in GLOBAL_WITH_VALUE:
+            front += [word, *([value] if (value := next(waiting, None)) is not None else [])]
+        elif word in GLOBAL_FLAGS or word.startswith(tuple(f"{g}=" for g in GLOBAL_WITH_VALUE)):
+            front.append(word)
+        else:
+            rest.append(word)
+    return front + rest

@@ -1,0 +1,114 @@
+"""doctor: is everything there that the program needs, and does it work?"""
+
+from __future__ import annotations
+
+import io
+import os
+import platform
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from importlib import metadata
+from pathlib import Path
+
+from imocap_core.errors import WorkFailed
+from imocap_core.pipeline.builtin_actions import BUILT_IN
+from imocap_core.workspace import Workspace
+
+NEEDED = ("torch", "numpy", "scipy", "opencv-python-headless", "av", "mcap", "protobuf", "pydantic")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at."""
+
+    well: bool
+    said: str
+
+
+def examine(workspace: Workspace, models: Path | None = None) -> Iterator[Finding]:
+    """Look at each thing in turn; a broken one does not keep the next from being looked at.
+
+    models: the folder of the user's own body models.
+    """
+    checks: tuple[Callable[[], str], ...] = (
+        _python,
+        _packages,
+        lambda: f"pipeline: {workspace.pipeline().file}",
+        lambda: _folder(workspace),
+        lambda: _actions(workspace),
+        _video,
+        _body,
+        *_own_bodies(models),
+    )
+    for check in checks:
+        try:
+            yield Finding(True, check())
+        except WorkFailed as error:
+            yield Finding(False, str(error))
+        except Exception as error:
+            yield Finding(False, f"{type(error).__name__}: {error}")
+
+
+def _python() -> str:
+    machine = f"{platform.system()}, {os.cpu_count()} cores"
+    return f"Python {platform.python_version()} ({sys.executable}) on {machine}"
+
+
+def _packages() -> str:
+    versions = [f"{name} {metadata.version(name)}" for name in ("imocap", *NEEDED)]
+    return "packages: " + ", ".join(versions)
+
+
+def _folder(workspace: Workspace) -> str:
+    root = workspace.root.resolve()
+    if not os.access(root, os.W_OK):
+        raise WorkFailed(f"{root} can't be written to; choose another folder with --root")
+    return f"working folder: {root}"
+
+
+def _actions(workspace: Workspace) -> str:
+    found = {p.parent.name for p in (workspace.root / "actions").glob("*/action.yaml")}
+    return f"actions: {', '.join(sorted({*found, *BUILT_IN}))}"
+
+
+def _body() -> str:
+    from imocap_core.body import load_free_body
+
+    model = load_free_body()
+    return f"body model: {model.name} {model.digest[:12]}"
+
+
+def _own_bodies(folder: Path | None) -> list[Callable[[], str]]:
+    """A check for each official body model; an absent one is well, an unreadable one is not."""
+    from imocap_core.body import model_status
+
+    return [
+        partial(_read_body, row.name, row.path)
+        if row.path is not None
+        else partial(str, f"body model {row.name}: {row.note}")
+        for row in model_status(folder)
+        if row.name != "free body"
+    ]
+
+
+def _read_body(name: str, file: Path) -> str:
+    from imocap_core.body import load_body
+
+    try:
+        return f"body model {name}: {file} {load_body(file).digest[:12]}"
+    except ValueError as error:
+        raise WorkFailed(f"body model {name}: {error}") from None
+
+
+def _video() -> str:
+    import av
+    import numpy as np
+
+    with av.open(io.BytesIO(), "w", format="mp4") as container:
+        stream = container.add_stream("libx264", rate=30)
+        stream.width, stream.height, stream.pix_fmt = 64, 64, "yuv420p"
+        frame = av.VideoFrame.from_ndarray(np.zeros((64, 64, 3), np.uint8), format="rgb24")
+        container.mux([*stream.encode(frame), *stream.encode(None)])
+    return "video: H.264 can be written"

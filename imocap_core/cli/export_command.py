@@ -1,0 +1,41 @@
+"""`imocap export`: the motion, the cameras and the correspondences for other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from imocap_core.cli.options import ActionName, speaker, workspace_of
+
+console = speaker(markup=False)
+
+
+def export_command(
+    context: typer.Context,
+    action: ActionName,
+    out: Annotated[Path, typer.Option(help="Folder to write to.")],
+    format: Annotated[
+        Literal["npz", "bvh", "glb", "trc", "csv", "mcap"], typer.Option(help="What to write.")
+    ] = "npz",
+    up: Annotated[
+        Literal["y", "z"] | None,
+        typer.Option(
+            help="Level the world by the ground, this axis up. Left out: y for bvh, glb and trc, "
+            "z for mcap, the reference camera's axes for npz and csv."
+        ),
+    ] = None,
+    time: Annotated[
+        Literal["own", "common"],
+        typer.Option(help="Every video's own frames, or all on one axis, in lock-step."),
+    ] = "own",
+) -> None:
+    """Write the motion, the cameras and the correspondences for other programs."""
+    from imocap_core.export.formats import export
+
+    workspace = workspace_of(context)
+    job = workspace.job(action, [])
+    done = export(job.store, job.action.name, format, out, up, time, folder=job.action.folder)
+    for sentence in [*done.said, *map(str, done.files)]:
+        console.print(sentence)

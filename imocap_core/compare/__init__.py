@@ -1,0 +1,1 @@
+"""What performances of an action share, how they differ, and two performers."""

@@ -1,0 +1,199 @@
+"""Pictures of a technique report: the mean motion, where performances differ, and how."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from imocap_core.conventions import SMPL_PARENTS
+from imocap_core.figures.style import ACCENT, INK, QUIET, color_of, grid, headline, new_figure
+
+Array = NDArray[np.float64]
+
+HEAT = LinearSegmentedColormap.from_list(
+    "deviation", ["#ffffff", "#f6dfc8", "#e2a15f", "#c8553d", "#5f1f1a"]
+)
+MOMENTS = 7  # of the motion, side by side
+MARGIN_M = 0.08  # about the bodies of a row of pictures
+VIEWS = (("from the front", 0), ("from the left", 2))  # what runs to the right: x, or z reversed
+
+
+def said(name: str) -> str:
+    """A joint's name for people."""
+    return name.replace("_", " ")
+
+
+def moments(count: int, columns: int = MOMENTS) -> NDArray[np.int64]:
+    """Indices of some moments, evenly over all."""
+    return np.unique(
+        np.linspace(0.03 * (count - 1), 0.97 * (count - 1), columns).round().astype(int)
+    )
+
+
+def motion_figure(
+    ids: Sequence[str],
+    phase_s: Array,
+    mean: Array | None,
+    each: Array,
+    inside: NDArray[np.bool_],
+    title: str,
+    subtitle: str,
+) -> Figure:
+    """Motions `each` (M, N, J, 3) as skeletons in their colours, where they show the moment, over
+    their mean (N, J, 3), when it is given; metres about the pelvis, y up, facing +z."""
+    chosen = moments(len(phase_s))
+    shown = each[:, chosen][inside[:, chosen]]
+    windows = [_window(shown, view) for view in range(len(VIEWS))]
+    tall = [(y1 - y0) / max(x1 - x0 for x0, x1, _, _ in windows) for _, _, y0, y1 in windows]
+    cell = 10.8 / len(chosen)
+    figure = new_figure(11.4, 1.4 + cell * sum(tall))
+    axes = figure.subplots(len(VIEWS), len(chosen), squeeze=False, height_ratios=tall)
+    for view, (name, _) in enumerate(VIEWS):
+        for column, t in enumerate(chosen):
+            ax = axes[view, column]
+            if mean is not None:
+                draw_bones(ax, mean[t], view, INK, 1.6)
+            for m, video in enumerate(ids):
+                if inside[m, t]:
+                    draw_bones(ax, each[m, t], view, color_of(ids, video), 1.1)
+            _bare(ax, windows[view])
+            if view == 0:
+                ax.set_title(f"{phase_s[t]:.2f} s", fontsize=8.5, loc="center")
+        axes[view, 0].set_ylabel(name)
+    _legend(figure, ids, with_mean=mean is not None)
+    headline(figure, title, subtitle)
+    return figure
+
+
+def draw_bones(ax: Axes, joints: Array, view: int, color: str, width: float) -> None:
+    """One pose (J, 3) in one of `VIEWS`."""
+    across, up = _seen(joints, view)
+    for j, parent in enumerate(SMPL_PARENTS[: len(joints)]):
+        if parent >= 0:
+            ends = [parent, j]
+            ax.plot(across[ends], up[ends], color=color, lw=width, solid_capstyle="round")
+
+
+def _seen(joints: Array, view: int) -> tuple[Array, Array]:
+    """Joints (..., 3) as they lie in the picture of a view: to the right, and up."""
+    return (joints[..., 0] if VIEWS[view][1] == 0 else -joints[..., 2]), joints[..., 1]
+
+
+def _window(bodies: Array, view: int) -> tuple[float, float, float, float]:
+    """What a picture must show of all bodies (..., J, 3): left, right, below, above, metres."""
+    across, up = _seen(bodies, view)
+    wide = float(np.abs(across).max()) + MARGIN_M
+    return -wide, wide, float(up.min()) - MARGIN_M, float(up.max()) + MARGIN_M
+
+
+def deviation_figure(
+    phase_s: Array, deg: Array, mm: Array, names: Sequence[str], title: str, subtitle: str
+) -> Figure:
+    """Joints against phase: degrees of their rotations, millimetres of their places; (N, J)."""
+    figure = new_figure(11.4, 4.8)
+    left, right = figure.subplots(1, 2, sharey=True)
+    for ax, values, unit in ((left, deg, "rotation, degrees"), (right, mm, "place, mm")):
+        known = values[np.isfinite(values)]
+        top = float(np.quantile(known, 0.99)) if len(known) else 1.0
+        edges = _edges(phase_s)
+        rows = np.arange(len(names) + 1) - 0.5
+        picture = ax.pcolormesh(edges, rows, values.T, cmap=HEAT, vmin=0, vmax=max(top, 1e-6))
+        figure.colorbar(picture, ax=ax, pad=0.015, fraction=0.05).outline.set_visible(False)
+        ax.set_title(unit)
+        ax.set_xlabel("phase (s of the reference)")
+        ax.set_yticks(range(len(names)), [said(n) for n in names], fontsize=7.5)
+    left.invert_yaxis()
+    headline(figure, title, subtitle)
+    return figure
+
+
+def modes_figure(
+    ids: Sequence[str],
+    share: Array,
+    scores: Array,
+    of_joints: Array,
+    names: Sequence[str],
+    poses: Sequence[tuple[float, Array, Array, Array]],
+) -> Figure:
+    """Up to three modes, a row each: who has how much of it, which joints turn, and how it looks.
+
+    poses: per mode the phase of its largest effect, seconds, and the body there (J, 3): the mean,
+    and the mean one standard deviation to either side.
+    """
+    count = len(poses)
+    figure = new_figure(11.4, 1.0 + 2.1 * count)
+    axes = figure.subplots(count, 4, squeeze=False, width_ratios=[1.1, 1.5, 1, 1])
+    for k, (at_s, *bodies) in enumerate(poses):
+        who, which, *views = axes[k]
+        who.barh(range(len(ids)), scores[:, k], color=[color_of(ids, i) for i in ids], height=0.6)
+        who.set_yticks(range(len(ids)), ids)
+        who.axvline(0, color=QUIET, lw=0.7)
+        who.invert_yaxis()
+        who.set_title(f"mode {k + 1}: {100 * share[k]:.0f} % of the deviations")
+        who.set_xlabel("score (degrees)")
+        top = np.argsort(-of_joints[k])[:6]
+        which.barh(range(len(top)), of_joints[k, top], color=ACCENT, height=0.6)
+        which.set_yticks(range(len(top)), [said(names[j]) for j in top], fontsize=7.5)
+        which.invert_yaxis()
+        which.set_xlabel("degrees at one standard deviation")
+        for view, ax in enumerate(views):
+            for body, color, width in zip(
+                bodies, (QUIET, ACCENT, "#31689b"), (1.2, 1.8, 1.8), strict=True
+            ):
+                draw_bones(ax, body, view, color, width)
+            _bare(ax, _window(np.stack(bodies), view))
+            ax.set_title(f"{at_s:.2f} s, {VIEWS[view][0]}", fontsize=8.5)
+    headline(
+        figure,
+        "Ways to differ",
+        "low-rank modes of the deviations from the mean motion; right: the moment of the largest "
+        "effect, mean (grey), one standard deviation more (red) and less (blue)",
+    )
+    return figure
+
+
+def timing_figure(ids: Sequence[str], phase_s: Array, lead_s: Array) -> Figure:
+    """How much later than the mean each performance (M, N) comes to every moment."""
+    figure = new_figure(11.4, 2.7)
+    ax = figure.subplots()
+    ax.axhline(0, color=QUIET, lw=0.7)
+    for m, video in enumerate(ids):
+        ax.plot(phase_s, lead_s[m], color=color_of(ids, video), label=video)
+    ax.set_xlabel("phase (s of the reference)")
+    ax.set_ylabel("later than the mean (s)")
+    grid(ax)
+    ax.legend(ncols=len(ids), loc="upper left")
+    headline(
+        figure, "Timing", "own clocks, started at the first moment that all show; falling = faster"
+    )
+    return figure
+
+
+def _legend(figure: Figure, ids: Sequence[str], *, with_mean: bool) -> None:
+    from matplotlib.lines import Line2D
+
+    lines = [Line2D([], [], color=color_of(ids, i), lw=1.2) for i in ids]
+    names = list(ids)
+    if with_mean:
+        lines, names = [*lines, Line2D([], [], color=INK, lw=2)], [*names, "mean"]
+    figure.legend(lines, names, loc="outside lower center", ncols=len(names))
+
+
+def _bare(ax: Axes, window: tuple[float, float, float, float]) -> None:
+    ax.set_aspect("equal")
+    ax.set_xlim(*window[:2])
+    ax.set_ylim(*window[2:])
+    ax.set_xticks([])
+    ax.set_yticks([])
+    for side in ("left", "bottom"):
+        ax.spines[side].set_visible(False)
+
+
+def _edges(phase_s: Array) -> Array:
+    step = float(np.median(np.diff(phase_s))) if len(phase_s) > 1 else 1.0
+    return np.concatenate([phase_s - step / 2, phase_s[-1:] + step / 2])

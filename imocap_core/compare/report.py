@@ -1,0 +1,161 @@
+"""The files of a technique report: Markdown, tables, pictures, and the mean motion as BVH."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from imocap_core.body.model import Shaped
+from imocap_core.compare import figures, text
+from imocap_core.compare.compare import Technique
+from imocap_core.errors import WorkFailed
+from imocap_core.figures.style import quiet, save
+from imocap_core.io.writers.bvh import write_bvh
+from imocap_core.io.writers.motion_clip import Take, bone_tips
+from imocap_core.technique.modes import along_mode
+
+Array = NDArray[np.float64]
+
+SHOWN_MODES = 3
+SMPL = 24
+
+
+def write_technique(out: Path, t: Technique) -> list[Path]:
+    """report.md, joints.csv, performances.csv, mean.bvh and pictures; the report first."""
+    found, names = t.instances, t.instances.joint_names
+    about = f"{len(found.ids)} performances of {t.gathered.action}"
+    pictures: dict[str, Figure] = {}
+    with quiet():
+        pictures["mean.png"] = figures.motion_figure(
+            found.ids, found.phase_s, t.mean.joints, found.joints, found.inside,
+            "The mean motion", f"{about} on one body, facing one way, at equal phases",
+        )  # fmt: skip
+        pictures["deviation.png"] = figures.deviation_figure(
+            found.phase_s, t.spread_deg, t.spread_mm, names, "How far performances differ",
+            f"standard deviation of {about} from their mean",
+        )  # fmt: skip
+        if t.modes.share.size:
+            pictures["modes.png"] = figures.modes_figure(
+                found.ids, t.modes.share, t.modes.scores, t.modes.of_joints(), names,
+                [_mode_pose(t, k) for k in range(min(SHOWN_MODES, len(t.modes.share)))],
+            )  # fmt: skip
+        if np.isfinite(t.lead_s).any():
+            pictures["timing.png"] = figures.timing_figure(found.ids, found.phase_s, t.lead_s)
+        make_folder(out)
+        for name, figure in pictures.items():
+            save(figure, out / name)
+    text.write_course(
+        out / "joints.csv", found.phase_s, names,
+        {"spread_deg": t.spread_deg, "spread_mm": t.spread_mm},
+    )  # fmt: skip
+    scores = {f"mode{k + 1}_deg": t.modes.scores[:, k] for k in range(len(t.modes.share))}
+    text.write_performances(
+        out / "performances.csv", found.ids, {"distance_mm": _from_mean_mm(t), **scores}
+    )
+    write_bvh(out / "mean.bvh", mean_take(t))
+    (out / "report.md").write_text(_report(t, list(pictures)), encoding="utf-8")
+    names_ = ["report.md", "joints.csv", "performances.csv", "mean.bvh", *pictures]
+    return [out / name for name in names_]
+
+
+def mean_take(t: Technique) -> Take:
+    """The mean motion as a joint tree, the pelvis in one place, hands at rest."""
+    shaped: Shaped = t.gathered.shaped
+    rest, count = shaped.joints_rest.numpy(), len(t.mean.R_local)
+    R = np.tile(np.eye(3), (count, SMPL, 1, 1))
+    R[:, : t.mean.R_local.shape[1]] = t.mean.R_local
+    lowest = t.mean.joints[..., 1].min()
+    return Take(
+        id="mean",
+        joint_names=shaped.model.joint_names,
+        parents=shaped.model.parents,
+        rest=rest - rest[0],
+        tips=bone_tips(shaped),
+        R_local=R,
+        pelvis=np.tile([0.0, -lowest, 0.0], (count, 1)),
+        fps=t.gathered.fps,
+        frames=np.arange(count, dtype=np.float64),
+        inside=np.ones(count, dtype=bool),
+        phase_s=t.instances.phase_s,
+    )
+
+
+def _mode_pose(t: Technique, mode: int) -> tuple[float, Array, Array, Array]:
+    """Where a mode bends the body most, and how: mean, one standard deviation more, less."""
+    deviation = float(t.modes.deviations()[mode])
+    bodies = [
+        _placed(t, along_mode(t.mean.R_local, t.modes.shapes[mode], k * deviation))
+        for k in (0, 1, -1)
+    ]
+    at = int(((bodies[1] - bodies[2]) ** 2).sum((1, 2)).argmax())
+    return float(t.instances.phase_s[at]), bodies[0][at], bodies[1][at], bodies[2][at]
+
+
+def _placed(t: Technique, R_local: Array) -> Array:
+    """(N, J, 3) places from the pelvis of a motion (N, J, 3, 3) on the report's body."""
+    count = R_local.shape[1]
+    R = np.tile(np.eye(3), (len(R_local), SMPL, 1, 1))
+    R[:, :count] = R_local
+    body = t.gathered.shaped.pose(torch.as_tensor(R), torch.zeros(3, dtype=torch.float64))
+    joints = body.joints.numpy()
+    return np.asarray((joints - joints[:, :1])[:, :count])
+
+
+def _from_mean_mm(t: Technique) -> Array:
+    """(M,) root mean square distance of a performance from the mean, over joints and moments."""
+    squares = (t.mean.shifts**2).sum(-1).mean(-1)
+    shown = np.maximum(t.instances.inside.sum(1), 1)
+    return np.asarray(1000 * np.sqrt(squares.sum(1) / shown))
+
+
+def _report(t: Technique, pictures: list[str]) -> str:
+    found, names = t.instances, t.instances.joint_names
+    several = len(found.ids) > 1
+    lines = [
+        f"# Technique: {t.gathered.action}",
+        "",
+        f"{len(found.ids)} performances ({', '.join(found.ids)}), {len(found.phase_s)} moments "
+        f"from {found.phase_s[0]:.2f} to {found.phase_s[-1]:.2f} s of the reference's time. "
+        f"What the numbers mean, and what they can't say: docs/technique.md.",
+        "",
+    ]
+    if t.gathered.left_out:
+        lines += [f"Left out: {'; '.join(t.gathered.left_out)}.", ""]
+    if several:
+        from_mean = ", ".join(
+            f"{i} {number} mm"
+            for i, number in zip(found.ids, map(text.number, _from_mean_mm(t)), strict=True)
+        )
+        lines += [
+            f"**Consistency {text.number(t.whole, 3)}** (1: equal, 0: no more alike than unrelated "
+            f"moments). From the mean motion: {from_mean}.",
+            "",
+            "## Joints",
+            "",
+            *text.table(
+                ["joint", "rotation (deg)", "place (mm)", "consistency"],
+                text.joint_rows(names, t.joint_deg, t.joint_mm, t.consistency),
+            ),
+            "",
+            "Standard deviation over the performances, root mean square over the moments. Largest:",
+            "",
+            *text.moment_sentences(found.phase_s, t.spread_mm, names, "mm"),
+            "",
+        ]
+    titles = {"mean": "Mean motion", "deviation": "Deviation", "modes": "Modes", "timing": "Timing"}
+    for picture in pictures:
+        title = titles[picture.removesuffix(".png")]
+        lines += [f"## {title}", "", f"![{title}]({picture})", ""]
+    return "\n".join(lines)
+
+
+def make_folder(out: Path) -> None:
+    """The folder itself; WorkFailed when it can't be made."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise WorkFailed(f"cannot write to {out}: {error.strerror}") from None

@@ -1,0 +1,74 @@
+"""A technique report in words and tables: Markdown, and CSV files for other programs."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imocap_core.compare.figures import said
+
+Array = NDArray[np.float64]
+
+
+def number(value: float, decimals: int = 1) -> str:
+    """A number for a table; a dash where there is none."""
+    return f"{value:.{decimals}f}" if np.isfinite(value) else "–"
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """A Markdown table; the first column is words, the others numbers."""
+    line = "|" + "|".join(["---", *["---:"] * (len(head) - 1)]) + "|"
+    return ["| " + " | ".join(head) + " |", line, *("| " + " | ".join(r) + " |" for r in rows)]
+
+
+def joint_rows(
+    names: Sequence[str], deg: Array, mm: Array, consistency: Array
+) -> list[tuple[str, str, str, str]]:
+    """A row a joint: spread of its rotation and of its place, and its consistency; least
+    consistent places first."""
+    order = np.argsort(np.where(np.isfinite(mm), -mm, np.inf), kind="stable")
+    return [
+        (said(names[j]), number(deg[j]), number(mm[j]), number(consistency[j], 3)) for j in order
+    ]
+
+
+def moment_sentences(
+    phase_s: Array, values: Array, names: Sequence[str], unit: str, count: int = 3
+) -> list[str]:
+    """Where a spread or a difference (N, J) is largest: the joints, and when."""
+    peak = np.nanmax(np.where(np.isfinite(values), values, -np.inf), axis=0)
+    order = [j for j in np.argsort(-peak)[:count] if np.isfinite(peak[j])]
+    return [
+        f"* {said(names[j])}: {number(float(peak[j]))} {unit} at "
+        f"{phase_s[int(np.nanargmax(values[:, j]))]:.2f} s"
+        for j in order
+    ]
+
+
+def write_course(
+    file: Path, phase_s: Array, names: Sequence[str], columns: dict[str, Array]
+) -> None:
+    """One row a moment and joint: `columns` (N, J) by name, empty where unknown."""
+    with file.open("w", newline="", encoding="utf-8") as stream:
+        rows = csv.writer(stream, lineterminator="\n")
+        rows.writerow(["phase_s", "joint", *columns])
+        for t, phase in enumerate(phase_s):
+            for j, name in enumerate(names):
+                rows.writerow([f"{phase:.4f}", name, *(_cell(c[t, j]) for c in columns.values())])
+
+
+def write_performances(file: Path, ids: Sequence[str], columns: dict[str, Array]) -> None:
+    """One row a performance: `columns` (M,) by name."""
+    with file.open("w", newline="", encoding="utf-8") as stream:
+        rows = csv.writer(stream, lineterminator="\n")
+        rows.writerow(["video", *columns])
+        for m, video in enumerate(ids):
+            rows.writerow([video, *(_cell(c[m]) for c in columns.values())])
+
+
+def _cell(value: float) -> str:
+    return f"{value:.4f}" if np.isfinite(value) else ""

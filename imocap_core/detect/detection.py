@@ -1,0 +1,53 @@
+"""One video through a detector, into one file, which is kept."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from imocap_core.artifacts.store import Store
+from imocap_core.detect.detectors import Detector
+from imocap_core.detect.process import Worker
+from imocap_core.detect.results import somebody
+from imocap_core.errors import WorkFailed
+from imocap_core.io.video import probe, read_rgb
+from imocap_core.pipeline.keys import content_digest
+
+FOLDER = "detections"
+Progress = Callable[[float, str], None]
+
+
+def kept_at(store: Store, video: Path, detector: Detector) -> Path:
+    """Where the result for a video lies, or will (absolute): named by what it depends on."""
+    key = detector.key(content_digest(video), [content_digest(model) for model in detector.models])
+    return store.folder.resolve() / ".cache" / FOLDER / f"{key}.npz"
+
+
+def detect_video(
+    video: Path, file: Path, detector: Detector, python: Path, progress: Progress
+) -> None:
+    """Write what the detector finds in all frames of a video; whole or not at all.
+
+    WorkFailed when the detector cannot work or finds nobody.
+    """
+    count = max(probe(video).frame_count, 1)
+    answers = []
+    with Worker(python, detector.worker, detector.settings) as worker:
+        for number, picture in read_rgb(video):
+            answers.append(worker.ask(number, picture))
+            progress(min((number + 1) / count, 1.0), f"{video.name}: frame {number + 1} of {count}")
+    arrays: dict[str, Any] = detector.arrays(answers)
+    if not somebody(arrays):
+        raise WorkFailed(
+            f"{video}: {detector.version} found nobody in {len(answers)} frames; try the other "
+            "detector (detect.detector in docs/detection.md), or name keypoints of your own"
+        )
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".detect-", dir=file.parent) as folder:
+        draft = Path(folder) / file.name
+        np.savez_compressed(draft, **arrays)
+        draft.replace(file)

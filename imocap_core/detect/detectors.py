@@ -1,0 +1,90 @@
+"""The detectors there are: what each is called with, and the files its answers become."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from imocap_core.detect.results import Arrays, landmarks_of, people_of
+from imocap_core.params import DetectParams
+from imocap_core.pipeline.action import DetectionFormat, InitialFormat, Layout
+from imocap_core.pipeline.source import Source
+
+HERE = Path(__file__).parent
+FORMAT = 1  # raise when the files written mean something else
+
+
+@dataclass(frozen=True)
+class Detector:
+    """A detector with its settings.
+
+    name: of its environment's list of packages; worker: its script; settings: what that is called
+    with; models: files that the user brings; arrays: of its answers, what its file holds.
+    """
+
+    name: str
+    worker: Path
+    settings: dict[str, Any]
+    models: tuple[Path, ...]
+    arrays: Callable[[Sequence[dict[str, Any]]], Arrays]
+    format: DetectionFormat
+    layout: Layout
+    initial_format: InitialFormat | None
+
+    @property
+    def packages(self) -> Path:
+        """The packages its environment holds, with their versions."""
+        return HERE / "environments" / f"{self.name}.txt"
+
+    @property
+    def version(self) -> str:
+        """As in `mediapipe 0.10.21`."""
+        lines = self.packages.read_text(encoding="utf-8").split()
+        return next(line for line in lines if line.startswith(f"{self.name}==")).replace("==", " ")
+
+    def key(self, content: str, models: Sequence[str]) -> str:
+        """Digest of all that the result for a video depends on; `content` and `models` are digests
+        of files."""
+        settings = {k: v for k, v in self.settings.items() if not k.endswith("_model")}
+        told = [FORMAT, self.version, Source("", self.worker).digest, settings, content, *models]
+        return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+
+
+def detector_of(params: DetectParams, folder: Path) -> Detector:
+    """The detector that the parameters choose; paths of models are relative to `folder`."""
+    if params.detector == "mediapipe":
+        return Detector(
+            name="mediapipe",
+            worker=HERE / "workers" / "mediapipe_pose.py",
+            settings={
+                "hands": params.hands,
+                "follow": params.follow,
+                "min_detection_confidence": params.min_detection_confidence,
+                "min_tracking_confidence": params.min_tracking_confidence,
+            },
+            models=(),
+            arrays=landmarks_of,
+            format="mediapipe",
+            layout="mediapipe33",
+            initial_format="mediapipe_world" if params.world_landmarks else None,
+        )
+    given = {"person_model": params.rtmlib_person_model, "pose_model": params.rtmlib_pose_model}
+    paths = {k: None if v is None else (folder / v).resolve() for k, v in given.items()}
+    return Detector(
+        name="rtmlib",
+        worker=HERE / "workers" / "rtmlib_pose.py",
+        settings={
+            "hands": params.hands,
+            "mode": params.rtmlib_mode,
+            **{name: None if path is None else str(path) for name, path in paths.items()},
+        },
+        models=tuple(path for path in paths.values() if path is not None),
+        arrays=people_of,
+        format="npz",
+        layout="wholebody133" if params.hands else "halpe26",
+        initial_format=None,
+    )

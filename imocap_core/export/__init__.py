@@ -1,0 +1,1 @@
+"""What a run gave, for other programs: the files of `imocap export`."""

@@ -1,0 +1,82 @@
+"""What an export says of itself: axes, units, frame rates and pivot, in export_<format>.json."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from imocap_core.export.values import CAMERA_UP, Result
+
+UNITS = {
+    "npz": {"length": "metre", "angle": "radian (axis-angle)"},
+    "bvh": {"length": "metre", "angle": "degree (Euler, R = Rz Ry Rx)"},
+    "glb": {"length": "metre", "angle": "unit quaternion x, y, z, w"},
+    "trc": {"length": "millimetre", "angle": None},
+    "csv": {"length": "metre", "angle": None},
+    "mcap": {"length": "metre", "angle": "unit quaternion x, y, z, w"},
+}
+REST = "T pose; joints' axes at rest are the world's; the body faces +z with y up, -y with z up"
+PIVOT = (
+    "pelvis: a body's translation is that of its pelvis joint, about which its global orientation "
+    "turns; every other joint turns about itself"
+)
+SMPL_PIVOT = (
+    "pelvis, in SMPL's convention: vertices = LBS(poses, turned about the rest pelvis) + trans, so "
+    "the pelvis is at rest pelvis + trans; the free body's rest pelvis is the origin"
+)
+CAMERA_WORLD = "the axes of the reference camera in its first used frame: x right, y down, z ahead"
+LEVEL_WORLD = "level: {up} up, right-handed, the ground that the feet stand on at {up} = 0"
+OWN = "own: one row or key for every used frame of the video, in its frame rate"
+COMMON = (
+    "common: one time axis for all videos (the sync artifact's phase, seconds of the reference), "
+    "in steps of the reference's frames, so that equal times are equal moments of the action. "
+    "Before a video's first and after its last moment it stands still in its nearest pose "
+    "(`outside_s` below, and inside = 0 where the format has the column)"
+)
+
+
+def notes_of(result: Result, format: str) -> dict[str, Any]:
+    """Everything a reader has to know that the numbers do not say."""
+    levelled = result.up_axis != CAMERA_UP
+    notes: dict[str, Any] = {
+        "action": result.action,
+        "format": format,
+        "up_axis": result.up_axis,
+        "world": LEVEL_WORLD.format(up=result.up_axis) if levelled else CAMERA_WORLD,
+        "handedness": "right",
+        "units": UNITS[format],
+        "pivot": SMPL_PIVOT if format == "npz" else PIVOT,
+        "time": COMMON if result.time == "common" else OWN,
+        "reference": result.reference,
+        "body_model": f"{result.model} {result.model_digest}",
+        "betas": "of this body model; another model's mean other shapes",
+        "videos": {p.id: _video(result, k) for k, p in enumerate(result.performances)},
+    }
+    if format == "bvh":
+        notes["rest"] = REST
+    if result.left_out:
+        notes["left_out"] = list(result.left_out)
+    return notes
+
+
+def write_notes(out: Path, notes: dict[str, Any]) -> Path:
+    """Write out/export_<format>.json and return its path."""
+    file = out / f"export_{notes['format']}.json"
+    file.write_text(json.dumps(notes, indent=2) + "\n", encoding="utf-8")
+    return file
+
+
+def _video(result: Result, place: int) -> dict[str, Any]:
+    p = result.performances[place]
+    own: dict[str, Any] = {
+        "frames_per_second": p.fps,
+        "frames": len(p.frames),
+        "first_source_frame": float(p.frames[0]),
+        "last_source_frame": float(p.frames[-1]),
+        "hands": p.hands is not None,
+    }
+    if result.time == "common":
+        own["first_phase_s"] = float(p.phase_s[0])
+        own["outside_s"] = float((~p.inside).sum() / p.fps)
+    return own

@@ -1,0 +1,144 @@
+"""Where the cameras stand and where the performer walks, in the axes of the reference camera."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
+from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-untyped]
+from numpy.typing import NDArray
+
+from imocap_core.artifacts.schemas import Camera, VideoMotion
+from imocap_core.figures.style import GRID, QUIET, color_of, headline, new_figure
+
+Array = NDArray[np.float64]
+
+FRUSTUM_M = 0.45
+SHOWN_FROM_WORLD = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+"""Camera axes (right, down, forward) to plot axes (right, forward, up)."""
+
+
+def scene_figure(
+    motions: Sequence[VideoMotion], cameras: Sequence[Camera], reference: str
+) -> Figure:
+    """Cameras as frusta and root paths, pale at the start and dark at the end; and from above."""
+    figure = new_figure(11.4, 4.3)
+    places = figure.add_gridspec(1, 3, width_ratios=[1.3, 1, 1])
+    solid = figure.add_subplot(places[0], projection="3d")
+    assert isinstance(solid, Axes3D)
+    above, path = figure.add_subplot(places[1]), figure.add_subplot(places[2])
+    ids = [camera.id for camera in cameras]
+    everything = []
+    for motion, camera in zip(motions, cameras, strict=True):
+        color = color_of(ids, camera.id)
+        root = (motion.joints[:, 0] - camera.t) @ camera.R  # world = R^T (x_cam - t)
+        root = root[np.isfinite(root).all(axis=1)] @ SHOWN_FROM_WORLD.T
+        corners = _frustum(camera)
+        everything += [root, corners]
+        _draw_solid(solid, corners, root, color, camera.id)
+        _draw_camera(above, corners, color, camera.id)
+        for ax in (above, path):
+            _draw_path(ax, root, color)
+    _frame(solid, np.concatenate(everything))
+    for ax, title in ((above, "from above"), (path, "the root's path, from above")):
+        ax.set_aspect("equal", adjustable="datalim")
+        ax.set_xlabel("right (m)")
+        ax.set_ylabel("forward (m)")
+        ax.set_title(title)
+        ax.grid(True, color=GRID)
+        ax.margins(0.14)
+    headline(
+        figure,
+        "Cameras and the path of the root",
+        f"axes of the camera of {reference}; paths run from pale to dark, the dot is the end",
+    )
+    return figure
+
+
+def _frustum(camera: Camera) -> Array:
+    """Centre and four image corners (5, 3) of a camera, in plot axes."""
+    half = np.array([camera.K[0, 2] / camera.K[0, 0], camera.K[1, 2] / camera.K[1, 1]])
+    corners = [[sx * half[0], sy * half[1], 1.0] for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    in_camera = FRUSTUM_M * np.array([[0.0, 0, 0], *corners])
+    shown: Array = (in_camera - camera.t) @ camera.R @ SHOWN_FROM_WORLD.T
+    return shown
+
+
+def _draw_solid(ax: Axes3D, corners: Array, root: Array, color: str, name: str) -> None:
+    edges = [(0, 1), (0, 2), (0, 3), (0, 4), (1, 2), (2, 3), (3, 4), (4, 1)]
+    ax.add_collection3d(
+        Line3DCollection([corners[list(e)] for e in edges], colors=color, linewidths=1.0)
+    )
+    behind = corners[0] - 0.9 * (corners[1:].mean(axis=0) - corners[0])
+    ax.text(*behind, name, color=color, fontsize=8, ha="center", va="center")
+    if len(root) > 1:
+        segments = np.stack([root[:-1], root[1:]], axis=1)
+        ax.add_collection3d(
+            Line3DCollection(list(segments), colors=_shades(color, len(segments)), linewidths=1.8)
+        )
+
+
+def _draw_camera(ax: Axes, corners: Array, color: str, name: str) -> None:
+    """A wedge that opens where the camera looks, its name behind it."""
+    centre, far = corners[0, :2], corners[1:, :2]
+    ahead, spread = far.mean(axis=0) - centre, far - centre
+    side = ahead[0] * spread[:, 1] - ahead[1] * spread[:, 0]
+    wedge = np.array([far[side.argmin()], centre, far[side.argmax()]])
+    ax.fill(wedge[:, 0], wedge[:, 1], color=color, alpha=0.18, lw=0)
+    ax.plot(wedge[:, 0], wedge[:, 1], color=color, lw=1.0)
+    behind = -11 * ahead / max(float(np.linalg.norm(ahead)), 1e-9)
+    ax.annotate(
+        name,
+        (float(centre[0]), float(centre[1])),
+        (float(behind[0]), float(behind[1])),
+        textcoords="offset points",
+        color=color,
+        fontsize=8,
+        ha="center",
+        va="center",
+    )
+
+
+def _draw_path(ax: Axes, root: Array, color: str) -> None:
+    if len(root) < 2:
+        return
+    flat = root[:, :2]
+    segments = np.stack([flat[:-1], flat[1:]], axis=1)
+    ax.add_collection(
+        LineCollection(list(segments), colors=_shades(color, len(segments)), linewidths=1.6)
+    )
+    ax.plot(*flat[-1], "o", color=color, ms=3.5)
+    ax.update_datalim(flat)
+    ax.autoscale_view()
+
+
+def _shades(color: str, count: int) -> Array:
+    """From nearly white to the colour, one a segment: (count, 3)."""
+    full = np.array(to_rgb(color))
+    share = np.linspace(0.25, 1.0, count)[:, None]
+    shades: Array = (1 - share) + share * full
+    return shades
+
+
+def _frame(ax: Axes3D, points: Array) -> None:
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle, half = (low + high) / 2, 0.56 * (high - low)
+    half = np.maximum(half, 0.2 * half.max())  # a flat scene keeps some height
+    for axis, c, h in zip((ax.xaxis, ax.yaxis, ax.zaxis), middle, half, strict=True):
+        axis.set_view_interval(c - h, c + h, ignore=True)
+        axis.set_major_locator(MaxNLocator(max(2, round(6 * h / half.max())), steps=[1, 2, 5, 10]))
+    ax.set_box_aspect(tuple(half), zoom=1.1)
+    ax.view_init(elev=22, azim=-62)
+    for axis in (ax.xaxis, ax.yaxis, ax.zaxis):
+        axis.set_pane_color((1, 1, 1, 0))
+        axis._axinfo["grid"].update(color=GRID, linewidth=0.6)
+        axis.line.set_color(QUIET)
+    ax.tick_params(labelsize=6.5, pad=-2)
+    ax.set_xlabel("right (m)", labelpad=-5)
+    ax.set_ylabel("forward (m)", labelpad=-5)

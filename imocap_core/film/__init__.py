@@ -1,0 +1,1 @@
+"""Films: the bodies over every video, and all videos in lock-step."""

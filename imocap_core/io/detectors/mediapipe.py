@@ -1,0 +1,165 @@
+"""MediaPipe Pose: its 33 landmarks of one clip, saved as JSON or npz.
+
+MediaPipe returns landmarks and leaves saving to its user. Read here: a JSON list (or ``frames``:
+list) with one entry a frame, in the names of its results: ``pose_landmarks`` (or ``landmarks``,
+``poseLandmarks``) and ``pose_world_landmarks`` (``world_landmarks``, ``worldLandmarks``), each a
+list of 33 {x, y, z, visibility}, or a list of people with such a list each (as its newer tasks
+return); ``frame`` is the frame's number, without which frames count from 0. Or an npz with arrays
+of these names (T, 33, 3 to 5: x, y, z, visibility) and, optionally, ``frames`` (T,).
+
+As its guide says, landmarks are shares of the picture's width and height (numbers well above 1 are
+taken as pixels), world landmarks are metres from the middle of the hips, x to the right, y down, z
+away from the camera. z of picture landmarks and presence are not used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from imocap_core.body.layouts import layout_names
+from imocap_core.io.detectors.openpose import Detections
+from imocap_core.io.detectors.people import (
+    LARGEST,
+    Array,
+    cleaned,
+    detections,
+    frame_number,
+    kind,
+    read_json,
+    short,
+)
+from imocap_core.io.estimators.estimates import Entries, Wanted, performer_rows, picked
+from imocap_core.io.estimators.joints_npz import JointsEstimate
+from imocap_core.io.npz import load_arrays, numbers
+
+LAYOUT = "mediapipe33"
+PICTURE = ("pose_landmarks", "landmarks", "poseLandmarks")
+WORLD = ("pose_world_landmarks", "world_landmarks", "poseWorldLandmarks", "worldLandmarks")
+POINTS = 33
+NORMALISED = 3.0  # shares of the picture stay below this, even of people half outside it
+
+
+def read_mediapipe(path: Path, layout: str, size: tuple[int, int]) -> Detections:
+    """All people of all frames, pixels of a picture of `size` (width, height).
+
+    ValueError names file, field, what is wrong.
+    """
+    if layout != LAYOUT:
+        raise ValueError(
+            f"{path}: layout: expected {LAYOUT}, the only one MediaPipe has, got {layout!r}; "
+            "correct `layout` in action.yaml"
+        )
+    seen = {
+        frame: [cleaned(person[:, [0, 1, 3]]) for person in found]
+        for frame, found in _in_pixels(path, size).items()
+    }
+    return detections(seen, layout, path)
+
+
+def read_mediapipe_world(path: Path, wanted: Wanted) -> JointsEstimate:
+    """World landmarks at the used frames (T,) as 3D joints, metres in camera axes.
+
+    Frames without them are NaN; of several people the performer is found by the picture landmarks.
+    ValueError names file, field, what is wrong, or says that no used frame has any.
+    """
+    people = dict(_frames(path, WORLD))
+    found = [(frame, n, person) for frame, ps in people.items() for n, person in enumerate(ps)]
+    if not found:
+        raise ValueError(f"{path}: {WORLD[0]}: expected a person in some frame, got none")
+    places = None
+    if any(len(here) > 1 for here in people.values()):
+        seen = _in_pixels(path, wanted.size)
+        if all(len(seen.get(frame, ())) == len(here) for frame, here in people.items()):
+            places = np.array([np.nanmean(seen[frame][n][:, :2], axis=0) for frame, n, _ in found])
+    frames, track = (np.array([entry[i] for entry in found]) for i in (0, 1))
+    rows = performer_rows(Entries(frames, track, places), wanted, path)
+    joints = picked(np.stack([person[:, :3] for _, _, person in found]), rows)
+    return JointsEstimate(joints, layout_names(LAYOUT))
+
+
+def _in_pixels(path: Path, size: tuple[int, int]) -> dict[int, list[Array]]:
+    """Frame -> people (33, 4) whose x, y are pixels of a picture of `size`."""
+    people = dict(_frames(path, PICTURE))
+    every = [person[:, :2] for found in people.values() for person in found]
+    sizes = np.abs(np.concatenate(every)) if every else np.zeros((0, 2))
+    sizes = sizes[np.isfinite(sizes)]
+    if len(sizes) and np.median(sizes) < NORMALISED:
+        for found in people.values():
+            for person in found:
+                person[:, :2] = np.where(np.abs(person[:, :2]) < LARGEST, person[:, :2], np.nan)
+                person[:, :2] *= size
+    return people
+
+
+def _frames(path: Path, names: tuple[str, ...]) -> Iterator[tuple[int, list[Array]]]:
+    """(frame number, people (33, 4): x, y, z, visibility)."""
+    if path.suffix == ".npz":
+        yield from _frames_of_npz(path, names)
+        return
+    content = read_json(path)
+    listed = content.get("frames") if isinstance(content, dict) else content
+    if not isinstance(listed, list) or not listed:
+        got = "an empty list" if listed == [] else kind(listed)
+        raise ValueError(f"{path}: frames: expected a list with one entry a frame, got {got}")
+    for i, entry in enumerate(listed):
+        where = f"{path}: [{i}]"
+        if entry is None:
+            continue
+        if not isinstance(entry, dict):
+            raise ValueError(f"{where}: expected one frame's fields, got {kind(entry)}")
+        number = next((entry[n] for n in ("frame", "frame_id", "frame_index") if n in entry), i)
+        name = next((n for n in names if n in entry), None)
+        if name is None:
+            have = ", ".join(map(str, entry)) or "nothing"
+            raise ValueError(f"{where}: expected {names[0]}, it is missing; has: {have:.60}")
+        yield frame_number(number, where), list(_people(entry[name], f"{where}.{name}"))
+
+
+def _people(listed: Any, where: str) -> Iterator[Array]:
+    if listed is None or listed == []:
+        return
+    if isinstance(listed, dict):  # as protobuf's JSON has it
+        listed = listed.get("landmark")
+    if not isinstance(listed, list):
+        raise ValueError(f"{where}: expected a list of {POINTS} landmarks, got {kind(listed)}")
+    if listed and all(isinstance(item, list) and len(item) == POINTS for item in listed):
+        for n, person in enumerate(listed):
+            yield _person(person, f"{where}[{n}]")
+    else:
+        yield _person(listed, where)
+
+
+def _person(landmarks: list[Any], where: str) -> Array:
+    if len(landmarks) != POINTS:
+        raise ValueError(f"{where}: expected {POINTS} landmarks, got {len(landmarks)}")
+    rows = [
+        [p.get("x"), p.get("y"), p.get("z", 0.0), p.get("visibility", 1.0)]
+        if isinstance(p, dict)
+        else ([*p[:3], p[3] if len(p) > 3 else 1.0] if isinstance(p, list) else p)
+        for p in landmarks
+    ]
+    try:
+        table = np.array(rows, dtype=np.float64)
+        return table.reshape(POINTS, 4)
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"{where}: expected x, y, z, visibility of {POINTS} landmarks, got {short(rows[0])}"
+        ) from None
+
+
+def _frames_of_npz(path: Path, names: tuple[str, ...]) -> Iterator[tuple[int, list[Array]]]:
+    arrays = load_arrays(path)
+    name = next((n for n in names if n in arrays), names[0])
+    table = numbers(arrays, name, ("T", POINTS, "3 to 5"), path)
+    if not 3 <= table.shape[2] <= 5:
+        raise ValueError(f"{path}: {name}: expected 3 to 5 numbers, got {table.shape[2]}")
+    if table.shape[2] == 3:
+        table = np.concatenate([table, np.ones((*table.shape[:2], 1))], axis=2)
+    rows = np.arange(len(table))
+    frames = numbers(arrays, "frames", (len(table),), path) if "frames" in arrays else rows
+    for frame, person in zip(frames, table, strict=True):
+        yield int(frame), [person[:, :4].copy()] if np.isfinite(person).any() else []

@@ -1,0 +1,75 @@
+"""SLEAP: the analysis CSV of one video, one row a person a frame.
+
+As SLEAP exports it: ``track``, ``frame_idx``, ``instance.score``, then ``NODE.x``, ``NODE.y`` (and
+``NODE.score``) of every node of the skeleton, pixels. Nodes are sorted into the points of the
+declared layout by name (see `part_names`). Tracks and scores of instances are not used: people are
+followed by their joints.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from imocap_core.body.layouts import layout_names
+from imocap_core.io.detectors.deeplabcut import read_csv
+from imocap_core.io.detectors.openpose import Detections
+from imocap_core.io.detectors.part_names import LAYOUTS, known_columns
+from imocap_core.io.detectors.people import (
+    Array,
+    cleaned,
+    detections,
+    frame_number,
+    must_be_known,
+    short,
+)
+
+FRAME = "frame_idx"
+
+
+def read_sleap(path: Path, layout: str) -> Detections:
+    """All instances of all frames. ValueError names file, row, what is wrong."""
+    must_be_known(layout, LAYOUTS, "a file of named body parts", path)
+    rows = read_csv(path)
+    heading, names = rows[0], _nodes(rows[0], path)
+    columns = known_columns(names, layout, f"{path}: nodes")
+    place = {name: n for n, name in enumerate(heading)}
+    found: dict[int, list[Array]] = {}
+    for number, row in enumerate(rows[1:], start=2):
+        where = f"{path}: row {number}"
+        if len(row) != len(heading):
+            raise ValueError(
+                f"{where}: expected {len(heading)} cells, got {len(row)}; the file is cut off?"
+            )
+        frame = frame_number(_number(row[place[FRAME]], where), f"{where}.{FRAME}")
+        person = np.full((len(layout_names(layout)), 3), np.nan)
+        for column, node in columns.items():
+            x, y = (_number(row[place[f"{names[node]}.{axis}"]], where) for axis in "xy")
+            at = place.get(f"{names[node]}.score")
+            person[column] = x, y, 1.0 if at is None else _number(row[at], where)
+        found.setdefault(frame, []).append(cleaned(person))
+    return detections(found, layout, path)
+
+
+def nodes(path: Path) -> list[str]:
+    """The names of the skeleton's nodes."""
+    return _nodes(read_csv(path)[0], path)
+
+
+def _nodes(heading: list[str], path: Path) -> list[str]:
+    names = [name.removesuffix(".x") for name in heading if name.endswith(".x")]
+    if FRAME not in heading or not names or any(f"{name}.y" not in heading for name in names):
+        raise ValueError(
+            f"{path}: expected a heading with {FRAME} and NODE.x, NODE.y of every node, got "
+            f"{', '.join(heading):.80}; export SLEAP's analysis CSV"
+        )
+    return names
+
+
+def _number(cell: str, where: str) -> float:
+    """A cell as a number, NaN when it is empty."""
+    try:
+        return float(cell) if cell.strip() else float("nan")
+    except ValueError:
+        raise ValueError(f"{where}: expected numbers only, got {short(cell)}") from None

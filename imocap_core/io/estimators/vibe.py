@@ -1,0 +1,23 @@
+"""VIBE: `vibe_output.pkl`, as its demo writes it with joblib (and tools that follow it).
+
+{person: {``pose`` (N, 72) axis-angle, the root in camera axes, ``bboxes`` (N, 4) middle, width and
+height in pixels, ``frame_ids`` (N,), ``betas``, cameras, joints, ``verts``}}. Of several people
+the performer is found by the boxes. Cameras, shape, joints and mesh are not used.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from imocap_core.io.estimators.estimates import Array, Wanted, field
+from imocap_core.io.estimators.persons import performer_of
+
+
+def read_vibe(path: Path, wanted: Wanted) -> Array:
+    """The performer's joint rotations, as of `performer_of`."""
+    return performer_of(path, wanted, _middle_px)
+
+
+def _middle_px(person: dict[str, Any], count: int, where: str) -> Array:
+    return field(person, "bboxes", (count, 4), where)[:, :2]

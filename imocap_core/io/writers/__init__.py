@@ -1,0 +1,1 @@
+"""Writers of what other programs read, a format a file."""

@@ -1,0 +1,80 @@
+"""Biovision hierarchy (BVH): a joint tree, its offsets at rest, and one line of channels a frame.
+
+Metres and degrees. The root has six channels, XYZ position (the pelvis in the world) and rotation;
+every other joint three rotations. Channels are Z, Y, X: R = R_z R_y R_x. Angles go on from frame to
+frame without jumps, so that programs may interpolate them.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from imocap_core.io.writers.motion_clip import Take
+
+Array = NDArray[np.float64]
+
+ROTATIONS = "Zrotation Yrotation Xrotation"
+POSITIONS = "Xposition Yposition Zposition"
+METRES, DEGREES = "{:.6f}", "{:.5f}"  # a thousandth of a millimetre; far less at a bone's end
+
+
+def write_bvh(file: Path, take: Take) -> None:
+    """Write one take."""
+    file.write_text(bvh_text(take), encoding="ascii", newline="\n")
+
+
+def bvh_text(take: Take) -> str:
+    """The whole file."""
+    order: list[int] = []
+    lines = ["HIERARCHY", *_joint(take, 0, 0, order)]
+    lines += ["MOTION", f"Frames: {len(take.R_local)}", f"Frame Time: {1.0 / take.fps:.9f}"]
+    angles = euler_zyx_deg(take.R_local[:, order])
+    for place, row in zip(take.pelvis, angles, strict=True):
+        numbers = [METRES.format(x) for x in place] + [DEGREES.format(a) for a in row.ravel()]
+        lines.append(" ".join(numbers))
+    return "\n".join(lines) + "\n"
+
+
+def euler_zyx_deg(R: Array) -> Array:
+    """Angles (T, J, 3) about z, y, x, degrees, of R (T, J, 3, 3) = R_z R_y R_x.
+
+    A rotation has two such triples, (z, y, x) and (z + 180, 180 - y, x + 180), each up to whole
+    turns: each frame takes the one nearest to the frame before.
+    """
+    flat = Rotation.from_matrix(R.reshape(-1, 3, 3)).as_euler("ZYX", degrees=True)
+    angles = flat.reshape(*R.shape[:2], 3)
+    other = np.stack([angles[..., 0] + 180, 180 - angles[..., 1], angles[..., 2] + 180], axis=-1)
+    path = angles.copy()
+    for t in range(1, len(path)):
+        near = [c + 360 * np.round((path[t - 1] - c) / 360) for c in (angles[t], other[t])]
+        far = [np.abs(c - path[t - 1]).max(-1) for c in near]
+        path[t] = np.where((far[0] <= far[1])[:, None], near[0], near[1])
+    return path
+
+
+def _joint(take: Take, joint: int, depth: int, order: list[int]) -> list[str]:
+    """The block of a joint and all below it; `order` collects joints as they are written."""
+    order.append(joint)
+    pad, inside = "  " * depth, "  " * (depth + 1)
+    kind = "JOINT" if depth else "ROOT"
+    channels = f"3 {ROTATIONS}" if depth else f"6 {POSITIONS} {ROTATIONS}"
+    lines = [
+        f"{pad}{kind} {take.joint_names[joint]}",
+        f"{pad}{{",
+        f"{inside}OFFSET {_metres(take.offsets[joint])}",
+        f"{inside}CHANNELS {channels}",
+    ]
+    for child in [j for j, parent in enumerate(take.parents) if parent == joint]:
+        lines += _joint(take, child, depth + 1, order)
+    if joint in take.tips:
+        tip = f"{inside}  OFFSET {_metres(take.tips[joint])}"
+        lines += [f"{inside}End Site", f"{inside}{{", tip, f"{inside}}}"]
+    return [*lines, f"{pad}}}"]
+
+
+def _metres(vector: Array) -> str:
+    return " ".join(METRES.format(x) for x in vector)

@@ -1,0 +1,1 @@
+"""The initial SMPL motion of each video by itself (section 3.2)."""

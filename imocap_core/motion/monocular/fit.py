@@ -1,0 +1,207 @@
+"""The initial SMPL motion of each video by itself (section 3.2, "Initialization").
+
+Each start is refined by minimising the reprojection error with the priors that a single view
+needs; the robust loss narrows as the fit settles. Of several starts the one with the lowest
+objective is kept, and by how much it won is reported.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from imocap_core.motion.kinematics import Body
+from imocap_core.motion.monocular.starts import Start, interpolate_rotations
+from imocap_core.motion.multiview.timeline import sample
+from imocap_core.motion.observations import Observation, every, own_view, padded, validity
+from imocap_core.motion.prior import PosePrior
+from imocap_core.motion.solver.gauss_newton import gauss_newton, objective
+from imocap_core.motion.state import MotionState
+from imocap_core.motion.terms import (
+    HingeLimits,
+    JointEvidence,
+    PathSmoothness,
+    PosePriorTerm,
+    PoseSmoothness,
+    Reprojection,
+    ShapePrior,
+    StandingFeet,
+    Term,
+)
+
+Progress = Callable[[str], None]
+# Of the robust loss, relative to the final scale, and the tolerance with each: a start may rest for
+# a while on its way in, once there it need not be exact.
+COARSE = ((10.0, 3e-3), (3.0, 1e-2), (1.0, 1e-2))
+TOLERANCE = 3e-3  # of the fit on all frames, which every later fit improves
+PRIOR_FPS = 30.0  # frame rate at which the prior's joint speeds were measured
+
+
+@dataclass(frozen=True)
+class FitWeights:
+    """Strengths of the terms (see pipeline.yaml, group ``motion``).
+
+    Attributes:
+        robust_scale: final Geman-McClure scale in standard deviations.
+        pose_prior, shape_prior, limits: weights of those terms.
+        velocity, acceleration: weight of Eq. 7 and of accelerations, relative to the spread
+            that real motion shows; acceleration_scale: cost from which one is logarithmic.
+        foot_speed_m_s: speed of any foot that costs 1; foot_hold_m_s: of one that stands in the
+            motion common to all videos; foot_scale: square root of the most that a speed costs.
+        path_velocity_m_s, path_acceleration_m_s2: root speeds and accelerations that cost 1.
+        evidence_mm: standard deviation of an estimator's joints.
+    """
+
+    robust_scale: float
+    pose_prior: float
+    shape_prior: float
+    limits: float
+    velocity: float
+    acceleration: float
+    acceleration_scale: float
+    foot_speed_m_s: float
+    foot_hold_m_s: float
+    foot_scale: float
+    path_velocity_m_s: float
+    path_acceleration_m_s2: float
+    evidence_mm: float
+
+
+@dataclass(frozen=True)
+class MonocularFit:
+    """The chosen fit of every video and what the alternatives cost.
+
+    Attributes:
+        state: batch of all videos; costs: per video, the objective of each start.
+    """
+
+    state: MotionState
+    costs: list[list[float]]
+    status: str
+
+
+def regularisers(body: Body, prior: PosePrior, weights: FitWeights, fps: float) -> list[Term]:
+    """Everything in the objective that does not look at the videos, at a frame rate."""
+    pace = fps / PRIOR_FPS
+    step = prior.velocity_rad.clamp_min(1e-3) / pace
+    bend = prior.acceleration_rad.clamp_min(1e-3) / pace**2
+    return [
+        StandingFeet(body, (fps / weights.foot_speed_m_s) ** 2, weights.foot_scale),
+        PosePriorTerm(prior, weights.pose_prior),
+        ShapePrior(weights.shape_prior),
+        HingeLimits(weights.limits),
+        PoseSmoothness(
+            weights.velocity / step**2, weights.acceleration / bend**2, weights.acceleration_scale
+        ),
+        PathSmoothness(
+            (fps / weights.path_velocity_m_s) ** 2, (fps**2 / weights.path_acceleration_m_s2) ** 2
+        ),
+    ]
+
+
+def stacked(starts: Sequence[Start], valid: Tensor) -> MotionState:
+    """One batch of starts of different lengths; padding repeats the last frame."""
+    longest = valid.shape[1]
+
+    def pad(x: Tensor) -> Tensor:
+        return torch.cat([x, x[-1:].expand(longest - len(x), *x.shape[1:])])
+
+    R_local = torch.stack([pad(s.R_local) for s in starts])
+    trans = torch.stack([pad(s.trans) for s in starts])
+    return MotionState.of(R_local, trans, trans.new_zeros(len(starts), 10), valid)
+
+
+def evidence_term(
+    body: Body, observations: Sequence[Observation], like: Tensor, weights: FitWeights
+) -> list[Term]:
+    """The estimators' joints as a term, if any video has them."""
+    if all(o.joints is None for o in observations):
+        return []
+    joints, given = [], []
+    for o in observations:
+        x = np.full((len(o.xy_px), 24, 3), np.nan) if o.joints is None else o.joints
+        known: NDArray[np.bool_] = np.asarray(np.isfinite(x).all(axis=-1))
+        joints.append(np.where(known[..., None], x, 0.0))
+        given.append(known.astype(float))
+    sigma2_m2 = (weights.evidence_mm / 1000) ** 2
+    return [JointEvidence(body, padded(joints, like), padded(given, like) / sigma2_m2, 3.0)]
+
+
+def fit_monocular(
+    body: Body,
+    prior: PosePrior,
+    observations: Sequence[Observation],
+    starts: Sequence[Sequence[Start]],
+    weights: FitWeights,
+    *,
+    stride: int,
+    max_steps: int,
+    progress: Progress = lambda _: None,
+) -> MonocularFit:
+    """Fit every video by itself from each of its starts; keep the best.
+
+    All starts are fitted on every ``stride``-th frame under a wide robust loss that narrows; the
+    winner of each video is then fitted on all frames.
+
+    Args:
+        observations: M videos; starts: the starts of each (at least one each).
+        max_steps: Gauss-Newton steps of the last fit.
+    """
+    owner = [v for v, own in enumerate(starts) for _ in own]
+    progress(f"{len(owner)} starts on every {stride}th frame")
+    coarse = [every(observations[v], stride) for v in owner]
+    flat = [Start(s.R_local[::stride], s.trans[::stride], s.cost) for own in starts for s in own]
+    state = stacked(flat, validity(coarse, flat[0].trans))
+    for scale, tolerance in COARSE:
+        terms = monocular_terms(body, prior, coarse, state.trans, weights, scale)
+        state = gauss_newton(terms, state, max_steps=6, relative_tolerance=tolerance).state
+    chosen, costs = _cheapest(objective(terms, state), owner, len(observations))
+    progress("the best start of each video on all frames")
+    state = _all_frames(state.rows(chosen), observations, stride)
+    terms = monocular_terms(body, prior, observations, state.trans, weights, 1.0)
+    solution = gauss_newton(terms, state, max_steps=max_steps, relative_tolerance=TOLERANCE)
+    return MonocularFit(solution.state, costs, solution.status)
+
+
+def monocular_terms(
+    body: Body,
+    prior: PosePrior,
+    observations: Sequence[Observation],
+    like: Tensor,
+    weights: FitWeights,
+    scale: float,
+) -> list[Term]:
+    """The whole objective of videos seen by themselves, its robust loss widened by ``scale``."""
+    view = own_view(observations, like)
+    fps = float(np.median([o.fps for o in observations]))
+    return [
+        Reprojection(body, (view,), weights.robust_scale * scale),
+        *regularisers(body, prior, weights, fps),
+        *evidence_term(body, observations, like, weights),
+    ]
+
+
+def _cheapest(cost: Tensor, owner: list[int], videos: int) -> tuple[Tensor, list[list[float]]]:
+    """The best row of each video, and the costs of all its rows."""
+    owners = torch.tensor(owner, device=cost.device)
+    rows = [(owners == v).nonzero()[:, 0] for v in range(videos)]
+    best = torch.stack([r[cost[r].argmin()] for r in rows])
+    return best, [[float(c) for c in cost[r]] for r in rows]
+
+
+def _all_frames(
+    state: MotionState, observations: Sequence[Observation], stride: int
+) -> MotionState:
+    """A state on every ``stride``-th frame, interpolated to all frames."""
+    full = []
+    for v, observation in enumerate(observations):
+        frames = len(observation.xy_px)
+        keys = np.arange(0, frames, stride)
+        R, trans = state.R_local[v, : len(keys)], state.trans[v, : len(keys)]
+        at = np.minimum(np.arange(frames) / stride, len(keys) - 1)
+        full.append(Start(interpolate_rotations(R, keys, frames), sample(trans, at), 0.0))
+    dense = stacked(full, validity(observations, state.trans))
+    return replace(dense, betas=state.betas)

@@ -1,0 +1,203 @@
+"""Where monocular fits begin: from the library with 2D alone, or from an estimator's joints."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from imocap_core.motion.kinematics import Body
+from imocap_core.motion.monocular.library import Library
+from imocap_core.motion.monocular.lifting import best_path, match
+from imocap_core.motion.observations import Observation, without_jumps
+from imocap_core.rotations import exp, log
+from imocap_core.rotations import project as nearest_rotation
+from imocap_core.sync.pairwise.affinity import procrustes_distances
+
+
+@dataclass(frozen=True)
+class Start:
+    """A start of one video: R_local (T, 24, 3, 3), trans (T, 3) in camera axes, metres."""
+
+    R_local: Tensor
+    trans: Tensor
+    cost: float
+
+
+@dataclass(frozen=True)
+class LiftingOptions:
+    """How starts are looked for.
+
+    Attributes:
+        candidates: library entries kept a frame; stride_s: time between matched frames.
+        sigma: keypoint misfit as a share of the keypoints' spread; step_m_s: joint speed that
+            costs 1 on the path; starts: different paths followed.
+    """
+
+    candidates: int
+    stride_s: float
+    sigma: float
+    step_m_s: float
+    starts: int
+
+
+MIN_JOINTS = 6  # an estimator's frame with fewer says too little of a pose
+
+
+def lifted_starts(
+    body: Body, library: Library, observation: Observation, options: LiftingOptions
+) -> list[Start]:
+    """Several different starts of one video from its 2D keypoints alone, best first."""
+    like = library.R_view
+    frames = len(observation.xy_px)
+    stride = max(1, round(options.stride_s * observation.fps))
+    confidence = without_jumps(observation)
+    keys = _key_frames(confidence, stride)
+    xy = torch.as_tensor(np.nan_to_num(observation.xy_px[keys])).to(like)
+    weight = torch.as_tensor(confidence[keys]).to(like)
+    found = match(library, xy, weight, count=options.candidates, sigma=options.sigma)
+    step_m = options.step_m_s * stride / observation.fps
+    starts: list[Start] = []
+    followed: list[Tensor] = []
+    rows = torch.arange(len(keys), device=like.device)
+    for _ in range(options.starts):
+        path, _ = best_path(found, step_m=step_m, avoid=followed)
+        followed.append(found.joints[rows, path])
+        R_local = interpolate_rotations(found.R_local[rows, path], keys, frames)
+        scale = _interpolate(found.scale_px_m[rows, path].log()[:, None], keys, frames).exp()
+        depth = float(observation.K[0, 0]) / scale[:, 0]
+        trans = place(body, R_local, observation, confidence, depth)
+        starts.append(Start(R_local, trans, float(found.cost[rows, path].sum())))
+    return starts
+
+
+def start_at_joints(body: Body, R_local: Tensor, observation: Observation) -> Start:
+    """A start from known rotations: depth from how large the body appears (weak perspective)."""
+    confidence = without_jumps(observation)
+    posed = body.model.shape(R_local.new_zeros(1, 10)).pose(
+        R_local, R_local.new_zeros(len(R_local), 3)
+    )
+    points = posed.keypoints(body.keypoints)[..., :2]
+    xy = torch.as_tensor(np.nan_to_num(observation.xy_px)).to(R_local)
+    weight = torch.as_tensor(confidence).to(R_local)
+    share = (weight / weight.sum(1, keepdim=True).clamp_min(1e-9))[..., None]
+    p, w = points - (share * points).sum(1, keepdim=True), xy - (share * xy).sum(1, keepdim=True)
+    scale = (share * p * w).sum((1, 2)) / (share * p.square()).sum((1, 2)).clamp_min(1e-9)
+    seen = ((weight > 0).sum(1) >= 4) & (scale > 0)
+    keys = seen.nonzero()[:, 0].cpu().numpy()
+    if len(keys) == 0:
+        raise ValueError("no frame shows enough keypoints to place the body")
+    scale = _interpolate(scale[keys].log()[:, None], keys, len(scale)).exp()[:, 0]
+    depth = float(observation.K[0, 0]) / scale
+    return Start(R_local, place(body, R_local, observation, confidence, depth), 0.0)
+
+
+def place(
+    body: Body, R_local: Tensor, observation: Observation, confidence: np.ndarray, depth: Tensor
+) -> Tensor:
+    """Translations (T, 3) that put the body where it is seen, at the given depth (T,).
+
+    The rays of the confident keypoints, at the body's depth, minus the keypoints' own offsets.
+    """
+    points = body.model.shape(depth.new_zeros(1, 10)).pose(R_local, depth.new_zeros(len(depth), 3))
+    xyz = points.keypoints(body.keypoints)
+    root = points.joints[:, 0]
+    K = torch.as_tensor(observation.K).to(depth)
+    xy = torch.as_tensor(np.nan_to_num(observation.xy_px)).to(depth)
+    weight = torch.as_tensor(confidence).to(depth)
+    total = weight.sum(1)
+    rays = (xy - K[:2, 2]) / torch.stack([K[0, 0], K[1, 1]])
+    z = (depth[:, None] + xyz[..., 2] - root[:, None, 2]).clamp_min(0.1)
+    offset = rays * z[..., None] - xyz[..., :2]
+    plane = (weight[..., None] * offset).sum(1) / total.clamp_min(1e-9)[:, None]
+    known = (total > 0).nonzero()[:, 0].cpu().numpy()
+    if len(known) == 0:
+        plane, known = torch.zeros_like(plane), np.arange(len(plane))
+    plane = _interpolate(plane[known], known, len(depth))
+    return torch.cat([plane, (depth - root[:, 2])[:, None]], -1)
+
+
+def fit_rotations_to_joints(body: Body, library: Library, joints: np.ndarray) -> Tensor:
+    """Nearest library pose, turned rigidly, for each frame of an estimator's joints.
+
+    Args:
+        joints: (T, 24, 3) metres, camera axes, NaN where not given.
+
+    Returns:
+        (T, 24, 3, 3): starts for a fit that has the joints as evidence; frames with fewer than
+        `MIN_JOINTS` joints lie between their neighbours.
+
+    ValueError when no frame has that many.
+    """
+    known = np.isfinite(joints).all(-1)
+    keys = np.nonzero(known.sum(1) >= MIN_JOINTS)[0]
+    if len(keys) == 0:
+        raise ValueError(f"no frame has {MIN_JOINTS} joints or more")
+    poses = library.joints.cpu().numpy()
+    weights = known[keys].astype(float)
+    every = np.ones(poses.shape[:2])
+    nearest = procrustes_distances(joints[keys], poses, weights, every).argmin(1)
+    like = library.R_view
+    target, weight = (torch.as_tensor(x).to(like) for x in (np.nan_to_num(joints[keys]), weights))
+    found = library.joints[torch.as_tensor(nearest, device=like.device)]
+    R_local = library.R_local[torch.as_tensor(nearest, device=like.device)].clone()
+    R_local[:, 0] = nearest_rotation(_correlation(target, found, weight))
+    return interpolate_rotations(R_local, keys, len(joints))
+
+
+def _correlation(target: Tensor, pose: Tensor, weight: Tensor) -> Tensor:
+    """(T, 3, 3) of joints (T, J, 3) about their weighted means, weight (T, J)."""
+    share = (weight / weight.sum(1, keepdim=True))[..., None]
+    a, b = (x - (share * x).sum(1, keepdim=True) for x in (target, pose))
+    return torch.einsum("tk,tki,tkj->tij", weight, a, b)
+
+
+def start_at_motion(R_local: Tensor, trans: Tensor) -> Start:
+    """A start from an estimator's motion: (T, 24, 3, 3) and (T, 3) in camera axes, metres.
+
+    Frames with NaN lie between their neighbours. ValueError when every frame has some.
+    """
+    known = R_local.isfinite().flatten(1).all(1) & trans.isfinite().all(1)
+    keys = known.nonzero()[:, 0].cpu().numpy()
+    if len(keys) == 0:
+        raise ValueError("every frame has numbers that are not finite")
+    frames = len(trans)
+    return Start(
+        interpolate_rotations(R_local[known], keys, frames),
+        _interpolate(trans[known], keys, frames),
+        0.0,
+    )
+
+
+def _key_frames(confidence: np.ndarray, stride: int) -> np.ndarray:
+    """Every stride-th frame that shows enough of a person; all frames if none does."""
+    seen = (confidence > 0).sum(1) >= max(4, confidence.shape[1] // 4)
+    usable = np.nonzero(seen)[0]
+    if len(usable) == 0:
+        return np.arange(0, len(confidence), stride)
+    keys = usable[::stride]
+    return keys if keys[-1] == usable[-1] else np.append(keys, usable[-1])
+
+
+def _interpolate(values: Tensor, keys: np.ndarray, frames: int) -> Tensor:
+    """Linear in time from (len(keys), D) to (frames, D), held at the ends."""
+    low, high, share = _between(keys, frames, values)
+    return values[low] * (1 - share[:, None]) + values[high] * share[:, None]
+
+
+def interpolate_rotations(R: Tensor, keys: Sequence[int] | np.ndarray, frames: int) -> Tensor:
+    """Geodesic interpolation of (len(keys), J, 3, 3) to (frames, J, 3, 3), held at the ends."""
+    low, high, share = _between(np.asarray(keys), frames, R)
+    turn = log(R[low].transpose(-1, -2) @ R[high])
+    return R[low] @ exp(turn * share[:, None, None])
+
+
+def _between(keys: np.ndarray, frames: int, like: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    time = np.clip(np.arange(frames), keys[0], keys[-1])
+    high = np.clip(np.searchsorted(keys, time), 1 if len(keys) > 1 else 0, len(keys) - 1)
+    low = np.maximum(high - 1, 0)
+    gap = np.maximum(keys[high] - keys[low], 1)
+    share = np.clip((time - keys[low]) / gap, 0.0, 1.0)
+    index = [torch.as_tensor(x, device=like.device) for x in (low, high)]
+    return index[0], index[1], torch.as_tensor(share).to(like)

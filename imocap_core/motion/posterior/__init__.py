@@ -1,0 +1,1 @@
+"""How well the motion is determined: covariances and viewpoints."""

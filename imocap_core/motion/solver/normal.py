@@ -1,0 +1,116 @@
+"""The normal equations of a batch of motions: block-banded in time, with a border of globals.
+
+Per frame the unknowns are ``n`` local increments; frames couple to at most their two successors
+(velocity: one, acceleration: two), so the matrix is block-pentadiagonal, and a block Cholesky
+factorisation solves it in time linear in the number of frames. The few unknowns that every frame
+sees (body shape, cameras) form a border ("arrow"), eliminated by their Schur complement.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import torch
+from torch import Tensor
+
+from imocap_core.motion.solver.pentadiagonal import solve_pentadiagonal
+from imocap_core.workers import Each, in_turn
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """A system whose frames have been eliminated.
+
+    Attributes:
+        frame_only: (B, T, n) increments if the globals stayed; response: (B, T, n, m) what a
+            change of the globals adds to them.
+        schur: (B, m, m), rest: (B, m): the equations of the globals alone.
+    """
+
+    frame_only: Tensor
+    response: Tensor
+    schur: Tensor
+    rest: Tensor
+
+    def frames(self, d_globals: Tensor) -> Tensor:
+        """(B, T, n) frame increments that go with global ones (B, m)."""
+        return -self.frame_only - torch.einsum("btni,bi->btn", self.response, d_globals)
+
+
+def solve_globals(reduced: Sequence[Reduced], damping: float) -> Tensor:
+    """(m,) increments of the globals that all these motions share."""
+    schur = torch.stack([r.schur.sum(0) for r in reduced]).sum(0)
+    rest = torch.stack([r.rest.sum(0) for r in reduced]).sum(0)
+    if len(rest) == 0:
+        return rest
+    return -torch.linalg.solve(_damped(schur, damping), rest)
+
+
+@dataclass
+class NormalEquations:
+    """Sums of ``J^T W J`` and ``J^T W r`` over all terms; minimise ``1/2 d^T H d + g^T d``.
+
+    Shapes (B batch of motions, T frames, n unknowns a frame, m globals):
+        diagonal: (B, T, n, n); next1: (B, T, n, n) couples frame t with t+1; next2: t with t+2.
+        gradient: (B, T, n); border: (B, T, n, m) of frames with globals.
+        corner: (B, m, m); corner_gradient: (B, m): the globals alone.
+    """
+
+    diagonal: Tensor
+    next1: Tensor
+    next2: Tensor
+    gradient: Tensor
+    border: Tensor
+    corner: Tensor
+    corner_gradient: Tensor
+
+    @classmethod
+    def zeros(cls, batch: int, frames: int, n: int, m: int, like: Tensor) -> "NormalEquations":
+        """An empty system on the device and in the dtype of ``like``."""
+        return cls(
+            diagonal=like.new_zeros(batch, frames, n, n),
+            next1=like.new_zeros(batch, frames, n, n),
+            next2=like.new_zeros(batch, frames, n, n),
+            gradient=like.new_zeros(batch, frames, n),
+            border=like.new_zeros(batch, frames, n, m),
+            corner=like.new_zeros(batch, m, m),
+            corner_gradient=like.new_zeros(batch, m),
+        )
+
+    def plus(self, other: "NormalEquations") -> "NormalEquations":
+        """This system with another one added to it, in place."""
+        for field in fields(self):
+            getattr(self, field.name).add_(getattr(other, field.name))
+        return self
+
+    def reduce(self, damping: float, each: Each = in_turn) -> Reduced:
+        """Eliminate the frames; ``damping`` is the Levenberg-Marquardt factor on the diagonal.
+
+        ``each`` does the two halves of a motion.
+        """
+        right = torch.cat([self.gradient[..., None], self.border], dim=-1)
+        damped = _damped(self.diagonal, damping)
+        systems = zip(damped, self.next1, self.next2, right, strict=True)
+        solved = torch.stack([solve_pentadiagonal(*system, each) for system in systems])
+        frame_only, response = solved[..., 0], solved[..., 1:]
+        schur = self.corner - torch.einsum("btni,btnj->bij", self.border, response)
+        rest = self.corner_gradient - torch.einsum("btni,btn->bi", self.border, frame_only)
+        return Reduced(frame_only, response, schur, rest)
+
+
+def add_product(target: Tensor, left: Tensor, right: Tensor, share: float = 1.0) -> None:
+    """Add ``share * left^T right`` to a target (B, T, n, m) in place.
+
+    Args:
+        left: (B, T, r, n); right: (B, T, r, m).
+    """
+    for own, a, b in zip(target, left, right, strict=True):
+        own.baddbmm_(a.mT, b, alpha=share)
+
+
+def _damped(blocks: Tensor, damping: float) -> Tensor:
+    """Marquardt's scaling: the diagonal grows by ``damping`` times itself, and a floor."""
+    diagonal = blocks.diagonal(dim1=-2, dim2=-1)
+    floor = 1e-9 * diagonal.amax(dim=-1, keepdim=True) + 1e-9
+    damped = blocks.clone()
+    damped.diagonal(dim1=-2, dim2=-1).add_(damping * diagonal + floor)
+    return damped

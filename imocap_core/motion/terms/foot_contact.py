@@ -1,0 +1,114 @@
+"""Feet that stand, stand still."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import torch
+from torch import Tensor
+
+from imocap_core.motion.kinematics import Body
+from imocap_core.motion.robust import geman_mcclure
+from imocap_core.motion.solver.normal import NormalEquations
+from imocap_core.motion.state import MotionState
+
+STANDING_S = 0.4
+
+
+@dataclass(frozen=True)
+class StandingFeet:
+    """Speeds of ankles and balls of the feet, at a cost with a ceiling.
+
+    A foot either stands or swings. Geman-McClure's loss draws slow feet to a stop and lets fast
+    ones go. The state's axes must not move against the ground.
+
+    Attributes:
+        body: whose feet.
+        weight: 1 / (m per frame)^2 of small speeds, one for all or (B, T-1, 4).
+        scale: square root of the ceiling.
+    """
+
+    body: Body
+    weight: float | Tensor
+    scale: float
+
+    def of(self, v: int, frames: int) -> Self:
+        """One motion's feet."""
+        if isinstance(self.weight, float):
+            return self
+        return replace(self, weight=self.weight[v : v + 1, : frames - 1])
+
+    def _cost(self, step: Tensor) -> tuple[Tensor, Tensor]:
+        return geman_mcclure(self.weight * step.square().sum(-1), self.scale)
+
+    def cost(self, state: MotionState) -> Tensor:
+        """(B,)."""
+        feet = self.body.positions(self.body.feet, state).xyz
+        return self._cost(_steps(feet, state.valid))[0].sum((1, 2))
+
+    def add_to(self, normal: NormalEquations, state: MotionState) -> None:
+        """A step is the later frame's foot minus the earlier one's, so with feet's derivatives J
+        and a pair's weights W a frame gets ``J^T W J`` of both pairs it is in, and a pair
+        ``-J^T W J'``. Only the unknowns that move a foot take part."""
+        feet, frame, d_beta = state.once((self.body.feet, _moved), lambda: _moved(self.body, state))
+        step = _steps(feet, state.valid)
+        weight = self.weight * self._cost(step)[1] * _both(state.valid)[..., None]
+        weight = weight.repeat_interleave(3, -1)[..., None]  # (B, T-1, 12, 1)
+        shape = d_beta[:, 1:] - d_beta[:, :-1]
+        count, unknowns = shape.shape[-1], frame.shape[-1]
+        change = torch.cat([shape, step.flatten(2)[..., None]], -1)
+        pull = weight * change
+        (before, after), (pulled, pulls) = _beside(weight), _beside(pull)
+        columns = torch.cat([(before + after) * frame, pulled - pulls], -1)
+        of_frame, by_globals = (frame.mT @ columns).split([unknowns, count + 1], -1)
+        across = frame[:, :-1].mT @ (-weight * frame[:, 1:])
+        places = (slice(0, unknowns - 3), slice(0, unknowns - 3)), (slice(-3, None),) * 2
+        for mine, own in places:
+            for theirs, other in places:
+                normal.diagonal[..., own, other] += of_frame[..., mine, theirs]
+                normal.next1[:, :-1, own, other] += across[..., mine, theirs]
+            normal.border[..., own, :count] += by_globals[..., mine, :-1]
+            normal.gradient[..., own] += by_globals[..., mine, -1]
+        corner = shape.flatten(1, 2).mT @ pull.flatten(1, 2)
+        normal.corner[:, :count, :count] += corner[..., :-1]
+        normal.corner_gradient[:, :count] += corner[..., -1]
+
+
+def standing_share(body: Body, state: MotionState, fps: float, *, speed_m_s: float) -> Tensor:
+    """(B, T-1, 4) in (0, 1]: whether each foot stands between a frame and the next.
+
+    Geman-McClure weight of its mean speed over `STANDING_S`, so that jitter lifts no foot;
+    ``speed_m_s`` counts a quarter.
+    """
+    step = _steps(body.positions(body.feet, state).xyz, state.valid)
+    half = max(1, round(STANDING_S * fps / 2))
+    padded = torch.nn.functional.pad(step.flatten(2).mT, (half, half), mode="replicate")
+    mean = padded.unfold(-1, 2 * half + 1, 1).mean(-1).mT.unflatten(-1, (-1, 3))
+    speed = fps * mean.norm(dim=-1)
+    return 1 / (1 + (speed / speed_m_s).square()).square()
+
+
+def _both(valid: Tensor) -> Tensor:
+    """(B, T-1) which pairs of neighbouring frames exist."""
+    return valid[:, :-1] & valid[:, 1:]
+
+
+def _steps(feet: Tensor, valid: Tensor) -> Tensor:
+    """(B, T-1, F, 3) movement from each frame to the next, 0 where one of them is padding."""
+    return (feet[:, 1:] - feet[:, :-1]) * _both(valid)[..., None, None]
+
+
+def _moved(body: Body, state: MotionState) -> tuple[Tensor, Tensor, Tensor]:
+    """Feet (B, T, F, 3), and their derivatives (B, T, 3F, n) by the unknowns of a frame that move
+    them, its translation last, and by the shape."""
+    points = body.derivatives(body.feet, state)
+    assert points.d_pose is not None
+    assert points.d_beta is not None
+    moves = torch.eye(3).to(points.xyz).expand(*points.xyz.shape, 3)
+    frame = torch.cat([points.d_pose[..., : 3 * body.feet.movers], moves], -1)
+    return points.xyz, frame.flatten(2, 3), points.d_beta.flatten(2, 3)
+
+
+def _beside(of_pairs: Tensor) -> tuple[Tensor, Tensor]:
+    """What pairs (B, T-1, R, C) say of each frame, as their later one and as their earlier one."""
+    padded = torch.nn.functional.pad(of_pairs, (0, 0, 0, 0, 1, 1))
+    return padded[:, :-1], padded[:, 1:]

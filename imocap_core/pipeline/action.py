@@ -1,0 +1,229 @@
+"""What to capture: an action's folder and its action.yaml."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.pipeline.hints import AnchorEntry, ForbiddenEntry, hint_faults
+from imocap_core.pipeline.person import Person
+
+FILE_NAME = "action.yaml"
+DETECT = "detect"
+
+DetectionFormat = Literal[
+    "openpose",
+    "alphapose",
+    "mmpose",
+    "coco",
+    "mediapipe",
+    "halpe26",
+    "wholebody",
+    "cpn_npz",
+    "npz",
+    "deeplabcut",
+    "sleap",
+]
+Layout = Literal[
+    "body25",
+    "body25b",
+    "coco17",
+    "coco18",
+    "halpe26",
+    "halpe136",
+    "wholebody133",
+    "h36m17",
+    "mediapipe33",
+]
+InitialFormat = Literal[
+    "smpl_npz",
+    "joints_npz",
+    "hmr2",
+    "wham",
+    "gvhmr",
+    "vibe",
+    "hmmr",
+    "tram",
+    "sam3d_body",
+    "mediapipe_world",
+]
+Id = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")]
+Positive = Annotated[float, Field(gt=0)]
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class Declaration(BaseModel):
+    """One video as action.yaml declares it; paths are relative to the action's folder."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    id: Id
+    video: str | None = None
+    keypoints: str | None = None
+    format: DetectionFormat | None = None
+    layout: Layout | None = None
+    fps: Positive | None = None
+    size: tuple[Annotated[int, Field(gt=0)], Annotated[int, Field(gt=0)]] | None = None
+    frames: tuple[Annotated[int, Field(ge=0)], int] | None = None
+    focal_px: Positive | None = None
+    initial: str | None = None
+    initial_format: InitialFormat | None = None
+    mirrored: bool | None = None  # None: sync looks for itself
+    person: Person | None = None  # who performs; None: the program chooses
+    repetitions: bool | None = None  # True: a long clip, cut into its repetitions
+
+    @property
+    def detected(self) -> bool:
+        """Whether the program is to find the keypoints itself."""
+        return self.keypoints == DETECT
+
+    @model_validator(mode="after")
+    def _complete(self) -> Declaration:
+        faults = []
+        if self.frames is not None and self.frames[1] <= self.frames[0]:
+            faults.append(f"frames {list(self.frames)} are empty: expected [first, one past last]")
+        if self.video is None and (self.keypoints is None or self.keypoints == DETECT):
+            faults.append("needs a video, or keypoints with fps and size")
+        if self.video is None and (self.fps is None or self.size is None):
+            faults.append("without a video, fps and size must be given")
+        if self.initial == DETECT and not self.detected:
+            faults.append("initial: detect goes with keypoints: detect")
+        if self.initial not in (None, DETECT) and self.initial_format is None:
+            faults.append("initial is given, so initial_format must be too")
+        if faults:
+            raise ValueError("; ".join(faults))
+        return self
+
+
+class _ActionFile(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: Id
+    videos: list[Declaration] = Field(min_length=1)
+    truth: str | None = None
+    params: dict[str, Any] = Field(default_factory=dict)
+    anchors: list[AnchorEntry] = Field(default_factory=list)
+    forbidden: list[ForbiddenEntry] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _belongs_together(self) -> _ActionFile:
+        ids = [v.id for v in self.videos]
+        twice = sorted({i for i in ids if ids.count(i) > 1})
+        if twice:
+            raise ValueError(f"video ids must be unique, got twice: {', '.join(twice)}")
+        faults = hint_faults(self.anchors, self.forbidden, ids)
+        if faults:
+            raise ValueError("; ".join(faults))
+        return self
+
+
+@dataclass(frozen=True)
+class Action:
+    """A validated action.yaml and the folder that its paths are relative to."""
+
+    folder: Path
+    name: str
+    videos: tuple[Declaration, ...]
+    truth: str | None = None
+    params: dict[str, Any] = field(default_factory=dict)
+    anchors: tuple[AnchorEntry, ...] = ()
+    forbidden: tuple[ForbiddenEntry, ...] = ()
+    detected: Mapping[str, Path] = field(default_factory=dict)  # video -> file, where it is made
+
+    @property
+    def file(self) -> Path:
+        """The action.yaml itself."""
+        return self.folder / FILE_NAME
+
+    @property
+    def truth_files(self) -> tuple[str, ...]:
+        """What scoring reads: the truth named, or a calibrated rig's files in the folder."""
+        from imocap_core.io.pose2sim_truth import FILES, has_pose2sim_truth
+
+        if self.truth is not None:
+            return (self.truth,)
+        return FILES if has_pose2sim_truth(self.folder) else ()
+
+
+def find_action(name_or_path: str, root: Path) -> Path:
+    """The folder of an action, by name below root/actions or by path.
+
+    WrongUse when there is none; the message lists the actions there are.
+    """
+    named = root / "actions" / name_or_path
+    for folder in (named, Path(name_or_path)):
+        if folder.name == FILE_NAME:
+            folder = folder.parent
+        if (folder / FILE_NAME).is_file():
+            return folder
+    known = sorted(p.parent.name for p in (root / "actions").glob(f"*/{FILE_NAME}"))
+    here = f"There are: {', '.join(known)}." if known else "There are none yet."
+    raise WrongUse(
+        f"no action {name_or_path!r}: neither {named / FILE_NAME} nor "
+        f"{Path(name_or_path) / FILE_NAME} exists. {here} "
+        f"Make one with: imocap init NAME VIDEO..."
+    )
+
+
+def read_action(folder: Path) -> Action:
+    """Read and check folder/action.yaml. WorkFailed names every fault in it at once."""
+    file = folder / FILE_NAME
+    parsed = parse(_ActionFile, load_yaml(file), str(file))
+    return Action(
+        folder=folder.resolve(),
+        name=parsed.name,
+        videos=tuple(parsed.videos),
+        truth=parsed.truth,
+        params=parsed.params,
+        anchors=tuple(parsed.anchors),
+        forbidden=tuple(parsed.forbidden),
+    )
+
+
+def load_yaml(file: Path) -> Any:
+    """The content of a YAML file; WorkFailed with the line when it is not YAML."""
+    import yaml
+
+    try:
+        return yaml.safe_load(file.read_text(encoding="utf-8"))
+    except yaml.YAMLError as error:
+        raise WorkFailed(f"{file} is not YAML: {' '.join(str(error).split())}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise WorkFailed(f"cannot read {file}: {error}") from None
+
+
+def parse(model: type[Model], data: Any, file: str) -> Model:
+    """`data` as `model`; WorkFailed with one line a fault: file, field, expected, got."""
+    if not isinstance(data, dict):
+        raise WorkFailed(f"{file}: expected fields like 'name: value', got {_short(data)}")
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        raise WorkFailed(explain_faults(error, file)) from None
+
+
+def explain_faults(error: ValidationError, file: str) -> str:
+    """Every fault of a validation in one line each: file, field, expected, got."""
+    lines = []
+    for fault in error.errors(include_url=False):
+        where = ".".join(map(str, fault["loc"])) or "(whole file)"
+        said = fault["msg"].removeprefix("Value error, ")
+        if fault["type"] == "missing":
+            lines.append(f"{file}: {where}: is missing")
+        elif fault["type"] == "extra_forbidden":
+            lines.append(f"{file}: {where}: is no known field")
+        elif fault["type"] == "value_error":
+            lines.append(f"{file}: {where}: {said}")
+        else:
+            lines.append(f"{file}: {where}: {said}, got {_short(fault['input'])}")
+    return "\n".join(lines)
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -1,0 +1,145 @@
+"""A stage's key: a digest of everything that its result depends on, and of nothing else.
+
+Its code, the values of its parameters, the seed, the decoded content of its inputs, and of the
+action what it declares to read. Never file times, absolute paths or compressed bytes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from imocap_core.errors import WorkFailed
+from imocap_core.pipeline.action import DETECT, Action
+from imocap_core.pipeline.graph import Pipeline, Settings
+from imocap_core.pipeline.source import closure
+from imocap_core.pipeline.stage import Read
+
+FORMAT = 1  # raise when the way artifacts are made or stored changes what they mean
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What a result was, or would be, made from; every leaf is a value or a digest."""
+
+    code: Mapping[str, str]  # module -> digest
+    params: Mapping[str, Mapping[str, Any]]
+    seed: int
+    inputs: Mapping[str, str]  # stage -> content digest
+    reads: Mapping[str, str]  # "videos v1" -> content digest
+    format: int = FORMAT
+
+    @property
+    def key(self) -> str:
+        """The stage key."""
+        return hashlib.sha256(_canonical(asdict(self)).encode()).hexdigest()
+
+    def provenance(self) -> dict[str, str]:
+        """The recipe as text, to be kept beside a result."""
+        return {name: _canonical(value) for name, value in asdict(self).items()}
+
+
+def recipe(
+    pipeline: Pipeline, stage: str, action: Action, settings: Settings, inputs: Mapping[str, str]
+) -> Recipe:
+    """The recipe of a stage now; `inputs` are the content digests of its input artifacts."""
+    spec = pipeline.stages[stage]
+    return Recipe(
+        code=closure(pipeline.script(stage)),
+        params=settings.of(spec.params),
+        seed=settings.seed,
+        inputs=dict(inputs),
+        reads={name: digest for kind in spec.reads for name, digest in _reads(kind, action)},
+    )
+
+
+def differences(before: Mapping[str, str], now: Recipe) -> list[str]:
+    """In words, why a result made from `before` (a provenance) is not what `now` would give."""
+    old = {name: json.loads(before.get(name, "null")) for name in asdict(now)}
+    lines: list[str] = []
+    if old["format"] != now.format:
+        lines.append("the way artifacts are made has changed")
+    if old["seed"] != now.seed:
+        lines.append(f"seed: {old['seed']} -> {now.seed}")
+    flat_old, flat_now = _flat(old["params"] or {}), _flat(now.params)
+    lines += [
+        f"{name}: {flat_old.get(name, 'absent')} -> {flat_now.get(name, 'absent')}"
+        for name in sorted({*flat_old, *flat_now})
+        if flat_old.get(name, "absent") != flat_now.get(name, "absent")
+    ]
+    for title, known, present in (
+        ("code", old["code"] or {}, now.code),
+        ("input", old["inputs"] or {}, now.inputs),
+        ("read", old["reads"] or {}, now.reads),
+    ):
+        changed = [n for n in sorted({*known, *present}) if known.get(n) != present.get(n)]
+        lines += [f"{title}: {name} {_how(name, known, present)}" for name in changed]
+    return lines
+
+
+def content_digest(path: Path) -> str:
+    """Digest of a file's bytes, or of a folder's files and their names in it."""
+    if path.is_dir():
+        sha = hashlib.sha256()
+        for file in sorted(p for p in path.rglob("*") if p.is_file()):
+            sha.update(file.relative_to(path).as_posix().encode() + b"\0")
+            sha.update(bytes.fromhex(content_digest(file)))
+        return sha.hexdigest()
+    try:
+        now = path.stat()
+        return _file_digest(path, now.st_size, now.st_mtime_ns)
+    except OSError as error:
+        raise WorkFailed(f"cannot read {path}: {error.strerror}") from None
+
+
+@lru_cache(maxsize=4096)
+def _file_digest(path: Path, size: int, mtime_ns: int) -> str:
+    """Size and time only keep one process from reading the same video for every stage."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _reads(kind: Read, action: Action) -> Iterator[tuple[str, str]]:
+    if kind == "declarations":
+        for video in action.videos:
+            text = _canonical(video.model_dump(mode="json"))
+            yield f"declarations {video.id}", hashlib.sha256(text.encode()).hexdigest()
+        order = _canonical([video.id for video in action.videos])
+        yield "declarations (order)", hashlib.sha256(order.encode()).hexdigest()
+        return
+    if kind == "hints":
+        for name, entries in (("anchors", action.anchors), ("forbidden", action.forbidden)):
+            text = _canonical([entry.model_dump(mode="json") for entry in entries])
+            yield f"hints {name}", hashlib.sha256(text.encode()).hexdigest()
+        mirrored = _canonical({video.id: video.mirrored for video in action.videos})
+        yield "hints mirrored", hashlib.sha256(mirrored.encode()).hexdigest()
+        return
+    if kind == "truth":
+        for name in action.truth_files:
+            yield f"truth {name}", content_digest(action.folder / name)
+        return
+    field = {"detections": "keypoints", "videos": "video", "initial": "initial"}[kind]
+    for video in action.videos:
+        given = getattr(video, field)
+        path = action.detected.get(video.id) if given == DETECT else given
+        if path is not None:
+            yield f"{kind} {video.id}", content_digest(action.folder / path)
+
+
+def _canonical(value: Any) -> str:
+    return json.dumps(value, sort_keys=True, separators=(",", ":"))
+
+
+def _flat(groups: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    return {f"{group}.{name}": v for group, values in groups.items() for name, v in values.items()}
+
+
+def _how(name: str, known: Mapping[str, str], present: Mapping[str, str]) -> str:
+    if name not in known:
+        return "is new"
+    return "has changed" if name in present else "is gone"

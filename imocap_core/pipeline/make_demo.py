@@ -1,0 +1,199 @@
+"""Made actions from a seed: `actions/yoga`, four videos of one sun salutation, and
+`actions/taichi`, four of one tai chi form, whose detections have hands.
+
+By hand, and how docs/images/yoga_contact_sheet.jpg is made:
+
+    python -m imocap_core.pipeline.make_demo actions/yoga --sheet docs/images/yoga_contact_sheet.jpg
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import tempfile
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+import yaml
+
+from imocap_core.body import Shaped, load_free_body
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.io.video import read_rgb, write_h264
+from imocap_core.render.arrays import Floats, Image
+from imocap_core.synthetic import taichi, yoga
+from imocap_core.synthetic.detector import Detections
+from imocap_core.synthetic.taichi_clip import TAICHI_CLIPS, taichi_body, taichi_take
+from imocap_core.synthetic.variation import PHASE_PER_S
+from imocap_core.synthetic.yoga_clip import (
+    LAYOUT,
+    YOGA_CLIPS,
+    Take,
+    draw_betas,
+    pictures,
+    yoga_take,
+)
+
+DEMOS = ("yoga", "taichi")
+_COUNT = {"yoga": len(YOGA_CLIPS), "taichi": len(TAICHI_CLIPS)}
+_DURATION_S = {"yoga": yoga.DURATION_S, "taichi": taichi.DURATION_S}
+DEFAULT_SEED = 7
+_WORKERS = 2
+_CRF = 18  # H.264 quality: little is lost
+_SHEET_COLUMNS = 8
+_SHEET_TILE = (224, 126)
+
+
+def make_demo(
+    name: str, folder: Path, seed: int, progress: Callable[[str], None] | None = None
+) -> None:
+    """Make a demo action: `folder` becomes its action folder (an older one is replaced).
+
+    The folder appears complete or not at all. The same seed gives the same keypoints, truth and
+    frames. progress is called with a sentence after each video. ValueError for an unknown name.
+    """
+    if name not in DEMOS:
+        raise ValueError(f"demo: expected one of {', '.join(DEMOS)}, got {name!r}")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as made:
+        draft = Path(made) / "new"
+        truth = _film_all(name, seed, draft, progress)
+        np.savez(draft / "truth.npz", **truth)
+        (draft / "action.yaml").write_text(yaml.safe_dump(_declaration(name), sort_keys=False))
+        if folder.exists():
+            folder.rename(Path(made) / "old")
+        draft.rename(folder)
+
+
+def video_id(index: int) -> str:
+    """v1 to v4."""
+    return f"v{index + 1}"
+
+
+def _declaration(name: str) -> dict[str, Any]:
+    videos = [
+        {
+            "id": video_id(index),
+            "video": f"videos/{video_id(index)}.mp4",
+            "keypoints": f"keypoints/{video_id(index)}",
+            "format": "openpose",
+            "layout": LAYOUT,
+        }
+        for index in range(_COUNT[name])
+    ]
+    return {"name": name, "videos": videos, "truth": "truth.npz"}
+
+
+def _film_all(
+    name: str, seed: int, draft: Path, progress: Callable[[str], None] | None
+) -> dict[str, Any]:
+    """Write all videos and keypoints below `draft`; return the arrays of truth.npz."""
+    count = _COUNT[name]
+    truths: dict[int, dict[str, Floats]] = {}
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(_WORKERS, mp_context=spawn) as pool:
+        jobs = {pool.submit(_film_one, name, seed, index, draft): index for index in range(count)}
+        for done, job in enumerate(as_completed(jobs), start=1):
+            truths[jobs[job]] = job.result()
+            if progress is not None:
+                progress(f"made {video_id(jobs[job])} ({done} of {count} videos)")
+    truth: dict[str, Any] = {
+        "joint_names": np.array(SMPL_JOINTS),
+        "phase_end": np.float64(_DURATION_S[name] * PHASE_PER_S),
+    }
+    for index in range(count):
+        truth |= {f"{video_id(index)}/{key}": value for key, value in truths[index].items()}
+    return truth
+
+
+def _film_one(demo: str, seed: int, index: int, draft: Path) -> dict[str, Floats]:
+    torch.set_num_threads(1)
+    cv2.setNumThreads(1)
+    if demo == "yoga":
+        shaped = demo_body(seed)
+        take = yoga_take(seed, index, shaped)
+    else:
+        shaped = taichi_body(seed)
+        take = taichi_take(seed, index, shaped)
+    name = video_id(index)
+    _write_keypoints(draft / "keypoints" / name, name, take)
+    video = draft / "videos" / f"{name}.mp4"
+    video.parent.mkdir(parents=True, exist_ok=True)
+    write_h264(video, pictures(take, seed, index, shaped), take.fps, crf=_CRF)
+    hands = {} if take.hands is None else {"hands": take.hands.points_m}
+    return hands | {
+        "joints": take.joints,
+        "K": take.camera.K,
+        "R": take.camera.R_cam_from_world[0],
+        "t": take.camera.t[0],
+        "R_frames": take.camera.R_cam_from_world,
+        "phase": take.performance.phase,
+    }
+
+
+def demo_body(seed: int) -> Shaped:
+    """The performer of yoga of a seed."""
+    model = load_free_body(dtype=torch.float64)
+    return model.shape(torch.as_tensor(draw_betas(seed, model.num_betas)))
+
+
+def _write_keypoints(folder: Path, name: str, take: Take) -> None:
+    """One OpenPose BODY_25 file a frame; beside a stranger the performer may come second."""
+    folder.mkdir(parents=True)
+    for frame, stranger in enumerate(take.strangers):
+        people = [_person(take.detections, frame)]
+        if take.hands is not None:
+            people[0] |= _hands(take.hands.detections, frame)
+        if stranger is not None:
+            people.insert(frame % 2, _person(stranger, 0))
+        file = folder / f"{name}_{frame:012d}_keypoints.json"
+        file.write_text(json.dumps({"version": 1.3, "people": people}))
+
+
+def _person(detections: Detections, frame: int) -> dict[str, Any]:
+    rows = np.column_stack([detections.xy_px[frame], detections.confidence[frame]])
+    return {"person_id": [-1], "pose_keypoints_2d": [round(float(v), 4) for v in rows.ravel()]}
+
+
+def _hands(detections: Detections, frame: int) -> dict[str, Any]:
+    rows = np.concatenate(
+        [detections.xy_px[frame], detections.confidence[frame][..., None]], axis=-1
+    )
+    sides = zip(("left", "right"), rows, strict=True)
+    return {
+        f"hand_{side}_keypoints_2d": [round(float(v), 4) for v in hand.ravel()]
+        for side, hand in sides
+    }
+
+
+def contact_sheet(folder: Path) -> Image:
+    """RGB sheet of an action's videos: one row a video, frames at equal intervals."""
+    rows = []
+    for file in sorted((folder / "videos").glob("*.mp4")):
+        frames = [frame for _, frame in read_rgb(file)]
+        chosen = np.linspace(0, len(frames) - 1, _SHEET_COLUMNS).round().astype(int)
+        tiles = [cv2.resize(frames[i], _SHEET_TILE, interpolation=cv2.INTER_AREA) for i in chosen]
+        rows.append(np.hstack(tiles))
+    return np.vstack(rows)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="make a demo action")
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--name", choices=DEMOS, default=DEMOS[0])
+    parser.add_argument("--seed", type=int, default=DEFAULT_SEED)
+    parser.add_argument("--sheet", type=Path, help="also write a contact sheet (jpg or png)")
+    arguments = parser.parse_args()
+    make_demo(arguments.name, arguments.folder, arguments.seed, print)
+    if arguments.sheet:
+        sheet = contact_sheet(arguments.folder)
+        cv2.imwrite(str(arguments.sheet), sheet[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 70])
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,165 @@
+"""The contract of a stage: read -> call the core -> write.
+
+A stage is one script with one function. What it reads is declared in pipeline.yaml, nowhere else:
+
+    # pipeline.yaml
+    stages:
+      sync:
+        script: stages/sync.py
+        inputs: [initial_smpl]
+        reads: []
+        params: [sync]
+
+    # stages/sync.py
+    \"\"\"sync: which frames of the videos show the same moment of the action (Eq. 1, 2).\"\"\"
+
+    from imocap_core.artifacts.schemas import InitialSmpl, Sync, SyncMap
+    from imocap_core.sync import synchronise
+    from imocap_core.cli import stage_main
+    from imocap_core.pipeline.stage import Context, Inputs
+    from imocap_core.params import Params
+
+
+    def run(ctx: Context, inputs: Inputs, params: Params) -> Sync:
+        initial = inputs.get(InitialSmpl)
+        ctx.progress(0.1, "comparing all pairs of frames")
+        found = synchronise(
+            [video.joints for video in initial.videos],
+            method=params.sync.method,
+            rng=ctx.rng(),
+        )
+        return Sync(reference=..., maps=[SyncMap(...), ...], ...)
+
+
+    if __name__ == "__main__":          # python -m stages.sync yoga
+        raise SystemExit(stage_main("sync"))
+
+What the runner promises:
+
+* `run` is called only when something that it reads has changed: its code (followed through the
+  imports inside this project), its groups of parameters, the seed, the content of its inputs, the
+  files and declarations it lists under `reads`. What is not listed can't be reached through `ctx`.
+* What it returns is validated, written atomically and kept.
+* Bad input is a ValueError (or OSError) with a clear sentence: which file, which field, expected,
+  got, what to do. It ends the run with exit code 1 and no traceback.
+* The same seed and the same inputs must give the same artifact: `ctx.rng()` is the only source of
+  chance; no clock, no absolute path, no global generator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TypeVar
+
+from imocap_core.artifacts.schemas.base import Artifact
+from imocap_core.pipeline.action import DETECT, Action, Declaration
+from imocap_core.pipeline.hints import AnchorEntry, ForbiddenEntry
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from imocap_core.artifacts.store import Stored
+
+Read = Literal["declarations", "detections", "videos", "initial", "hints", "truth"]
+Progress = Callable[[float, str], None]  # share done (0 to 1), what is being done
+Made = TypeVar("Made", bound=Artifact)
+
+
+@dataclass(frozen=True)
+class Context:
+    """What a stage may reach of the action: only the kinds that its `reads` lists."""
+
+    stage: str
+    seed: int
+    reads: frozenset[Read]
+    progress: Progress
+    report: Path  # an empty folder; what the stage leaves there is published as report/
+    _action: Action
+
+    def rng(self) -> np.random.Generator:
+        """A fresh generator, the same for every run of this stage with this seed."""
+        import numpy as np
+
+        return np.random.default_rng([self.seed, *self.stage.encode()])
+
+    def declarations(self) -> tuple[Declaration, ...]:
+        """The videos as action.yaml declares them (reads: declarations)."""
+        self._must_read("declarations")
+        return self._action.videos
+
+    def action_file(self) -> Path:
+        """action.yaml, to be named in messages."""
+        return self._action.file
+
+    def detections(self, video_id: str) -> Path | None:
+        """Folder or file of a video's 2D detections (reads: detections); None when not given."""
+        self._must_read("detections")
+        return self._found(video_id, self._declared(video_id).keypoints)
+
+    def video(self, video_id: str) -> Path | None:
+        """A video file (reads: videos); None when action.yaml gives none."""
+        self._must_read("videos")
+        return self._path(self._declared(video_id).video)
+
+    def initial(self, video_id: str) -> Path | None:
+        """A monocular estimator's result (reads: initial); None when action.yaml gives none."""
+        self._must_read("initial")
+        return self._found(video_id, self._declared(video_id).initial)
+
+    def hints(self) -> tuple[tuple[AnchorEntry, ...], tuple[ForbiddenEntry, ...]]:
+        """Anchors and forbidden spans of action.yaml, in source frames (reads: hints)."""
+        self._must_read("hints")
+        return self._action.anchors, self._action.forbidden
+
+    def mirrored(self) -> tuple[bool | None, ...]:
+        """What action.yaml says of each video's being mirrored (reads: hints)."""
+        self._must_read("hints")
+        return tuple(video.mirrored for video in self._action.videos)
+
+    def truth(self) -> Path | None:
+        """truth.npz, for scoring only (reads: truth, which only evaluate may)."""
+        self._must_read("truth")
+        return self._path(self._action.truth)
+
+    def _must_read(self, kind: Read) -> None:
+        assert kind in self.reads, (
+            f"stage {self.stage} wants {kind}, which pipeline.yaml does not list under its reads"
+        )
+
+    def _declared(self, video_id: str) -> Declaration:
+        for declaration in self._action.videos:
+            if declaration.id == video_id:
+                return declaration
+        known = ", ".join(v.id for v in self._action.videos)
+        raise ValueError(f"no video {video_id!r} in {self._action.file}; there are: {known}")
+
+    def _found(self, video_id: str, given: str | None) -> Path | None:
+        """What action.yaml names, or what was detected where it says so."""
+        return self._action.detected.get(video_id) if given == DETECT else self._path(given)
+
+    def _path(self, given: str | None) -> Path | None:
+        return None if given is None else self._action.folder / given
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """The artifacts a stage declares as inputs, decoded when asked for."""
+
+    stage: str
+    _stored: dict[str, Stored]
+    _decoded: dict[type[Artifact], Artifact] = field(default_factory=dict)
+
+    def get(self, kind: type[Made]) -> Made:
+        """The input artifact of this class: `inputs.get(Keypoints)`."""
+        if kind not in self._decoded:
+            matching = [s for s in self._stored.values() if s.schema == kind.__name__]
+            assert len(matching) == 1, (
+                f"stage {self.stage} wants a {kind.__name__}, but pipeline.yaml gives it "
+                f"{sorted(self._stored)}"
+            )
+            self._decoded[kind] = matching[0].decode(kind)
+        found = self._decoded[kind]
+        assert isinstance(found, kind)
+        return found

@@ -1,0 +1,1 @@
+"""From artifacts to what is solved, and back."""

@@ -1,0 +1,62 @@
+"""action.yaml's anchors and forbidden spans, from source frames to used frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
+from imocap_core.pipeline.hints import AnchorEntry, ForbiddenEntry
+from imocap_core.sync import Anchor, Hints
+
+
+def hints_of(
+    anchors: Sequence[AnchorEntry],
+    forbidden: Sequence[ForbiddenEntry],
+    keypoints: Keypoints,
+    file: str,
+) -> Hints:
+    """Hints by index of video and used frame; `file` names action.yaml in messages.
+
+    ValueError names every anchor on a frame that is not used, and every span without any.
+    """
+    index = {v.id: k for k, v in enumerate(keypoints.videos)}
+    videos = {v.id: v for v in keypoints.videos}
+    faults: list[str] = []
+    ties = []
+    for n, anchor in enumerate(anchors):
+        used = {v: _used(videos[v], frame) for v, frame in anchor.frames.items()}
+        faults += [
+            f"anchors.{n}: expected a used frame of {v}, {_range(videos[v])}, got "
+            f"{anchor.frames[v]}"
+            for v, at in used.items()
+            if at is None
+        ]
+        known = [(index[v], at) for v, at in used.items() if at is not None]
+        ties += [
+            Anchor(a, t, b, float(s), anchor.hard) for (a, t), (b, s) in combinations(known, 2)
+        ]
+    spans = []
+    for n, entry in enumerate(forbidden):
+        video = videos[entry.video]
+        first, stop = (f - int(video.frames[0]) for f in entry.frames)
+        first, stop = max(first, 0), min(stop, len(video.frames))
+        if first >= stop:
+            faults.append(
+                f"forbidden.{n}: expected frames of {video.id} within {_range(video)}, got "
+                f"{list(entry.frames)}"
+            )
+        spans.append((index[entry.video], first, stop))
+    if faults:
+        raise ValueError("\n".join(f"{file}: {fault}" for fault in faults))
+    return Hints(tuple(ties), tuple(spans))
+
+
+def _used(video: VideoKeypoints, frame: int) -> int | None:
+    """The index of a source frame among the used ones, which follow each other."""
+    at = frame - int(video.frames[0])
+    return at if 0 <= at < len(video.frames) else None
+
+
+def _range(video: VideoKeypoints) -> str:
+    return f"{int(video.frames[0])} to {int(video.frames[-1])}"

@@ -1,0 +1,137 @@
+"""The report as one page of HTML that holds its pictures, and as Markdown beside them."""
+
+from __future__ import annotations
+
+import base64
+import html
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from imocap_core.artifacts.schemas import Table
+from imocap_core.report import tables as text
+from imocap_core.report.files import Contents, Picture
+from imocap_core.report.metric_words import WORDS
+from imocap_core.report.sections import Section
+
+MIME = {".png": "image/png", ".jpg": "image/jpeg", ".webp": "image/webp"}
+PAGE, TEXT = "report.html", "report.md"
+STAMP = "imocap-made-from"
+NUMBERS = "What the numbers mean"
+
+STYLE = """
+:root { color-scheme: light; }
+body { font: 15px/1.5 system-ui, sans-serif; color: #22262b; background: #fff;
+       max-width: 1120px; margin: 2.2rem auto 5rem; padding: 0 1.2rem; }
+h1 { font-size: 1.7rem; margin: 0 0 .2rem; }
+h2 { font-size: 1.25rem; margin: 3rem 0 .4rem; padding-top: .8rem; border-top: 1px solid #e4e7ea; }
+h3 { font-size: .95rem; margin: 1.6rem 0 .4rem; }
+p, figcaption, dd { color: #5d656e; max-width: 80ch; }
+nav { font-size: .88rem; margin: .8rem 0 0; }
+nav a { margin-right: 1.1rem; white-space: nowrap; }
+a { color: #28588a; text-decoration: none; }
+a:hover { text-decoration: underline; }
+th a { color: inherit; border-bottom: 1px dotted #868d96; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; font-size: .83rem; font-variant-numeric: tabular-nums; }
+th, td { padding: .28rem .7rem; text-align: left; border-bottom: 1px solid #e4e7ea; }
+th { font-weight: 600; vertical-align: bottom; }
+td { white-space: nowrap; }
+.n { text-align: right; }
+.total td { border-bottom-color: #868d96; font-weight: 600; }
+figure { margin: 1.4rem 0; }
+figcaption { font-size: .88rem; }
+img { max-width: 100%; height: auto; }
+details { margin: 1rem 0; }
+summary { cursor: pointer; color: #28588a; }
+dt { font-family: ui-monospace, monospace; font-size: .85rem; margin-top: .6rem; }
+dd { margin: 0 0 0 1.2rem; font-size: .88rem; }
+dt:target { background: #f3e6d5; }
+"""
+
+
+def html_page(
+    folder: Path, contents: Contents, parts: Sequence[Section], links: Iterable[str], stamp: str
+) -> str:
+    """One page that needs no other file. `links`: files in the folder that it may lead to."""
+    titles = [*(p.title for p in parts), NUMBERS]
+    nav = "".join(f'<a href="#{_anchor(title)}">{html.escape(title)}</a>' for title in titles)
+    words = {c: WORDS[c] for t in _tables(parts) for c in t.columns if c in WORDS}
+    beside = "".join(f'<a href="{html.escape(x)}">{html.escape(x)}</a> ' for x in links)
+    return (
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta name="viewport" content="width=device-width">'
+        f'<meta name="{STAMP}" content="{stamp}">'
+        f"<title>{html.escape(contents.title)}</title><style>{STYLE}</style></head><body>\n"
+        f"<h1>{html.escape(contents.title)}</h1>\n<p>{html.escape(contents.lead)}</p>\n"
+        f"<nav>{nav}</nav>\n"
+        + (f"<nav>Beside this page: {beside}</nav>\n" if beside else "")
+        + "".join(_section(folder, part, words) for part in parts)
+        + _glossary(words)
+        + "</body></html>\n"
+    )
+
+
+def markdown_page(contents: Contents, parts: Sequence[Section]) -> str:
+    """The same without what the page folds, for a repository or a terminal."""
+    said = [f"# {contents.title}\n\n{contents.lead}\n"]
+    for part in parts:
+        said.append(f"## {part.title}\n")
+        if part.said:
+            said.append(f"{part.said}\n")
+        if part.sentences:
+            said.append("\n".join(f"* {sentence}" for sentence in part.sentences) + "\n")
+        pictures = (*part.pictures, *part.folded_pictures)
+        said += [f"![{p.caption}]({p.file})\n\n{p.caption}\n" for p in pictures]
+        said += [text.markdown(table) for table in (*part.tables, *part.folded_tables)]
+    return "\n".join(said)
+
+
+def _section(folder: Path, part: Section, words: dict[str, str]) -> str:
+    sentences = "".join(f"<li>{html.escape(s)}</li>" for s in part.sentences)
+    folded = "".join(
+        f"<details><summary>{html.escape(p.caption)}</summary>{_figure(folder, p)}</details>\n"
+        for p in part.folded_pictures
+    ) + "".join(
+        f"<details><summary>{html.escape(t.title)}</summary>{_table(t, words)}</details>\n"
+        for t in part.folded_tables
+    )
+    return (
+        f'<h2 id="{_anchor(part.title)}">{html.escape(part.title)}</h2>\n'
+        + (f"<p>{html.escape(part.said)}</p>\n" if part.said else "")
+        + (f"<ul>{sentences}</ul>\n" if sentences else "")
+        + "".join(_table(t, words) for t in part.tables[:1])
+        + "".join(_figure(folder, p) for p in part.pictures)
+        + "".join(_table(t, words) for t in part.tables[1:])
+        + folded
+    )
+
+
+def _table(table: Table, words: dict[str, str]) -> str:
+    return f'<div class="wide">{text.html_table(table, words)}</div>\n'
+
+
+def _figure(folder: Path, picture: Picture) -> str:
+    data = base64.b64encode((folder / picture.file).read_bytes()).decode("ascii")
+    source = f"data:{MIME[Path(picture.file).suffix]};base64,{data}"
+    said = html.escape(picture.caption)
+    return f'<figure><img src="{source}" alt="{said}"><figcaption>{said}</figcaption></figure>\n'
+
+
+def _glossary(words: dict[str, str]) -> str:
+    entries = "".join(
+        f'<dt id="{name}">{name}</dt><dd>{html.escape(said)}</dd>\n'
+        for name, said in sorted(words.items())
+    )
+    return (
+        f'<h2 id="{_anchor(NUMBERS)}">{NUMBERS}</h2>\n<dl>{entries}</dl>'
+        "<p>In full: docs/metrics.md and docs/uncertainty.md. Numbers for programs: metrics.json, "
+        "and a CSV for each table.</p>\n"
+    )
+
+
+def _tables(parts: Iterable[Section]) -> list[Table]:
+    return [table for part in parts for table in (*part.tables, *part.folded_tables)]
+
+
+def _anchor(title: str) -> str:
+    return "section-" + "".join(c if c.isalnum() else "-" for c in title.lower())

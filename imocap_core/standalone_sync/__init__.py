@@ -1,0 +1,1 @@
+"""`imocap sync`: synchronisation alone, and long clips cut into repetitions."""

@@ -1,0 +1,133 @@
+"""The action that `imocap sync` makes of what it is given: artifacts/NAME/action.yaml."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections.abc import Mapping, Sequence
+from itertools import takewhile
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.io.detectors.guess import guess_detections
+from imocap_core.pipeline.action import DETECT, FILE_NAME, Action, Declaration
+from imocap_core.standalone_sync.sources import Given, Source, labels
+
+HEAD = "# Written by imocap, which writes it again; copy it to actions/ to change it.\n"
+
+
+def write_sources(root: Path, name: str | None, sources: Sequence[Source], given: Given) -> Path:
+    """The folder of an action of these sources, made or brought up to date.
+
+    WorkFailed when keypoints are not understood, WrongUse when fps and size are missing or the
+    name is taken.
+    """
+    blind = [str(s.keypoints) for s in sources if s.video is None]
+    if blind and (given.fps is None or given.size is None):
+        raise WrongUse(
+            f"{', '.join(blind)}: keypoints without a video don't tell the frame rate and the "
+            f"picture's size; give both, as in --fps 30 --size 1920x1080"
+        )
+    names = labels(sources)
+    folder = own_folder(root, name or _default_name(names, sources))
+    videos = [
+        _declared(label, source, given, folder)
+        for label, source in zip(names, sources, strict=True)
+    ]
+    return write(folder, videos)
+
+
+def write_instances(
+    root: Path, action: Action, name: str, spans: Mapping[str, Sequence[tuple[int, int]]]
+) -> Path:
+    """The folder of an action in which parts (first, stop) of some videos stand for these."""
+    folder = own_folder(root, name)
+    videos = []
+    for video in action.videos:
+        whole = video.model_copy(update={"repetitions": None})
+        if video.id not in spans:
+            videos.append(_moved(whole, action.folder, folder))
+            continue
+        for number, frames in enumerate(spans[video.id], start=1):
+            part = whole.model_copy(update={"id": f"{video.id}_r{number}", "frames": frames})
+            videos.append(_moved(part, action.folder, folder))
+    return write(folder, videos, action.params)
+
+
+def write(
+    folder: Path, videos: Sequence[dict[str, Any]], params: dict[str, Any] | None = None
+) -> Path:
+    """folder/action.yaml with these videos; untouched when it says just that."""
+    said: dict[str, Any] = {"name": folder.name, "videos": list(videos)}
+    if params:
+        said["params"] = params
+    text = HEAD + yaml.safe_dump(said, sort_keys=False)
+    file = folder / FILE_NAME
+    if not (file.is_file() and file.read_text(encoding="utf-8") == text):
+        folder.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+    return folder
+
+
+def own_folder(root: Path, name: str) -> Path:
+    """artifacts/NAME, where no other action keeps its results. WrongUse says otherwise."""
+    if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]*", name):
+        raise WrongUse(f"{name!r} is no name for an action: letters, digits, _ . - only")
+    folder = root / "artifacts" / name
+    file = folder / FILE_NAME
+    ours = file.is_file() and file.read_text(encoding="utf-8").startswith(HEAD)
+    taken = (root / "actions" / name).exists() or (folder.is_dir() and any(folder.iterdir()))
+    if taken and not ours:
+        raise WrongUse(f"there is another action {name}; choose another name with --name")
+    return folder
+
+
+def _default_name(names: Sequence[str], sources: Sequence[Source]) -> str:
+    """What the names begin with, and a few letters that tell other sources apart."""
+    same = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
+    shared = "".join(letters[0] for letters in same)
+    told = [str(path.resolve()) for s in sources for path in (s.video, s.keypoints) if path]
+    digest = hashlib.sha256("\n".join(told).encode()).hexdigest()[:6]
+    word = shared.rstrip("0123456789_.-") or "videos"
+    return f"sync-{word}-{digest}"
+
+
+def _declared(label: str, source: Source, given: Given, folder: Path) -> dict[str, Any]:
+    if source.keypoints is None:
+        assert source.video is not None
+        return {"id": label, "video": _relative(source.video, folder), "keypoints": DETECT}
+    try:
+        if given.format is not None and given.layout is not None:
+            kind, layout = str(given.format), str(given.layout)
+        else:
+            kind, layout = guess_detections(source.keypoints, layout=given.layout)
+    except ValueError as error:
+        raise WorkFailed(str(error)) from None
+    entry: dict[str, Any] = {"id": label}
+    if source.video is not None:
+        entry["video"] = _relative(source.video, folder)
+    entry |= {"keypoints": _relative(source.keypoints, folder), "format": given.format or kind}
+    entry["layout"] = layout
+    if source.video is None and given.fps is not None and given.size is not None:
+        entry |= {"fps": given.fps, "size": list(given.size)}
+    return entry
+
+
+def _moved(declared: Declaration, old: Path, new: Path) -> dict[str, Any]:
+    """A declaration whose paths are relative to another folder."""
+    entry = declared.model_dump(mode="json", exclude_none=True)
+    for field in ("video", "keypoints", "initial"):
+        if entry.get(field, DETECT) != DETECT:
+            entry[field] = _relative(old / entry[field], new)
+    return entry
+
+
+def _relative(path: Path, folder: Path) -> str:
+    try:
+        return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+    except ValueError:  # another drive
+        return path.resolve().as_posix()

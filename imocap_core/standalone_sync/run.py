@@ -1,0 +1,163 @@
+"""sync: synchronisation alone, from keypoints (and videos) to a table, a picture and a film."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from imocap_core.artifacts.schemas import InitialSmpl, Keypoints, Sync
+from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.pipeline import runner
+from imocap_core.pipeline.action import FILE_NAME
+from imocap_core.pipeline.builtin_actions import BUILT_IN
+from imocap_core.pipeline.runner import Display, Job
+from imocap_core.pipeline.stage import Context
+from imocap_core.standalone_sync.action import write_sources
+from imocap_core.standalone_sync.repetitions import cut, job_in_parts, made
+from imocap_core.standalone_sync.sources import Given, sources_of
+from imocap_core.workspace import Workspace
+
+STAGE = "sync"
+CSV, PICTURE, FILM = "sync.csv", "sync.png", "side_by_side.mp4"
+
+
+@dataclass(frozen=True)
+class Synchronised:
+    """What was found, and where it was written."""
+
+    action: str  # a name or folder by which other commands find it
+    keypoints: Keypoints
+    sync: Sync
+    files: list[Path]
+    said: list[str]  # sentences for the user
+
+
+def synchronise_action(
+    workspace: Workspace,
+    words: Sequence[str],
+    given: Given,
+    *,
+    name: str | None,
+    out: Path | None,
+    reference: str | None,
+    repetitions: bool,
+    sets: list[str],
+    display: Display,
+) -> Synchronised:
+    """Run an action's stages up to sync and write what they say. Raises WorkFailed, WrongUse."""
+    action = _action_of(workspace, words, given, name)
+    if repetitions:
+        job, said = _cut(workspace, action, name, sets, display)
+    else:
+        job, said = job_in_parts(workspace, action, sets, display)
+    action = str(job.action.folder) if said else action
+    if len(job.action.videos) < 2:
+        raise WrongUse(
+            f"{action} is one video: give two or more, or cut a long clip with --repetitions"
+        )
+    ids = [v.id for v in job.action.videos]
+    if reference is not None and reference not in ids:
+        raise WrongUse(f"--reference {reference}: there is no such video; got {', '.join(ids)}")
+    outcomes = runner.run(job, display, job.pipeline.upstream(STAGE))
+    keypoints, sync = made(outcomes, Keypoints), made(outcomes, Sync)
+    if reference is not None and sync.reference != reference:
+        if reference in sync.excluded:
+            raise WorkFailed(
+                f"--reference {reference}: {'; '.join(sync.notes)}; choose another video, or keep "
+                f"it with --set sync.outliers=ignore"
+            )
+        sync = _about(reference, job, keypoints, made(outcomes, InitialSmpl), display)
+    folder = out or workspace.root / "artifacts" / job.action.name / STAGE
+    try:
+        files = _write(folder, job, keypoints, sync, display)
+    except OSError as error:
+        raise WorkFailed(f"cannot write to {folder}: {error.strerror}") from None
+    return Synchronised(action, keypoints, sync, files, said)
+
+
+def _action_of(workspace: Workspace, words: Sequence[str], given: Given, name: str | None) -> str:
+    """The one action named, or one made of the videos and keypoints named."""
+    known = [word for word in words if _is_action(workspace, word)]
+    if known and (len(words) > 1 or name is not None):
+        raise WrongUse(f"{known[0]} is an action: give it alone, without --name")
+    if known:
+        return known[0]
+    return str(write_sources(workspace.root, name, sources_of(words), given))
+
+
+def _is_action(workspace: Workspace, word: str) -> bool:
+    places = (workspace.root / "actions" / word / FILE_NAME, Path(word) / FILE_NAME)
+    return word in BUILT_IN or Path(word).name == FILE_NAME or any(p.is_file() for p in places)
+
+
+def _cut(
+    workspace: Workspace, action: str, name: str | None, sets: list[str], display: Display
+) -> tuple[Job, list[str]]:
+    """The job of an action whose videos are the repetitions in an action's one video."""
+    job = workspace.ready_job(action, sets, display)
+    if len(job.action.videos) != 1:
+        raise WrongUse(f"--repetitions: expected one long clip, got {len(job.action.videos)}")
+    only = [job.action.videos[0].id]
+    folder, said = cut(workspace, job, only, f"{name or job.action.name}-repetitions", display)
+    return workspace.ready_job(str(folder), sets, display), said
+
+
+def _about(
+    reference: str, job: Job, keypoints: Keypoints, initial: InitialSmpl, display: Display
+) -> Sync:
+    """The synchronisation about another reference than the most central video."""
+    from imocap_core.problem.hints import hints_of
+    from imocap_core.problem.synchronisation import synchronise_motions
+
+    display.progress(0.5, f"again, about {reference}")
+    reads = frozenset(job.pipeline.stages[STAGE].reads)
+    ctx = Context(STAGE, job.settings.seed, reads, display.progress, Path(), job.action)
+    try:
+        return synchronise_motions(
+            initial.videos,
+            keypoints,
+            job.settings.params.sync,
+            ctx.rng(),
+            reference=reference,
+            mirrored=ctx.mirrored(),
+            hints=hints_of(*ctx.hints(), keypoints, str(ctx.action_file())),
+        )
+    except ValueError as error:
+        raise WorkFailed(f"{STAGE}: {error}") from None
+
+
+def _write(
+    folder: Path, job: Job, keypoints: Keypoints, sync: Sync, display: Display
+) -> list[Path]:
+    from imocap_core.figures.style import quiet, save
+    from imocap_core.figures.sync_picture import sync_picture
+    from imocap_core.film.phase_bar import lock_step
+    from imocap_core.io.video import write_h264
+    from imocap_core.io.writers.export_npz import write_sync
+
+    folder.mkdir(parents=True, exist_ok=True)
+    written = [
+        write_sync(
+            folder,
+            {v.id: v.frames for v in keypoints.videos},
+            {m.id: (m.reference_frame, m.confidence) for m in sync.maps},
+            sync.reference,
+            None if sync.trust is None else {v.id: v.phase_s for v in sync.trust.videos},
+        )
+    ]
+    with quiet():
+        reach_s = job.settings.params.sync.confidence_reach_s
+        save(sync_picture(keypoints, sync, reach_s=reach_s), folder / PICTURE)
+    written.append(folder / PICTURE)
+    files = {v.id: job.action.folder / v.video for v in job.action.videos if v.video is not None}
+    if len(files) > 1:
+        display.progress(0.0, "writing the film")
+        fps = next(v.fps for v in keypoints.videos if v.id == sync.reference)
+        film = lock_step(keypoints, sync, files, job.action.name)
+        try:
+            write_h264(folder / FILM, film, fps, faststart=True)
+        except ValueError as error:
+            raise WorkFailed(str(error)) from None
+        written.append(folder / FILM)
+    return written

@@ -1,0 +1,1 @@
+"""Cycle consistency: pairwise affinities made to agree over all videos (Eq. 2)."""

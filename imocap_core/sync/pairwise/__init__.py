@@ -1,0 +1,1 @@
+"""How alike the frames of two videos are (Eq. 1)."""

@@ -1,0 +1,1 @@
+"""Repetitions of one action in a long clip."""

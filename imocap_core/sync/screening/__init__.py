@@ -1,0 +1,1 @@
+"""Videos that are mirrored, and videos of another action."""

@@ -1,0 +1,1 @@
+"""From affinities to warps: which frame of one video matches which of another."""

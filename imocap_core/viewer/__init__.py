@@ -1,0 +1,1 @@
+"""The viewer: one HTML file that plays all videos in one scene."""

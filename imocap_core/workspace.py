@@ -1,0 +1,94 @@
+"""The folder one works in: actions/ and artifacts/ below it, and the pipeline.yaml in force."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from imocap_core.artifacts.store import Store
+from imocap_core.errors import WorkFailed
+from imocap_core.params import Params
+from imocap_core.pipeline import builtin_actions as demos
+from imocap_core.pipeline.action import DETECT, Action, find_action, read_action
+from imocap_core.pipeline.graph import FILE_NAME as PIPELINE
+from imocap_core.pipeline.graph import Pipeline, read_pipeline, settings
+from imocap_core.pipeline.runner import Display, Job
+from imocap_core.pipeline.source import PROJECT
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """Everything that is found by where one stands."""
+
+    root: Path
+
+    @property
+    def store(self) -> Store:
+        """The artifacts of this folder."""
+        return Store(self.root / "artifacts")
+
+    def pipeline_file(self) -> Path:
+        """This folder's own pipeline.yaml, else the checkout's, else the one that is installed."""
+        places = (self.root / PIPELINE, PROJECT / PIPELINE, PROJECT / "imocap_core" / PIPELINE)
+        for place in places:
+            if place.is_file():
+                return place
+        raise WorkFailed(f"found no {PIPELINE}, neither in {self.root} nor beside the program")
+
+    def pipeline(self) -> Pipeline[Params]:
+        """The graph in force."""
+        return read_pipeline(self.pipeline_file(), Params)
+
+    def job(self, action: str, sets: list[str]) -> Job:
+        """An action (by name or path) with its settings, its files not yet looked at."""
+        if action in demos.BUILT_IN and not (self.root / "actions" / action).exists():
+            raise WorkFailed(f"{action} is built in but not made yet; make it: imocap run {action}")
+        found = read_action(find_action(action, self.root))
+        pipeline = self.pipeline()
+        chosen = settings(pipeline, found.params, found.file, sets)
+        if any(video.detected for video in found.videos):
+            from imocap_core.detect.action import with_detections
+
+            found = with_detections(found, chosen.params.detect, self.store)
+        return Job(pipeline, self.store, found, chosen)
+
+    def ready_job(self, action: str, sets: list[str], display: Display) -> Job:
+        """The same for running: a built-in action is made first, every file must be there, and
+        people are found where action.yaml says `keypoints: detect`."""
+        if action in demos.BUILT_IN:
+            folder = self.root / "actions" / action
+            with self.store.lock(action, display.waiting):
+                demos.ensure(action, folder, self.pipeline().seed, display)
+        job = self.job(action, sets)
+        check_files(job.action)
+        if len(job.action.detected) == sum(video.detected for video in job.action.videos):
+            return job
+        from imocap_core.detect.action import detect
+
+        with self.store.lock(job.action.name, display.waiting):
+            detect(job.action, job.settings.params.detect, self.store, display)
+        return self.job(action, sets)
+
+
+def check_files(action: Action) -> None:
+    """WorkFailed, in one sentence a fault, when something that the action names is not there."""
+    blind = [v.id for v in action.videos if v.keypoints is None]
+    if blind:
+        one = len(blind) == 1
+        raise WorkFailed(
+            f"{action.file}: {'video' if one else 'videos'} {', '.join(blind)} "
+            f"{'has' if one else 'have'} no keypoints: write `keypoints: {DETECT}` there to have "
+            f"people found, or name what a 2D pose detector (OpenPose, for example) wrote"
+        )
+    named = [
+        (f"videos.{i}.{field}", given)
+        for i, video in enumerate(action.videos)
+        for field in ("video", "keypoints", "initial")
+        if (given := getattr(video, field)) not in (None, DETECT)
+    ]
+    named += [("truth", action.truth)] if action.truth is not None else []
+    missing = [(field, given) for field, given in named if not (action.folder / given).exists()]
+    if missing:
+        raise WorkFailed(
+            "\n".join(f"{action.file}: {f}: there is no {action.folder / g}" for f, g in missing)
+        )

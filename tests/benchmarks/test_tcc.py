@@ -1,0 +1,221 @@
+"""The TCC baseline: its loss against a slow twin, and made clips that it must align."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from benchmarks.tcc import (
+    FRAMES,
+    POSES,
+    align,
+    align_by_tcc,
+    cycle_back_regression,
+    frame_clip,
+    person_crop,
+    pose_clip,
+    train,
+)
+from benchmarks.tcc.clips import person_squares
+from benchmarks.tcc.loss import LEAST_VARIANCE
+from benchmarks.tcc.training import window_offsets, windows_at
+
+HIPS = [0, 1]
+FPS = 30.0
+SECONDS = 4.0
+
+
+def slow_loss(
+    u: np.ndarray, v: np.ndarray, times: np.ndarray, temperature: float, weight: float
+) -> float:
+    """The equations of the paper, one frame and one sum at a time."""
+
+    def softmax(similarities: list[float]) -> list[float]:
+        top = max(similarities)
+        parts = [math.exp(s - top) for s in similarities]
+        return [part / sum(parts) for part in parts]
+
+    def similarity(a: np.ndarray, b: np.ndarray) -> float:
+        return -sum((x - y) ** 2 for x, y in zip(a, b, strict=True)) / (len(a) * temperature)
+
+    losses = []
+    for i, ui in enumerate(u):
+        alpha = softmax([similarity(ui, vj) for vj in v])
+        neighbour = sum(a * vj for a, vj in zip(alpha, v, strict=True))
+        beta = softmax([similarity(neighbour, uk) for uk in u])
+        mean = sum(b * t for b, t in zip(beta, times, strict=True))
+        variance = sum(b * (t - mean) ** 2 for b, t in zip(beta, times, strict=True))
+        variance = max(variance, LEAST_VARIANCE)
+        losses.append((times[i] - mean) ** 2 / variance + weight * math.log(math.sqrt(variance)))
+    return sum(losses) / len(losses)
+
+
+def test_the_loss_of_a_batch_is_the_mean_of_the_slow_ones() -> None:
+    rng = np.random.default_rng(0)
+    u, v = rng.normal(size=(3, 7, 4)), rng.normal(size=(3, 5, 4))
+    times = np.sort(rng.uniform(size=(3, 7)), axis=1)
+    tensors = [torch.as_tensor(x) for x in (u, v, times)]
+    fast = cycle_back_regression(*tensors, temperature=0.5, variance_weight=0.1)
+    slow = [slow_loss(*pair, 0.5, 0.1) for pair in zip(u, v, times, strict=True)]
+    assert float(fast) == pytest.approx(np.mean(slow), rel=1e-10)
+
+
+def test_clips_that_agree_lose_less_than_clips_that_do_not() -> None:
+    path = torch.linspace(0, 3, 30, dtype=torch.float64)[None, :, None]
+    times = torch.linspace(0, 1, 30, dtype=torch.float64)[None]
+    shuffled = torch.zeros_like(path)  # every frame alike: no way back
+    same, lost = (
+        cycle_back_regression(path, v, times, temperature=0.1, variance_weight=0.0)
+        for v in (path, shuffled)
+    )
+    assert float(same) < 0.1 * float(lost)
+
+
+def made_pose(phase: np.ndarray) -> np.ndarray:
+    """Pixels (T, 12, 2) of a smooth motion that never returns to a pose; phase in seconds."""
+    rng = np.random.default_rng(3)
+    rest, swing = rng.normal(size=(12, 2)), 0.5 * rng.normal(size=(5, 12, 2))
+    rates = rng.uniform(0.5, 2.0, 5)
+    waves = (
+        s * np.sin(r * phase + k)[:, None, None]
+        for k, (s, r) in enumerate(zip(swing, rates, strict=True))
+    )
+    return np.asarray(300 + 60 * (rest + sum(waves)))
+
+
+def made_phases() -> list[np.ndarray]:
+    """One motion of four seconds, timed in three ways."""
+    u, w = np.linspace(0, 1, 100), np.linspace(0, 1, 120)
+    return [
+        np.linspace(0, SECONDS, 110),
+        SECONDS * u**1.3,
+        SECONDS * (w + 0.08 * np.sin(2 * np.pi * w)),
+    ]
+
+
+def error_pct(phases: list[np.ndarray], found: list[np.ndarray]) -> float:
+    """Mean |phase found - own phase| of the others, in per cent of the motion; video 0 is the
+    reference."""
+    at = np.arange(len(phases[0]))
+    errors = [np.abs(np.interp(f, at, phases[0]) - p) for f, p in zip(found, phases, strict=True)]
+    return float(100 * np.nanmean(np.concatenate(errors[1:])) / SECONDS)
+
+
+def test_one_motion_in_three_timings_is_aligned() -> None:
+    rng = np.random.default_rng(1)
+    phases = made_phases()
+    clips = [
+        pose_clip(
+            scale * (made_pose(p) + rng.normal(size=(len(p), 12, 2))) + rng.normal(size=2),
+            np.ones((len(p), 12)),
+            HIPS,
+        )
+        for p, scale in zip(phases, (1.0, 0.6, 1.7), strict=True)
+    ]
+    found = align_by_tcc(
+        clips, [FPS] * 3, replace(POSES, steps=50, sampled=32), reference=0, seed=0
+    )
+    assert np.mean(found.losses[-5:]) < 0.8 * found.losses[0]
+    assert error_pct(phases, found.reference_frame) < 2.0
+    np.testing.assert_array_equal(found.reference_frame[0], np.arange(110.0))
+    for frame, trust in zip(found.reference_frame, found.confidence, strict=True):
+        assert np.isfinite(frame).mean() > 0.95
+        assert (np.diff(frame[np.isfinite(frame)]) >= 0).all()
+        assert ((trust >= 0) & (trust <= 1)).all()
+
+
+def test_pictures_of_one_motion_are_aligned() -> None:
+    """Dark discs on their way over a bright ground."""
+    y, x = np.mgrid[:16, :16]
+    phases = [p[::3] for p in made_phases()]
+    clips = []
+    for phase in phases:
+        angle = 1.2 * phase[:, None, None]
+        squares = (x - 8 - 5 * np.cos(angle)) ** 2 + (y - 8 - 5 * np.sin(angle)) ** 2
+        clips.append(frame_clip(list((255 * (1 - np.exp(-squares / 8))).astype(np.uint8))))
+    settings = replace(FRAMES, steps=40, sampled=24)
+    found = align_by_tcc(clips, [FPS / 3] * 3, settings, reference=0, seed=0)
+    assert error_pct(phases, found.reference_frame) < 3.0
+
+
+def test_the_same_seed_gives_the_same_embedding_and_leaves_the_global_one_alone() -> None:
+    clips = [pose_clip(made_pose(p), np.ones((len(p), 12)), HIPS) for p in made_phases()[:2]]
+    settings = replace(POSES, steps=3, sampled=16)
+    before = torch.get_rng_state()
+    runs = [train(clips, [FPS] * 2, settings, seed=seed) for seed in (4, 4, 5)]
+    assert torch.equal(before, torch.get_rng_state())
+    np.testing.assert_array_equal(runs[0].embeddings[1], runs[1].embeddings[1])
+    assert not np.array_equal(runs[0].embeddings[1], runs[2].embeddings[1])
+    assert [e.shape for e in runs[0].embeddings] == [(110, 64), (100, 64)]
+
+
+def test_frames_that_the_reference_does_not_show_stay_unmatched() -> None:
+    path = np.stack([np.linspace(0, 10, 101), np.zeros(101)], axis=1)
+    pair, open_ends = [path[20:80], path], replace(POSES, unmatched_level=0.5)
+    found = align(pair, [FPS] * 2, open_ends, reference=0).reference_frame[1]
+    assert np.isnan(found[:5]).all()
+    assert np.isnan(found[-5:]).all()
+    np.testing.assert_allclose(found[25:75], np.arange(5.0, 55.0))
+    closed = align(pair, [FPS] * 2, POSES, reference=0).reference_frame[1]
+    assert np.isfinite(closed).all()
+
+
+def test_a_pose_clip_knows_neither_place_nor_size_and_nothing_of_what_is_missing() -> None:
+    xy, confidence = made_pose(np.linspace(0, 2, 20)), np.ones((20, 12))
+    xy[3, 5] = np.nan
+    confidence[4, 7] = 0.0
+    xy[6, :2] = np.nan  # both hips: bridged from the frames beside it
+    clip = pose_clip(xy, confidence, HIPS)
+    other = pose_clip(0.3 * xy + [70, 900], confidence, HIPS)
+    np.testing.assert_allclose(clip, other, atol=1e-5)
+    assert np.isfinite(clip).all()
+    np.testing.assert_array_equal(clip[[3, 4], [5, 7]], 0.0)
+    np.testing.assert_allclose(clip[0, :2, :2].sum(axis=0), 0.0, atol=1e-5)
+
+
+def test_a_crop_holds_what_is_in_its_square() -> None:
+    picture = np.zeros((90, 160), np.uint8)
+    picture[30:50, 60:80] = 200
+    boxes = np.tile([60.0, 30.0, 80.0, 50.0], (3, 1))
+    boxes[1] = np.nan
+    squares = person_squares(boxes)
+    np.testing.assert_allclose(squares, np.tile([70, 40, 23], (3, 1)))
+    crop = person_crop(picture, squares[0], 23)
+    assert crop[11, 11] == 200
+    assert crop[0, 0] == 0
+    assert (crop > 100).sum() == pytest.approx(400, abs=45)
+    clip = frame_clip([crop, crop])
+    assert clip.shape == (2, 1, 23, 23)
+    assert abs(float(clip.mean())) < 1e-5
+
+
+def test_windows_repeat_the_ends_of_a_clip() -> None:
+    offsets = window_offsets(10.0, replace(POSES, taps=3, spacing_s=0.2))
+    assert offsets.tolist() == [-2, 0, 2]
+    windows = windows_at(torch.arange(6), torch.tensor([0, 3, 5]), offsets)
+    assert windows.tolist() == [[0, 0, 2], [1, 3, 5], [3, 5, 5]]
+
+
+@pytest.mark.parametrize(
+    ("shapes", "change", "message"),
+    [
+        ([(9, 6, 3)], {}, "two or more"),
+        ([(9, 6, 3), (9, 5, 3)], {}, "clip 1"),
+        ([(9, 6, 3), (9, 6, 3)], {"taps": 4}, "odd"),
+        ([(9, 1, 8, 6), (9, 1, 8, 6)], {}, "square picture"),
+    ],
+)
+def test_clips_that_do_not_fit_are_refused(
+    shapes: list[tuple[int, ...]], change: dict[str, int], message: str
+) -> None:
+    clips = [np.zeros(shape, np.float32) for shape in shapes]
+    with pytest.raises(ValueError, match=message):
+        train(clips, [FPS] * len(clips), replace(POSES, **change), seed=0)
+    with pytest.raises(ValueError, match="reference"):
+        align([np.zeros((4, 2))], [FPS], POSES, reference=1)
+    with pytest.raises(ValueError, match="root is never seen"):
+        pose_clip(np.full((4, 3, 2), np.nan), np.ones((4, 3)), HIPS)

@@ -1,0 +1,54 @@
+"""The formats that readers of 2D keypoints are tested on, and how."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from imocap_core.io.detectors.by_name import read_detections
+from tests.io import made_keypoints as made
+
+Write = Callable[[Path, made.People], Path]
+CASES: dict[str, tuple[Write, str, str]] = {  # name: writer, format, layout
+    "openpose": (made.write_openpose, "openpose", "body25"),
+    "openpose body25b": (made.write_openpose, "openpose", "body25b"),
+    "openpose coco18": (made.write_openpose, "openpose", "coco18"),
+    "openpose halpe26": (made.write_openpose, "openpose", "halpe26"),
+    "alphapose": (made.write_alphapose, "alphapose", "coco17"),
+    "alphapose 26": (made.write_alphapose, "alphapose", "halpe26"),
+    "alphapose 136": (made.write_alphapose, "alphapose", "halpe136"),
+    "coco": (made.write_coco, "coco", "coco17"),
+    "coco wholebody": (made.write_coco_wholebody, "coco", "wholebody133"),
+    "coco 133": (made.write_coco, "coco", "wholebody133"),
+    "mmpose": (made.write_mmpose, "mmpose", "coco17"),
+    "mmpose inferencer": (made.write_mmpose_inferencer, "mmpose", "halpe26"),
+    "npz": (made.write_npz, "npz", "halpe26"),
+    "npz 133": (made.write_npz, "npz", "wholebody133"),
+    "mediapipe": (made.write_mediapipe, "mediapipe", "mediapipe33"),
+    "cpn_npz": (made.write_cpn_npz, "cpn_npz", "h36m17"),
+    "deeplabcut": (made.write_deeplabcut, "deeplabcut", "coco17"),
+    "sleap": (made.write_sleap, "sleap", "coco17"),
+}
+FILES = [name for name in CASES if "openpose" not in name]  # one file each, no folder
+
+
+def read(path: Path, kind: str, layout: str, *names: str) -> Any:
+    return read_detections(path, kind, layout, size=made.SIZE, names=names or ("v1",))
+
+
+def written(case: str, folder: Path, **changes: Any) -> tuple[Path, made.People, str, str]:
+    write, kind, layout = CASES[case]
+    one = {"persons": 1} if kind == "cpn_npz" else {}
+    people = made.people(layout, **(one | changes))
+    return write(folder, people), people, kind, layout
+
+
+def refused(path: Path, kind: str, layout: str) -> str:
+    with pytest.raises(ValueError, match=r".") as said:
+        read(path, kind, layout)
+    assert str(path) in str(said.value)
+    assert "\n" not in str(said.value)
+    return str(said.value)

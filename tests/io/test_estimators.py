@@ -1,0 +1,234 @@
+"""Every reader of monocular 3D estimates: gives back the performer, runs nothing, says what is
+wrong."""
+
+from __future__ import annotations
+
+import io
+import pickle
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.io.estimators.by_name import JOINTS, ROTATIONS
+from imocap_core.io.estimators.estimates import Wanted
+from imocap_core.io.estimators.sam3d_body import PLACES
+from tests.io import made_estimates as made
+
+WRITERS: dict[str, Callable[..., Path]] = {
+    "hmr2": made.write_phalp,
+    "wham": made.write_wham,
+    "vibe": made.write_vibe,
+    "hmmr": made.write_hmmr,
+    "gvhmr": made.write_gvhmr,
+    "tram": made.write_tram,
+    "sam3d_body": made.write_sam3d_body,
+    "mediapipe_world": made.write_mediapipe,
+}
+# What a reader uses, and a value of the wrong length and of the wrong kind for it.
+FIELDS = {
+    "hmr2": ("smpl", [{}], [[], []]),
+    "wham": ("pose", np.zeros((made.FRAMES, 71)), "text"),
+    "vibe": ("bboxes", np.zeros((made.FRAMES - 1, 4)), None),
+    "hmmr": ("poses", np.zeros((made.FRAMES, 23, 3, 3)), {}),
+    "gvhmr": ("body_pose", torch.zeros(made.FRAMES, 62), 7),
+    "tram": ("pred_rotmat", torch.zeros(made.FRAMES, 24, 9), ["a"]),
+    "sam3d_body": ("pred_keypoints_3d", [[0.0, 0.0, 0.0]] * 69, "text"),
+    "mediapipe_world": ("pose_world_landmarks", [[{"x": 0.0}] * 32], [7]),
+}
+ALL = pytest.mark.parametrize("kind", WRITERS)
+PICKLED = pytest.mark.parametrize("kind", ["hmr2", "wham", "vibe", "hmmr", "gvhmr", "tram"])
+
+
+def wanted(first: int = 1, stop: int = made.FRAMES - 1) -> Wanted:
+    frames = np.arange(first, stop)
+    inside = np.clip(frames, 0, made.FRAMES - 1)
+    return Wanted(frames, made.PERFORMER.box_px[inside], made.SIZE)
+
+
+def read(kind: str, path: Path, what: Wanted | None = None) -> Any:
+    what = wanted() if what is None else what
+    return ROTATIONS[kind](path, what) if kind in ROTATIONS else JOINTS[kind](path, what).joints
+
+
+def expected(kind: str, who: made.Truth = made.PERFORMER) -> np.ndarray:
+    if kind == "sam3d_body":
+        return made.joints_of(who)[1:-1][:, list(PLACES)]
+    if kind == "mediapipe_world":
+        return made.joints_of(who, 33)[1:-1]
+    R = who.R[1:-1].copy()
+    if kind == "gvhmr":  # it has no hands
+        R[:, 22:] = np.eye(3)
+    return R
+
+
+def the_file(path: Path) -> Path:
+    return path / "hps_track_0.npy" if path.is_dir() else path
+
+
+def test_every_reader_is_tested() -> None:
+    assert set(WRITERS) == {*ROTATIONS, *JOINTS} - {"joints_npz"}
+
+
+@ALL
+def test_the_performer_is_found_among_two_people(kind: str, tmp_path: Path) -> None:
+    found = read(kind, WRITERS[kind](tmp_path))
+    np.testing.assert_allclose(found, expected(kind), atol=1e-5)
+
+
+@ALL
+def test_one_person_needs_no_box(kind: str, tmp_path: Path) -> None:
+    path = WRITERS[kind](tmp_path, (made.PERFORMER,))
+    nowhere = Wanted(wanted().frames, np.full((len(wanted().frames), 4), np.nan), made.SIZE)
+    np.testing.assert_allclose(read(kind, path, nowhere), expected(kind), atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", ["hmr2", "wham", "vibe", "tram", "sam3d_body", "mediapipe_world"])
+def test_frames_without_an_estimate_are_nan(kind: str, tmp_path: Path) -> None:
+    path = WRITERS[kind](tmp_path)
+    found = read(kind, path, wanted(2, made.FRAMES + 2))
+    assert np.isfinite(found[:-2]).all()
+    assert np.isnan(found[-2:]).all()
+    with pytest.raises(ValueError, match="expected an estimate in frames 50 to 51"):
+        read(kind, path, Wanted(np.array([50, 51]), made.PERFORMER.box_px[:2], made.SIZE))
+
+
+@pytest.mark.parametrize("kind", ["hmr2", "wham", "vibe", "tram", "sam3d_body", "mediapipe_world"])
+def test_people_elsewhere_are_not_the_performer(kind: str, tmp_path: Path) -> None:
+    path = WRITERS[kind](tmp_path)
+    far = Wanted(wanted().frames, wanted().box_px + 150, made.SIZE)
+    with pytest.raises(ValueError, match="where the keypoints have the performer"):
+        read(kind, path, far)
+
+
+@ALL
+@pytest.mark.parametrize("share", [0.0, 0.2, 0.6, 0.95])
+def test_a_truncated_file_is_refused(kind: str, share: float, tmp_path: Path) -> None:
+    path = WRITERS[kind](tmp_path)
+    content = the_file(path).read_bytes()
+    the_file(path).write_bytes(content[: int(share * len(content))])
+    refused(kind, path)
+
+
+@ALL
+@pytest.mark.parametrize("content", [7, "text", [1, 2], {}, [[]], {"a": {}}, None, [{}]])
+def test_a_file_of_something_else_is_refused(kind: str, content: Any, tmp_path: Path) -> None:
+    import json
+
+    path = WRITERS[kind](tmp_path)
+    if path.suffix == ".json":
+        path.write_text(json.dumps(content))
+    elif path.suffix == ".pt":
+        torch.save(content, path)
+    else:
+        the_file(path).write_bytes(pickle.dumps(content))
+    refused(kind, path)
+
+
+@ALL
+@pytest.mark.parametrize("which", [1, 2])
+def test_a_field_of_wrong_length_or_kind_is_named(kind: str, which: int, tmp_path: Path) -> None:
+    name, said = FIELDS[kind][0], ""
+    path = WRITERS[kind](tmp_path, **{name: FIELDS[kind][which]})
+    said = refused(kind, path)
+    assert "expected" in said
+    assert "got" in said
+    assert name in said or kind in ("hmr2", "mediapipe_world")
+
+
+@ALL
+def test_a_missing_file_is_refused(kind: str, tmp_path: Path) -> None:
+    path = WRITERS[kind](tmp_path)
+    shutil.rmtree(path) if path.is_dir() else path.unlink()
+    assert "found no such file" in refused(kind, path)
+
+
+def refused(kind: str, path: Path) -> str:
+    with pytest.raises(ValueError, match=r".") as said:
+        read(kind, path)
+    assert str(path) in str(said.value)
+    assert "\n" not in str(said.value)
+    return str(said.value)
+
+
+class Evil:
+    """Makes a file when it is unpickled."""
+
+    def __init__(self, victim: Path) -> None:
+        self.victim = victim
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (Path.touch, (self.victim,))
+
+
+@PICKLED
+@pytest.mark.parametrize("how", ["pickle", "joblib", "object array", "npy", "torch", "old torch"])
+def test_a_pickle_runs_nothing(kind: str, how: str, tmp_path: Path) -> None:
+    """Whatever a file is called and however it is packed."""
+    victim = tmp_path / "victim"
+    path = the_file(WRITERS[kind](tmp_path))
+    content = {"poses": Evil(victim), 1: {"pose": Evil(victim)}}
+    if how == "pickle":
+        path.write_bytes(pickle.dumps(content))
+    elif how == "joblib":
+        made.dump_joblib(content, path, compress=True)
+    elif how == "object array":
+        made.dump_joblib({"poses": np.array([Evil(victim)], dtype=object)}, path)
+    elif how == "npy":
+        with path.open("wb") as stream:
+            np.save(stream, np.array(content, dtype=object), allow_pickle=True)
+    else:
+        torch.save(content, path, _use_new_zipfile_serialization=how == "torch")
+    said = refused(kind, path)
+    assert "it names" in said
+    assert "touch" in said or "Path" in said or "getattr" in said
+    assert not victim.exists()
+    pickle.loads(pickle.dumps(Evil(victim)))
+    assert victim.exists()  # it would have
+
+
+@PICKLED
+def test_a_storage_inside_a_pickle_runs_nothing(kind: str, tmp_path: Path) -> None:
+    """torch keeps a tensor's numbers in a pickle of their own, which is refused alike."""
+    victim = tmp_path / "victim"
+    inner = io.BytesIO()
+    torch.save(Evil(victim), inner, _use_new_zipfile_serialization=False)
+
+    class Storage:
+        def __reduce__(self) -> tuple[Any, ...]:
+            return (torch.storage._load_from_bytes, (inner.getvalue(),))
+
+    path = the_file(WRITERS[kind](tmp_path))
+    path.write_bytes(pickle.dumps({"poses": Storage()}))
+    refused(kind, path)
+    assert not victim.exists()
+
+
+def test_matrices_that_are_no_rotations_are_refused(tmp_path: Path) -> None:
+    mirrored = made.PERFORMER.R * np.array([1, 1, -1])
+    for wrong in (mirrored, 2 * made.PERFORMER.R, np.full((made.FRAMES, 24, 3, 3), np.inf)):
+        path = made.write_hmmr(tmp_path, poses=wrong)
+        with pytest.raises(ValueError, match="expected rotation matrices"):
+            read("hmmr", path)
+
+
+def test_people_who_are_not_seen_in_a_frame_are_left_out_there(tmp_path: Path) -> None:
+    path = made.write_phalp(tmp_path, tracked_time=[0, 3])  # the performer is lost throughout
+    far = Wanted(wanted().frames, made.OTHER.box_px[1:-1], made.SIZE)
+    np.testing.assert_allclose(read("hmr2", path, far), expected("hmr2", made.OTHER), atol=1e-5)
+
+
+def test_tracks_of_tram_without_places_are_chosen_by_length(tmp_path: Path) -> None:
+    path = made.write_tram(tmp_path, img_focal=None)
+    np.testing.assert_allclose(read("tram", path), expected("tram", made.OTHER), atol=1e-5)
+    np.testing.assert_allclose(read("tram", path / "hps_track_1.npy"), expected("tram"), atol=1e-5)
+
+
+def test_joints_are_called_as_smpl_does() -> None:
+    assert set(PLACES.values()) <= set(SMPL_JOINTS)
+    assert len(PLACES) == 13

@@ -1,0 +1,161 @@
+"""A working folder with a tiny pipeline of three stages, run by the real harness.
+
+gather reads the detections, scale doubles them or not, evaluate compares with the truth. Each run
+of a stage adds its name to the file `ran`, each asks the environment whether to break.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+import yaml
+
+from imocap_core.pipeline.source import PROJECT
+
+HEAD = """
+from __future__ import annotations
+import os, signal
+from pathlib import Path
+import numpy as np
+from imocap_core.artifacts.schemas.base import Artifact
+
+class Numbers(Artifact):
+    values: dict[str, float]
+    seed: float
+
+def came(stage):
+    root = Path(os.environ["TOY_ROOT"])
+    with (root / "ran").open("a") as stream:
+        print(stage, file=stream)
+    how = os.environ.get("TOY_" + stage.upper())
+    if how == "kill":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if how == "bad":
+        raise ValueError("keypoints/v1: expected numbers, got [nonsense]")
+    if how == "bug":
+        {}["x"]
+    if how == "truth":
+        return True
+"""
+SCRIPTS = {
+    "gather": """
+def run(ctx, inputs, params):
+    came("gather")
+    ctx.progress(0.5, "halfway [v1]")
+    paths = {v.id: ctx.detections(v.id) for v in ctx.declarations()}
+    values = {name: float(path.read_text()) for name, path in paths.items()}
+    return Numbers(values=values, seed=ctx.rng().random())
+""",
+    "scale": """
+class Scaled(Numbers):
+    pass
+
+def run(ctx, inputs, params):
+    if came("scale"):
+        ctx.truth()
+    factor = 2.0 if params.sync.method == "als" else 1.0
+    numbers = inputs.get(Numbers)
+    values = {name: factor * value for name, value in numbers.values.items()}
+    return Scaled(values=values, seed=numbers.seed)
+""",
+    "evaluate": """
+class Scaled(Numbers):
+    pass
+
+class Score(Artifact):
+    error: float | None
+
+def run(ctx, inputs, params):
+    came("evaluate")
+    truth = ctx.truth()
+    values = inputs.get(Scaled).values
+    error = None
+    if truth is not None:
+        error = abs(sum(values.values()) - float(np.load(truth)["sum"]))
+    (ctx.report / "index.md").write_text(f"error {error}")
+    return Score(error=error)
+""",
+}
+STAGES = {
+    "gather": {"inputs": [], "reads": ["declarations", "detections"], "params": []},
+    "scale": {"inputs": ["gather"], "reads": [], "params": ["sync"]},
+    "evaluate": {"inputs": ["gather", "scale"], "reads": ["truth"], "params": ["evaluate"]},
+}
+ACTION = """\
+name: toy
+videos:
+  - {id: v1, keypoints: v1.txt, format: npz, layout: body25, fps: 30, size: [640, 360]}
+  - {id: v2, keypoints: v2.txt, format: npz, layout: body25, fps: 30, size: [640, 360]}
+"""
+
+
+@dataclass(frozen=True)
+class Toy:
+    """The working folder, and the command line in it."""
+
+    root: Path
+
+    @property
+    def action(self) -> Path:
+        """The action's folder."""
+        return self.root / "actions" / "toy"
+
+    def ran(self) -> list[str]:
+        """The stages that ran since this was last asked."""
+        log = self.root / "ran"
+        names = log.read_text().split() if log.exists() else []
+        log.unlink(missing_ok=True)
+        return names
+
+    def digests(self) -> dict[str, str]:
+        """The content digest of every current artifact."""
+        from imocap_core.artifacts.store import Store
+
+        store = Store(self.root / "artifacts")
+        found = {stage: store.load("toy", stage) for stage in STAGES}
+        return {stage: stored.digest for stage, stored in found.items() if stored is not None}
+
+    def apart(self, *words: str, **environment: str) -> subprocess.CompletedProcess[str]:
+        """Run `imocap WORDS` as a process of its own."""
+        return subprocess.run(
+            [sys.executable, "-m", "stages", *words, "--root", str(self.root)],
+            cwd=PROJECT,
+            env={**os.environ, "TOY_ROOT": str(self.root), **environment},
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+
+    def imocap(self, words: Sequence[str]) -> int:
+        """Run `imocap WORDS` in this process; its exit code."""
+        from imocap_core.cli import main
+
+        return main([*words, "--root", str(self.root)])
+
+
+@pytest.fixture
+def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Toy:
+    """A fresh working folder; TOY_<STAGE> says how a stage shall break."""
+    (tmp_path / "toys").mkdir()
+    for name, text in SCRIPTS.items():
+        (tmp_path / "toys" / f"{name}.py").write_text(HEAD + text)
+    defaults = yaml.safe_load((PROJECT / "pipeline.yaml").read_text())["params"]
+    defaults["sync"]["method"] = "softmap"
+    stages = {name: {"script": f"toys/{name}.py", **spec} for name, spec in STAGES.items()}
+    content = {"seed": 7, "stages": stages, "params": defaults}
+    (tmp_path / "pipeline.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
+    made = Toy(tmp_path)
+    made.action.mkdir(parents=True)
+    (made.action / "action.yaml").write_text(ACTION)
+    (made.action / "v1.txt").write_text("1.5")
+    (made.action / "v2.txt").write_text("2.5")
+    monkeypatch.setenv("TOY_ROOT", str(tmp_path))
+    monkeypatch.setattr(sys, "argv", ["imocap"])
+    return made

@@ -1,0 +1,73 @@
+"""A made action on disk: its artifacts in a store, its action.yaml, and videos where wanted."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from imocap_core.artifacts.schemas import Evaluate, Hands, Table
+from imocap_core.artifacts.schemas.base import Artifact
+from imocap_core.artifacts.schemas.sync import SyncSummary
+from imocap_core.artifacts.store import Store
+from imocap_core.io.video import write_h264
+from imocap_core.pipeline.runner import Job
+from imocap_core.report.files import CONTENTS
+from imocap_core.workspace import Workspace
+from tests.report.made import FPS, SIZE, Made
+
+NAME = "waving"
+
+
+def stored_job(root: Path, made: Made, *, filmed: tuple[str, ...] = ()) -> Job:
+    """The made scene as an action that has been run; the videos of `filmed` are grey pictures."""
+    folder = root / "actions" / NAME
+    folder.mkdir(parents=True)
+    videos = []
+    for seen in made.keypoints.videos:
+        entry = {"id": seen.id, "keypoints": "k", "fps": FPS, "size": list(SIZE)}
+        if seen.id in filmed:
+            pictures = (np.full((SIZE[1], SIZE[0], 3), 10 * n, np.uint8) for n in range(24))
+            write_h264(folder / f"{seen.id}.mp4", pictures, FPS)
+            entry["video"] = f"{seen.id}.mp4"
+        videos.append(entry)
+    (folder / "action.yaml").write_text(yaml.safe_dump({"name": NAME, "videos": videos}))
+    put(root, made)
+    return Workspace(root).job(NAME, [])
+
+
+def put(root: Path, made: Made) -> None:
+    """Every stage's artifact, made under the key `made`."""
+    store = Store(root / "artifacts")
+    pose = Table(
+        name="summary",
+        title="In short",
+        columns=["result", "mpjpe_mm"],
+        rows=[["monocular", 90.0], ["after loop", 30.0]],
+    )
+    rounds = [r.model_copy(update={"sync": _summary(r.sync)}) for r in made.refined.rounds]
+    parts: dict[str, tuple[Artifact, dict[str, bytes]]] = {
+        "keypoints": (made.keypoints, {}),
+        "camera_motion": (made.camera_motion, {}),
+        "initial_smpl": (made.initial, {}),
+        "sync": (made.sync, {}),
+        "smpl_ba": (made.single, {}),
+        "refine_sync": (made.refined.model_copy(update={"rounds": rounds}), {}),
+        "uncertainty": (made.claimed, {}),
+        "hands": (Hands(videos=[], model="", model_digest="", size=1.0, status="none"), {}),
+        "evaluate": (Evaluate(tables=[pose], files=[CONTENTS]), {CONTENTS: _contents()}),
+    }
+    for stage, (artifact, files) in parts.items():
+        store.publish(NAME, stage, store.put(stage, "made", artifact, {}, files))
+
+
+def _contents() -> bytes:
+    """The index of a report without pictures."""
+    return json.dumps({"title": NAME, "lead": "made", "pictures": []}).encode()
+
+
+def _summary(sync: SyncSummary) -> SyncSummary:
+    """Without the matrices, as the stage writes rounds."""
+    return SyncSummary(**{name: getattr(sync, name) for name in SyncSummary.model_fields})

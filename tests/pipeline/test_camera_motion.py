@@ -1,0 +1,94 @@
+"""The stage camera_motion: with a video it looks, without one it says that it did not."""
+
+import numpy as np
+import pytest
+
+from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
+from imocap_core.io.video import write_h264
+from imocap_core.params import CameraMotionParams, Params
+from imocap_core.pipeline.action import Action, Declaration
+from imocap_core.pipeline.stage import Context, Inputs
+from stages import camera_motion
+
+SIZE, FRAMES = (320, 180), 10
+PARAMS = Params.model_construct(
+    camera_motion=CameraMotionParams(
+        working_size_px=160,
+        max_features=150,
+        min_inliers=15,
+        reprojection_threshold_px=2.0,
+        assumed_focal_factor=1.0,
+    )
+)
+
+
+def keypoints_of(video, first=0, focal_px=None):
+    xy_px = np.full((FRAMES, 25, 2), 100.0)
+    xy_px[3, 2] = np.nan
+    box = np.tile([90.0, 90.0, 110.0, 110.0], (FRAMES, 1))
+    return Keypoints(
+        videos=[
+            VideoKeypoints(
+                id="v1", fps=30.0, size=SIZE, layout="body25", video=video, focal_px=focal_px,
+                initial=None, initial_format=None, frames=np.arange(first, first + FRAMES),
+                xy_px=xy_px, confidence=np.isfinite(xy_px[..., 0]).astype(float),
+                person_box_px=box, tracks_found=1, presence=1.0, note="",
+            )
+        ]
+    )  # fmt: skip
+
+
+def run(folder, keypoints):
+    declared = Declaration(id="v1", video=keypoints.videos[0].video, fps=30.0, size=SIZE,
+                           keypoints="k", format="openpose", layout="body25")  # fmt: skip
+    context = Context(
+        stage="camera_motion",
+        seed=0,
+        reads=frozenset(("videos",)),
+        progress=lambda share, what: None,
+        report=folder,
+        _action=Action(folder, "made", (declared,)),
+    )
+    inputs = Inputs("camera_motion", {}, {Keypoints: keypoints})
+    return camera_motion.run(context, inputs, PARAMS).videos[0]
+
+
+@pytest.fixture
+def sliding(tmp_path):
+    """A texture that slides to the left by 4 pixels a frame, as a slow pan would show it."""
+    coarse = np.random.default_rng(0).integers(0, 255, size=(45, 120), dtype=np.uint8)
+    texture = np.kron(coarse, np.ones((4, 4), np.uint8))
+    frames = (np.repeat(texture[:, 4 * t : 4 * t + 320, None], 3, axis=2) for t in range(12))
+    write_h264(tmp_path / "v1.mp4", frames, 30.0, crf=16)
+    return tmp_path
+
+
+def test_without_a_video_the_camera_stands_still_and_is_unknown(tmp_path):
+    keypoints = keypoints_of(None, focal_px=500.0)
+    found = run(tmp_path, keypoints)
+    assert (found.motion, found.focal_source) == ("unknown", "given")
+    assert np.array_equal(found.xy_first_px, keypoints.videos[0].xy_px, equal_nan=True)
+
+
+def test_keypoints_are_carried_back_by_the_pan(sliding):
+    found = run(sliding, keypoints_of("v1.mp4"))
+    assert found.motion == "rotating"
+    moved = found.xy_first_px[:, 0, 0] - 100.0
+    assert np.allclose(moved, 4.0 * np.arange(FRAMES), atol=1.0)
+    assert np.isnan(found.xy_first_px[3, 2]).all()
+
+
+def test_the_first_used_frame_is_where_the_motion_starts(sliding):
+    found = run(sliding, keypoints_of("v1.mp4", first=2))
+    assert np.allclose(found.H_first_from_frame[0], np.eye(3))
+    assert abs(found.xy_first_px[-1, 0, 0] - 100.0 - 4.0 * (FRAMES - 1)) < 1.0
+
+
+def test_a_video_that_ends_too_early_is_named(sliding):
+    with pytest.raises(ValueError, match="expected frames 5 to 14, the video ends after 7"):
+        run(sliding, keypoints_of("v1.mp4", first=5))
+
+
+def test_the_same_video_gives_the_same_numbers(sliding):
+    one, two = (run(sliding, keypoints_of("v1.mp4")) for _ in range(2))
+    assert np.array_equal(one.H_first_from_frame, two.H_first_from_frame)

@@ -1,0 +1,189 @@
+"""Exit codes and sentences: 0 done, 1 the work failed, 2 wrong use; never a traceback."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from imocap_core.cli import hoisted
+from imocap_core.pipeline.action import read_action
+
+if TYPE_CHECKING:
+    from tests.pipeline.conftest import Toy
+
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["frob"], "No such command 'frob'"),
+        (["run"], "Missing argument"),
+        (["run", "nobody"], "no action 'nobody'"),
+        (["stage", "dance", "toy"], "no stage 'dance'; there are: gather, scale, evaluate"),
+        (["explain", "toy", "dance"], "no stage 'dance'"),
+        (["run", "toy", "--set", "sync.method=magic"], "sync.method: Input should be 'als'"),
+        (["run", "toy", "--set", "sync.magic=1"], "--set: sync.magic is no parameter"),
+        (["run", "toy", "--set", "magic.x=1"], "--set: 'magic' is no group of params"),
+        (["run", "toy", "--set", "sync.method"], "expected group.name=value"),
+        (["run", "toy", "--set", "seed=-1"], "expected a whole number from 0 up, got -1"),
+        (["export", "toy", "--format", "fbx", "--out", "x"], "'fbx'"),
+        (["init", "a/b", "x.mp4"], "is no name for an action"),
+        (["init", "mine", "x.mp4"], "there is no video x.mp4"),
+    ],
+)
+def test_wrong_use(toy: Toy, capsys: Capture, words: list[str], said: str) -> None:
+    assert toy.imocap(words) == 2
+    shown = capsys.readouterr().err
+    assert said in shown
+    assert "Traceback" not in shown
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["view", "toy"], "toy has no report yet; make one with: imocap run toy"),
+        (["export", "toy", "--out", "x"], "toy has no keypoints artifact yet; run it with"),
+    ],
+)
+def test_work_that_can_t_be_done(toy: Toy, capsys: Capture, words: list[str], said: str) -> None:
+    assert toy.imocap(words) == 1
+    assert said in capsys.readouterr().err
+
+
+def test_a_missing_file_is_named_before_anything_runs(toy: Toy, capsys: Capture) -> None:
+    (toy.action / "v2.txt").unlink()
+    assert toy.imocap(["run", "toy"]) == 1
+    said = capsys.readouterr().err
+    assert f"videos.1.keypoints: there is no {toy.action / 'v2.txt'}" in said
+    assert toy.ran() == []
+
+
+def test_a_folder_that_can_t_be_used_is_named(toy: Toy, capsys: Capture) -> None:
+    (toy.root / "artifacts").write_text("a file where a folder should be")
+    assert toy.imocap(["run", "toy"]) == 1
+    said = capsys.readouterr().err
+    assert f"cannot use {toy.root / 'artifacts'}" in said
+    assert "fault of the program" not in said
+
+
+def test_a_built_in_action_that_is_not_made_yet(toy: Toy, capsys: Capture) -> None:
+    assert toy.imocap(["status", "yoga"]) == 1
+    assert "yoga is built in but not made yet; make it: imocap run yoga" in capsys.readouterr().err
+
+
+def test_init_then_run_says_what_is_missing(toy: Toy, capsys: Capture, tmp_path: Path) -> None:
+    clips = [tmp_path / "a clip.mp4", tmp_path / "b.mp4"]
+    for clip in clips:
+        clip.write_bytes(b"")
+    assert toy.imocap(["init", "mine", *map(str, clips)]) == 0
+    action = read_action(toy.root / "actions" / "mine")
+    assert [v.id for v in action.videos] == ["a_clip", "b"]
+    assert (action.folder / str(action.videos[0].video)).resolve() == clips[0].resolve()
+    capsys.readouterr()
+    assert toy.imocap(["run", "mine"]) == 1
+    said = capsys.readouterr().err
+    assert f"{action.folder / str(action.videos[0].video)}: is not a readable video" in said
+    assert "fault of the program" not in said
+    assert said.count("\n") == 1
+    assert toy.imocap(["init", "mine", str(clips[0])]) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+def test_videos_of_one_name_get_numbers(toy: Toy, tmp_path: Path) -> None:
+    clips = [tmp_path / folder / "clip.mp4" for folder in ("x", "y")]
+    for clip in clips:
+        clip.parent.mkdir()
+        clip.write_bytes(b"")
+    assert toy.imocap(["init", "mine", *map(str, clips)]) == 0
+    action = read_action(toy.root / "actions" / "mine")
+    assert [v.id for v in action.videos] == ["v1", "v2"]
+
+
+def test_status_says_what_would_run_and_why(toy: Toy, capsys: Capture) -> None:
+    assert toy.imocap(["status", "toy"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split() for line in lines] == [
+        ["gather", "would", "run", "never", "run"],
+        ["scale", "would", "run", "after", "gather"],
+        ["evaluate", "would", "run", "after", "gather,", "scale"],
+    ]
+    toy.imocap(["run", "toy"])
+    (toy.action / "v1.txt").write_text("9")
+    capsys.readouterr()
+    toy.imocap(["status", "toy"])
+    assert "read: detections v1 has changed" in capsys.readouterr().out
+    (toy.action / "v1.txt").write_text("1.5")
+    toy.imocap(["status", "toy", "--set", "sync.method=als"])
+    said = capsys.readouterr().out
+    assert "gather         cached" in said
+    assert "sync.method: softmap -> als" in said
+
+
+def test_explain_lists_what_a_stage_depends_on(toy: Toy, capsys: Capture) -> None:
+    toy.imocap(["run", "toy"])
+    capsys.readouterr()
+    assert toy.imocap(["explain", "toy", "scale"]) == 0
+    said = capsys.readouterr().out
+    for part in ("scale: cached", "gather", "scale.py", "sync.method = softmap", "schemas.base"):
+        assert part in said
+    script = toy.root / "toys" / "scale.py"
+    script.write_text(script.read_text().replace("2.0", "3.0"))
+    toy.imocap(["explain", "toy", "scale"])
+    assert "because code: scale.py has changed" in capsys.readouterr().out
+
+
+def test_view_says_where_the_report_is(toy: Toy, capsys: Capture) -> None:
+    toy.imocap(["run", "toy"])
+    capsys.readouterr()
+    assert toy.imocap(["view", "toy"]) == 0
+    report = toy.root / "artifacts" / "toy" / "report" / "index.md"
+    assert str(report) in capsys.readouterr().out
+
+
+def test_an_action_s_own_parameters_hold(toy: Toy, capsys: Capture) -> None:
+    file = toy.action / "action.yaml"
+    plain = file.read_text()
+    file.write_text(plain + "params: {sync: {method: als}}\n")
+    assert toy.imocap(["explain", "toy", "scale"]) == 0
+    assert toy.imocap(["run", "toy"]) == 0
+    capsys.readouterr()
+    toy.imocap(["explain", "toy", "scale"])
+    assert "sync.method = als" in capsys.readouterr().out
+    file.write_text(plain + "params: {sync: {metod: als}}\n")
+    assert toy.imocap(["run", "toy"]) == 1
+    assert "sync.metod is no parameter (there are: " in capsys.readouterr().err
+
+
+def test_root_may_stand_anywhere() -> None:
+    assert hoisted(["run", "yoga", "--root", "x", "--force"]) == [
+        "--root",
+        "x",
+        "run",
+        "yoga",
+        "--force",
+    ]
+    assert hoisted(["run", "yoga", "--root=x"]) == ["--root=x", "run", "yoga"]
+    assert hoisted(["run", "--", "--root"]) == ["run", "--", "--root"]
+    assert hoisted(["run", "yoga", "--root"]) == ["--root", "run", "yoga"]
+
+
+def test_doctor_reads_the_body_models_it_finds(
+    toy: Toy, capsys: Capture, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.delenv("IMOCAP_MODELS", raising=False)
+    assert toy.imocap(["doctor"]) == 0
+    said = capsys.readouterr().out
+    assert "body model: free_body" in said
+    assert "body model SMPL-X: none, no folder given" in said
+    (tmp_path / "models").mkdir()
+    broken = tmp_path / "models" / "SMPLX_NEUTRAL.npz"
+    broken.write_bytes(b"")
+    monkeypatch.setenv("IMOCAP_MODELS", str(broken.parent))
+    assert toy.imocap(["doctor"]) == 1
+    said = capsys.readouterr().out
+    assert f"body model SMPL-X: {broken}: refused" in said
+    assert f"body model SMPL: none below {broken.parent}" in said
+    assert toy.imocap(["doctor", "--models", str(tmp_path / "nowhere")]) == 2

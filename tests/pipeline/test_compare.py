@@ -1,0 +1,129 @@
+"""imocap compare: files, numbers and sentences, of one action and of two."""
+
+from __future__ import annotations
+
+import csv
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imocap_core.artifacts.schemas import RefineSync
+from imocap_core.compare.compare import describe, pair_of
+from imocap_core.compare.pair_report import write_pair
+from imocap_core.compare.report import mean_take, write_technique
+from imocap_core.compare.sources import gather, several, shared
+from imocap_core.errors import WorkFailed
+from imocap_core.params import Params
+from imocap_core.pipeline.graph import read_pipeline
+from imocap_core.pipeline.source import PROJECT
+from tests.pipeline.made_result import PHASES, Made, made_result, refined
+
+ELBOW, RIGHT_ANKLE, LEFT_KNEE = 18, 8, 4  # the left arm swings, the right knee bends
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> Made:
+    return made_result(tmp_path)
+
+
+def swung(found: RefineSync, degrees: float) -> RefineSync:
+    """The same with the left shoulder of video `b` turned by some degrees more throughout."""
+    videos = []
+    for v in found.motion.videos:
+        theta = v.theta.copy()
+        if v.id == "b":
+            theta[:, 3 * 16 + 2] += np.deg2rad(degrees)
+        videos.append(v.model_copy(update={"theta": theta}))
+    motion = found.motion.model_copy(update={"videos": videos})
+    return found.model_copy(update={"motion": motion})
+
+
+def test_equal_performances(made: Made) -> None:
+    """Filmed from two sides, at two frame rates: still one motion."""
+    found = describe(several(gather(made.store, "walk")))
+    assert found.whole > 0.999
+    assert np.nanmax(found.joint_mm) < 2.0  # what lies between frames
+    assert len(found.instances.phase_s) == 28  # that both show
+
+
+def test_a_performer_who_lifts_the_arm_more(made: Made) -> None:
+    made.publish("refine_sync", swung(refined(PHASES), 10.0))
+    found = describe(gather(made.store, "walk"))
+    by_joint = dict(zip(found.instances.joint_names, found.joint_deg, strict=True))
+    assert by_joint["left_shoulder"] == pytest.approx(10 / np.sqrt(2), abs=0.2)
+    assert max(d for name, d in by_joint.items() if name != "left_shoulder") < 0.5
+    assert found.modes.share == pytest.approx([1.0])
+    scores = found.modes.scores[:, 0]
+    assert abs(scores[0] - scores[1]) == pytest.approx(10 / np.sqrt(22), abs=0.1)
+    assert found.consistency[ELBOW] < found.consistency[RIGHT_ANKLE]
+    assert np.isnan(found.consistency[LEFT_KNEE])  # it hardly moves
+
+
+def test_what_is_written(made: Made) -> None:
+    made.publish("refine_sync", swung(refined(PHASES), 10.0))
+    found = describe(gather(made.store, "walk"))
+    files = write_technique(made.out, found)
+    assert [f.name for f in files] == [
+        *("report.md", "joints.csv", "performances.csv", "mean.bvh"),
+        *("mean.png", "deviation.png", "modes.png", "timing.png"),
+    ]
+    assert all(f.stat().st_size > 50 for f in files)
+    report = files[0].read_text()
+    assert "2 performances (a, b), 28 moments" in report
+    assert set(re.findall(r"\((\w+\.png)\)", report)) == {f.name for f in files[4:]}
+    with files[1].open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 28 * 22
+    shoulder = [float(r["spread_deg"]) for r in rows if r["joint"] == "left_shoulder"]
+    np.testing.assert_allclose(shoulder, 10 / np.sqrt(2), atol=0.3)
+    take = mean_take(found)
+    assert take.joints[..., 1].min() == pytest.approx(0.0, abs=0.02)
+    head = take.joints[:, 15] - take.joints[:, 0]
+    np.testing.assert_allclose(head[:, 1], found.mean.joints[:, 15, 1], atol=1e-3)
+
+
+def test_two_actions_on_one_axis(made: Made, tmp_path: Path) -> None:
+    """The second one's performances: the same swing, the arm 10 degrees higher."""
+    other = made_result(tmp_path / "other")
+    lifted = swung(swung(refined(PHASES), 10.0), 0.0)
+    videos = [v for v in lifted.motion.videos if v.id == "b"]
+    videos.insert(0, refined(PHASES).motion.videos[0])
+    theta = videos[0].theta.copy()
+    theta[:, 3 * 16 + 2] += np.deg2rad(10.0)
+    videos[0] = videos[0].model_copy(update={"theta": theta})
+    motion = lifted.motion.model_copy(update={"videos": videos})
+    other.publish("refine_sync", lifted.model_copy(update={"motion": motion}))
+    first = gather(made.store, "walk")
+    second = gather(other.store, "walk", first.shaped)
+    params = read_pipeline(PROJECT / "pipeline.yaml", Params)
+    sync = Params.model_validate(params.defaults).sync
+    pair = pair_of(describe(first), describe(second), sync, np.random.default_rng(0))
+    assert len(pair.phase_s) > 10
+    angle = np.median(pair.difference.angle_deg, axis=0)
+    assert angle[16] == pytest.approx(10.0, abs=1.0)
+    assert np.abs(pair.second_s - pair.phase_s).mean() < 0.15
+    files = write_pair(made.out, pair)
+    assert "# Technique: walk and walk" in files[0].read_text()
+    assert all(f.stat().st_size > 100 for f in files)
+
+
+def test_which_moments_are_compared() -> None:
+    inside = np.ones((3, 10), dtype=bool)
+    inside[0, :2] = False
+    np.testing.assert_array_equal(shared(inside), inside[0])
+    inside[0, :8] = False  # a short one does not cut the others down
+    np.testing.assert_array_equal(shared(inside), np.ones(10, dtype=bool))
+
+
+def test_one_performance_has_no_spread(made: Made) -> None:
+    alone = {"a": PHASES["a"], "b": np.full(21, np.nan)}
+    made.publish("refine_sync", refined(alone))
+    found = gather(made.store, "walk")
+    assert found.left_out == ("b: no place on the common axis",)
+    with pytest.raises(WorkFailed, match="walk has one performance, and its spread needs two"):
+        several(found)
+    lonely = describe(found)
+    assert np.isnan(lonely.joint_mm).all()
+    assert np.isnan(lonely.whole)

@@ -1,0 +1,59 @@
+"""A built-in action is made when it is absent, by older code, or not whole; yours never is."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import pytest
+
+from imocap_core.pipeline import builtin_actions as demos
+
+
+@pytest.fixture
+def makes(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The seeds that a stand-in for the demo was made with."""
+    made: list[int] = []
+
+    def make_demo(name: str, folder: Path, seed: int, progress: object) -> None:
+        made.append(seed)
+        (folder / "videos").mkdir(parents=True, exist_ok=True)
+        (folder / "action.yaml").write_text(f"name: {name}")
+        (folder / "videos" / "v1.mp4").write_text(str(seed))
+
+    stand_in = ModuleType("imocap_core.pipeline.make_demo")
+    stand_in.make_demo = make_demo  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "imocap_core.pipeline.make_demo", stand_in)
+    return made
+
+
+@pytest.fixture
+def display() -> SimpleNamespace:
+    quiet = lambda *said: None  # noqa: E731
+    return SimpleNamespace(started=quiet, progress=quiet, made_demo=quiet)
+
+
+def test_made_once(tmp_path: Path, makes: list[int], display: SimpleNamespace) -> None:
+    for _ in range(2):
+        demos.ensure("yoga", tmp_path / "yoga", 7, display)
+    assert makes == [7]
+
+
+def test_made_again_when_needed(tmp_path: Path, makes: list[int], display: SimpleNamespace) -> None:
+    folder = tmp_path / "yoga"
+    demos.ensure("yoga", folder, 7, display)
+    (folder / "videos" / "v1.mp4").unlink()
+    demos.ensure("yoga", folder, 7, display)
+    demos.ensure("yoga", folder, 8, display)
+    (folder / demos.MADE).write_text("{")
+    demos.ensure("yoga", folder, 8, display)
+    assert makes == [7, 7, 8, 8]
+
+
+def test_an_own_action_stays(tmp_path: Path, makes: list[int], display: SimpleNamespace) -> None:
+    folder = tmp_path / "yoga"
+    folder.mkdir()
+    (folder / "action.yaml").write_text("name: mine")
+    demos.ensure("yoga", folder, 7, display)
+    assert makes == []

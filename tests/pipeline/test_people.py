@@ -1,0 +1,139 @@
+"""Who performs: the user's word, then the score, then what the other videos show."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from imocap_core.body import load_free_body
+from imocap_core.motion.prior import load_pose_prior
+from imocap_core.params import KeypointsParams
+from imocap_core.pipeline.person import Person
+from imocap_core.problem.performers import Watched, followed, performers
+from imocap_core.rotations import exp
+
+SIZE, FPS, FRAMES = (1280, 720), 30.0, 60
+PARAMS = KeypointsParams(
+    min_confidence=0.05, max_gap_s=1.0, looks=True, performer="agreement", sides="leave", cuts=True
+)
+FILE = Path("actions/made/action.yaml")
+
+
+def figure(seed: int, azimuth: float, x_px: float, height_px: float) -> np.ndarray:
+    """(T, 17, 3): a body that goes from one pose of the prior to another and back, as filmed."""
+    import torch
+
+    model = load_free_body()
+    ends = load_pose_prior().sample(2, np.random.default_rng(seed), 1.0)
+    share = (0.5 - 0.5 * np.cos(np.linspace(0, 4 * np.pi, FRAMES)))[:, None]
+    theta = torch.as_tensor((1 - share) * ends[0] + share * ends[1]).reshape(FRAMES, 23, 3)
+    root = torch.tensor([0.0, azimuth, 0.0], dtype=torch.float64).expand(FRAMES, 1, 3)
+    posed = model.shape(theta.new_zeros(1, 10)).pose(
+        exp(torch.cat([root, theta], 1)), theta.new_zeros(FRAMES, 3)
+    )
+    points = posed.keypoints(model.points("coco17")).numpy()
+    xy = points[..., :2] * (1, -1) * height_px / 1.7 + (x_px, 360)
+    return np.concatenate([xy, np.full((FRAMES, 17, 1), 0.9)], -1)
+
+
+def watched(name: str, *figures: np.ndarray, person: Person | None = None) -> Watched:
+    people = [np.stack([f[t] for f in figures]) for t in range(FRAMES)]
+    seen = Watched(name, people, np.arange(FRAMES), SIZE, FPS, "coco17", 1280.0, [], person)
+    return followed(seen, None, PARAMS)
+
+
+def middle_x(xy_px: np.ndarray) -> float:
+    return float(np.nanmedian(xy_px[..., 0]))
+
+
+STRANGER = figure(5, 0.4, 300, 520)
+PERFORMER = figure(1, 0.0, 900, 400)
+OTHERS = [watched("v2", figure(1, 1.0, 600, 400)), watched("v3", figure(1, -1.2, 500, 450))]
+
+
+def test_the_score_alone_takes_the_larger_one() -> None:
+    params = PARAMS.model_copy(update={"performer": "score"})
+    found = performers([watched("v1", STRANGER, PERFORMER), *OTHERS], FILE, params)
+    assert middle_x(found[0].xy_px) < 500
+
+
+def test_the_other_videos_tell_who_performs() -> None:
+    found = performers([watched("v1", STRANGER, PERFORMER), *OTHERS], FILE, PARAMS)
+    assert middle_x(found[0].xy_px) > 700
+    assert "what it does is what the other videos show" in found[0].note
+    assert "taken, not track 1" not in found[1].note
+
+
+@pytest.mark.parametrize(
+    "person",
+    [
+        Person(track=1),
+        Person(frame=10, at=(300, 360)),
+        Person(frame=10, box=(180, 100, 420, 640)),
+    ],
+)
+def test_the_users_word_counts_most(person: Person) -> None:
+    first = watched("v1", STRANGER, PERFORMER, person=person)
+    found = performers([first, *OTHERS], FILE, PARAMS)
+    assert middle_x(found[0].xy_px) < 500
+    assert "as action.yaml says" in found[0].note
+
+
+def test_nobody_there_is_one_sentence() -> None:
+    first = watched("v1", STRANGER, person=Person(frame=10, at=(1200, 20)))
+    with pytest.raises(ValueError, match=r"videos\.v1\.person: expected a person at") as caught:
+        performers([first, *OTHERS], FILE, PARAMS)
+    assert str(FILE) in str(caught.value)
+    assert "imocap people" in str(caught.value)
+
+
+def test_frames_count_as_in_the_file() -> None:
+    """`frame` is a source frame, also where the used frames begin later."""
+    late = replace(watched("v1", STRANGER, PERFORMER), frames=np.arange(100, 100 + FRAMES))
+    named = replace(late, person=Person(frame=110, at=(900, 360)))
+    found = performers([named], FILE, PARAMS)
+    assert middle_x(found[0].xy_px) > 700
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({}, "expected one of track, at, box, got nothing"),
+        ({"track": 1, "at": (3, 4), "frame": 0}, "got track and at"),
+        ({"at": (3, 4)}, "need the frame"),
+        ({"track": 1, "frame": 3}, "a frame beside track"),
+        ({"frame": 0, "box": (5, 5, 3, 9)}, "x0 < x1"),
+    ],
+)
+def test_a_person_is_named_in_one_way(given: dict[str, object], said: str) -> None:
+    with pytest.raises(ValidationError, match=said):
+        Person.model_validate(given)
+
+
+@pytest.mark.parametrize(("layouts", "frames"), [(("mediapipe33",), 0), (("coco17",), 3)])
+def test_by_default_sides_are_put_back_for_detectors_that_exchange_them(
+    layouts: tuple[str, ...], frames: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("imocap_core.problem.performers.EXCHANGES", layouts)
+    wrong = PERFORMER.copy()
+    for left, right in ((11, 12), (13, 14), (15, 16)):
+        wrong[30:33, left], wrong[30:33, right] = PERFORMER[30:33, right], PERFORMER[30:33, left]
+    params = PARAMS.model_copy(update={"sides": "auto"})
+    (found,) = performers([watched("v1", wrong)], FILE, params)
+    assert ("put back in 3 frames" in found.note) == (frames == 3)
+
+
+def test_sides_are_put_back_only_when_asked_for() -> None:
+    wrong = PERFORMER.copy()
+    legs = [(11, 12), (13, 14), (15, 16)]
+    for left, right in legs:
+        wrong[30:33, left], wrong[30:33, right] = PERFORMER[30:33, right], PERFORMER[30:33, left]
+    left_alone, put_back = (
+        performers([watched("v1", wrong)], FILE, PARAMS.model_copy(update={"sides": sides}))[0]
+        for sides in ("leave", "repair")
+    )
+    np.testing.assert_allclose(left_alone.xy_px, wrong[..., :2])
+    np.testing.assert_allclose(put_back.xy_px, PERFORMER[..., :2])
+    assert "put back in 3 frames" in put_back.note

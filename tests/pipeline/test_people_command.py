@@ -1,0 +1,56 @@
+"""`imocap people` lists everybody with the numbers and boxes that action.yaml takes."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from imocap_core.cli.people_table import listing
+from imocap_core.errors import WorkFailed
+from imocap_core.pipeline.action import Action, Declaration
+from tests.pipeline.test_people import PARAMS
+
+
+def figure(x: float, scale: float = 1.0) -> dict[str, list[float]]:
+    spread = np.random.default_rng(0).uniform(-1, 1, (25, 2)) * [30, 80] * scale
+    points = np.concatenate([spread + (x, 180), np.full((25, 1), 0.9)], axis=1)
+    return {"pose_keypoints_2d": points.ravel().tolist()}
+
+
+def job(folder: Path, **changes: Any) -> Any:
+    detections = folder / "keypoints" / "v1"
+    detections.mkdir(parents=True)
+    for t in range(20):
+        people = [figure(500, 0.5), figure(100 + 5 * t)]
+        (detections / f"v1_{t:012d}_keypoints.json").write_text(json.dumps({"people": people}))
+    declared = {
+        "id": "v1", "keypoints": "keypoints/v1", "format": "openpose", "layout": "body25",
+        "fps": 30.0, "size": (640, 360), "frames": (4, 20),
+    }  # fmt: skip
+    action = Action(folder, "made", (Declaration(**(declared | changes)),))
+    return SimpleNamespace(
+        action=action, settings=SimpleNamespace(params=SimpleNamespace(keypoints=PARAMS))
+    )
+
+
+def test_everybody_is_listed_the_performer_first(tmp_path: Path) -> None:
+    (video,) = listing(job(tmp_path))
+    assert [row[0] for row in video.rows] == ["1", "2"]
+    assert video.rows[0][1] == "4 to 19"
+    assert video.rows[0][3] == "1.00"
+    assert float(video.rows[1][3]) < 1
+    assert video.rows[0][4].endswith("in frame 12")
+    assert "2 people followed" in video.said[0]
+
+
+def test_a_name_from_the_list_is_taken(tmp_path: Path) -> None:
+    (video,) = listing(job(tmp_path, person={"track": 2}))
+    assert "track 2 is the performer as action.yaml says" in video.said[0]
+
+
+def test_bad_input_is_a_sentence(tmp_path: Path) -> None:
+    with pytest.raises(WorkFailed, match=r"videos\.v1\.person: track: expected 1 to 2, got 5"):
+        listing(job(tmp_path, person={"track": 5}))

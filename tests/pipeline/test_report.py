@@ -1,0 +1,85 @@
+"""The page at the end of a run: made once, made again only when something has changed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from imocap_core.artifacts.schemas import SmplBa
+from imocap_core.pipeline.graph import settings
+from imocap_core.pipeline.runner import Job, Outcome
+from imocap_core.pipeline.timings import record, seconds_of, timing_table
+from imocap_core.report.action_report import SINGLE, complete, finish, single_model
+from tests.pipeline.stored import NAME, stored_job
+from tests.report.made import Made
+
+
+@pytest.fixture(scope="module")
+def made() -> Made:
+    return Made(frames=12)
+
+
+def _outcomes(job: Job, how: str = "cached") -> list[Outcome]:
+    found = {stage: job.store.load(NAME, stage) for stage in job.pipeline.stages}
+    return [Outcome(s, how, r, 1.5) for s, r in found.items() if r is not None]  # type: ignore[arg-type]
+
+
+def test_the_page_is_made_once_and_again_when_something_changed(made: Made, tmp_path: Path) -> None:
+    job = stored_job(tmp_path, made, filmed=("v1",))
+    page = finish(job, _outcomes(job, "made"))
+    assert page is not None
+    assert page.name == "report.html"
+    text = page.read_text()
+    for said in ("In short", "Synchronisation", "Time for each stage", "mpjpe_mm"):
+        assert said in text
+    folder = page.parent
+    for name in ("cycle.jpg", "results.jpg", "uncertainty.png", "report.md"):
+        assert (folder / name).stat().st_size > 500
+    first = page.stat().st_mtime_ns
+    assert finish(job, _outcomes(job)) == page
+    assert page.stat().st_mtime_ns == first
+    (folder / "viewer.html").write_text("now there is a viewer")
+    finish(job, _outcomes(job))
+    assert page.stat().st_mtime_ns > first
+    assert 'href="viewer.html"' in page.read_text()
+
+
+def test_a_run_that_stops_early_has_no_page(made: Made, tmp_path: Path) -> None:
+    job = stored_job(tmp_path, made)
+    early = [o for o in _outcomes(job) if o.stage != "evaluate"]
+    assert not complete({o.stage: o.stored for o in early})
+    assert finish(job, early) is None
+    assert not (job.store.report(NAME) / "report.html").exists()
+
+
+def test_seconds_belong_to_the_result_they_made(made: Made, tmp_path: Path) -> None:
+    job = stored_job(tmp_path, made)
+    outcomes = _outcomes(job, "made")
+    record(job.store, NAME, outcomes)
+    digests = {o.stage: o.stored.digest for o in outcomes}
+    assert seconds_of(job.store, NAME, digests)["sync"] == 1.5
+    assert seconds_of(job.store, NAME, {"sync": "another"}) == {"sync": None}
+    record(job.store, NAME, _outcomes(job, "cached"))
+    assert seconds_of(job.store, NAME, digests)["sync"] == 1.5
+    (tmp_path / "artifacts" / NAME / "timings.json").write_text("{broken")
+    assert seconds_of(job.store, NAME, {"sync": "x"}) == {"sync": None}
+    table = timing_table({"a": 1.0, "b": 2.0}, 100)
+    assert table.rows[-1] == ["all stages", 3.0, 30.0]
+    assert timing_table({"a": 1.0, "b": None}, 100).rows[-1] == ["b", None, None]
+
+
+def test_the_single_model_is_found_where_it_has_been_made(made: Made, tmp_path: Path) -> None:
+    job = stored_job(tmp_path, made)
+    stored = {o.stage: o.stored for o in _outcomes(job)}
+    assert single_model(job, stored) is None
+    chosen = settings(job.pipeline, job.action.params, job.action.file, [SINGLE])
+    key = replace(job, settings=chosen).recipe("smpl_ba", stored).key
+    one = made.single.model_copy(update={"status": "one motion for all"})
+    job.store.put("smpl_ba", key, one, {}, {})
+    found = single_model(job, stored)
+    assert found is not None
+    assert found.decode(SmplBa).status == "one motion for all"
+    job.store.put("smpl_ba", key, made.single, {}, {})
+    assert single_model(job, stored) is None  # what is shown anyway

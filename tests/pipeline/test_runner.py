@@ -1,0 +1,204 @@
+"""What has not changed is not made again; what is wrong is said in a sentence."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from imocap_core.artifacts.store import Store
+
+if TYPE_CHECKING:
+    from tests.pipeline.conftest import Toy
+
+ALL = ["gather", "scale", "evaluate"]
+
+
+def test_a_second_run_makes_nothing(toy: Toy, capsys: pytest.CaptureFixture[str]) -> None:
+    assert toy.imocap(["run", "toy"]) == 0
+    assert toy.ran() == ALL
+    before = toy.digests()
+    capsys.readouterr()
+    assert toy.imocap(["run", "toy"]) == 0
+    assert toy.ran() == []
+    assert toy.digests() == before
+    assert "toy: 3 stages, every one cached" in capsys.readouterr().out
+
+
+def test_a_parameter_reruns_its_stage_and_what_follows(toy: Toy) -> None:
+    toy.imocap(["run", "toy"])
+    before = toy.digests()
+    toy.ran()
+    assert toy.imocap(["run", "toy", "--set", "sync.method=als"]) == 0
+    assert toy.ran() == ["scale", "evaluate"]
+    assert toy.digests()["gather"] == before["gather"]
+    assert toy.digests()["scale"] != before["scale"]
+
+
+def test_going_back_costs_nothing(toy: Toy) -> None:
+    toy.imocap(["run", "toy"])
+    before = toy.digests()
+    toy.imocap(["run", "toy", "--set", "sync.method=als"])
+    toy.ran()
+    toy.imocap(["run", "toy"])
+    assert toy.ran() == []
+    assert toy.digests() == before
+
+
+def test_equal_content_stops_a_change_from_spreading(toy: Toy) -> None:
+    toy.imocap(["run", "toy"])
+    toy.ran()
+    assert toy.imocap(["run", "toy", "--set", "sync.method=svt"]) == 0
+    assert toy.ran() == ["scale"]  # svt scales as softmap does, so evaluate has the same input
+
+
+def test_a_changed_file_reruns_its_readers(toy: Toy) -> None:
+    toy.imocap(["run", "toy"])
+    toy.ran()
+    (toy.action / "v2.txt").write_text("3.5")
+    toy.imocap(["run", "toy"])
+    assert toy.ran() == ALL
+
+
+def test_time_and_place_of_the_files_don_t_matter(toy: Toy, tmp_path: Path) -> None:
+    toy.imocap(["run", "toy"])
+    before = toy.digests()
+    toy.ran()
+    elsewhere = tmp_path / "moved" / "toy"
+    shutil.copytree(toy.action, elsewhere)
+    assert toy.imocap(["run", str(elsewhere)]) == 0
+    assert toy.ran() == []
+    assert toy.digests() == before
+
+
+def test_the_same_seed_gives_the_same_digests(toy: Toy) -> None:
+    toy.imocap(["run", "toy"])
+    before = toy.digests()
+    shutil.rmtree(toy.root / "artifacts")
+    toy.imocap(["run", "toy"])
+    assert toy.digests() == before
+    toy.imocap(["run", "toy", "--set", "seed=8"])
+    assert toy.digests()["gather"] != before["gather"]
+
+
+def test_force_runs_what_is_cached(toy: Toy) -> None:
+    toy.imocap(["run", "toy"])
+    toy.ran()
+    assert toy.imocap(["stage", "scale", "toy", "--force"]) == 0
+    assert toy.ran() == ["scale"]
+    assert toy.imocap(["run", "toy", "--force"]) == 0
+    assert toy.ran() == ALL
+
+
+def test_one_stage_brings_what_it_needs(toy: Toy) -> None:
+    assert toy.imocap(["stage", "scale", "toy"]) == 0
+    assert toy.ran() == ["gather", "scale"]
+    assert toy.imocap(["run", "toy", "--until", "scale"]) == 0
+    assert toy.ran() == []
+
+
+@pytest.mark.parametrize("stage", ALL)
+def test_a_damaged_artifact_is_made_again(toy: Toy, stage: str) -> None:
+    toy.imocap(["run", "toy"])
+    before = toy.digests()
+    toy.ran()
+    file = Store(toy.root / "artifacts").current("toy", stage)
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2] ^= 1
+    file.write_bytes(data)
+    assert toy.imocap(["run", "toy"]) == 0
+    assert toy.ran() == [stage]
+    assert toy.digests() == before
+
+
+def test_a_lost_report_comes_back(toy: Toy) -> None:
+    toy.imocap(["run", "toy"])
+    toy.ran()
+    shutil.rmtree(toy.root / "artifacts" / "toy" / "report")
+    toy.imocap(["run", "toy"])
+    assert toy.ran() == []
+    assert (toy.root / "artifacts" / "toy" / "report" / "index.md").is_file()
+
+
+def test_a_killed_run_continues(toy: Toy) -> None:
+    killed = toy.apart("run", "toy", TOY_SCALE="kill")
+    assert killed.returncode < 0
+    assert toy.ran() == ["gather", "scale"]
+    assert toy.imocap(["run", "toy"]) == 0
+    assert toy.ran() == ["scale", "evaluate"]
+    left = [p.name for p in (toy.root / "artifacts").rglob("*.part")]
+    assert left == []
+
+
+def test_two_runs_of_one_action_don_t_meet(toy: Toy) -> None:
+    store = Store(toy.root / "artifacts")
+    command = [sys.executable, "-m", "stages", "run", "toy", "--root", str(toy.root)]
+    with store.lock("toy", lambda: None):
+        second = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        assert second.stdout is not None
+        said = second.stdout.readline()
+        assert toy.ran() == []
+    out, _ = second.communicate(timeout=60)
+    assert "another run of this action is at work" in said
+    assert "toy: 3 stages, 3 made" in out
+
+
+@pytest.mark.parametrize(
+    ("how", "said"),
+    [
+        ("bad", "imocap: scale: keypoints/v1: expected numbers, got [nonsense]\n"),
+        ("bug", "imocap: scale broke: KeyError: 'x'. This is a fault of the program"),
+        ("truth", "scale wants truth, which pipeline.yaml does not list under its reads"),
+    ],
+)
+def test_a_failed_stage_says_why(
+    toy: Toy,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    how: str,
+    said: str,
+) -> None:
+    monkeypatch.setenv("TOY_SCALE", how)
+    assert toy.imocap(["run", "toy"]) == 1
+    shown = capsys.readouterr()
+    assert said in shown.err
+    assert "Traceback" not in shown.err
+    assert set(toy.digests()) == {"gather"}
+    assert toy.imocap(["run", "toy", "--traceback"]) == 1
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_nothing_before_evaluate_depends_on_the_truth(toy: Toy) -> None:
+    action = toy.action / "action.yaml"
+    action.write_text(action.read_text() + "truth: truth.npz\n")
+    np.savez(toy.action / "truth.npz", sum=4.0)
+    assert toy.imocap(["run", "toy"]) == 0
+    before = toy.digests()
+    toy.ran()
+    (toy.action / "truth.npz").write_bytes(b"garbage")
+    assert toy.imocap(["run", "toy"]) == 1
+    assert toy.ran() == ["evaluate"]
+    shutil.rmtree(toy.root / "artifacts")
+    assert toy.imocap(["run", "toy"]) == 1
+    assert toy.digests() == {name: before[name] for name in ("gather", "scale")}
+
+
+def test_a_cached_run_imports_nothing_heavy(toy: Toy) -> None:
+    toy.imocap(["run", "toy"])
+    heavy = "torch cv2 scipy matplotlib av"
+    code = (
+        "import sys; from imocap_core.cli import main; code = main([]); "
+        f"print(sorted(set('{heavy}'.split()) & set(sys.modules))); sys.exit(code)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, "run", "toy", "--root", str(toy.root)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.splitlines()[-1] == "[]"

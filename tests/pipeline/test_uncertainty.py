@@ -1,0 +1,123 @@
+"""The stage on a made scene: what it says is complete, as filmed, and of every video."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from imocap_core.artifacts.schemas import (
+    CameraMotion,
+    InitialSmpl,
+    Keypoints,
+    RefineSync,
+    Uncertainty,
+)
+from imocap_core.params import Params
+from imocap_core.pipeline.source import PROJECT
+from imocap_core.problem.mirroring import (
+    REFLECTION,
+    TWINS,
+    mirrored_camera,
+    mirrored_detections,
+    mirrored_keypoints,
+    mirrored_motion,
+)
+from stages.uncertainty import run
+from tests.report.made import Made
+
+Given = tuple[Keypoints, CameraMotion, InitialSmpl, RefineSync]
+PARAMS = Params.model_validate(yaml.safe_load((PROJECT / "pipeline.yaml").read_text())["params"])
+
+
+def claimed(*given: Any) -> Uncertainty:
+    by_kind = {type(artifact): artifact for artifact in given}
+    context = SimpleNamespace(progress=lambda share, said: None)
+    inputs = SimpleNamespace(get=lambda kind: by_kind[kind])
+    return run(context, inputs, PARAMS)  # type: ignore[arg-type]
+
+
+def artifacts(made: Made, **decided: list[str]) -> Given:
+    """The made scene, its cameras where the performer is seen in one place."""
+    sync = made.refined.sync.model_copy(update=decided)
+    middle = np.array([0.0, 0.0, 3.0])
+    cameras = [c.model_copy(update={"t": middle - c.R @ middle}) for c in made.single.cameras]
+    motion = made.refined.motion.model_copy(update={"cameras": cameras})
+    refined = made.refined.model_copy(update={"sync": sync, "motion": motion})
+    return made.keypoints, made.camera_motion, made.initial, refined
+
+
+@pytest.fixture(scope="module")
+def made() -> Made:
+    return Made(count=3, frames=16)
+
+
+@pytest.fixture(scope="module")
+def plain(made: Made) -> Uncertainty:
+    return claimed(*artifacts(made))
+
+
+def test_every_frame_of_every_video_has_its_claims(made: Made, plain: Uncertainty) -> None:
+    assert [v.id for v in plain.videos] == made.ids
+    for video, frames in zip(plain.videos, made.frames, strict=True):
+        np.testing.assert_array_equal(video.frames, frames)
+        assert np.isfinite(video.covariance_mm2).all()
+        trace = np.einsum("tjxx->tj", video.covariance_mm2)
+        np.testing.assert_allclose(video.sigma_mm**2, trace, rtol=1e-4)
+        split = video.depth_mm**2 + video.across_mm**2
+        np.testing.assert_allclose(video.sigma_mm**2, split, rtol=1e-6)
+        wrist, knee = video.sigma_mm[:, 20].mean(), video.sigma_mm[:, 4].mean()
+        assert 3 < knee < wrist < 500
+    turn = np.diff([v.azimuth_deg for v in plain.videos])
+    assert np.abs((turn + 180) % 360 - 180) == pytest.approx(np.degrees(0.7), abs=3)
+    assert len(plain.viewpoints) == 8
+    assert plain.near == []
+    assert f"below {plain.median_mm:.0f} mm" in plain.status
+
+
+def test_an_excluded_video_speaks_for_itself(made: Made, plain: Uncertainty) -> None:
+    found = claimed(*artifacts(made, excluded=["v3"]))
+    alone, together = found.videos[2], plain.videos[2]
+    assert alone.sigma_mm.mean() > together.sigma_mm.mean()
+    assert np.isnan(alone.azimuth_deg)
+    assert np.isfinite(found.videos[1].azimuth_deg)
+
+
+def test_a_mirrored_video_has_the_claims_of_its_mirror_image(
+    made: Made, plain: Uncertainty
+) -> None:
+    keypoints, camera_motion, initial, refined = artifacts(made, mirrored=["v2"])
+
+    def second(values: list, turned: Callable[[Any], Any]) -> list:
+        return [turned(x) if x.id == "v2" else x for x in values]
+
+    motion = refined.motion.model_copy(
+        update={
+            "videos": second(refined.motion.videos, lambda m: mirrored_motion(m, made.model)),
+            "cameras": second(refined.motion.cameras, mirrored_camera),
+        }
+    )
+    layout, K = keypoints.videos[1].layout, camera_motion.videos[1].K
+    found = claimed(
+        Keypoints(videos=second(keypoints.videos, lambda v: mirrored_keypoints(v, K))),
+        CameraMotion(videos=second(camera_motion.videos, lambda c: mirrored_detections(c, layout))),
+        initial.model_copy(
+            update={"videos": second(initial.videos, lambda m: mirrored_motion(m, made.model))}
+        ),
+        refined.model_copy(update={"motion": motion}),
+    )
+    expected = plain.videos[1].covariance_mm2[:, TWINS] * REFLECTION[:, None] * REFLECTION
+    scale = expected.max()
+    np.testing.assert_allclose(found.videos[1].covariance_mm2, expected, atol=1e-3 * scale)
+    np.testing.assert_allclose(found.videos[0].sigma_mm, plain.videos[0].sigma_mm, rtol=1e-3)
+
+
+def test_one_video_alone_is_told_what_it_lacks() -> None:
+    alone = Made(count=1, frames=16)
+    found = claimed(*artifacts(alone))
+    assert np.isfinite(found.videos[0].sigma_mm).all()
+    assert max(found.viewpoints, key=lambda v: v.reduction).reduction > 0.1

@@ -1,0 +1,122 @@
+"""imocap view: one page from an action's artifacts, written once, and faults in a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import yaml
+
+from imocap_core.artifacts.schemas import InitialSmpl, RefineSync, SyncSummary
+from imocap_core.artifacts.store import Store
+from imocap_core.cli import main
+from tests.report.made import FPS, LAYOUT, SIZE, Made
+
+Capture = pytest.CaptureFixture[str]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, made_small: Made) -> Path:
+    """A folder with one action and the artifacts that its page needs."""
+    action = tmp_path / "actions" / "waving"
+    action.mkdir(parents=True)
+    videos = [
+        {"id": v, "keypoints": v, "layout": LAYOUT, "fps": FPS, "size": list(SIZE)}
+        for v in made_small.ids
+    ]
+    (action / "action.yaml").write_text(yaml.safe_dump({"name": "waving", "videos": videos}))
+    store = Store(tmp_path / "artifacts")
+    for stage, artifact in (
+        ("keypoints", made_small.keypoints),
+        ("camera_motion", made_small.camera_motion),
+        ("initial_smpl", made_small.initial),
+        ("refine_sync", summarised(made_small.refined)),
+    ):
+        store.publish("waving", stage, store.put(stage, f"key-{stage}", artifact, {}, {}))
+    return tmp_path
+
+
+def summarised(refined: RefineSync) -> RefineSync:
+    """As the stage makes it: its rounds without the matrices."""
+    rounds = [
+        r.model_copy(
+            update={
+                "sync": SyncSummary(**{f: getattr(r.sync, f) for f in SyncSummary.model_fields})
+            }
+        )
+        for r in refined.rounds
+    ]
+    return refined.model_copy(update={"rounds": rounds})
+
+
+@pytest.fixture(scope="session")
+def made_small() -> Made:
+    return Made(count=2, frames=6)
+
+
+@pytest.fixture
+def imocap(
+    folder: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> Callable[..., tuple[int, str]]:
+    monkeypatch.setattr("sys.argv", ["imocap"])
+
+    def call(*words: str) -> tuple[int, str]:
+        code = main(["--root", str(folder), *words])
+        shown = capsys.readouterr()
+        return code, shown.out + shown.err
+
+    return call
+
+
+def test_the_page_is_written_once(folder: Path, imocap: Callable[..., tuple[int, str]]) -> None:
+    file = folder / "artifacts" / "waving" / "report" / "viewer.html"
+    code, said = imocap("view", "waving")
+    assert code == 0
+    assert f"The viewer of waving is {file}" in said
+    assert "already" not in said
+    before = file.stat().st_mtime_ns
+    assert "already up to date" in imocap("view", "waving")[1]
+    assert file.stat().st_mtime_ns == before
+    assert str(folder) not in file.read_text(encoding="utf-8")
+
+
+def test_it_is_written_anew_when_the_result_has_changed(
+    folder: Path, imocap: Callable[..., tuple[int, str]], made_small: Made
+) -> None:
+    assert imocap("view", "waving")[0] == 0
+    store = Store(folder / "artifacts")
+    other = made_small.initial.model_copy(update={"source": {"v1": "hmr2", "v2": "hmr2"}})
+    store.publish("waving", "initial_smpl", store.put("initial_smpl", "other", other, {}, {}))
+    assert "already" not in imocap("view", "waving")[1]
+
+
+def test_out_says_where(folder: Path, imocap: Callable[..., tuple[int, str]]) -> None:
+    file = folder / "shown" / "here.html"
+    code, said = imocap("view", "waving", "--out", str(file))
+    assert code == 0
+    assert str(file) in said
+    assert file.read_text(encoding="utf-8").startswith("<!doctype html>")
+    code, said = imocap("view", "waving", "--out", str(folder))
+    assert code == 2
+    assert "expected the name of an .html file" in said
+
+
+def test_artifacts_of_other_frames_are_refused(
+    folder: Path, imocap: Callable[..., tuple[int, str]], made_small: Made
+) -> None:
+    initial: InitialSmpl = Made(count=2, frames=5).initial
+    store = Store(folder / "artifacts")
+    store.publish("waving", "initial_smpl", store.put("initial_smpl", "short", initial, {}, {}))
+    code, said = imocap("view", "waving")
+    assert code == 1
+    assert "waving: its artifacts are of different frames; run it with: imocap run waving" in said
+    assert "Traceback" not in said
+
+
+def test_a_broken_artifact_is_named(folder: Path, imocap: Callable[..., tuple[int, str]]) -> None:
+    (folder / "artifacts" / "waving" / "refine_sync.mcap").write_bytes(b"nonsense")
+    code, said = imocap("view", "waving")
+    assert code == 1
+    assert "refine_sync.mcap" in said
+    assert "run it with: imocap run waving" in said

@@ -1,0 +1,56 @@
+"""Round three videos and back."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from imocap_core.figures.cycle_figure import cycle_figure
+from imocap_core.figures.cycle_trip import chosen_trip, cycle_frames, cycle_starts, round_trip
+from imocap_core.figures.overlays import CELL_PX
+from imocap_core.figures.style import quiet
+from imocap_core.metrics.sync import cycle_residual_frames
+from tests.report.made import Made
+
+
+def test_consistent_maps_lead_home_and_inconsistent_ones_do_not() -> None:
+    lengths = [5, 6, 7]
+    phase = np.concatenate([np.arange(n) for n in lengths])
+    matrix = np.exp(-((phase[:, None] - phase[None]) ** 2))
+    trip = round_trip(matrix, ["a", "b", "c"], lengths, ["a", "b", "c"])
+    assert [len(at) for at in trip] == [5] * 4
+    np.testing.assert_array_equal(trip[-1], trip[0])
+    broken = matrix.copy()
+    broken[5:11, 11:] = np.roll(broken[5:11, 11:], 2, axis=1)
+    back = round_trip(broken, ["a", "b", "c"], lengths, ["a", "b", "c"])[-1]
+    np.testing.assert_array_equal(back[:3], [2, 3, 4])
+    assert cycle_residual_frames(matrix, lengths) == 0
+    with pytest.raises(ValueError, match=r"matrix: expected \(18, 18\), got \(17, 17\)"):
+        round_trip(matrix[:17, :17], ["a", "b", "c"], lengths, ["a", "b", "c"])
+
+
+def test_the_trip_leaves_out_what_is_excluded_and_prefers_central_videos() -> None:
+    made = Made(count=4, frames=8)
+    assert chosen_trip(made.refined.sync) == ["v1", "v2", "v3"]
+    without = made.refined.sync.model_copy(update={"excluded": ["v2"]})
+    assert chosen_trip(without) == ["v1", "v3", "v4"]
+    assert chosen_trip(Made(count=2).refined.sync) == ["v1", "v2"]
+
+
+def test_the_figure_shows_what_it_asked_for(made: Made) -> None:
+    sync = made.refined.sync
+    trip = chosen_trip(sync)
+    starts = cycle_starts(sync, trip)
+    assert starts == sorted(set(starts))
+    assert starts[0] >= 4  # v3 begins there
+    wanted = cycle_frames(sync, trip, starts)
+    assert set(starts) <= wanted["v1"]
+    cell = np.zeros((CELL_PX[1], CELL_PX[0], 3), np.uint8)
+    cells = {video: dict.fromkeys(indices, cell) for video, indices in wanted.items()}
+    frames = dict(zip(made.ids, made.frames, strict=True))
+    with quiet():
+        figure = cycle_figure(sync, trip, starts, cells, frames)
+    assert len(figure.images) == 5 * len(starts)
+    said = [text.get_text() for text in figure.texts]
+    assert f"frame {starts[0]}" in said
+    assert f"{starts[0]} (home)" in said

@@ -1,0 +1,180 @@
+"""The whole of evaluate on made artifacts: with truth, without, and with one video alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from imocap_core.artifacts.schemas import Evaluate, Hands
+from imocap_core.report.files import read_contents
+from stages.evaluate import run
+from tests.report.made import Made
+
+Runs = Callable[..., Evaluate]
+
+
+NO_HANDS = Hands(videos=[], model="", model_digest="", size=1.0, status="no hand keypoints")
+
+
+class Inputs:
+    """Hands out made artifacts by their class."""
+
+    def __init__(self, made: Made) -> None:
+        given = (made.keypoints, made.camera_motion, made.initial, made.sync, made.single)
+        given = (*given, made.refined, made.claimed, NO_HANDS)
+        self._given = {type(artifact): artifact for artifact in given}
+
+    def get(self, kind: type) -> Any:
+        return self._given[kind]
+
+
+class Context:
+    """An action of the name of its folder, without video files."""
+
+    def __init__(self, action: Path, report: Path, truth: Path | None) -> None:
+        self.report, self._action, self._truth = report, action, truth
+
+    def progress(self, share: float, said: str) -> None:
+        assert 0 <= share <= 1
+        assert said
+
+    def truth(self) -> Path | None:
+        return self._truth
+
+    def action_file(self) -> Path:
+        return self._action / "action.yaml"
+
+    def video(self, video_id: str) -> Path | None:
+        return None
+
+
+@pytest.fixture
+def evaluate(tmp_path: Path) -> Runs:
+    def evaluated(made: Made, *, truth: bool, figures: bool = False, name: str = "r") -> Evaluate:
+        report = tmp_path / name
+        report.mkdir()
+        file = tmp_path / "truth.npz"
+        if truth:
+            made.write_truth(file)
+        context = Context(tmp_path, report, file if truth else None)
+        params = SimpleNamespace(evaluate=SimpleNamespace(figures=figures))
+        return run(context, Inputs(made), params)  # type: ignore[arg-type]
+
+    return evaluated
+
+
+def _values(result: Evaluate, answer: str, metric: str) -> dict[str, float | None]:
+    every = next(t for t in result.tables if t.name == "metrics")
+    return {r[1]: r[3] for r in every.rows if r[0] == answer and r[2] == metric}  # type: ignore[misc]
+
+
+def test_scores_agree_with_what_was_made(made: Made, evaluate: Runs) -> None:
+    result = evaluate(made, truth=True)
+    mono = _values(result, "monocular", "mpjpe_mm")["all videos"]
+    last = _values(result, "after loop", "mpjpe_mm")["all videos"]
+    assert mono is not None
+    assert last is not None
+    assert last == pytest.approx(mono / 5, rel=0.1)  # a fifth of the bend
+    assert _values(result, "single pass", "sync_error_frames")["v2"] == pytest.approx(1)
+    assert _values(result, "after loop", "sync_error_frames")["v3"] == pytest.approx(0)
+    cameras = _values(result, "after loop", "camera_rotation_error_deg")
+    assert cameras["v2"] == pytest.approx(0, abs=1e-4)
+    assert "v1" not in cameras  # the reference has no error by definition
+    rounds = next(t for t in result.tables if t.name == "rounds")
+    assert [row[1] for row in rounds.rows] == [False, True]
+    assert "sync_error_frames" in rounds.columns
+    assert rounds.rows[1][rounds.columns.index("sync_error_frames")] == pytest.approx(0)
+    assert (_values(result, "monocular", "reprojection_px")["v1"] or 0) > 0.2
+
+
+def test_without_truth_the_reasons_are_given_and_images_still_scored(
+    made: Made, evaluate: Runs
+) -> None:
+    result = evaluate(made, truth=False)
+    unscored = next(t for t in result.tables if t.name == "unscored")
+    assert ["mpjpe_mm", "no truth"] in unscored.rows
+    assert ["sync_error_pct", "no true phases"] in unscored.rows
+    assert ["camera_rotation_error_deg", "the true cameras are not known"] in unscored.rows
+    assert _values(result, "after loop", "reprojection_px")["all videos"] is not None
+    assert _values(result, "after loop", "cycle_residual_frames")["all videos"] is not None
+
+
+def test_one_video_alone_has_poses_and_no_synchronisation(evaluate: Runs) -> None:
+    result = evaluate(Made(count=1), truth=True, figures=True)
+    assert _values(result, "after loop", "mpjpe_mm")["v1"] is not None
+    assert not any(t.name == "sync" for t in result.tables)
+    assert "warp.png" not in result.files
+    assert "moments.jpg" in result.files
+
+
+def test_claims_are_held_against_the_errors(made: Made, evaluate: Runs, tmp_path: Path) -> None:
+    result = evaluate(made, truth=True)
+    joints = next(t for t in result.tables if t.name == "uncertainty_joints")
+    row = next(r for r in joints.rows if r[0] == "left_ankle")
+    ankle = dict(zip(joints.columns, row, strict=True))
+    assert ankle["sigma_mm"] == pytest.approx(20)
+    assert ankle["normalised_error"] == pytest.approx(ankle["error_mm"] / 20)
+    values = _values(result, "after loop", "normalised_error")
+    every = [r[3] for r in joints.rows]
+    expected = np.sqrt(np.mean(np.square(np.array(every, dtype=float))))
+    assert values["all videos"] == pytest.approx(expected, rel=0.02)
+    assert "made" in (tmp_path / "r" / "observability.md").read_text()
+    assert any(t.title == "What the videos leave open" for t in result.tables)
+
+
+def test_report_is_whole_and_repeats_itself(made: Made, evaluate: Runs, tmp_path: Path) -> None:
+    first = evaluate(made, truth=True, figures=True, name="a")
+    again = evaluate(made, truth=True, figures=False, name="b")
+    on_disk = sorted(p.name for p in (tmp_path / "a").iterdir())
+    assert on_disk == first.files
+    pictures = {picture.file for picture in read_contents(tmp_path / "a").pictures}
+    for name in ("warp.png", "affinity.png", "scene.png", "overlay_v2.jpg"):
+        assert name in first.files
+        assert name in pictures
+        assert (tmp_path / "a" / name).stat().st_size > 5000
+    assert first.tables == again.tables
+    assert (tmp_path / "a" / "metrics.csv").read_text() == (
+        tmp_path / "b" / "metrics.csv"
+    ).read_text()
+
+
+def test_truth_of_another_length_is_refused_by_name(
+    made: Made, evaluate: Runs, tmp_path: Path
+) -> None:
+    short = Made(frames=9)
+    short.write_truth(tmp_path / "truth.npz")
+    context = Context(tmp_path, tmp_path, tmp_path / "truth.npz")
+    with pytest.raises(ValueError, match=r"16 used frames, got 9 rows"):
+        run(context, Inputs(made), SimpleNamespace(evaluate=SimpleNamespace(figures=False)))  # type: ignore[arg-type]
+
+
+def test_a_missing_camera_leaves_poses_unscored_but_not_sync(
+    made: Made, evaluate: Runs, tmp_path: Path
+) -> None:
+    made.write_truth(tmp_path / "full.npz")
+    with np.load(tmp_path / "full.npz") as full:
+        np.savez(tmp_path / "part.npz", **{k: full[k] for k in full if not k.endswith("/R")})
+    context = Context(tmp_path, tmp_path, tmp_path / "part.npz")
+    params = SimpleNamespace(evaluate=SimpleNamespace(figures=False))
+    result = run(context, Inputs(made), params)  # type: ignore[arg-type]
+    assert _values(result, "after loop", "mpjpe_mm") == dict.fromkeys(
+        [*made.ids, "all videos"], None
+    )
+    assert _values(result, "after loop", "sync_error_frames")["v2"] == pytest.approx(0)
+
+
+def test_a_video_without_any_match_leaves_the_report_whole(evaluate: Runs) -> None:
+    made = Made(count=2)
+    lost = made.refined.sync.maps[1]
+    none = lost.model_copy(update={"reference_frame": lost.reference_frame * np.nan})
+    sync = made.refined.sync.model_copy(update={"maps": [made.refined.sync.maps[0], none]})
+    made.refined = made.refined.model_copy(update={"sync": sync})
+    result = evaluate(made, truth=True, figures=True)
+    assert _values(result, "after loop", "sync_error_frames")["v2"] is None
+    assert _values(result, "after loop", "matched_share")["v2"] == 0
+    assert "warp.png" in result.files

@@ -1,0 +1,144 @@
+"""The report's page: everything in its place, every number explained, no other file needed."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imocap_core.artifacts.schemas import Table
+from imocap_core.body import load_free_body
+from imocap_core.figures.results_sheet import picks_of, telling_frames
+from imocap_core.figures.uncertainty_figure import over_time
+from imocap_core.metrics.scoring import Row, over_videos
+from imocap_core.report.files import Contents, Picture, read_contents, write_report
+from imocap_core.report.metric_words import WORDS
+from imocap_core.report.page import html_page, markdown_page
+from imocap_core.report.sections import sections
+from imocap_core.report.tables import long_table, metric_tables
+from tests.report.made import Made
+
+DOCS = Path(__file__).parents[2] / "docs"
+NOT_METRICS = {"ms_per_frame", "seconds", "cost"}
+
+
+def _table(name: str, *columns: str) -> Table:
+    return Table(
+        name=name, title=f"About {name}", columns=list(columns), rows=[[1.0] * len(columns)]
+    )
+
+
+def _page(tmp_path: Path) -> tuple[str, str]:
+    for name in ("moments.jpg", "cycle.jpg", "overlay_v1.jpg", "new.png"):
+        (tmp_path / name).write_bytes(name.encode())
+    contents = Contents(
+        "waving <b>", "three videos", (Picture("moments.jpg", "The same moments."),)
+    )
+    pictures = [
+        *contents.pictures,
+        Picture("overlay_v1.jpg", "v1 over its frames."),
+        Picture("cycle.jpg", "Round and back."),
+        Picture("new.png", "Nobody planned this."),
+    ]
+    tables = [
+        _table("summary", "result", "mpjpe_mm"),
+        _table("trust", "video", "outlier_score"),
+        Table(name="open", title="Open", columns=["sentence"], rows=[["v1 and v2 are near."]]),
+        _table("extra", "video", "unheard_of"),
+        _table("metrics", "result", "value"),
+    ]
+    parts = sections(tables, pictures)
+    page = html_page(tmp_path, contents, parts, ["viewer.html"], "abc123")
+    return page, markdown_page(contents, parts)
+
+
+def test_the_page_holds_its_pictures_and_names_no_other_file(tmp_path: Path) -> None:
+    page, _ = _page(tmp_path)
+    sources = re.findall(r'src="([^"]*)"', page)
+    assert len(sources) == 4
+    assert all(source.startswith("data:image/") for source in sources)
+    assert re.findall(r'href="(?!#)([^"]*)"', page) == ["viewer.html"]
+    assert "waving &lt;b&gt;" in page
+    assert "abc123" in page[:400]
+
+
+def test_links_within_the_page_lead_somewhere(tmp_path: Path) -> None:
+    page, _ = _page(tmp_path)
+    places = re.findall(r'id="([^"]*)"', page)
+    assert len(places) == len(set(places))
+    assert set(re.findall(r'href="#([^"]*)"', page)) == set(places)
+    assert 'id="outlier_score"' in page
+    assert 'id="unheard_of"' not in page
+
+
+def test_nothing_is_lost_and_the_unplanned_comes_last(tmp_path: Path) -> None:
+    page, text = _page(tmp_path)
+    for said in ("About summary", "About trust", "v1 and v2 are near.", "Nobody planned this."):
+        assert said in page
+        assert said in text
+    assert "About metrics" not in page  # for programs
+    assert page.index("About extra") > page.index("About trust")
+    assert "![Round and back.](cycle.jpg)" in text
+    assert text.index("## Synchronisation") > text.index("## In short")
+    folded = re.findall(r"<summary>(.*?)</summary>", page)
+    assert folded == ["About trust", "v1 over its frames."]
+
+
+def test_every_metric_has_its_words_and_they_are_documented() -> None:
+    metrics = ("mpjpe_mm", "mpjpe_17_scaled_mm", "sync_error_pct", "camera_rotation_error_deg")
+    rows = [Row("after loop", "v1", metric, 1.0) for metric in metrics]
+    tables = [*metric_tables(rows, over_videos(rows)), long_table(rows)]
+    shown = {c for t in tables if t.name != "metrics" for c in t.columns} & set(metrics)
+    assert shown <= WORDS.keys()
+    documents = "".join((DOCS / f"{n}.md").read_text() for n in ("metrics", "sync", "uncertainty"))
+    for name in ("mpjpe_mm", "normalised_error", "matched_share", "outlier_score", "sync_error_ms"):
+        assert name in WORDS
+        assert name in documents
+    assert all(said.endswith(".") and len(said) < 200 for said in WORDS.values())
+
+
+def test_contents_come_back_as_written(tmp_path: Path) -> None:
+    pictures = [Picture("a.png", "An ä.")]
+    files = write_report(tmp_path, "t", "lead", [], _table("metrics", "value"), pictures)
+    assert read_contents(tmp_path) == Contents("t", "lead", tuple(pictures))
+    assert set(files) == {"a.png", "contents.json", "metrics.csv", "metrics.json"}
+
+
+def test_telling_frames_are_where_answers_differ_most(made: Made) -> None:
+    last = made.final[0]
+    joints = last.joints.copy()
+    joints[[3, 12], 7] += 0.4
+    first = last.model_copy(update={"joints": joints})
+    assert telling_frames(first, last, 2) == [3, 12]
+    assert telling_frames(first, last, 1)[0] in (3, 12)
+    moved = last.model_copy(update={"joints": last.joints + 1.0})  # as a whole: no difference
+    assert np.isclose(np.ptp(moved.joints - last.joints), 0)
+
+
+def test_claims_over_time_are_the_mean_of_the_videos_that_show_the_moment(made: Made) -> None:
+    videos = [
+        v.model_copy(update={"sigma_mm": np.full_like(v.sigma_mm, size)})
+        for v, size in zip(made.claimed.videos, (30.0, 40.0, 50.0), strict=True)
+    ]
+    claimed = made.claimed.model_copy(update={"videos": videos})
+    moments_s, sigma_mm = over_time(claimed, made.keypoints, made.refined.sync)
+    assert len(moments_s) == 16
+    assert sigma_mm[0] == pytest.approx(np.full(12, 30.0))  # the others begin later
+    assert sigma_mm[8] == pytest.approx(np.full(12, np.sqrt((900 + 1600 + 2500) / 3)))
+
+
+def test_a_column_is_chosen_for_every_video(made: Made) -> None:
+    from imocap_core.figures.contact_sheets import Shot
+
+    names = load_free_body().points("body25").names
+    shots = [
+        Shot(s, c, None, names, a, b, c.K)
+        for s, c, a, b in zip(
+            made.keypoints.videos, made.camera_motion.videos, made.bent, made.final, strict=True
+        )
+    ]
+    picks = picks_of(shots)
+    assert [v for v, _ in picks] == [0, 0, 1, 1, 2, 2]
+    assert all(t_a < t_b for (_, t_a), (_, t_b) in zip(picks[::2], picks[1::2], strict=True))
