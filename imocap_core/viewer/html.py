@@ -53,4 +53,4 @@ def sources() -> str:
 
 
 def _source(name: str) -> str:
-    return (resources.files("imocap_core.report") / "web" / name).read_text(encoding="utf-8")
+    return (resources.files("imocap_core.viewer") / "web" / name).read_text(encoding="utf-8")
