@@ -70,7 +70,7 @@ def benchmark_command(
     if name in ("body", "bones"):
         console.print(benchmark.body_table(name, workspace))
     elif name == "rendered":
-        from benchmarks.rendered_command import rendered_report
+        from benchmarks.rendered.command import rendered_report
 
         with Terminal(console) as display:
             lines = rendered_report(workspace, videos, small, tuple(only), jobs, docs, display)

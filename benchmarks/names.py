@@ -9,7 +9,7 @@ from typing import Any
 
 from rich.table import Table
 
-from benchmarks.inputs import data_folder
+from benchmarks.actions.captured import data_folder
 from imocap_core.errors import WrongUse
 from imocap_core.pipeline.runner import Display
 from imocap_core.workspace import Workspace
@@ -33,7 +33,7 @@ class Wanted:
 
 def motion_tables(wanted: Wanted, workspace: Workspace, display: Display) -> tuple[str, list[str]]:
     """Measure; the table as Markdown, and where it was written."""
-    from benchmarks.choice import Choice
+    from benchmarks.actions.choice import Choice
     from benchmarks.docs import check_marks, put_into_docs
 
     if wanted.name == "ablations":
@@ -60,7 +60,10 @@ def motion_tables(wanted: Wanted, workspace: Workspace, display: Display) -> tup
 def _measured(
     wanted: Wanted, base: Any, workspace: Workspace, display: Display
 ) -> tuple[str, str, Path]:
-    from benchmarks import ablation_tables, ablations, motion, tables
+    from benchmarks.ablations import measure as ablations
+    from benchmarks.ablations import tables as ablation_tables
+    from benchmarks.motion import measure as motion
+    from benchmarks.motion import tables
 
     if wanted.name == "ablations":
         measured, folder = ablations.measure(workspace, base, wanted.variants, display, wanted.jobs)
@@ -74,7 +77,7 @@ def _measured(
 def solver_table(wanted: Wanted, workspace: Workspace, display: Display) -> tuple[str, list[str]]:
     """The solver's speed, its rivals' and how it grows, as Markdown; where it was written."""
     from benchmarks.docs import check_marks, put_into_docs
-    from benchmarks.solver import measure
+    from benchmarks.solver.measure import measure
 
     if wanted.docs:
         check_marks(workspace.root, "solver")
@@ -90,11 +93,11 @@ def body_table(name: str, workspace: Workspace) -> Table:
     """The body's speed (`body`) or how well its bones fit measured skeletons (`bones`)."""
     rows: Sequence[Any]
     if name == "body":
-        from benchmarks.body import measure as speed
+        from benchmarks.body.speed import measure as speed
 
         rows = speed()
     else:
-        from benchmarks.bones import measure as fit
+        from benchmarks.body.bones import measure as fit
 
         rows = fit(data_folder(workspace.root, "trials"))
     return _table(rows)
@@ -102,7 +105,7 @@ def body_table(name: str, workspace: Workspace) -> Table:
 
 def lifter_table(wanted: Wanted, workspace: Workspace, display: Display) -> tuple[str, list[str]]:
     """The lifter alone on trials and protocol, as Markdown; where it was written."""
-    from benchmarks.lifter import markdown, measure, write_table
+    from benchmarks.lifter.measure import markdown, measure, write_table
 
     rows = measure(workspace, wanted.only, display)
     file = write_table(rows, workspace.root / "artifacts" / "benchmark" / "lifter")
@@ -111,8 +114,8 @@ def lifter_table(wanted: Wanted, workspace: Workspace, display: Display) -> tupl
 
 def trust_table(workspace: Workspace, display: Display) -> list[Table | str]:
     """Whether videos of another action and mirrored ones are found (`trust`), and how often."""
-    from benchmarks.trust import among_decidable, measure, totals
-    from benchmarks.trust_inputs import fitted, true_poses
+    from benchmarks.trust.poses import fitted, true_poses
+    from benchmarks.trust.screened import among_decidable, measure, totals
     from imocap_core.params import SyncParams
 
     max_rate = SyncParams.model_validate(workspace.pipeline().defaults["sync"]).max_rate
@@ -124,9 +127,9 @@ def trust_table(workspace: Workspace, display: Display) -> list[Table | str]:
 
 def sync_tables(workspace: Workspace, sampling: str, only: tuple[str, ...], methods: str) -> str:
     """Synchronisation alone: accuracy by method and warp, events, speed (`sync`)."""
-    from benchmarks.sync import METHODS, accuracy, calibrated, events
-    from benchmarks.sync_speed import speed
-    from benchmarks.sync_tables import markdown, write_tables
+    from benchmarks.row_tables import markdown, write_tables
+    from benchmarks.sync.accuracy import METHODS, accuracy, calibrated, events
+    from benchmarks.sync.speed import speed
     from imocap_core.params import SyncParams
     from imocap_core.problem.synchronisation import settings_of
 

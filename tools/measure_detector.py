@@ -15,8 +15,8 @@ import numpy as np
 import torch
 import yaml
 
-from benchmarks.rendered_action import seen_points
-from benchmarks.sync_training import CAPTURED_FPS, training_clip
+from benchmarks.rendered.action import seen_points
+from benchmarks.sync.training_scenes import CAPTURED_FPS, training_clip
 from imocap_core.body import load_free_body
 from imocap_core.conventions import OTHER
 from imocap_core.detect.detection import detect_video

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.sync_training import training_clip
+from benchmarks.sync.training_scenes import training_clip
 from imocap_core.camera.projection import project
 from imocap_core.people.sides import exchanged, limbs_of, repaired
 from imocap_core.synthetic.captured import (

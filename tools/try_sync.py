@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-from benchmarks.sync_scenes import SyncScene, protocol_scene, trial_scene
-from benchmarks.sync_score import event_errors_frames, score_maps
-from benchmarks.sync_training import training_scenes
+from benchmarks.sync.map_scores import event_errors_frames, score_maps
+from benchmarks.sync.scenes import SyncScene, protocol_scene, trial_scene
+from benchmarks.sync.training_scenes import training_scenes
 from imocap_core.sync import Settings, synchronise
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import ablation_tables, ablations, claims, rivals
-from benchmarks.choice import Choice
-from benchmarks.meter import Cost
-from benchmarks.score_file import ActionScore
-from benchmarks.tables import PA, SCALED, SYNC
-from benchmarks.variants import VARIANTS, Run, chosen_variants
+from benchmarks.ablations import claims, sync_only
+from benchmarks.ablations import measure as ablations
+from benchmarks.ablations import tables as ablation_tables
+from benchmarks.ablations.variants import VARIANTS, Run, chosen_variants
+from benchmarks.actions.choice import Choice
+from benchmarks.motion.tables import PA, SCALED, SYNC
+from benchmarks.scoring.costs import Cost
+from benchmarks.scoring.score_file import ActionScore
 from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.params import Params
@@ -159,6 +161,6 @@ def test_variants_that_fail_leave_the_others_and_say_so(
 
 def test_the_equal_stretch_goes_from_end_to_end() -> None:
     keypoints = Keypoints(videos=[seen("a", 5, None), seen("b", 9, None)])
-    sync = rivals.stretched(keypoints, "b")
+    sync = sync_only.stretched(keypoints, "b")
     np.testing.assert_allclose(sync.maps[0].reference_frame, [0, 2, 4, 6, 8])
     np.testing.assert_allclose(sync.maps[1].reference_frame, np.arange(9))

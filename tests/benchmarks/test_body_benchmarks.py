@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks import body, bones
+from benchmarks.body import bones, speed
 from imocap_core.body import load_free_body
 from imocap_core.conventions import EVAL_12
 
 
 def test_every_row_is_measured_in_both_precisions() -> None:
-    rows = body.measure(threads=1, bodies=3, meshes=2, seconds=0.001)
+    rows = speed.measure(threads=1, bodies=3, meshes=2, seconds=0.001)
     assert [row.dtype for row in rows] == ["float32"] * 6 + ["float64"] * 6
     assert all(row.milliseconds > 0 for row in rows)
     assert "x slower" in rows[1].note

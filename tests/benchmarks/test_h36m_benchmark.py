@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import h36m
-from benchmarks.choice import Choice
-from benchmarks.prepare import chosen_names
+from benchmarks.actions import h36m
+from benchmarks.actions.choice import Choice
+from benchmarks.actions.prepare import chosen_names
 from imocap_core.camera.projection import project
 from imocap_core.conventions import EVAL_12, EVAL_14, EVAL_17
 from imocap_core.errors import WorkFailed, WrongUse

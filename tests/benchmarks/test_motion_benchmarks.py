@@ -9,10 +9,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks import inputs, motion, score
-from benchmarks.action_folder import MADE, action_key, is_made, make_action
-from benchmarks.choice import Choice
-from benchmarks.score_file import ActionScore
+from benchmarks.actions import captured as inputs
+from benchmarks.actions.action_folder import MADE, action_key, is_made, make_action
+from benchmarks.actions.choice import Choice
+from benchmarks.motion import measure as motion
+from benchmarks.scoring import score
+from benchmarks.scoring.score_file import ActionScore
 from imocap_core.cli import main
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.io.detectors.openpose import read_openpose

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.oracle import fit_with_cameras, true_cameras, true_sync
+from benchmarks.scoring.oracle import fit_with_cameras, true_cameras, true_sync
 from imocap_core.artifacts.schemas import SyncMap
 from imocap_core.artifacts.schemas.sync import SyncSummary
 from imocap_core.io.truth import Truth, VideoTruth

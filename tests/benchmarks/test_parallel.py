@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.meter import Meter, peak_gb, reset_peak
 from benchmarks.parallel import Named, each
+from benchmarks.scoring.costs import Meter, peak_gb, reset_peak
 from imocap_core.artifacts.store import Stored
 from imocap_core.errors import WorkFailed
 from imocap_core.pipeline.runner import Outcome

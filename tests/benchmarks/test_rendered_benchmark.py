@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import rendered_action
-from benchmarks.inputs import Shot
-from benchmarks.rendered import Rendering, measure
-from benchmarks.rendered_action import _scored, key_of
-from benchmarks.rendered_tables import markdown, motion_table, proposal, sides_table
-from benchmarks.score_file import ActionScore
+from benchmarks.actions.captured import Shot
+from benchmarks.rendered import action as rendered_action
+from benchmarks.rendered.action import _scored, key_of
+from benchmarks.rendered.measure import Rendering, measure
+from benchmarks.rendered.tables import markdown, motion_table, proposal, sides_table
+from benchmarks.scoring.score_file import ActionScore
 from imocap_core.errors import WrongUse
 from imocap_core.metrics.detections import Film
 from imocap_core.synthetic.embodied import Embodied

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.solver import HEADS, markdown, measure
-from benchmarks.solver_growth import grown
-from benchmarks.solver_race import NEWTON, common_problem, newton, race, watched
-from benchmarks.solver_scene import DISTANCE_M, NOISE_PX, K, made_scene
+from benchmarks.solver.growth import grown
+from benchmarks.solver.measure import HEADS, markdown, measure
+from benchmarks.solver.race import NEWTON, common_problem, newton, race, watched
+from benchmarks.solver.scene import DISTANCE_M, NOISE_PX, K, made_scene
 from imocap_core.errors import WrongUse
 from imocap_core.motion.solver.gauss_newton import gauss_newton
 from imocap_core.params import FitParams, MotionParams

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.sync import EventRow
-from benchmarks.sync_calibration import calibration, confidences_and_errors
-from benchmarks.sync_rivals import rival, rooted
-from benchmarks.sync_scenes import SyncScene
-from benchmarks.sync_score import event_errors_frames, pair_error_pct, score_maps
-from benchmarks.sync_tables import markdown, write_tables
+from benchmarks.row_tables import markdown, write_tables
+from benchmarks.sync.accuracy import EventRow
+from benchmarks.sync.calibration import calibration, confidences_and_errors
+from benchmarks.sync.map_scores import event_errors_frames, pair_error_pct, score_maps
+from benchmarks.sync.rivals import rival, rooted
+from benchmarks.sync.scenes import SyncScene
 from benchmarks.tcc import POSES
 
 

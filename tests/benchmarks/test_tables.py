@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import docs, tables
+from benchmarks import docs
 from benchmarks import names as cli
-from benchmarks.meter import Cost
-from benchmarks.score_file import RESULTS, ActionScore
+from benchmarks.motion import tables
+from benchmarks.scoring.costs import Cost
+from benchmarks.scoring.score_file import RESULTS, ActionScore
 from imocap_core.cli import main
 from imocap_core.errors import WrongUse
 

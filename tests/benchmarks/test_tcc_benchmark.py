@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.ablations.tcc_sync import hip_columns, tcc_sync
 from benchmarks.tcc import FRAMES, POSES
-from benchmarks.tcc_rival import hip_columns, tcc_sync
 from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
 from imocap_core.io.video import write_h264
 

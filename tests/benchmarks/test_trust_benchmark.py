@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.trust import Seen, TrustRow, among_decidable, measure, totals
+from benchmarks.trust.screened import Seen, TrustRow, among_decidable, measure, totals
 from imocap_core.conventions import EVAL_14, mirror_indices
 
 REST = {

@@ -11,8 +11,8 @@ from torch import Tensor
 from torch.overrides import TorchFunctionMode
 from torch.utils._pytree import tree_leaves
 
-from benchmarks.solvers.adam import adam
-from benchmarks.solvers.lbfgs import lbfgs
+from benchmarks.solver.adam import adam
+from benchmarks.solver.lbfgs import lbfgs
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular.fit import monocular_terms
 from imocap_core.motion.solver.gauss_newton import (

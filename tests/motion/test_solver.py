@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.solvers.adam import adam
-from benchmarks.solvers.lbfgs import lbfgs
+from benchmarks.solver.adam import adam
+from benchmarks.solver.lbfgs import lbfgs
 from imocap_core.motion.monocular.fit import fit_monocular, monocular_terms
 from imocap_core.motion.monocular.library import make_library
 from imocap_core.motion.monocular.lifting import best_path, match

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.lifter import LifterRow, markdown, write_table
+from benchmarks.lifter.measure import LifterRow, markdown, write_table
 from imocap_core.artifacts.schemas import VideoCameraMotion, VideoKeypoints
 from imocap_core.body import load_free_body
 from imocap_core.conventions import EVAL_12, SMPL_JOINTS

@@ -1,0 +1,1 @@
+"""`imocap benchmark ablations`: what each part of the method is worth."""

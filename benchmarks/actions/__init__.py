@@ -1,0 +1,1 @@
+"""Captured motion as action folders: what a benchmark's stages are given."""

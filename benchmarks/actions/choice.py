@@ -1,0 +1,88 @@
+"""What a benchmark is to run, checked: its name, the simulated inputs, the actions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.actions.captured import MAX_VIDEOS
+from imocap_core.errors import WrongUse
+from imocap_core.synthetic.detector_levels import DETECTORS
+from imocap_core.synthetic.samplings import SAMPLINGS
+
+NAMES = ("protocol", "trials", "yoga", "h36m")
+TITLES = {
+    "protocol": "The paper's protocol: one motion, resampled",
+    "trials": "The real task: every video another performance",
+    "yoga": "The project's own demo",
+    "h36m": "Human3.6M: the paper's data and protocol",
+}
+DATA = {
+    "protocol": "CMU motion capture (mocap.cs.cmu.edu, NSF EIA-0196217), five clips",
+    "trials": "CMU motion capture (mocap.cs.cmu.edu, NSF EIA-0196217), six actions; tennis strokes "
+    "of Pulgarin-Giraldo et al., LNCS 10125 (2017), four actions",
+    "yoga": "made by the project",
+    "h36m": "Human3.6M, subjects S9 and S11, 2D by CPN fine-tuned on it (VideoPose3D's files)",
+}
+RESAMPLED = ("protocol", "h36m")
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What to run: detector level, sampling (where one motion is resampled), most videos an action,
+    the actions (all when empty), whether a video of another action is among them, and the folder of
+    Human3.6M."""
+
+    name: str
+    detector: str = "fine_tuned"
+    sampling: str = "released"
+    videos: int = MAX_VIDEOS
+    only: tuple[str, ...] = ()
+    outlier: bool = False
+    data: Path | None = None
+
+    def __post_init__(self) -> None:
+        for field, value, known in (
+            ("benchmark", self.name, NAMES),
+            ("--detector", self.detector, tuple(DETECTORS)),
+            ("--sampling", self.sampling, SAMPLINGS),
+        ):
+            if value not in known:
+                raise WrongUse(f"{field}: expected one of {', '.join(known)}, got {value!r}")
+        if not 1 <= self.videos <= MAX_VIDEOS:
+            raise WrongUse(f"--videos: expected 1 to {MAX_VIDEOS}, got {self.videos}")
+        if self.name == "h36m" and self.data is None:
+            raise WrongUse("--data: the benchmark h36m needs the folder with VideoPose3D's files")
+
+    @property
+    def label(self) -> str:
+        """A name for this choice's folder and table."""
+        parts = [self.set_label]
+        if self.name in ("protocol", "trials"):
+            parts.append(self.detector)
+        if self.name != "yoga":
+            parts.append(f"{self.videos}v")
+        return "-".join([*parts, "outlier"] if self.outlier else parts)
+
+    @property
+    def set_label(self) -> str:
+        """A name for its data alone, whatever the detector and the number of videos."""
+        return f"{self.name}-{self.sampling}" if self.name in RESAMPLED else self.name
+
+    @property
+    def command(self) -> str:
+        """The command that makes it, all actions of the choice."""
+        words = [f"imocap benchmark {self.name}"]
+        if self.name in ("protocol", "trials"):
+            words.append(f"--detector {self.detector}")
+        if self.name != "yoga":
+            words.append(f"--videos {self.videos}")
+        if self.name in RESAMPLED:
+            words.append(f"--sampling {self.sampling}")
+        if self.data is not None:
+            words.append("--data FOLDER")
+        return " ".join(words)
+
+    def folder(self, root: Path) -> Path:
+        """Where its actions, artifacts, scores and tables lie."""
+        return root / "artifacts" / "benchmark" / self.label

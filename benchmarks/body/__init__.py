@@ -1,0 +1,1 @@
+"""`imocap benchmark body` and `bones`: speed and fit of the body model."""

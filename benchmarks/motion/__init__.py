@@ -1,0 +1,1 @@
+"""`imocap benchmark protocol`, `trials`, `yoga`, `h36m`: how good the motion is."""

@@ -1,0 +1,1 @@
+"""`imocap benchmark rendered`: from pixels to motion with a real detector."""

@@ -1,0 +1,54 @@
+"""What the detector said of rendered films, beside what is true of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks.rendered.action import LAYOUT, POINTS
+from imocap_core.evaluate.scoreboard import true_motion
+from imocap_core.io.detectors.mediapipe import read_mediapipe, read_mediapipe_world
+from imocap_core.io.estimators.estimates import Wanted
+from imocap_core.io.truth import read_truth
+from imocap_core.io.video import probe
+from imocap_core.metrics.detections import Film
+from imocap_core.metrics.scoring import Motion, over_videos, pose_rows
+from imocap_core.pipeline.runner import Job
+
+
+def films_of(job: Job) -> tuple[list[Film], tuple[str, ...]]:
+    """The action's films, and the names of their points; every video must have been detected."""
+    films = []
+    names: tuple[str, ...] = ()
+    with np.load(job.action.folder / POINTS) as stored:
+        for video in job.action.videos:
+            assert video.video is not None
+            info = probe(job.action.folder / video.video)
+            found = read_mediapipe(job.action.detected[video.id], LAYOUT, info.size)
+            true, columns = stored[f"{video.id}/xy_px"], stored[f"{video.id}/columns"]
+            names = tuple(str(name) for name in stored[f"{video.id}/names"])
+            xy_px = np.full(true.shape, np.nan)
+            for frame, people in zip(found.frames.tolist(), found.people, strict=True):
+                if len(people) and frame < len(true):
+                    xy_px[frame] = people[0][columns, :2]
+            height, side = stored[f"{video.id}/height_px"], str(stored[f"{video.id}/side"])
+            films.append(Film(xy_px, true, height, side, info.fps))
+    return films, names
+
+
+def own_estimate(job: Job) -> dict[str, float]:
+    """How good the detector's own 3D is by itself, mean over the videos."""
+    assert job.action.truth is not None
+    rows = []
+    infos = {v.id: probe(job.action.folder / str(v.video)) for v in job.action.videos}
+    used = {name: np.arange(info.frame_count) for name, info in infos.items()}
+    truth = read_truth(job.action.folder / job.action.truth, used)
+    for name, info in infos.items():
+        true = true_motion(truth.videos[name], used[name])
+        if true is None:
+            continue
+        everywhere = np.tile([0.0, 0.0, *info.size], (len(used[name]), 1))
+        wanted = Wanted(used[name], everywhere, info.size)
+        found = read_mediapipe_world(job.action.detected[name], wanted)
+        motion = Motion(found.joints, found.joint_names, used[name])
+        rows += pose_rows("estimator", name, motion, true, info.fps)
+    return {row.metric: row.value for row in over_videos(rows) if row.value is not None}

@@ -1,0 +1,167 @@
+"""The tables of `imocap benchmark rendered`: how good the motion is, and how the detector errs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from benchmarks.motion.tables import (
+    CAMERA,
+    PA,
+    SCALED,
+    SYNC,
+    cell,
+    cost_sentence,
+    gap_closed,
+    mean_cell,
+    missing_sentence,
+    table_of,
+)
+from benchmarks.scoring.score_file import RESULTS, ActionScore
+from imocap_core.metrics.detections import Film, PointErrors, exchanged_share, point_errors
+
+BODY = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+SIDES = ("front", "side", "back")
+Value = Callable[[ActionScore], float | None]
+
+
+def markdown(
+    scores: Sequence[ActionScore],
+    films: Sequence[Film],
+    names: Sequence[str],
+    missing: Sequence[str],
+    command: str,
+) -> str:
+    """The whole report."""
+    found = point_errors(films, names)
+    parts = [
+        "# From pixels: captured performances rendered, found by a real detector",
+        f"Made by `{command}`: performances of `trials` on the free body, each in its own scene "
+        "and before its own camera, found by MediaPipe Pose 0.10.21. "
+        f"{cost_sentence([s.costs for s in scores])} `estimator` is the detector's 3D alone."
+        + missing_sentence(missing),
+        motion_table(scores),
+        "## The detector's errors",
+        f"{len(films)} films, {sum(len(f.true_px) for f in films)} frames. Lengths are hundredths "
+        "of the person's standing height in the picture (1.7 cm on a person of 1.7 m). `spread`: "
+        "an axis, about the film's own bias, without outliers. `lasts`: share and time constant of "
+        "what persists. An outlier is further than 5 spreads from the middle of its point.",
+        points_table(found),
+        sides_table(films, names),
+        "## What the simulated detector would need",
+        proposal(films, found, names),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def motion_table(scores: Sequence[ActionScore]) -> str:
+    """An action a row, and their mean."""
+    columns: list[tuple[str, int, Value]] = [
+        *((result, 1, _of(result, SCALED)) for result in RESULTS),
+        ("gap closed %", 0, _gap),
+        ("P-MPJPE, after loop", 1, _of("after loop", PA)),
+        ("sync %", 2, _of("after loop", SYNC)),
+        ("cameras °", 1, _of("after loop", CAMERA)),
+    ]
+    rows = [
+        [s.action, str(s.videos), str(s.frames), *(cell(of(s), n) for _, n, of in columns)]
+        for s in scores
+    ]
+    means = [
+        mean_cell([value for s in scores if (value := of(s)) is not None], digits)
+        for _, digits, of in columns
+    ]
+    rows.append(["**mean**", "", "", *means])
+    return "MPJPE, scaled, mm on 12 joints, where nothing else is said.\n\n" + table_of(
+        ["action", "videos", "frames", *(name for name, _, _ in columns)], rows
+    )
+
+
+def points_table(found: Sequence[PointErrors]) -> str:
+    """A point a row."""
+    rows = [
+        [
+            p.point,
+            f"{100 * p.bias_x:+.2f}, {100 * p.bias_y:+.2f}",
+            f"{100 * p.spread:.2f}",
+            f"{cell(p.persistent, 2)}, {cell(p.persistence_s, 2)} s",
+            f"{100 * p.outlier_rate:.1f}",
+            f"{100 * p.outlier_size:.1f}",
+            f"{100 * p.miss_rate:.1f}",
+        ]
+        for p in found
+    ]
+    head = ["point", "bias x, y", "spread", "lasts", "outliers %", "their size", "missed %"]
+    return table_of(head, rows)
+
+
+def sides_table(films: Sequence[Film], names: Sequence[str]) -> str:
+    """What the camera sees a row: all body points together."""
+    body = _body(names)
+    rows = []
+    for side in SIDES:
+        seen = [film for film in films if film.side == side]
+        if not seen:
+            continue
+        errors = np.concatenate([np.linalg.norm(f.error[:, body], axis=-1).ravel() for f in seen])
+        errors = errors[np.isfinite(errors)]
+        exchanged = [_mean([exchanged_share(f, names, p) for f in seen]) for p in ("arm", "leg")]
+        rows.append(
+            [
+                side,
+                str(len(seen)),
+                *(f"{100 * np.quantile(errors, q):.2f}" for q in (0.5, 0.9)),
+                *(cell(100 * share, 1) for share in exchanged),
+            ]
+        )
+    head = ["seen from", "films", "median error", "90 % below", "arms exchanged %"]
+    return table_of([*head, "legs exchanged %"], rows)
+
+
+def proposal(films: Sequence[Film], found: Sequence[PointErrors], names: Sequence[str]) -> str:
+    """Values for imocap_core/synthetic/detector.py that are like what was measured."""
+    body = [found[k] for k in _body(names)]
+    swaps = [exchanged_share(film, names, part) for film in films for part in ("arm", "leg")]
+    values = [
+        ("noise", float(np.sqrt(_mean([p.spread**2 for p in body]))), 4),
+        ("persistent share (0.5 in the code)", _median([p.persistent for p in body]), 2),
+        ("persistence_s", _median([p.persistence_s for p in body]), 2),
+        ("outlier_rate", _mean([p.outlier_rate for p in body]), 3),
+        ("outlier_noise", _median([p.outlier_size for p in body if p.outlier_size > 0]), 3),
+        ("miss_rate", _mean([p.miss_rate for p in body]), 3),
+        ("swap_rate", _mean(swaps), 3),
+        ("bias (root mean square; not modelled)", _bias(body), 4),
+    ]
+    rows = [[name, cell(value, digits)] for name, value, digits in values]
+    return (
+        "Over shoulders, elbows, wrists, hips, knees and ankles; a proposal, not in force.\n\n"
+        + table_of(["DetectorErrors", "measured"], rows)
+    )
+
+
+def _of(result: str, metric: str) -> Value:
+    return lambda score: score.of(result, metric)
+
+
+def _gap(score: ActionScore) -> float | None:
+    gap = gap_closed(*(score.of(r, SCALED) for r in ("monocular", "after loop", "oracle")))
+    return gap if np.isfinite(gap) else None
+
+
+def _body(names: Sequence[str]) -> list[int]:
+    return [k for k, name in enumerate(names) if name.split("_", 1)[-1] in BODY]
+
+
+def _mean(values: Sequence[float]) -> float:
+    known = [value for value in values if np.isfinite(value)]
+    return float(np.mean(known)) if known else float("nan")
+
+
+def _median(values: Sequence[float]) -> float:
+    known = [value for value in values if np.isfinite(value)]
+    return float(np.median(known)) if known else float("nan")
+
+
+def _bias(body: Sequence[PointErrors]) -> float:
+    return float(np.sqrt(_mean([(p.bias_x**2 + p.bias_y**2) / 2 for p in body])))

@@ -1,0 +1,1 @@
+"""The numbers of one action: its results, the oracle's, and what they cost."""

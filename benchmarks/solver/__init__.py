@@ -1,0 +1,1 @@
+"""`imocap benchmark solver`: the speed of the solver, and its rivals."""

@@ -1,0 +1,164 @@
+"""`imocap benchmark solver`: how long the motion takes, against what, and how it grows.
+
+Everything is made by the project. Three parts (`--only`), whose rows are kept, so that the table
+always shows the last measurement of each:
+
+* stages: the demo action from its keypoints to the final motion, stage by stage;
+* race: Gauss-Newton against L-BFGS and Adam to one objective;
+* growth: SMPL-BA on 4 x 150 to 8 x 1000 frames.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from benchmarks.solver.growth import grow
+from benchmarks.solver.race import race
+from benchmarks.solver.scene import made_scene
+from imocap_core.errors import WrongUse
+from imocap_core.params import FitParams, MotionParams
+from imocap_core.pipeline import runner
+from imocap_core.pipeline.runner import Display, Outcome
+from imocap_core.problem.motion import options_of, weights_of
+from imocap_core.workspace import Workspace
+
+STAGES = ("keypoints", "camera_motion", "initial_smpl", "sync", "smpl_ba", "refine_sync")
+FROM_KEYPOINTS = tuple(stage for stage in STAGES if stage != "camera_motion")  # it reads the videos
+RACE_SIZE = (4, 40)  # videos, frames
+MOST_TIMES = 25.0  # Gauss-Newton's time that a rival is given
+HEADS = {
+    "stages": "From keypoints to the final motion: yoga, four videos of 146 to 186 frames",
+    "race": f"To the same objective: the common motion of {RACE_SIZE[0]} x {RACE_SIZE[1]} frames "
+    "and its cameras, one core",
+    "growth": "SMPL-BA and the number of frames: made scenes, two cores",
+}
+NOTES = {
+    "stages": "Seconds on the clock and of the processor. camera_motion reads the videos "
+    "themselves and is not in the sum. load: processes that wanted the processor in the minute "
+    "before.",
+    "race": "Processor seconds to an objective within 0.1 % of the lowest that Gauss-Newton "
+    f"settles at; a rival is stopped after {MOST_TIMES:g} times its time, and above_pct tells how "
+    "far it was then. times: of Gauss-Newton's time (median of three, between the rivals).",
+    "growth": "Every size in a process of its own; peak_gb is all that the process holds. growth: "
+    "exponent of the processor's seconds by frames, 1 is linear.",
+}
+
+
+@dataclass(frozen=True)
+class StageRow:
+    """What one stage took."""
+
+    stage: str
+    seconds: float
+    processor_s: float
+    load: float
+
+
+@dataclass
+class Clock:
+    """A display that also notes what every stage took, threads and all."""
+
+    display: Display
+    rows: list[StageRow] = field(default_factory=list)
+    _began: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def started(self, stage: str, why: list[str]) -> None:
+        """Look at the clocks."""
+        self.display.started(stage, why)
+        self._began = time.perf_counter(), time.process_time(), os.getloadavg()[0]
+
+    def progress(self, share: float, what: str) -> None:
+        """As it is."""
+        self.display.progress(share, what)
+
+    def finished(self, outcome: Outcome) -> None:
+        """Note what it took."""
+        began, processor, load = self._began
+        seconds, processor_s = time.perf_counter() - began, time.process_time() - processor
+        self.rows.append(StageRow(outcome.stage, seconds, processor_s, load))
+        self.display.finished(outcome)
+
+    def made_demo(self, name: str, folder: Path) -> None:
+        """As it is."""
+        self.display.made_demo(name, folder)
+
+    def waiting(self) -> None:
+        """As it is."""
+        self.display.waiting()
+
+
+def measure(workspace: Workspace, only: Sequence[str], display: Display, folder: Path) -> str:
+    """Measure the chosen parts (all when none is named), keep their rows; the table of all kept."""
+    if unknown := sorted(set(only) - set(HEADS)):
+        raise WrongUse(f"--only {unknown[0]}: expected some of {', '.join(HEADS)}")
+    folder.mkdir(parents=True, exist_ok=True)
+    work: dict[str, Callable[[], Sequence[Any]]] = {
+        "stages": lambda: stage_rows(workspace, display),
+        "race": lambda: _race(workspace),
+        "growth": lambda: grow(*_params(workspace), workspace.pipeline().seed),
+    }
+    for part in HEADS:
+        if not only or part in only:
+            rows = [asdict(row) for row in work[part]()]
+            (folder / f"{part}.json").write_text(json.dumps(rows, indent=1) + "\n")
+    text = markdown(folder)
+    (folder / "table.md").write_text(text + "\n", encoding="utf-8")
+    return text
+
+
+def stage_rows(workspace: Workspace, display: Display) -> list[StageRow]:
+    """Every stage made anew, and the sum from keypoints to the final motion."""
+    job = workspace.ready_job("yoga", [], display)
+    clock = Clock(display)
+    runner.run(job, clock, list(STAGES), frozenset(STAGES))
+    counted = [row for row in clock.rows if row.stage in FROM_KEYPOINTS]
+    seconds, processor_s = (sum(getattr(r, f) for r in counted) for f in ("seconds", "processor_s"))
+    return [*clock.rows, StageRow("**sum**", seconds, processor_s, counted[0].load)]
+
+
+def markdown(folder: Path) -> str:
+    """The kept rows of every part that was measured."""
+    told = [
+        "## Speed of the solver",
+        "Made by `imocap benchmark solver`. Data: made by the project.",
+    ]
+    for part, head in HEADS.items():
+        file = folder / f"{part}.json"
+        if file.is_file():
+            told += [f"### {head}", NOTES[part], _table(json.loads(file.read_text()))]
+        else:
+            told.append(f"**Not measured: {part}.**")
+    return "\n\n".join(told)
+
+
+def _race(workspace: Workspace) -> Sequence[Any]:
+    fit, motion = _params(workspace)
+    made = made_scene(*RACE_SIZE, weights_of(fit), workspace.pipeline().seed)
+    return race(made, options_of(motion), MOST_TIMES)
+
+
+def _params(workspace: Workspace) -> tuple[FitParams, MotionParams]:
+    defaults = workspace.pipeline().defaults
+    return FitParams.model_validate(defaults["fit"]), MotionParams.model_validate(
+        defaults["motion"]
+    )
+
+
+def _table(rows: list[dict[str, Any]]) -> str:
+    lines = [list(rows[0]), ["---"] * len(rows[0])]
+    lines += [[_cell(value) for value in row.values()] for row in rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "did not reach it"
+    if isinstance(value, float):
+        return "–" if value != value else f"{value:.2f}"
+    return str(value)

@@ -1,1 +1,0 @@
-"""Solvers that are only raced against Gauss-Newton."""

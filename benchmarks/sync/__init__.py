@@ -1,0 +1,1 @@
+"""`imocap benchmark sync`: synchronisation alone."""

@@ -1,0 +1,145 @@
+"""`imocap benchmark sync`: synchronisation alone, its accuracy by method and warp, events, speed.
+
+Poses of the simulated estimator go straight into `synchronise`; no stage is run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.sync.calibration import (
+    CalibrationRow,
+    calibration,
+    confidences_and_errors,
+)
+from benchmarks.sync.map_scores import event_errors_frames, pair_error_pct, score_maps
+from benchmarks.sync.rivals import RIVALS, rival
+from benchmarks.sync.scenes import SyncScene, protocol_scene, trial_scene
+from imocap_core.sync import Settings, SyncResult, synchronise
+from imocap_core.sync.blocks import Blocks
+from imocap_core.sync.warp.dtw import dtw, positions_of_rows
+from imocap_core.sync.warp.warping import median_positions
+
+METHODS = ("none", "softmap", "als", "svt", "auto")
+WARPS = ("posterior", "dtw")
+
+
+@dataclass(frozen=True)
+class AccuracyRow:
+    """One clip: error in % of the pairwise maps and of the maps to the reference."""
+
+    clip: str
+    warp: str
+    method: str
+    pairwise_pct: float
+    sync_pct: float
+    frames: float
+    matched: float
+    within_one_frame: float
+    confidence: float
+
+
+@dataclass(frozen=True)
+class EventRow:
+    """One action: |event - event of the reference| in frames."""
+
+    action: str
+    median_frames: float
+    largest_frames: float
+
+
+def accuracy(
+    folder: Path, sampling: str, settings: Settings, methods: Sequence[str], only: Sequence[str]
+) -> list[AccuracyRow]:
+    """Every clip with every method and warp, before the loop, rivals, and the means."""
+    rows = []
+    for file in sorted(folder.glob("*.npz")):
+        if only and file.stem not in only:
+            continue
+        scene = protocol_scene(file, sampling)
+        for warp in WARPS:
+            rows += [_accuracy(scene, settings, warp, method) for method in methods]
+        reference = _synchronised(scene, _fit_for(scene, settings)).reference
+        rows += [_rival(scene, kind, reference) for kind in RIVALS]
+    return rows + _means(rows)
+
+
+def calibrated(
+    folder: Path, sampling: str, settings: Settings, only: Sequence[str]
+) -> list[CalibrationRow]:
+    """The confidence of every clip's frames against their errors, with the default settings."""
+    pairs = []
+    for file in sorted(folder.glob("*.npz")):
+        if not only or file.stem in only:
+            scene = protocol_scene(file, sampling)
+            found = _synchronised(scene, _fit_for(scene, settings))
+            pairs.append(
+                confidences_and_errors(
+                    scene, found.reference, found.reference_frame, found.confidence
+                )
+            )
+    return calibration(np.concatenate(pairs), settings.confidence_reach_s) if pairs else []
+
+
+def _accuracy(scene: SyncScene, settings: Settings, warp: str, method: str) -> AccuracyRow:
+    found = _synchronised(scene, replace(_fit_for(scene, settings), warp=warp, method=method))
+    score = score_maps(scene, found.reference, found.reference_frame, found.confidence)
+    blocks, M = Blocks(tuple(map(len, scene.poses))), len(scene.poses)
+    errors = []
+    for i, j in ((i, j) for i in range(M) for j in range(M) if i != j):
+        block = np.asarray(blocks.block(found.relaxed, i, j), dtype=float)
+        if warp == "dtw":
+            at = positions_of_rows(dtw(-block)[0], len(block))
+        else:
+            at = median_positions(block)
+        errors.append(pair_error_pct(scene, i, j, at))
+    return AccuracyRow(
+        scene.name, warp, method, float(np.mean(errors)), score.error_pct, score.error_frames,
+        score.matched, score.within_one, score.confidence,
+    )  # fmt: skip
+
+
+def _rival(scene: SyncScene, kind: str, reference: int) -> AccuracyRow:
+    """A rival's maps to the reference; it has none between other videos."""
+    frames, trust = rival(kind, scene, reference)
+    score = score_maps(scene, reference, frames, trust)
+    return AccuracyRow(
+        scene.name, "-", kind, float("nan"), score.error_pct, score.error_frames,
+        score.matched, score.within_one, score.confidence,
+    )  # fmt: skip
+
+
+def _fit_for(scene: SyncScene, settings: Settings) -> Settings:
+    return settings if scene.max_rate is None else replace(settings, max_rate=scene.max_rate)
+
+
+def _synchronised(scene: SyncScene, settings: Settings) -> SyncResult:
+    return synchronise(scene.poses, fps=scene.fps, settings=settings, rng=np.random.default_rng(0))
+
+
+def _means(rows: Sequence[AccuracyRow]) -> list[AccuracyRow]:
+    """One row a way to synchronise: the mean over the clips."""
+    means = []
+    for warp, method in dict.fromkeys((r.warp, r.method) for r in rows):
+        same = [list(asdict(r).values())[3:] for r in rows if (r.warp, r.method) == (warp, method)]
+        means.append(AccuracyRow("mean", warp, method, *map(float, np.mean(same, axis=0))))
+    return means
+
+
+def events(folder: Path, settings: Settings, only: Sequence[str]) -> list[EventRow]:
+    """Every action of the trials whose data name an event."""
+    rows = []
+    for file in sorted(folder.glob("*.npz")):
+        if only and file.stem not in only:
+            continue
+        scene = trial_scene(file)
+        if scene.events is None:
+            continue
+        found = _synchronised(scene, settings)
+        errors = event_errors_frames(scene, found.reference, found.reference_frame)
+        rows.append(EventRow(scene.name, float(np.median(errors)), float(errors.max())))
+    return rows

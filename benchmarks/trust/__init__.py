@@ -1,0 +1,1 @@
+"""`imocap benchmark trust`: videos of another action and mirrored ones."""
