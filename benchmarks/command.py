@@ -54,7 +54,7 @@ def benchmark_command(
         bool, typer.Option("--small", help="rendered: pictures of 320 x 240, not 640 x 480.")
     ] = False,
     docs: Annotated[
-        bool, typer.Option("--docs", help="Put the table into docs/benchmark.md and README.md.")
+        bool, typer.Option("--docs", help="Put the table into docs/measurements and README.md.")
     ] = False,
 ) -> None:
     """Measure how good the program is, what its parts are worth, or how fast the body is."""

@@ -12,24 +12,33 @@ from pathlib import Path
 
 from imocap_core.errors import WrongUse
 
-PAGE, FRONT = Path("docs/benchmark.md"), Path("README.md")
+PAGES, FRONT = Path("docs/measurements"), Path("README.md")
 END = "<!-- end -->"
 
 
 def check_marks(root: Path, name: str) -> None:
-    """WrongUse, before anything is measured, when the page has no place for the table."""
-    file = root / PAGE
-    if not file.is_file() or _block(name).search(file.read_text(encoding="utf-8")) is None:
+    """WrongUse, before anything is measured, when no page has a place for the table."""
+    if page_of(root, name) is None:
         raise WrongUse(
-            f"--docs: {file} has no place for this table; put the two lines "
-            f"`{_begin(name)}` and `{END}` where it shall stand"
+            f"--docs: no page in {root / PAGES} has a place for this table; put the two lines "
+            f"`{_begin(name)}` and `{END}` into one of them"
         )
 
 
+def page_of(root: Path, name: str) -> Path | None:
+    """The page of measurements with the marks of this table; None when there is none."""
+    for page in sorted((root / PAGES).glob("*.md")):
+        if _block(name).search(page.read_text(encoding="utf-8")) is not None:
+            return page
+    return None
+
+
 def put_into_docs(root: Path, name: str, table: str, summary: str) -> list[Path]:
-    """Replace the page's block by the table, and the README's by the summary where it has one."""
+    """Replace the page's block by the table, and the README's by the summary if it has one."""
+    page = page_of(root, name)
+    texts = [] if page is None else [(page, _one_level_down(table))]
     written = []
-    for file, text in ((root / PAGE, _one_level_down(table)), (root / FRONT, summary)):
+    for file, text in [*texts, (root / FRONT, summary)]:
         before = file.read_text(encoding="utf-8") if file.is_file() else ""
         after = replaced(before, name, text)
         if after is not None:

@@ -17,6 +17,8 @@ from benchmarks.scoring.score_file import RESULTS, ActionScore
 from imocap_core.cli import main
 from imocap_core.errors import WrongUse
 
+ROOT = Path(__file__).resolve().parents[2]
+
 
 def made_score(action: str, loop: float) -> ActionScore:
     numbers = {
@@ -94,12 +96,19 @@ def test_a_table_takes_its_block_and_no_other() -> None:
     assert docs.replaced(PAGE, "protocol", "x") is None
 
 
+def made_page(root: Path, text: str) -> Path:
+    page = root / docs.PAGES / "measured.md"
+    page.parent.mkdir(parents=True)
+    page.write_text(text)
+    (page.parent / "another.md").write_text("# No marks\n")
+    return page
+
+
 def test_the_page_gets_the_table_and_the_front_page_the_summary(tmp_path: Path) -> None:
-    (tmp_path / "docs").mkdir()
-    (tmp_path / docs.PAGE).write_text(PAGE)
+    page = made_page(tmp_path, PAGE)
     docs.check_marks(tmp_path, "trials")
-    assert docs.put_into_docs(tmp_path, "trials", "# T\n", "short") == [tmp_path / docs.PAGE]
-    assert "## T" in (tmp_path / docs.PAGE).read_text()
+    assert docs.put_into_docs(tmp_path, "trials", "# T\n", "short") == [page]
+    assert "## T" in page.read_text()
     (tmp_path / docs.FRONT).write_text(PAGE)
     assert len(docs.put_into_docs(tmp_path, "trials", "# T\n", "short")) == 2
     assert "short" in (tmp_path / docs.FRONT).read_text()
@@ -111,21 +120,60 @@ def test_a_page_without_the_place_is_refused_before_anything_runs(tmp_path: Path
 
 
 def test_every_documented_table_has_its_place() -> None:
-    page = (Path(__file__).parents[2] / docs.PAGE).read_text()
-    for name in ("protocol-released-fine_tuned-4v", "trials-fine_tuned-4v", "yoga",
-                 "ablations-trials", "ablations-protocol-released"):  # fmt: skip
-        assert docs.replaced(page, name, "x") is not None
+    for name in ("protocol-released-fine_tuned-4v", "trials-fine_tuned-4v", "yoga", "solver",
+                 "rendered-4v", "ablations-trials", "ablations-protocol-released"):  # fmt: skip
+        assert docs.page_of(ROOT, name) is not None
+
+
+HEADLINES = {
+    "protocol": ("protocol-released-fine_tuned-4v", "imocap benchmark protocol"),
+    "trials": ("trials-fine_tuned-4v", "imocap benchmark trials"),
+    "rendered": ("rendered-4v", "imocap benchmark rendered"),
+}
+
+
+def means(name: str) -> dict[str, str]:
+    """The mean of every result and of the sync error in a measured table, as it stands there."""
+    page = docs.page_of(ROOT, name)
+    assert page is not None
+    rows: dict[str, str] = {}
+    block = page.read_text().split(f"<!-- table {name} -->")[1].split(docs.END)[0]
+    for line in block.splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if "after loop" in cells or "sync %, after loop" in cells:
+            head = cells
+        elif cells[0] == "**mean**":
+            rows = dict(zip(head, cells, strict=True)) | rows  # the first table's columns win
+    return {key: value.split(" ")[0] for key, value in rows.items()}
+
+
+@pytest.mark.parametrize("name", HEADLINES)
+def test_the_headline_numbers_are_the_measured_ones(name: str) -> None:
+    label, command = HEADLINES[name]
+    measured = means(label)
+    results = [measured[key] for key in ("monocular", "single pass", "after loop", "oracle")]
+    sync = measured.get("sync %, after loop") or measured["sync %"]
+    guide, front = (ROOT / "docs" / "benchmark.md").read_text(), (ROOT / "README.md").read_text()
+    (row,) = (
+        line for line in guide.splitlines() if f"[{name}](measurements/" in line and "**" in line
+    )
+    assert [cell.strip(" *") for cell in row.split("|")[3:-1]] == [
+        *results, f"{measured['gap closed %']} %", f"{sync} %"
+    ]  # fmt: skip
+    (row,) = (line for line in front.splitlines() if command in line and "**" in line)
+    numbers = [cell.strip(" *") for cell in row.split("|")[-5:-1]]
+    assert numbers[:3] == [results[0], results[2], results[3]]
+    assert float(numbers[3].removesuffix(" %")) == pytest.approx(float(sync), abs=0.051)
 
 
 def test_the_command_puts_its_table_into_the_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "docs").mkdir()
-    (tmp_path / docs.PAGE).write_text("<!-- table ablations-trials -->\n<!-- end -->\n")
+    page = made_page(tmp_path, "<!-- table ablations-trials -->\n<!-- end -->\n")
     monkeypatch.setattr(cli, "_measured", lambda *_: ("# Found\n\n| [a] |\n", "short", tmp_path))
     monkeypatch.setattr("sys.argv", ["imocap"])
     assert (
         main(["--root", str(tmp_path), "benchmark", "ablations", "--on", "trials", "--docs"]) == 0
     )
-    assert "## Found\n\n| [a] |" in (tmp_path / docs.PAGE).read_text()
+    assert "## Found\n\n| [a] |" in page.read_text()
     assert "| [a] |" in capsys.readouterr().out
