@@ -15,16 +15,22 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.body import Model, load_free_body
 from imocap_core.cli import stage_main
-from imocap_core.evaluate.scoreboard import Answer, against_truth, cycle_row, score, true_positions
+from imocap_core.evaluate.scoreboard import (
+    StageResult,
+    against_truth,
+    cycle_row,
+    score,
+    true_positions,
+)
 from imocap_core.figures.bodies import body_points
-from imocap_core.figures.contact_sheets import Shot
+from imocap_core.figures.contact_sheets import SheetVideo
 from imocap_core.io.pose2sim_truth import has_pose2sim_truth, read_pose2sim_truth
 from imocap_core.io.truth import Truth, read_truth
 from imocap_core.metrics.scoring import ALL_VIDEOS, Row, over_videos
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
+from imocap_core.report.evaluation_figures import draw_contact_sheets, draw_numbers
 from imocap_core.report.files import Picture, write_report
-from imocap_core.report.gallery import draw_film, draw_numbers
 from imocap_core.report.hand_tables import hand_rows, hand_tables
 from imocap_core.report.observability_text import observability_markdown, open_table
 from imocap_core.report.tables import long_table, metric_tables, round_table, video_table
@@ -50,7 +56,9 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
     rows += hand_rows("after loop", inputs.get(Hands), truth)
     summary = over_videos(rows)
     round_errors = [
-        against_truth(Answer("round", r.motion.videos, r.motion.cameras, r.sync), keypoints, truth)
+        against_truth(
+            StageResult("round", r.motion.videos, r.motion.cameras, r.sync), keypoints, truth
+        )
         for r in refined.rounds
     ]
     tables = [
@@ -68,7 +76,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
         positions = true_positions(refined.sync, truth)
         pictures += draw_numbers(ctx.report, sync, refined, answers, truth, positions, round_errors)
         ctx.progress(0.6, "drawing over the videos")
-        pictures += draw_film(
+        pictures += draw_contact_sheets(
             ctx.report, shots_of(ctx, keypoints, camera_motion, answers, model), refined, model
         )
     every = long_table([*(row for row in rows if row.video != ALL_VIDEOS), *summary])
@@ -94,17 +102,17 @@ def truth_of(ctx: Context, keypoints: Keypoints) -> Truth | None:
 
 def answers_of(
     initial: InitialSmpl, sync: Sync, single: SmplBa, refined: RefineSync
-) -> list[Answer]:
+) -> list[StageResult]:
     """The three answers that are compared, in the order in which they come about."""
     return [
-        Answer("monocular", initial.videos),
-        Answer("single pass", single.videos, single.cameras, sync),
-        Answer("after loop", refined.motion.videos, refined.motion.cameras, refined.sync),
+        StageResult("monocular", initial.videos),
+        StageResult("single pass", single.videos, single.cameras, sync),
+        StageResult("after loop", refined.motion.videos, refined.motion.cameras, refined.sync),
     ]
 
 
 def score_of(
-    answer: Answer,
+    answer: StageResult,
     keypoints: Keypoints,
     camera_motion: CameraMotion,
     truth: Truth | None,
@@ -124,13 +132,15 @@ def shots_of(
     ctx: Context,
     keypoints: Keypoints,
     camera_motion: CameraMotion,
-    answers: list[Answer],
+    answers: list[StageResult],
     model: Model,
-) -> list[Shot]:
+) -> list[SheetVideo]:
     """Each video with its first and its last answer."""
     first, last = answers[0], answers[-1]
     return [
-        Shot(seen, camera, ctx.video(seen.id), model.points(seen.layout).names, a, b, solved.K)
+        SheetVideo(
+            seen, camera, ctx.video(seen.id), model.points(seen.layout).names, a, b, solved.K
+        )
         for seen, camera, a, b, solved in zip(
             keypoints.videos,
             camera_motion.videos,

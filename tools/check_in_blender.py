@@ -21,7 +21,7 @@ from imocap_core.export.common_time import on_common_time
 from imocap_core.export.formats import export
 from imocap_core.export.sources import read_result
 from imocap_core.export.values import Result
-from imocap_core.io.writers.motion_clip import Take
+from imocap_core.io.writers.motion_clip import MotionClip
 from imocap_core.workspace import Workspace
 
 READER = Path(__file__).with_name("blender_joints.py")
@@ -81,7 +81,7 @@ def read_in_blender(python: Path, file: Path, fps: int, frames: list[int], up: s
     return json.loads(out.read_text())
 
 
-def joint_error_m(take: Take, frames: np.ndarray, seen: dict, up: str) -> float:
+def joint_error_m(take: MotionClip, frames: np.ndarray, seen: dict, up: str) -> float:
     """The largest distance of any joint in any of the frames."""
     theirs = np.array([seen[take.id][name] for name in take.joint_names]).swapaxes(0, 1)
     ours = blender_axes(take.joints[frames], up)

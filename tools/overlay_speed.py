@@ -20,7 +20,7 @@ from imocap_core.artifacts.schemas import VideoKeypoints, VideoMotion
 from imocap_core.body import load_free_body
 from imocap_core.film.overlay_film import overlay_film
 from imocap_core.film.performer import Performer
-from imocap_core.io.ahead import ahead
+from imocap_core.io.prefetch import prefetch
 from imocap_core.io.video import read_rgb, write_h264
 
 FPS = 30.0
@@ -99,7 +99,7 @@ def main() -> None:
             "decode, pose, paint": lambda: sum(1 for _ in overlay_film(one, model, alpha=0.75)),
             "all, with encoding": lambda: write_h264(
                 Path(folder) / "out.mp4",
-                ahead(overlay_film(one, model, alpha=0.75)),
+                prefetch(overlay_film(one, model, alpha=0.75)),
                 FPS,
                 faststart=True,
             ),

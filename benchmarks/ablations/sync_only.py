@@ -13,7 +13,7 @@ from benchmarks.scoring.score_file import LAST, ActionScore, keep_score, read_sc
 from imocap_core.artifacts.schemas import InitialSmpl, Keypoints, RefineSync, SyncMap
 from imocap_core.artifacts.schemas.sync import SyncSummary
 from imocap_core.artifacts.store import Stored
-from imocap_core.evaluate.scoreboard import Answer, against_truth
+from imocap_core.evaluate.scoreboard import StageResult, against_truth
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.scoring import SYNC_METRICS
 from imocap_core.pipeline import runner
@@ -90,5 +90,5 @@ def _sync_numbers(
     sync: SyncSummary, done: dict[str, Stored], keypoints: Keypoints, truth: Truth
 ) -> dict[str, float]:
     motions = done["initial_smpl"].decode(InitialSmpl).videos
-    numbers = against_truth(Answer("rival", motions, [], sync), keypoints, truth)
+    numbers = against_truth(StageResult("rival", motions, [], sync), keypoints, truth)
     return {name: numbers[name] for name in SYNC_METRICS if name in numbers}

@@ -7,7 +7,7 @@ import numpy as np
 from benchmarks.rendered.action import LAYOUT, POINTS
 from imocap_core.evaluate.scoreboard import true_motion
 from imocap_core.io.detectors.mediapipe import read_mediapipe, read_mediapipe_world
-from imocap_core.io.estimators.estimates import Wanted
+from imocap_core.io.estimators.estimates import PerformerBoxes
 from imocap_core.io.truth import read_truth
 from imocap_core.io.video import probe
 from imocap_core.metrics.detections import Film
@@ -47,7 +47,7 @@ def own_estimate(job: Job) -> dict[str, float]:
         if true is None:
             continue
         everywhere = np.tile([0.0, 0.0, *info.size], (len(used[name]), 1))
-        wanted = Wanted(used[name], everywhere, info.size)
+        wanted = PerformerBoxes(used[name], everywhere, info.size)
         found = read_mediapipe_world(job.action.detected[name], wanted)
         motion = Motion(found.joints, found.joint_names, used[name])
         rows += pose_rows("estimator", name, motion, true, info.fps)

@@ -22,7 +22,7 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.artifacts.store import Stored
 from imocap_core.body import load_free_body
 from imocap_core.errors import WorkFailed
-from imocap_core.evaluate.scoreboard import Answer, against_truth, true_motion
+from imocap_core.evaluate.scoreboard import StageResult, against_truth, true_motion
 from imocap_core.figures.bodies import body_points
 from imocap_core.io.estimators.joints_npz import read_joints_npz
 from imocap_core.io.truth import Truth, read_truth
@@ -89,9 +89,9 @@ def _numbers(
     initial, sync = done["initial_smpl"].decode(InitialSmpl), done["sync"].decode(Sync)
     single, refined = done["smpl_ba"].decode(SmplBa), done[LAST].decode(RefineSync)
     answers = [
-        Answer("monocular", initial.videos),
-        Answer("single pass", single.videos, single.cameras, sync),
-        Answer("after loop", refined.motion.videos, refined.motion.cameras, refined.sync),
+        StageResult("monocular", initial.videos),
+        StageResult("single pass", single.videos, single.cameras, sync),
+        StageResult("after loop", refined.motion.videos, refined.motion.cameras, refined.sync),
     ]
     if with_oracle:
         from benchmarks.scoring.oracle import oracle
@@ -99,17 +99,17 @@ def _numbers(
         given = (keypoints, camera_motion, initial, refined.sync, truth, job.settings.params)
         with meter.measuring("oracle", spent):
             best, best_sync = oracle(*given)
-        answers.append(Answer("oracle", best.videos, best.cameras, best_sync))
+        answers.append(StageResult("oracle", best.videos, best.cameras, best_sync))
     numbers = {answer.name: _scored(answer, keypoints, truth) for answer in answers}
     for count in range(1, len(truth.videos)):
         seen = Keypoints(videos=keypoints.videos[:count])
-        fewer = Answer(first_videos(count), refined.motion.videos[:count])
+        fewer = StageResult(first_videos(count), refined.motion.videos[:count])
         numbers[fewer.name] = _scored(fewer, seen, truth)
     started = _estimator(job.action, keypoints, truth)
     return {"estimator": started, **numbers} if started else numbers
 
 
-def _scored(answer: Answer, keypoints: Keypoints, truth: Truth) -> dict[str, float]:
+def _scored(answer: StageResult, keypoints: Keypoints, truth: Truth) -> dict[str, float]:
     """All metrics, the nose posed with the body where the truth knows noses; and how much of the
     videos that the truth does not know was matched all the same."""
     noses = {}

@@ -15,7 +15,7 @@ from imocap_core.compare.compare import Technique
 from imocap_core.errors import WorkFailed
 from imocap_core.figures.style import quiet, save
 from imocap_core.io.writers.bvh import write_bvh
-from imocap_core.io.writers.motion_clip import Take, bone_tips
+from imocap_core.io.writers.motion_clip import MotionClip, bone_tips
 from imocap_core.technique.modes import along_mode
 
 Array = NDArray[np.float64]
@@ -62,14 +62,14 @@ def write_technique(out: Path, t: Technique) -> list[Path]:
     return [out / name for name in names_]
 
 
-def mean_take(t: Technique) -> Take:
+def mean_take(t: Technique) -> MotionClip:
     """The mean motion as a joint tree, the pelvis in one place, hands at rest."""
     shaped: Shaped = t.gathered.shaped
     rest, count = shaped.joints_rest.numpy(), len(t.mean.R_local)
     R = np.tile(np.eye(3), (count, SMPL, 1, 1))
     R[:, : t.mean.R_local.shape[1]] = t.mean.R_local
     lowest = t.mean.joints[..., 1].min()
-    return Take(
+    return MotionClip(
         id="mean",
         joint_names=shaped.model.joint_names,
         parents=shaped.model.parents,

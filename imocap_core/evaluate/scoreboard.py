@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Answer:
+class StageResult:
     """What one stage says: motions, and from the second on cameras and correspondences."""
 
     name: str  # "monocular", "single pass", "after loop"
@@ -41,7 +41,7 @@ class BodyPoints:
 
 
 def score(
-    answer: Answer,
+    answer: StageResult,
     keypoints: Keypoints,
     truth: Truth | None,
     points: Mapping[str, BodyPoints],
@@ -66,7 +66,7 @@ def score(
 
 
 def against_truth(
-    answer: Answer,
+    answer: StageResult,
     keypoints: Keypoints,
     truth: Truth | None,
     noses: Mapping[str, Array] | None = None,
@@ -109,7 +109,9 @@ def true_positions(sync: SyncSummary, truth: Truth | None) -> dict[str, Array]:
     }
 
 
-def joint_errors_mm(answer: Answer, truth: Truth | None, wanted: Sequence[str]) -> Array | None:
+def joint_errors_mm(
+    answer: StageResult, truth: Truth | None, wanted: Sequence[str]
+) -> Array | None:
     """Mean error of each wanted joint (J,) over frames, then videos; None without truth."""
     errors = []
     for motion in answer.motions:

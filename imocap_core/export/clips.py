@@ -10,8 +10,8 @@ from imocap_core.body.conversions import rotations_from_pose
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WorkFailed
 from imocap_core.export.values import Performance, Result
-from imocap_core.io.writers.clip_body import TakeCamera
-from imocap_core.io.writers.motion_clip import Take, bone_tips
+from imocap_core.io.writers.clip_body import ClipCamera
+from imocap_core.io.writers.motion_clip import MotionClip, bone_tips
 
 WRISTS = SMPL_JOINTS.index("left_wrist")  # the right one follows; then joints that hands replace
 STILL = 1e-9  # a camera that turns less stands
@@ -42,10 +42,10 @@ def poses_of(p: Performance) -> np.ndarray:
     return np.concatenate([part.reshape(len(p.frames), -1) for part in parts], axis=1)
 
 
-def take_of(p: Performance, shaped: Shaped) -> Take:
+def take_of(p: Performance, shaped: Shaped) -> MotionClip:
     """One performance as a joint tree in motion."""
     rest = shaped.joints_rest.numpy()
-    return Take(
+    return MotionClip(
         id=p.id,
         joint_names=shaped.model.joint_names,
         parents=shaped.model.parents,
@@ -60,11 +60,11 @@ def take_of(p: Performance, shaped: Shaped) -> Take:
     )
 
 
-def camera_of(p: Performance) -> TakeCamera:
+def camera_of(p: Performance) -> ClipCamera:
     """The camera that filmed it: in frame t x_frame = R_first_from_frame^T (R x_world + t)."""
     turning = np.abs(p.turns - np.eye(3)).max() > STILL
     turns = p.turns if turning else np.eye(3)[None]
-    return TakeCamera(
+    return ClipCamera(
         id=p.id,
         K=p.K,
         zoom=p.zoom if np.ptp(p.zoom) > STILL else p.zoom[:1],

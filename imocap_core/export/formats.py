@@ -20,7 +20,7 @@ from imocap_core.io.writers.clip_body import skin_of
 from imocap_core.io.writers.export_npz import write_video
 from imocap_core.io.writers.gltf_scene import Actor, write_glb
 from imocap_core.io.writers.joints_csv import write_joints_csv
-from imocap_core.io.writers.motion_clip import Take, upright_rest
+from imocap_core.io.writers.motion_clip import MotionClip, upright_rest
 from imocap_core.io.writers.trc import write_trc
 
 DEFAULT_UP = {
@@ -75,7 +75,7 @@ def _npz(out: Path, result: Result) -> list[Path]:
 
 
 def _bvh(out: Path, result: Result) -> list[Path]:
-    def write(file: Path, take: Take) -> None:
+    def write(file: Path, take: MotionClip) -> None:
         write_bvh(file, upright_rest(take, result.up_axis))
 
     return _a_file_each(out, result, ".bvh", write)
@@ -90,7 +90,7 @@ def _csv(out: Path, result: Result) -> list[Path]:
 
 
 def _a_file_each(
-    out: Path, result: Result, ending: str, write: Callable[[Path, Take], object]
+    out: Path, result: Result, ending: str, write: Callable[[Path, MotionClip], object]
 ) -> list[Path]:
     """One file a video, named by it."""
     files = []

@@ -35,7 +35,7 @@ class Performance:
 
     body: see `Motion`, 24 joints. turns (T, 3, 3): camera's first frame from frame, all the
     identity when it stands still; zoom (T,): focal length over the first frame's. frames, inside,
-    phase_s: as in `formats.take.Take`.
+    phase_s: as in `formats.take.MotionClip`.
     """
 
     seen: VideoKeypoints

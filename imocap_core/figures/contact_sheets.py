@@ -41,7 +41,7 @@ GAP_FRAMES = 4.0
 
 
 @dataclass(frozen=True)
-class Shot:
+class SheetVideo:
     """One video with all that is drawn over it."""
 
     seen: VideoKeypoints
@@ -60,7 +60,7 @@ def spread(count: int, columns: int = COLUMNS) -> NDArray[np.int64]:
     )
 
 
-def frames_at(found: SyncMap, moments: ArrayLike) -> list[int | None]:
+def frames_of_moments(found: SyncMap, moments: ArrayLike) -> list[int | None]:
     """For each moment (index into the reference) the video's frame that shows it, or None."""
     at = found.reference_frame
     if not np.isfinite(at).any():
@@ -75,7 +75,9 @@ def frames_at(found: SyncMap, moments: ArrayLike) -> list[int | None]:
     return chosen
 
 
-def read_cells(shot: Shot, frames: Sequence[int]) -> tuple[dict[int, Image], dict[int, Window]]:
+def read_cells(
+    shot: SheetVideo, frames: Sequence[int]
+) -> tuple[dict[int, Image], dict[int, Window]]:
     """The person cut out of the real frames (indices into the used frames); paper without video."""
     boxes = windows(shot.seen.person_box_px[list(frames)], shot.seen.size)
     where = dict(zip(frames, boxes, strict=True))
@@ -90,7 +92,7 @@ def read_cells(shot: Shot, frames: Sequence[int]) -> tuple[dict[int, Image], dic
 
 
 def video_sheet(
-    shot: Shot,
+    shot: SheetVideo,
     model: Model,
     frames: Sequence[int],
     cells: dict[int, Image],
@@ -135,7 +137,10 @@ def video_sheet(
 
 
 def moment_cells(
-    shot: Shot, frames: Sequence[int | None], cells: dict[int, Image], where: dict[int, Window]
+    shot: SheetVideo,
+    frames: Sequence[int | None],
+    cells: dict[int, Image],
+    where: dict[int, Window],
 ) -> list[Image]:
     """The final skeleton over the frames that stand for some moments; paper where there is none."""
     row = []

@@ -13,7 +13,7 @@ from imocap_core.artifacts.schemas import VideoMotion
 from imocap_core.body import Model
 from imocap_core.camera.zooming import lens_of
 from imocap_core.figures.bodies import surfaces
-from imocap_core.figures.contact_sheets import Shot
+from imocap_core.figures.contact_sheets import SheetVideo
 from imocap_core.figures.overlays import (
     Image,
     Window,
@@ -28,7 +28,7 @@ COLUMNS = 6
 
 
 @dataclass(frozen=True)
-class Result:
+class SheetResult:
     """An answer: motions in the order of the videos, and the intrinsics (3, 3) they project by."""
 
     name: str
@@ -36,7 +36,7 @@ class Result:
     K: Mapping[str, Array]
 
 
-def telling_frames(first: VideoMotion, last: VideoMotion, count: int) -> list[int]:
+def most_different_frames(first: VideoMotion, last: VideoMotion, count: int) -> list[int]:
     """Of each of `count` equal parts of a video the frame in which two answers differ most."""
     a, b = (m.joints - m.joints[:, :1] for m in (first, last))
     apart = np.linalg.norm(a - b, axis=-1).mean(axis=1)
@@ -44,19 +44,19 @@ def telling_frames(first: VideoMotion, last: VideoMotion, count: int) -> list[in
     return [int(part[apart[part].argmax()]) for part in parts]
 
 
-def picks_of(shots: Sequence[Shot]) -> list[tuple[int, int]]:
+def picks_of(shots: Sequence[SheetVideo]) -> list[tuple[int, int]]:
     """(video, index of a used frame) of each column: where monocular and final differ most."""
     each = max(1, COLUMNS // len(shots))
     return [
         (v, t)
         for v, shot in enumerate(shots[:COLUMNS])
-        for t in telling_frames(shot.first, shot.last, each)
+        for t in most_different_frames(shot.first, shot.last, each)
     ]
 
 
 def results_sheet(
-    shots: Sequence[Shot],
-    results: Sequence[Result],
+    shots: Sequence[SheetVideo],
+    results: Sequence[SheetResult],
     picks: Sequence[tuple[int, int]],
     cells: Mapping[str, Mapping[int, Image]],
     where: Mapping[str, Mapping[int, Window]],

@@ -66,18 +66,18 @@ def seconds_at(index: Array, frames: Ints, fps: float) -> Array:
     return np.where(np.isfinite(index), at, np.nan)
 
 
-def film_moments(keypoints: Keypoints, sync: SyncSummary) -> Array:
+def common_moments(keypoints: Keypoints, sync: SyncSummary) -> Array:
     """The moments (M,) at which a film of all videos shows them, in frames of the reference: its
     own, and those before and after at which other videos have a place on the common axis."""
     reference = next(v for v in keypoints.videos if v.id == sync.reference)
-    every = [places(sync, i, reference.fps) for i in sync.ids]
+    every = [positions_on_axis(sync, i, reference.fps) for i in sync.ids]
     known = np.concatenate([place[np.isfinite(place)] for place in every])
     last = len(reference.frames) - 1
     ends = np.rint([known.min(initial=0.0), known.max(initial=last)])
     return np.arange(ends[0], ends[1] + 1)
 
 
-def places(sync: SyncSummary, video: str, fps: float) -> Array:
+def positions_on_axis(sync: SyncSummary, video: str, fps: float) -> Array:
     """Where a video's used frames (T,) lie on the time axis of all, in frames of the reference,
     whose rate is `fps`; NaN where nowhere."""
     if sync.trust is not None:
@@ -87,7 +87,7 @@ def places(sync: SyncSummary, video: str, fps: float) -> Array:
 
 def retimed(place: Array, moments: ArrayLike, fps: float) -> tuple[Ints, NDArray[np.bool_]]:
     """For each moment (increasing, in frames of the reference, whose rate is `fps`) the frame that
-    shows it in a video whose frames (T,) have these places (index into its used frames, never going
+    shows it in a video whose frames (T,) have these positions (index into its used frames, never going
     back), and whether one does.
 
     A moment that nothing shows gets the frame of the nearest one before it that is shown, or the

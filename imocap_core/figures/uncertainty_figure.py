@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from imocap_core.artifacts.schemas import Keypoints, SyncSummary, Table, Uncertainty
 from imocap_core.conventions import EVAL_12, SMPL_JOINTS
 from imocap_core.figures.style import ACCENT, grid, headline, new_figure
-from imocap_core.figures.sync_summary import film_moments, places, retimed
+from imocap_core.figures.sync_summary import common_moments, positions_on_axis, retimed
 
 Array = NDArray[np.float64]
 
@@ -76,10 +76,10 @@ def over_time(claimed: Uncertainty, keypoints: Keypoints, sync: SyncSummary) -> 
     """Seconds (M,) on the common axis, and the claims (M, 12) in mm, root mean square over the
     videos that show that moment; NaN where none does."""
     fps = next(v.fps for v in keypoints.videos if v.id == sync.reference)
-    moments = film_moments(keypoints, sync)
+    moments = common_moments(keypoints, sync)
     total, count = np.zeros((len(moments), len(AT))), np.zeros((len(moments), 1))
     for video in claimed.videos:
-        index, matched = retimed(places(sync, video.id, fps), moments, fps)
+        index, matched = retimed(positions_on_axis(sync, video.id, fps), moments, fps)
         sigma = video.sigma_mm[index][:, AT]
         shown = matched[:, None] & np.isfinite(sigma)
         total += np.where(shown, sigma**2, 0.0)

@@ -33,7 +33,7 @@ class Film:
 def films_of(job: Job, kind: Kind, *, mesh: bool, result: Result, opacity: float) -> list[Film]:
     """The films of an action. WorkFailed when it has not been run."""
     from imocap_core.body import load_free_body
-    from imocap_core.figures.sync_summary import film_moments
+    from imocap_core.figures.sync_summary import common_moments
     from imocap_core.film.overlay_film import overlay_film
     from imocap_core.film.performer import Painter, performers
     from imocap_core.film.phase_bar import lock_step
@@ -61,7 +61,7 @@ def films_of(job: Job, kind: Kind, *, mesh: bool, result: Result, opacity: float
     if kind != "overlay" and len(cast) > 1:
         sync = refined.sync
         fps = next(v.fps for v in keypoints.videos if v.id == sync.reference)
-        count = len(film_moments(keypoints, sync))
+        count = len(common_moments(keypoints, sync))
         paints = {
             p.seen.id: Painter(p, model, alpha=opacity if mesh else 0.0)
             for p in cast
@@ -79,11 +79,11 @@ def write_films(
     films: Sequence[Film], folder: Path, advance: Callable[[Film, int], None]
 ) -> list[Path]:
     """Write the films to a folder; `advance(film, frames done)` is called after each frame."""
-    from imocap_core.io.ahead import ahead
+    from imocap_core.io.prefetch import prefetch
     from imocap_core.io.video import write_h264
 
     def counted(film: Film) -> Iterator[Any]:
-        for done, frame in enumerate(ahead(film.frames()), start=1):
+        for done, frame in enumerate(prefetch(film.frames()), start=1):
             yield frame
             advance(film, done)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from imocap_core.artifacts.schemas import Keypoints, SyncSummary
 from imocap_core.figures.lettering import PALE, WHITE, write
-from imocap_core.figures.sync_summary import film_moments
+from imocap_core.figures.sync_summary import common_moments
 from imocap_core.film.side_by_side import (
     FRAME_RGB,
     Paint,
@@ -41,13 +41,13 @@ def lock_step(
     every: int = 1,
 ) -> Iterator[Image]:
     """The film of an action: the videos named in `files` (None: there is no file) on the common
-    time axis, a frame at each of `film_moments`, or at `every` so many of them; `paints`: what is
+    time axis, a frame at each of `common_moments`, or at `every` so many of them; `paints`: what is
     painted over some videos."""
     fps = next(v.fps for v in keypoints.videos if v.id == sync.reference)
     tracks = [thinned(track, every) for track in tracks_of(keypoints, sync, files, paints)]
     film = side_by_side(tracks, tile_shape([v for v in keypoints.videos if v.id in files]))
     title = f"{name}: {len(tracks)} videos on one time axis"
-    return framed(film, tracks, film_moments(keypoints, sync)[::every] / fps, title)
+    return framed(film, tracks, common_moments(keypoints, sync)[::every] / fps, title)
 
 
 def thinned(track: Track, every: int) -> Track:

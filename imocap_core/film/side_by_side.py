@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from imocap_core.artifacts.schemas import Keypoints, SyncSummary, VideoKeypoints
 from imocap_core.figures.lettering import DIMMED, write, write_strip
-from imocap_core.figures.sync_summary import film_moments, places, retimed, title_of
+from imocap_core.figures.sync_summary import common_moments, positions_on_axis, retimed, title_of
 from imocap_core.film.performer import rgb_of, source_frames
 
 Array = NDArray[np.float64]
@@ -56,17 +56,17 @@ def tracks_of(
 ) -> list[Track]:
     """The reference first, then the other videos named in `files`; None: there is no file.
 
-    The moments are those of `film_moments`. paints: what is painted over some videos.
+    The moments are those of `common_moments`. paints: what is painted over some videos.
     """
     seen = {v.id: v for v in keypoints.videos}
-    moments, fps = film_moments(keypoints, sync), seen[sync.reference].fps
+    moments, fps = common_moments(keypoints, sync), seen[sync.reference].fps
     order = [sync.reference, *(i for i in sync.ids if i != sync.reference)]
     shown = [seen[i] for i in order if i in files]
     shape = tile_shape(shown)
     tracks = []
     for video in shown:
         found = next(m for m in sync.maps if m.id == video.id)
-        index, matched = retimed(places(sync, video.id, fps), moments, fps)
+        index, matched = retimed(positions_on_axis(sync, video.id, fps), moments, fps)
         tracks.append(
             Track(
                 name=title_of(sync, video.id),

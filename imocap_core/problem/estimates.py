@@ -8,7 +8,7 @@ import torch
 from imocap_core.artifacts.schemas import VideoKeypoints
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.estimators.by_name import JOINTS, ROTATIONS
-from imocap_core.io.estimators.estimates import Wanted
+from imocap_core.io.estimators.estimates import PerformerBoxes
 from imocap_core.io.estimators.smpl_npz import read_smpl_npz
 from imocap_core.motion.monocular.starts import (
     MIN_JOINTS,
@@ -34,7 +34,7 @@ def estimate_of(ctx: Context, video: VideoKeypoints, R_first_from_frame: torch.T
     path, kind = ctx.initial(video.id), video.initial_format
     if path is None:
         return None
-    wanted = Wanted(video.frames, video.person_box_px, video.size)
+    wanted = PerformerBoxes(video.frames, video.person_box_px, video.size)
     if kind in JOINTS:
         estimate = JOINTS[kind](path, wanted)
         joints = np.full((len(video.frames), 24, 3), np.nan)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from imocap_core.io.detectors.by_name import format_and_layout, read_detections
-from imocap_core.io.detectors.openpose import Detections
+from imocap_core.io.detectors.openpose import DetectedPeople
 from imocap_core.io.video import VideoInfo, probe
 from imocap_core.pipeline.action import Declaration
 from imocap_core.problem.performers import Watched
@@ -51,7 +51,7 @@ def people_in(declared: Declaration, folder: Path, video: Path | None, file: Pat
     return Source(declared, folder, video, kind, watched)
 
 
-def _declared_info(declared: Declaration, found: Detections) -> VideoInfo:
+def _declared_info(declared: Declaration, found: DetectedPeople) -> VideoInfo:
     """As action.yaml declares a video that is not there."""
     assert declared.fps is not None
     assert declared.size is not None

@@ -16,7 +16,7 @@ from imocap_core.pipeline.source import PROJECT, closure
 from imocap_core.pipeline.timings import record, seconds_of
 from imocap_core.report.page import PAGE, TEXT
 
-MADE_BY = ("figures.py", "page.py")
+MADE_BY = ("page_figures.py", "page.py")
 BESIDE = ("viewer.html", "compare/report.md", "observability.md")
 NEEDED = {
     "keypoints": "Keypoints",
@@ -58,7 +58,7 @@ def bring_up_to_date(job: Job, stored: Mapping[str, Stored]) -> Path:
     stamp = _stamp(stored, seconds, beside, single)
     if (folder / TEXT).is_file() and page.is_file() and stamp in _head(page):
         return page
-    from imocap_core.report.make import write_page
+    from imocap_core.report.write_page import write_page
 
     try:
         write_page(job, folder, stored, single, seconds, beside, stamp)

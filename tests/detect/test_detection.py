@@ -16,7 +16,7 @@ from imocap_core.errors import WorkFailed
 from imocap_core.io.detectors.guess import guess_detections
 from imocap_core.io.detectors.mediapipe import read_mediapipe, read_mediapipe_world
 from imocap_core.io.detectors.mediapipe_hands import read_mediapipe_hands
-from imocap_core.io.estimators.estimates import Wanted
+from imocap_core.io.estimators.estimates import PerformerBoxes
 from imocap_core.params import DetectParams, Params
 from imocap_core.pipeline.graph import read_pipeline
 from imocap_core.pipeline.source import PROJECT
@@ -53,7 +53,7 @@ def test_what_is_written_is_what_the_readers_read(tmp_path: Path, detector_pytho
         assert abs(found.people[frame][0, 0, 0] - column) <= 2.5
         assert np.isclose(found.people[frame][0, 32, 2], 0.82)
     boxes = np.tile([0.0, 0.0, *SIZE], (5, 1))
-    world = read_mediapipe_world(file, Wanted(np.arange(5), boxes, SIZE))
+    world = read_mediapipe_world(file, PerformerBoxes(np.arange(5), boxes, SIZE))
     assert np.isnan(world.joints[2]).all()
     assert np.allclose(world.joints[0, :, 2], 0.01 * np.arange(33))
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from imocap_core.io.writers.bvh import write_bvh
-from imocap_core.io.writers.clip_body import TakeCamera, skin_of
+from imocap_core.io.writers.clip_body import ClipCamera, skin_of
 from imocap_core.io.writers.gltf_scene import Actor, write_glb
 from imocap_core.io.writers.motion_clip import upright_rest
-from tests.io.made_takes import made_take
+from tests.io.made_clips import made_clip
 from tools.check_in_blender import joint_error_m, read_in_blender
 
 BLENDER = os.environ.get("IMOCAP_BLENDER")
@@ -24,13 +24,13 @@ FRAMES = np.array([0, 4, 11])
 
 @pytest.mark.parametrize(("format", "up"), [("bvh", "y"), ("bvh", "z"), ("glb", "y")])
 def test_joints_within_a_tenth_of_a_millimetre(tmp_path: Path, format: str, up: str) -> None:
-    made = made_take(hands=True)
+    made = made_clip(hands=True)
     file = tmp_path / f"v1.{format}"
     if format == "bvh":
-        write_bvh(file, upright_rest(made.take, up))
+        write_bvh(file, upright_rest(made.clip, up))
     else:
         K = np.array([[700.0, 0, 320], [0, 700, 180], [0, 0, 1]])
-        camera = TakeCamera("v1", K, np.ones(1), (640, 360), np.eye(3)[None], np.zeros(3))
-        write_glb(file, [Actor(made.take, skin_of(made.shaped), camera, (0.5, 0.5, 0.5))], {})
+        camera = ClipCamera("v1", K, np.ones(1), (640, 360), np.eye(3)[None], np.zeros(3))
+        write_glb(file, [Actor(made.clip, skin_of(made.shaped), camera, (0.5, 0.5, 0.5))], {})
     seen = read_in_blender(Path(str(BLENDER)), file, 30, FRAMES.tolist(), up)
-    assert 1000 * joint_error_m(made.take, FRAMES, seen, up) < 0.1
+    assert 1000 * joint_error_m(made.clip, FRAMES, seen, up) < 0.1

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from imocap_core.io.writers.bvh import bvh_text, euler_zyx_deg, write_bvh
 from imocap_core.io.writers.motion_clip import upright_rest
-from tests.io.made_takes import made_take
+from tests.io.made_clips import made_clip
 
 
 @dataclass
@@ -74,26 +74,26 @@ def places(bones: list[Bone], row: np.ndarray) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("hands", [False, True])
 @pytest.mark.parametrize("up", ["y", "z"])
 def test_joints_come_back(hands: bool, up: str) -> None:
-    take = made_take(hands=hands).take
-    bones, step, rows = parse(bvh_text(upright_rest(take, up)))
-    assert step == pytest.approx(1 / take.fps, abs=1e-9)
-    assert len(rows) == len(take.frames)
+    clip = made_clip(hands=hands).clip
+    bones, step, rows = parse(bvh_text(upright_rest(clip, up)))
+    assert step == pytest.approx(1 / clip.fps, abs=1e-9)
+    assert len(rows) == len(clip.frames)
     for t, row in enumerate(rows):
         found = places(bones, row)
-        assert set(found) == set(take.joint_names)
-        theirs = np.array([found[name] for name in take.joint_names])
-        assert 1000 * np.abs(theirs - take.joints[t]).max() < 0.02  # millimetres
+        assert set(found) == set(clip.joint_names)
+        theirs = np.array([found[name] for name in clip.joint_names])
+        assert 1000 * np.abs(theirs - clip.joints[t]).max() < 0.02  # millimetres
 
 
 def test_the_tree_is_smpls_and_ends_in_sites() -> None:
-    take = made_take().take
-    bones, _, _ = parse(bvh_text(take))
+    clip = made_clip().clip
+    bones, _, _ = parse(bvh_text(clip))
     named = [b for b in bones if b.name != "Site"]
     assert {b.name: bones[b.parent].name for b in named[1:]} == {
-        name: take.joint_names[parent]
-        for name, parent in zip(take.joint_names[1:], take.parents[1:], strict=True)
+        name: clip.joint_names[parent]
+        for name, parent in zip(clip.joint_names[1:], clip.parents[1:], strict=True)
     }
-    assert sum(b.name == "Site" for b in bones) == len(take.tips) == 5
+    assert sum(b.name == "Site" for b in bones) == len(clip.tips) == 5
     assert [len(b.channels) for b in named] == [6] + [3] * 23
 
 
@@ -108,8 +108,8 @@ def test_angles_go_on_without_jumps() -> None:
 
 
 def test_the_same_take_gives_the_same_bytes(tmp_path: Path) -> None:
-    take = made_take().take
-    write_bvh(tmp_path / "a.bvh", take)
-    write_bvh(tmp_path / "b.bvh", take)
+    clip = made_clip().clip
+    write_bvh(tmp_path / "a.bvh", clip)
+    write_bvh(tmp_path / "b.bvh", clip)
     assert (tmp_path / "a.bvh").read_bytes() == (tmp_path / "b.bvh").read_bytes()
     assert b"\r" not in (tmp_path / "a.bvh").read_bytes()

@@ -16,7 +16,7 @@ import torch
 
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.estimators.by_name import JOINTS, ROTATIONS
-from imocap_core.io.estimators.estimates import Wanted
+from imocap_core.io.estimators.estimates import PerformerBoxes
 from imocap_core.io.estimators.sam3d_body import PLACES
 from tests.io import made_estimates as made
 
@@ -45,13 +45,13 @@ ALL = pytest.mark.parametrize("kind", WRITERS)
 PICKLED = pytest.mark.parametrize("kind", ["hmr2", "wham", "vibe", "hmmr", "gvhmr", "tram"])
 
 
-def wanted(first: int = 1, stop: int = made.FRAMES - 1) -> Wanted:
+def wanted(first: int = 1, stop: int = made.FRAMES - 1) -> PerformerBoxes:
     frames = np.arange(first, stop)
     inside = np.clip(frames, 0, made.FRAMES - 1)
-    return Wanted(frames, made.PERFORMER.box_px[inside], made.SIZE)
+    return PerformerBoxes(frames, made.PERFORMER.box_px[inside], made.SIZE)
 
 
-def read(kind: str, path: Path, what: Wanted | None = None) -> Any:
+def read(kind: str, path: Path, what: PerformerBoxes | None = None) -> Any:
     what = wanted() if what is None else what
     return ROTATIONS[kind](path, what) if kind in ROTATIONS else JOINTS[kind](path, what).joints
 
@@ -84,7 +84,7 @@ def test_the_performer_is_found_among_two_people(kind: str, tmp_path: Path) -> N
 @ALL
 def test_one_person_needs_no_box(kind: str, tmp_path: Path) -> None:
     path = WRITERS[kind](tmp_path, (made.PERFORMER,))
-    nowhere = Wanted(wanted().frames, np.full((len(wanted().frames), 4), np.nan), made.SIZE)
+    nowhere = PerformerBoxes(wanted().frames, np.full((len(wanted().frames), 4), np.nan), made.SIZE)
     np.testing.assert_allclose(read(kind, path, nowhere), expected(kind), atol=1e-5)
 
 
@@ -95,13 +95,13 @@ def test_frames_without_an_estimate_are_nan(kind: str, tmp_path: Path) -> None:
     assert np.isfinite(found[:-2]).all()
     assert np.isnan(found[-2:]).all()
     with pytest.raises(ValueError, match="expected an estimate in frames 50 to 51"):
-        read(kind, path, Wanted(np.array([50, 51]), made.PERFORMER.box_px[:2], made.SIZE))
+        read(kind, path, PerformerBoxes(np.array([50, 51]), made.PERFORMER.box_px[:2], made.SIZE))
 
 
 @pytest.mark.parametrize("kind", ["hmr2", "wham", "vibe", "tram", "sam3d_body", "mediapipe_world"])
 def test_people_elsewhere_are_not_the_performer(kind: str, tmp_path: Path) -> None:
     path = WRITERS[kind](tmp_path)
-    far = Wanted(wanted().frames, wanted().box_px + 150, made.SIZE)
+    far = PerformerBoxes(wanted().frames, wanted().box_px + 150, made.SIZE)
     with pytest.raises(ValueError, match="where the keypoints have the performer"):
         read(kind, path, far)
 
@@ -219,7 +219,7 @@ def test_matrices_that_are_no_rotations_are_refused(tmp_path: Path) -> None:
 
 def test_people_who_are_not_seen_in_a_frame_are_left_out_there(tmp_path: Path) -> None:
     path = made.write_phalp(tmp_path, tracked_time=[0, 3])  # the performer is lost throughout
-    far = Wanted(wanted().frames, made.OTHER.box_px[1:-1], made.SIZE)
+    far = PerformerBoxes(wanted().frames, made.OTHER.box_px[1:-1], made.SIZE)
     np.testing.assert_allclose(read("hmr2", path, far), expected("hmr2", made.OTHER), atol=1e-5)
 
 

@@ -12,27 +12,27 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.io.writers.clip_body import TakeCamera, skin_of
+from imocap_core.io.writers.clip_body import ClipCamera, skin_of
 from imocap_core.io.writers.glb import COMPONENTS, KINDS, Numbers
 from imocap_core.io.writers.gltf_scene import Actor, quaternions, scene_bytes, write_glb
-from tests.io.made_takes import Made, made_take
+from tests.io.made_clips import Made, made_clip
 
 TYPES = {code: np.dtype(name) for name, code in COMPONENTS.items()}
 WIDTHS = {kind: shape for shape, kind in KINDS.items()}
 K = np.array([[700.0, 0, 320], [0, 690, 180], [0, 0, 1]])
 
 
-def camera(frames: int, turning: bool = True) -> TakeCamera:
+def camera(frames: int, turning: bool = True) -> ClipCamera:
     turns = Rotation.from_rotvec(np.linspace([0.1, 3.0, 0], [0, 3.4, 0.1], frames)).as_matrix()
-    return TakeCamera(
+    return ClipCamera(
         "v1", K, np.ones(1), (640, 360), turns if turning else turns[:1], np.array([0, 1.5, 3.0])
     )
 
 
 def actor(made: Made, **changes: Any) -> Actor:
-    take = replace(made.take, **changes)
-    seen = replace(camera(len(take.frames)), id=take.id)
-    return Actor(take, skin_of(made.shaped), seen, (0.2, 0.3, 0.4))
+    clip = replace(made.clip, **changes)
+    seen = replace(camera(len(clip.frames)), id=clip.id)
+    return Actor(clip, skin_of(made.shaped), seen, (0.2, 0.3, 0.4))
 
 
 class Read:
@@ -99,30 +99,30 @@ class Read:
 
 @pytest.mark.parametrize("hands", [False, True])
 def test_the_skin_moves_as_the_body_does(hands: bool) -> None:
-    made = made_take(hands=hands)
+    made = made_clip(hands=hands)
     read = Read(scene_bytes([actor(made)], {}))
     surface = made.posed.mesh().vertices.numpy()
     body = read.node("v1_body")
     joints = read.tree["skins"][0]["joints"]
-    assert [read.nodes[j]["name"] for j in joints] == list(made.take.joint_names)
+    assert [read.nodes[j]["name"] for j in joints] == list(made.clip.joint_names)
     for frame in (0, 5, 11):
         world = read.animated(0, frame)
         theirs = np.stack([world[j][:3, 3] for j in joints])
-        assert 1000 * np.abs(theirs - made.take.joints[frame]).max() < 0.01  # millimetres
+        assert 1000 * np.abs(theirs - made.clip.joints[frame]).max() < 0.01  # millimetres
         assert 1000 * np.abs(read.skinned(body, world) - surface[frame]).max() < 0.01
 
 
 def test_what_a_viewer_shows_without_playing_is_the_first_frame() -> None:
-    made = made_take()
+    made = made_clip()
     read = Read(scene_bytes([actor(made)], {}))
     read.tree["animations"][0]["channels"] = []
     world = read.animated(0, 0)
     theirs = np.stack([world[j][:3, 3] for j in read.tree["skins"][0]["joints"]])
-    np.testing.assert_allclose(theirs, made.take.joints[0], atol=1e-5)
+    np.testing.assert_allclose(theirs, made.clip.joints[0], atol=1e-5)
 
 
 def test_keys_are_the_frames_times_and_turns_take_the_short_way() -> None:
-    made = made_take(fps=25.0)
+    made = made_clip(fps=25.0)
     read = Read(scene_bytes([actor(made)], {}))
     animation = read.tree["animations"][0]
     for sampler in animation["samplers"]:
@@ -144,11 +144,11 @@ def test_quaternions_do_not_flip() -> None:
 @pytest.mark.parametrize("frame", [0, 11])
 def test_a_point_falls_on_the_pixel_that_our_camera_sees_it_at(frame: int) -> None:
     """Up to the principal point, which glTF's cameras have in the middle."""
-    made = made_take()
+    made = made_clip()
     read = Read(scene_bytes([actor(made)], {}))
     world = read.animated(0, frame)[read.node("v1_camera")]
     optics = read.tree["cameras"][0]["perspective"]
-    point = made.take.joints[frame, 0]
+    point = made.clip.joints[frame, 0]
     x, y, z = np.linalg.inv(world)[:3] @ [*point, 1]
     high = np.tan(optics["yfov"] / 2)
     clip = np.array([x / (-z * high * optics["aspectRatio"]), y / (-z * high)])
@@ -162,7 +162,7 @@ def test_a_point_falls_on_the_pixel_that_our_camera_sees_it_at(frame: int) -> No
 
 
 def test_a_still_camera_has_no_keys() -> None:
-    made = made_take()
+    made = made_clip()
     still = replace(actor(made), camera=camera(12, turning=False))
     read = Read(scene_bytes([still], {}))
     moved = {c["target"]["node"] for c in read.tree["animations"][0]["channels"]}
@@ -170,7 +170,7 @@ def test_a_still_camera_has_no_keys() -> None:
 
 
 def test_every_video_has_nodes_of_its_own_and_all_play_together() -> None:
-    first, second = made_take(seed=1), made_take(seed=2, frames=9)
+    first, second = made_clip(seed=1), made_clip(seed=2, frames=9)
     read = Read(scene_bytes([actor(first), actor(second, id="v2")], {"up_axis": "y"}))
     assert [a["name"] for a in read.tree["animations"]] == ["all", "v1", "v2"]
     together, one, two = (len(a["channels"]) for a in read.tree["animations"])
@@ -178,14 +178,14 @@ def test_every_video_has_nodes_of_its_own_and_all_play_together() -> None:
     theirs = read.animated(0, 8)
     alone = read.animated(2, 8)
     for k, joint in enumerate(read.tree["skins"][1]["joints"]):
-        np.testing.assert_allclose(theirs[joint][:3, 3], second.take.joints[8, k], atol=1e-5)
+        np.testing.assert_allclose(theirs[joint][:3, 3], second.clip.joints[8, k], atol=1e-5)
         np.testing.assert_array_equal(theirs[joint], alone[joint])
     assert read.tree["asset"]["extras"] == {"up_axis": "y"}
     assert all(m["pbrMetallicRoughness"]["metallicFactor"] == 0 for m in read.tree["materials"])
 
 
 def test_parts_lie_within_the_block_and_aligned() -> None:
-    read = Read(scene_bytes([actor(made_take())], {}))
+    read = Read(scene_bytes([actor(made_clip())], {}))
     assert len(read.block) % 4 == 0
     for view in read.tree["bufferViews"]:
         assert view["byteOffset"] % 4 == 0
@@ -203,7 +203,7 @@ def test_what_gltf_can_not_hold_is_said() -> None:
 
 def test_other_libraries_open_it(tmp_path: Path) -> None:
     """pygltflib and trimesh, where they are installed."""
-    made = made_take()
+    made = made_clip()
     file = tmp_path / "a.glb"
     write_glb(file, [actor(made)], {})
     pygltflib = pytest.importorskip("pygltflib", reason="pygltflib reads it where installed")

@@ -8,7 +8,7 @@ import pytest
 
 from imocap_core.artifacts.schemas import SyncMap
 from imocap_core.figures.bodies import surfaces
-from imocap_core.figures.contact_sheets import frames_at, spread
+from imocap_core.figures.contact_sheets import frames_of_moments, spread
 from imocap_core.figures.overlays import (
     CELL_PX,
     LEFT_RGB,
@@ -92,9 +92,9 @@ def test_moments_find_the_nearest_frame_within_the_map_only() -> None:
     at = np.array([np.nan, 2.0, 3.5, 5.0, 20.0])
     found = SyncMap(id="v2", reference_frame=at, confidence=np.ones(5))
     moments = [0.0, 2.2, 4.4, 12.0, 20.4, 21.0]
-    assert frames_at(found, moments) == [None, 1, 3, None, 4, None]
+    assert frames_of_moments(found, moments) == [None, 1, 3, None, 4, None]
     unmatched = SyncMap(id="v2", reference_frame=at * np.nan, confidence=np.zeros(5))
-    assert frames_at(unmatched, moments) == [None] * 6
+    assert frames_of_moments(unmatched, moments) == [None] * 6
 
 
 def test_spread_is_increasing_and_inside() -> None:

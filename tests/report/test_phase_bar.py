@@ -7,7 +7,7 @@ import pytest
 
 from imocap_core.artifacts.schemas import SyncTrust
 from imocap_core.artifacts.schemas.sync import VideoTrust
-from imocap_core.figures.sync_summary import film_moments
+from imocap_core.figures.sync_summary import common_moments
 from imocap_core.film.phase_bar import HEAD_PX, SIDE_PX, framed, lock_step, phase_bar
 from imocap_core.film.side_by_side import tracks_of
 from tests.report.made import FPS, Made
@@ -32,9 +32,9 @@ def _trusted(made: Made) -> SyncTrust:
 
 def test_a_film_lasts_as_long_as_any_video_has_a_place(made: Made) -> None:
     sync = made.refined.sync
-    np.testing.assert_array_equal(film_moments(made.keypoints, sync), np.arange(16))
+    np.testing.assert_array_equal(common_moments(made.keypoints, sync), np.arange(16))
     common = sync.model_copy(update={"trust": _trusted(made)})
-    moments = film_moments(made.keypoints, common)
+    moments = common_moments(made.keypoints, common)
     np.testing.assert_array_equal(moments, np.arange(20))  # v3 begins 4 frames late
     reference, second, third = tracks_of(made.keypoints, common, dict.fromkeys(made.ids))
     np.testing.assert_array_equal(np.flatnonzero(reference.matched), np.arange(17))  # 1 beyond

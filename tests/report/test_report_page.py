@@ -10,7 +10,7 @@ import pytest
 
 from imocap_core.artifacts.schemas import Table
 from imocap_core.body import load_free_body
-from imocap_core.figures.results_sheet import picks_of, telling_frames
+from imocap_core.figures.results_sheet import most_different_frames, picks_of
 from imocap_core.figures.uncertainty_figure import over_time
 from imocap_core.metrics.scoring import Row, over_videos
 from imocap_core.report.files import Contents, Picture, read_contents, write_report
@@ -111,8 +111,8 @@ def test_telling_frames_are_where_answers_differ_most(made: Made) -> None:
     joints = last.joints.copy()
     joints[[3, 12], 7] += 0.4
     first = last.model_copy(update={"joints": joints})
-    assert telling_frames(first, last, 2) == [3, 12]
-    assert telling_frames(first, last, 1)[0] in (3, 12)
+    assert most_different_frames(first, last, 2) == [3, 12]
+    assert most_different_frames(first, last, 1)[0] in (3, 12)
     moved = last.model_copy(update={"joints": last.joints + 1.0})  # as a whole: no difference
     assert np.isclose(np.ptp(moved.joints - last.joints), 0)
 
@@ -130,11 +130,11 @@ def test_claims_over_time_are_the_mean_of_the_videos_that_show_the_moment(made: 
 
 
 def test_a_column_is_chosen_for_every_video(made: Made) -> None:
-    from imocap_core.figures.contact_sheets import Shot
+    from imocap_core.figures.contact_sheets import SheetVideo
 
     names = load_free_body().points("body25").names
     shots = [
-        Shot(s, c, None, names, a, b, c.K)
+        SheetVideo(s, c, None, names, a, b, c.K)
         for s, c, a, b in zip(
             made.keypoints.videos, made.camera_motion.videos, made.bent, made.final, strict=True
         )

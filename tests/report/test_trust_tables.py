@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import CycleTriple, SyncTrust, VideoTrust
-from imocap_core.evaluate.scoreboard import Answer, against_truth, cycle_row
+from imocap_core.evaluate.scoreboard import StageResult, against_truth, cycle_row
 from imocap_core.io.truth import read_truth
 from imocap_core.report.tables import markdown
 from imocap_core.report.trust_tables import trust_tables
@@ -59,7 +59,7 @@ def test_a_video_without_part_is_not_scored_against_the_others(made: Made, tmp_p
     cameras = made.single.cameras
     broken = [*cameras[:2], cameras[2].model_copy(update={"R": np.eye(3)})]
     plain, without = (
-        against_truth(Answer("x", made.final, c, s), made.keypoints, truth)
+        against_truth(StageResult("x", made.final, c, s), made.keypoints, truth)
         for c, s in ((broken, whole), (broken, out))
     )
     assert plain["camera_rotation_error_deg"] > 20.0

@@ -12,9 +12,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from imocap_core.io.detectors.coco import read_entries
-from imocap_core.io.detectors.openpose import Detections
+from imocap_core.io.detectors.openpose import DetectedPeople
 
 
-def read_alphapose(path: Path, layout: str) -> Detections:
+def read_alphapose(path: Path, layout: str) -> DetectedPeople:
     """All people of all frames in a results file. ValueError names file, field, what is wrong."""
     return read_entries(path, layout, "AlphaPose")

@@ -13,10 +13,10 @@ from imocap_core.io.detectors.guess import guess_detections
 from imocap_core.io.detectors.keypoints_npz import read_keypoints_npz
 from imocap_core.io.detectors.mediapipe import read_mediapipe
 from imocap_core.io.detectors.mmpose import read_mmpose
-from imocap_core.io.detectors.openpose import Detections, read_openpose
+from imocap_core.io.detectors.openpose import DetectedPeople, read_openpose
 from imocap_core.io.detectors.sleap import read_sleap
 
-READERS: dict[str, Callable[[Path, str], Detections]] = {
+READERS: dict[str, Callable[[Path, str], DetectedPeople]] = {
     "openpose": read_openpose,
     "alphapose": read_alphapose,
     "mmpose": read_mmpose,
@@ -42,7 +42,7 @@ def format_and_layout(path: Path, kind: str | None, layout: str | None) -> tuple
 
 def read_detections(
     path: Path, kind: str, layout: str, *, size: tuple[int, int], names: Sequence[str]
-) -> Detections:
+) -> DetectedPeople:
     """All people of all frames.
 
     Args:

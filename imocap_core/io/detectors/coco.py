@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from imocap_core.io.detectors.openpose import Detections
+from imocap_core.io.detectors.openpose import DetectedPeople
 from imocap_core.io.detectors.people import (
     detections,
     flat_points,
@@ -29,12 +29,12 @@ LAYOUTS = ("coco17", "halpe26", "body25", "coco18", "wholebody133", "halpe136")
 WHOLE_BODY_PARTS = ("keypoints", "foot_kpts", "face_kpts", "lefthand_kpts", "righthand_kpts")
 
 
-def read_coco(path: Path, layout: str) -> Detections:
+def read_coco(path: Path, layout: str) -> DetectedPeople:
     """All people of all frames in a results file. ValueError names file, field, what is wrong."""
     return read_entries(path, layout, "COCO")
 
 
-def read_entries(path: Path, layout: str, what: str) -> Detections:
+def read_entries(path: Path, layout: str, what: str) -> DetectedPeople:
     """As `read_coco`; `what` is the format's name in sentences."""
     must_be_known(layout, LAYOUTS, what, path)
     entries = read_json(path)

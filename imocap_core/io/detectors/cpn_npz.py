@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from imocap_core.io.detectors.openpose import Detections
+from imocap_core.io.detectors.openpose import DetectedPeople
 from imocap_core.io.detectors.people import Array, cleaned, detections, kind, must_be_known
 from imocap_core.io.object_npz import read_object
 
@@ -29,7 +29,7 @@ POINTS = 17
 _SHOWN = 6
 
 
-def read_cpn_npz(path: Path, layout: str, names: Sequence[str]) -> Detections:
+def read_cpn_npz(path: Path, layout: str, names: Sequence[str]) -> DetectedPeople:
     """The clip that one of `names` (the video's id, its file's name) means.
 
     ValueError names file, field, what is wrong, or the clips there are.

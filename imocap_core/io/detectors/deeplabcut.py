@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from imocap_core.body.layouts import layout_names
-from imocap_core.io.detectors.openpose import Detections
+from imocap_core.io.detectors.openpose import DetectedPeople
 from imocap_core.io.detectors.part_names import LAYOUTS, known_columns
 from imocap_core.io.detectors.people import (
     Array,
@@ -32,7 +32,7 @@ _H5 = (
 )
 
 
-def read_deeplabcut(path: Path, layout: str) -> Detections:
+def read_deeplabcut(path: Path, layout: str) -> DetectedPeople:
     """All individuals of all frames. ValueError names file, row, what is wrong."""
     must_be_known(layout, LAYOUTS, "a file of named body parts", path)
     rows = read_csv(path)

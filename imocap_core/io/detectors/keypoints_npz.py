@@ -13,12 +13,12 @@ from pathlib import Path
 import numpy as np
 
 from imocap_core.body.layouts import layout_names
-from imocap_core.io.detectors.openpose import Detections
+from imocap_core.io.detectors.openpose import DetectedPeople
 from imocap_core.io.detectors.people import LAYOUT_OF_COUNT, Array, cleaned, detections
 from imocap_core.io.npz import load_arrays, numbers
 
 
-def read_keypoints_npz(path: Path, layout: str) -> Detections:
+def read_keypoints_npz(path: Path, layout: str) -> DetectedPeople:
     """All people of all frames. ValueError names file, field, what is wrong."""
     arrays = load_arrays(path)
     one_person = "keypoints" in arrays and arrays["keypoints"].ndim == 3

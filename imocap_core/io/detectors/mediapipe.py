@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from imocap_core.body.layouts import layout_names
-from imocap_core.io.detectors.openpose import Detections
+from imocap_core.io.detectors.openpose import DetectedPeople
 from imocap_core.io.detectors.people import (
     LARGEST,
     Array,
@@ -32,7 +32,7 @@ from imocap_core.io.detectors.people import (
     read_json,
     short,
 )
-from imocap_core.io.estimators.estimates import Entries, Wanted, performer_rows, picked
+from imocap_core.io.estimators.estimates import Entries, PerformerBoxes, performer_rows, picked
 from imocap_core.io.estimators.joints_npz import JointsEstimate
 from imocap_core.io.npz import load_arrays, numbers
 
@@ -43,7 +43,7 @@ POINTS = 33
 NORMALISED = 3.0  # shares of the picture stay below this, even of people half outside it
 
 
-def read_mediapipe(path: Path, layout: str, size: tuple[int, int]) -> Detections:
+def read_mediapipe(path: Path, layout: str, size: tuple[int, int]) -> DetectedPeople:
     """All people of all frames, pixels of a picture of `size` (width, height).
 
     ValueError names file, field, what is wrong.
@@ -60,7 +60,7 @@ def read_mediapipe(path: Path, layout: str, size: tuple[int, int]) -> Detections
     return detections(seen, layout, path)
 
 
-def read_mediapipe_world(path: Path, wanted: Wanted) -> JointsEstimate:
+def read_mediapipe_world(path: Path, performer: PerformerBoxes) -> JointsEstimate:
     """World landmarks at the used frames (T,) as 3D joints, metres in camera axes.
 
     Frames without them are NaN; of several people the performer is found by the picture landmarks.
@@ -72,11 +72,11 @@ def read_mediapipe_world(path: Path, wanted: Wanted) -> JointsEstimate:
         raise ValueError(f"{path}: {WORLD[0]}: expected a person in some frame, got none")
     places = None
     if any(len(here) > 1 for here in people.values()):
-        seen = _in_pixels(path, wanted.size)
+        seen = _in_pixels(path, performer.size)
         if all(len(seen.get(frame, ())) == len(here) for frame, here in people.items()):
             places = np.array([np.nanmean(seen[frame][n][:, :2], axis=0) for frame, n, _ in found])
     frames, track = (np.array([entry[i] for entry in found]) for i in (0, 1))
-    rows = performer_rows(Entries(frames, track, places), wanted, path)
+    rows = performer_rows(Entries(frames, track, places), performer, path)
     joints = picked(np.stack([person[:, :3] for _, _, person in found]), rows)
     return JointsEstimate(joints, layout_names(LAYOUT))
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from imocap_core.io.detectors.openpose import Detections
+from imocap_core.io.detectors.openpose import DetectedPeople
 from imocap_core.io.detectors.people import (
     Array,
     detections,
@@ -28,7 +28,7 @@ from imocap_core.io.detectors.people import (
 LAYOUTS = ("coco17", "halpe26", "wholebody133", "h36m17", "body25", "coco18")
 
 
-def read_mmpose(path: Path, layout: str) -> Detections:
+def read_mmpose(path: Path, layout: str) -> DetectedPeople:
     """All people of all frames of a predictions file. ValueError names file, field, what is
     wrong."""
     must_be_known(layout, LAYOUTS, "MMPose", path)

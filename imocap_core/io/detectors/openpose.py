@@ -17,7 +17,7 @@ _FAULTS_SHOWN = 5
 
 
 @dataclass(frozen=True)
-class Detections:
+class DetectedPeople:
     """``people[i]`` (P, K, 3) are x, y (pixels) and confidence of the people of ``frames[i]``.
 
     ``frames`` (N,) are increasing source frame numbers. A point that was not found is NaN with
@@ -28,7 +28,7 @@ class Detections:
     people: tuple[NDArray[np.float64], ...]
 
 
-def read_openpose(folder: Path, layout: str) -> Detections:
+def read_openpose(folder: Path, layout: str) -> DetectedPeople:
     """All people of all frames. ValueError names the file, the field, what is wrong.
 
     The frame number is the last number in a file's name (``clip_000000000012_keypoints.json`` and
@@ -53,7 +53,7 @@ def read_openpose(folder: Path, layout: str) -> Detections:
         more = len(faults) - _FAULTS_SHOWN
         shown = faults[:_FAULTS_SHOWN] + ([f"and {more} more such files"] if more > 0 else [])
         raise ValueError("\n".join(shown))
-    return Detections(np.array(sorted(people), dtype=np.int64), tuple(people.values()))
+    return DetectedPeople(np.array(sorted(people), dtype=np.int64), tuple(people.values()))
 
 
 def _numbered_files(folder: Path) -> dict[int, Path]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imocap_core.body.layouts import layout_names
-from imocap_core.io.detectors.openpose import Detections
+from imocap_core.io.detectors.openpose import DetectedPeople
 
 Array = NDArray[np.float64]
 # What a number of points means, in the formats of one list of points a person.
@@ -121,8 +121,8 @@ def _numbers(values: Any, where: str) -> Array:
 
 def detections(
     people: Mapping[int, Sequence[Array]], layout: str, path: Path, frames: Iterable[int] = ()
-) -> Detections:
-    """Detections of frame number -> people (K, 3), and of `frames` that hold nobody.
+) -> DetectedPeople:
+    """DetectedPeople of frame number -> people (K, 3), and of `frames` that hold nobody.
 
     ValueError when nobody is in any frame.
     """
@@ -130,7 +130,7 @@ def detections(
         raise ValueError(f"{path}: expected at least one person, got none; check the detector")
     nobody = np.zeros((0, len(layout_names(layout)), 3))
     numbers = sorted({*people, *frames})
-    return Detections(
+    return DetectedPeople(
         np.array(numbers, dtype=np.int64),
         tuple(np.stack(people[n]) if people.get(n) else nobody for n in numbers),
     )

@@ -14,7 +14,7 @@ import numpy as np
 
 from imocap_core.body.layouts import layout_names
 from imocap_core.io.detectors.deeplabcut import read_csv
-from imocap_core.io.detectors.openpose import Detections
+from imocap_core.io.detectors.openpose import DetectedPeople
 from imocap_core.io.detectors.part_names import LAYOUTS, known_columns
 from imocap_core.io.detectors.people import (
     Array,
@@ -28,7 +28,7 @@ from imocap_core.io.detectors.people import (
 FRAME = "frame_idx"
 
 
-def read_sleap(path: Path, layout: str) -> Detections:
+def read_sleap(path: Path, layout: str) -> DetectedPeople:
     """All instances of all frames. ValueError names file, row, what is wrong."""
     must_be_known(layout, LAYOUTS, "a file of named body parts", path)
     rows = read_csv(path)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from imocap_core.io.detectors.mediapipe import read_mediapipe_world
-from imocap_core.io.estimators.estimates import Array, Wanted
+from imocap_core.io.estimators.estimates import Array, PerformerBoxes
 from imocap_core.io.estimators.gvhmr import read_gvhmr
 from imocap_core.io.estimators.hmmr import read_hmmr
 from imocap_core.io.estimators.joints_npz import JointsEstimate, read_joints_npz
@@ -17,12 +17,12 @@ from imocap_core.io.estimators.vibe import read_vibe
 from imocap_core.io.estimators.wham import read_wham
 
 
-def _joints_npz(path: Path, wanted: Wanted) -> JointsEstimate:
-    return read_joints_npz(path, wanted.frames)
+def _joints_npz(path: Path, performer: PerformerBoxes) -> JointsEstimate:
+    return read_joints_npz(path, performer.frames)
 
 
 # Joint rotations (T, 24, 3, 3) in camera axes, NaN where there is no estimate.
-ROTATIONS: dict[str, Callable[[Path, Wanted], Array]] = {
+ROTATIONS: dict[str, Callable[[Path, PerformerBoxes], Array]] = {
     "hmr2": read_phalp,
     "wham": read_wham,
     "gvhmr": read_gvhmr,
@@ -31,7 +31,7 @@ ROTATIONS: dict[str, Callable[[Path, Wanted], Array]] = {
     "tram": read_tram,
 }
 # Joints (T, J, 3) metres in camera axes.
-JOINTS: dict[str, Callable[[Path, Wanted], JointsEstimate]] = {
+JOINTS: dict[str, Callable[[Path, PerformerBoxes], JointsEstimate]] = {
     "joints_npz": _joints_npz,
     "sam3d_body": read_sam3d_body,
     "mediapipe_world": read_mediapipe_world,

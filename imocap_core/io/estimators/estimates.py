@@ -27,7 +27,7 @@ _LOOSE = 0.05  # how far R Rᵀ of a rotation matrix may be from 1
 
 
 @dataclass(frozen=True)
-class Wanted:
+class PerformerBoxes:
     """The used source frames (T,), the performer's box (T, 4) x0 y0 x1 y1 in each (pixels, NaN
     where unseen) and the picture's size (width, height)."""
 
@@ -46,7 +46,7 @@ class Entries:
     middle_px: Array | None
 
 
-def performer_rows(entries: Entries, wanted: Wanted, path: Path) -> Rows:
+def performer_rows(entries: Entries, performer: PerformerBoxes, path: Path) -> Rows:
     """For each used frame (T,) the performer's estimate, -1 where there is none.
 
     The performer is who the keypoints say: of several people in a frame the one nearest to the
@@ -54,8 +54,8 @@ def performer_rows(entries: Entries, wanted: Wanted, path: Path) -> Rows:
 
     ValueError when no used frame has any.
     """
-    used = {int(frame): row for row, frame in enumerate(wanted.frames)}
-    rows = np.full(len(wanted.frames), -1, dtype=np.int64)
+    used = {int(frame): row for row, frame in enumerate(performer.frames)}
+    rows = np.full(len(performer.frames), -1, dtype=np.int64)
     here = np.array([int(frame) in used for frame in entries.frames], dtype=bool)
     alone = len(set(entries.frames[here].tolist())) == int(here.sum())
     keep = here
@@ -63,7 +63,7 @@ def performer_rows(entries: Entries, wanted: Wanted, path: Path) -> Rows:
         tracks, counts = np.unique(entries.track[here], return_counts=True)
         keep = here & (entries.track == tracks[counts.argmax()])
     if not alone and entries.middle_px is not None:
-        keep = here & _nearest(entries, wanted, used)
+        keep = here & _nearest(entries, performer, used)
     for n in np.flatnonzero(keep):
         rows[used[int(entries.frames[n])]] = n
     if (rows < 0).all():
@@ -71,14 +71,17 @@ def performer_rows(entries: Entries, wanted: Wanted, path: Path) -> Rows:
             f"{entries.frames.min()} to {entries.frames.max()}" if len(entries.frames) else "none"
         )
         where = " where the keypoints have the performer" if here.any() else ""
+        first, last = performer.frames[0], performer.frames[-1]
         raise ValueError(
-            f"{path}: expected an estimate in frames {wanted.frames[0]} to {wanted.frames[-1]}"
-            f"{where}, got frames {have}; give the estimate of this very video"
+            f"{path}: expected an estimate in frames {first} to {last}{where}, got frames {have}; "
+            "give the estimate of this very video"
         )
     return rows
 
 
-def _nearest(entries: Entries, wanted: Wanted, used: dict[int, int]) -> NDArray[np.bool_]:
+def _nearest(
+    entries: Entries, performer: PerformerBoxes, used: dict[int, int]
+) -> NDArray[np.bool_]:
     """Which entries (N,) are the nearest to the performer's box in their frames."""
     assert entries.middle_px is not None
     places = np.where(np.abs(entries.middle_px) < LARGEST, entries.middle_px, np.nan)
@@ -86,7 +89,7 @@ def _nearest(entries: Entries, wanted: Wanted, used: dict[int, int]) -> NDArray[
     for n, frame in enumerate(entries.frames):
         if int(frame) not in used:
             continue
-        box = wanted.box_px[used[int(frame)]]
+        box = performer.box_px[used[int(frame)]]
         away = float(np.linalg.norm(places[n] - 0.5 * (box[:2] + box[2:])))
         reach = REACH * float(np.max(box[2:] - box[:2]))
         if away <= min(reach, best.get(int(frame), (np.inf, -1))[0]):  # NaN is never

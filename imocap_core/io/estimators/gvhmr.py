@@ -13,14 +13,14 @@ from pathlib import Path
 import numpy as np
 
 from imocap_core.io.detectors.people import kind
-from imocap_core.io.estimators.estimates import Array, Wanted, field, from_vectors
+from imocap_core.io.estimators.estimates import Array, PerformerBoxes, field, from_vectors
 from imocap_core.io.npz import rows_for_frames
 from imocap_core.io.pickles import read_results
 
 IN_CAMERA = "smpl_params_incam"
 
 
-def read_gvhmr(path: Path, wanted: Wanted) -> Array:
+def read_gvhmr(path: Path, performer: PerformerBoxes) -> Array:
     """The joint rotations (T, 24, 3, 3) in camera axes. ValueError names file and field."""
     content = read_results(path)
     if not isinstance(content, dict) or IN_CAMERA not in content:
@@ -29,5 +29,5 @@ def read_gvhmr(path: Path, wanted: Wanted) -> Array:
     where = f"{path}: {IN_CAMERA}"
     body = field(content[IN_CAMERA], "body_pose", ("N", 63), where)
     root = field(content[IN_CAMERA], "global_orient", (len(body), 3), where)
-    rows = rows_for_frames({}, len(body), wanted.frames, path)
+    rows = rows_for_frames({}, len(body), performer.frames, path)
     return from_vectors(np.concatenate([root, body], axis=1)[rows])

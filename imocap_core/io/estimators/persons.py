@@ -11,7 +11,7 @@ import numpy as np
 from imocap_core.io.estimators.estimates import (
     Array,
     Entries,
-    Wanted,
+    PerformerBoxes,
     field,
     frame_ids,
     from_vectors,
@@ -24,7 +24,7 @@ from imocap_core.io.pickles import read_results
 MiddleOf = Callable[[dict[str, Any], int, str], Array]  # person, count, place -> (N, 2) pixels
 
 
-def performer_of(path: Path, wanted: Wanted, middle_px: MiddleOf) -> Array:
+def performer_of(path: Path, performer: PerformerBoxes, middle_px: MiddleOf) -> Array:
     """The performer's joint rotations (T, 24, 3, 3) in camera axes, NaN where there are none.
 
     ValueError names file, person, field, what is wrong.
@@ -38,5 +38,5 @@ def performer_of(path: Path, wanted: Wanted, middle_px: MiddleOf) -> Array:
         track.append(np.full(len(pose), number))
         poses.append(pose)
     entries = Entries(np.concatenate(frames), np.concatenate(track), np.concatenate(middle))
-    rows = performer_rows(entries, wanted, path)
+    rows = performer_rows(entries, performer, path)
     return picked(from_vectors(np.concatenate(poses)), rows)

@@ -20,7 +20,7 @@ from imocap_core.io.estimators.estimates import (
     JOINTS,
     Array,
     Entries,
-    Wanted,
+    PerformerBoxes,
     checked_rotations,
     field,
     performer_rows,
@@ -29,7 +29,7 @@ from imocap_core.io.estimators.estimates import (
 from imocap_core.io.pickles import read_results
 
 
-def read_phalp(path: Path, wanted: Wanted) -> Array:
+def read_phalp(path: Path, performer: PerformerBoxes) -> Array:
     """The performer's joint rotations (T, 24, 3, 3) in camera axes, NaN where there are none.
 
     ValueError names file, frame, field, what is wrong.
@@ -62,7 +62,7 @@ def read_phalp(path: Path, wanted: Wanted) -> Array:
     if not poses:
         raise ValueError(f"{path}: expected at least one person, got none; track the video again")
     entries = Entries(np.array(frames), np.array(track), np.array(middle))
-    rows = performer_rows(entries, wanted, path)
+    rows = performer_rows(entries, performer, path)
     return picked(checked_rotations(np.stack(poses), f"{path}: smpl"), rows)
 
 

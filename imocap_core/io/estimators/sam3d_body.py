@@ -20,7 +20,7 @@ from imocap_core.io.detectors.people import frame_number, kind, read_json
 from imocap_core.io.estimators.estimates import (
     Array,
     Entries,
-    Wanted,
+    PerformerBoxes,
     field,
     performer_rows,
     picked,
@@ -38,7 +38,7 @@ PLACES = {
 }
 
 
-def read_sam3d_body(path: Path, wanted: Wanted) -> JointsEstimate:
+def read_sam3d_body(path: Path, performer: PerformerBoxes) -> JointsEstimate:
     """The performer's joints at the used frames, metres, camera axes, NaN where there are none.
 
     ValueError names file, frame, field, what is wrong.
@@ -46,14 +46,14 @@ def read_sam3d_body(path: Path, wanted: Wanted) -> JointsEstimate:
     if path.suffix == ".npz":
         arrays = load_arrays(path)
         table = numbers(arrays, NAME, ("T", POINTS, 3), path)
-        found = table[rows_for_frames(arrays, len(table), wanted.frames, path)]
+        found = table[rows_for_frames(arrays, len(table), performer.frames, path)]
     else:
         content = read_json(path) if path.suffix == ".json" else read_results(path)
-        found = _of_frames(content, wanted, path)
+        found = _of_frames(content, performer, path)
     return JointsEstimate(found[:, list(PLACES)], tuple(PLACES.values()))
 
 
-def _of_frames(content: Any, wanted: Wanted, path: Path) -> Array:
+def _of_frames(content: Any, performer: PerformerBoxes, path: Path) -> Array:
     listed = list(content) if isinstance(content, np.ndarray) else content
     if not isinstance(listed, list) or not listed:
         got = "an empty one" if listed == [] else kind(listed)
@@ -72,7 +72,7 @@ def _of_frames(content: Any, wanted: Wanted, path: Path) -> Array:
     places = np.array(middle)
     known = places if np.isfinite(places).all() else None
     entries = Entries(np.array(frames), np.zeros(len(frames), dtype=np.int64), known)
-    return picked(np.stack(joints), performer_rows(entries, wanted, path))
+    return picked(np.stack(joints), performer_rows(entries, performer, path))
 
 
 def _people(entry: Any, n: int, path: Path) -> list[tuple[dict[str, Any], int, str]]:

@@ -17,7 +17,7 @@ from imocap_core.io.estimators.estimates import (
     JOINTS,
     Array,
     Entries,
-    Wanted,
+    PerformerBoxes,
     checked_rotations,
     field,
     frame_ids,
@@ -27,7 +27,7 @@ from imocap_core.io.estimators.estimates import (
 from imocap_core.io.pickles import read_results
 
 
-def read_tram(path: Path, wanted: Wanted) -> Array:
+def read_tram(path: Path, performer: PerformerBoxes) -> Array:
     """The performer's joint rotations (T, 24, 3, 3) in camera axes, NaN where there are none.
 
     ValueError names file, field, what is wrong.
@@ -50,7 +50,7 @@ def read_tram(path: Path, wanted: Wanted) -> Array:
         else np.concatenate([m for m in middle if m is not None])
     )
     entries = Entries(np.concatenate(frames), np.concatenate(track), places)
-    return picked(np.concatenate(poses), performer_rows(entries, wanted, path))
+    return picked(np.concatenate(poses), performer_rows(entries, performer, path))
 
 
 def _middle(content: Any, count: int) -> Array | None:

@@ -10,13 +10,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from imocap_core.io.estimators.estimates import Array, Wanted, field
+from imocap_core.io.estimators.estimates import Array, PerformerBoxes, field
 from imocap_core.io.estimators.persons import performer_of
 
 
-def read_vibe(path: Path, wanted: Wanted) -> Array:
+def read_vibe(path: Path, performer: PerformerBoxes) -> Array:
     """The performer's joint rotations, as of `performer_of`."""
-    return performer_of(path, wanted, _middle_px)
+    return performer_of(path, performer, _middle_px)
 
 
 def _middle_px(person: dict[str, Any], count: int, where: str) -> Array:

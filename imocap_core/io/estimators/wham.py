@@ -13,18 +13,18 @@ from typing import Any
 
 import numpy as np
 
-from imocap_core.io.estimators.estimates import Array, Wanted, field
+from imocap_core.io.estimators.estimates import Array, PerformerBoxes, field
 from imocap_core.io.estimators.persons import performer_of
 
 
-def read_wham(path: Path, wanted: Wanted) -> Array:
+def read_wham(path: Path, performer: PerformerBoxes) -> Array:
     """The performer's joint rotations, as of `performer_of`."""
 
     def middle_px(person: dict[str, Any], count: int, where: str) -> Array:
         trans = field(person, "trans", (count, 3), where)
-        focal_px = float(np.hypot(*wanted.size))
+        focal_px = float(np.hypot(*performer.size))
         depth = np.where(trans[:, 2:] > 0, trans[:, 2:], np.nan)
-        middle: Array = focal_px * trans[:, :2] / depth + 0.5 * np.array(wanted.size)
+        middle: Array = focal_px * trans[:, :2] / depth + 0.5 * np.array(performer.size)
         return middle
 
-    return performer_of(path, wanted, middle_px)
+    return performer_of(path, performer, middle_px)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from imocap_core.io.writers.motion_clip import Take
+from imocap_core.io.writers.motion_clip import MotionClip
 
 Array = NDArray[np.float64]
 
@@ -22,18 +22,18 @@ POSITIONS = "Xposition Yposition Zposition"
 METRES, DEGREES = "{:.6f}", "{:.5f}"  # a thousandth of a millimetre; far less at a bone's end
 
 
-def write_bvh(file: Path, take: Take) -> None:
-    """Write one take."""
-    file.write_text(bvh_text(take), encoding="ascii", newline="\n")
+def write_bvh(file: Path, clip: MotionClip) -> None:
+    """Write one clip."""
+    file.write_text(bvh_text(clip), encoding="ascii", newline="\n")
 
 
-def bvh_text(take: Take) -> str:
+def bvh_text(clip: MotionClip) -> str:
     """The whole file."""
     order: list[int] = []
-    lines = ["HIERARCHY", *_joint(take, 0, 0, order)]
-    lines += ["MOTION", f"Frames: {len(take.R_local)}", f"Frame Time: {1.0 / take.fps:.9f}"]
-    angles = euler_zyx_deg(take.R_local[:, order])
-    for place, row in zip(take.pelvis, angles, strict=True):
+    lines = ["HIERARCHY", *_joint(clip, 0, 0, order)]
+    lines += ["MOTION", f"Frames: {len(clip.R_local)}", f"Frame Time: {1.0 / clip.fps:.9f}"]
+    angles = euler_zyx_deg(clip.R_local[:, order])
+    for place, row in zip(clip.pelvis, angles, strict=True):
         numbers = [METRES.format(x) for x in place] + [DEGREES.format(a) for a in row.ravel()]
         lines.append(" ".join(numbers))
     return "\n".join(lines) + "\n"
@@ -56,22 +56,22 @@ def euler_zyx_deg(R: Array) -> Array:
     return path
 
 
-def _joint(take: Take, joint: int, depth: int, order: list[int]) -> list[str]:
+def _joint(clip: MotionClip, joint: int, depth: int, order: list[int]) -> list[str]:
     """The block of a joint and all below it; `order` collects joints as they are written."""
     order.append(joint)
     pad, inside = "  " * depth, "  " * (depth + 1)
     kind = "JOINT" if depth else "ROOT"
     channels = f"3 {ROTATIONS}" if depth else f"6 {POSITIONS} {ROTATIONS}"
     lines = [
-        f"{pad}{kind} {take.joint_names[joint]}",
+        f"{pad}{kind} {clip.joint_names[joint]}",
         f"{pad}{{",
-        f"{inside}OFFSET {_metres(take.offsets[joint])}",
+        f"{inside}OFFSET {_metres(clip.offsets[joint])}",
         f"{inside}CHANNELS {channels}",
     ]
-    for child in [j for j, parent in enumerate(take.parents) if parent == joint]:
-        lines += _joint(take, child, depth + 1, order)
-    if joint in take.tips:
-        tip = f"{inside}  OFFSET {_metres(take.tips[joint])}"
+    for child in [j for j, parent in enumerate(clip.parents) if parent == joint]:
+        lines += _joint(clip, child, depth + 1, order)
+    if joint in clip.tips:
+        tip = f"{inside}  OFFSET {_metres(clip.tips[joint])}"
         lines += [f"{inside}End Site", f"{inside}{{", tip, f"{inside}}}"]
     return [*lines, f"{pad}}}"]
 

@@ -1,4 +1,4 @@
-"""What a take is shown with besides its joints: the surface that its bones move, and its camera."""
+"""What a clip is shown with besides its joints: the surface that its bones move, and its camera."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ class Skin:
 
 
 @dataclass(frozen=True, eq=False)
-class TakeCamera:
+class ClipCamera:
     """A camera that stands and may turn and zoom.
 
     K (3, 3) pixels, of the first frame; zoom (T,), one a frame, or (1,): focal length over K's;
-    size: width, height; R_cam_from_world (T, 3, 3), one a frame of the take, or (1, 3, 3) when it
+    size: width, height; R_cam_from_world (T, 3, 3), one a frame of the clip, or (1, 3, 3) when it
     never turns; centre (3,) world, metres.
     """
 

@@ -75,7 +75,7 @@ def keypoints(time_ns: int, xy_px: Array, colour: Colour) -> Any:
 
 
 def joints(time_ns: int, places: Array, R_world: Array) -> Any:
-    """PosesInFrame: joints (J, 3) metres and their axes (J, 3, 3), in the take's order."""
+    """PosesInFrame: joints (J, 3) metres and their axes (J, 3, 3), in the clip's order."""
     Pose = message_class("Pose")
     return message_class("PosesInFrame")(
         timestamp=_stamp(time_ns),
@@ -90,7 +90,7 @@ def joints(time_ns: int, places: Array, R_world: Array) -> Any:
 def skeleton(
     time_ns: int, video: str, places: Array, parents: tuple[int, ...], colour: Colour
 ) -> Any:
-    """SceneUpdate: the bones as lines; each message takes the place of the one before."""
+    """SceneUpdate: the bones as lines; each message replaces the one before."""
     ends = [places[k] for j, parent in enumerate(parents) if parent >= 0 for k in (parent, j)]
     lines = message_class("LinePrimitive")(
         type=2,

@@ -1,6 +1,6 @@
 """A glTF 2.0 scene of performances: skinned bodies that move, and the cameras that saw them.
 
-glTF is right-handed, metres, y up, cameras look along -z with y up: takes and cameras must come in
+glTF is right-handed, metres, y up, cameras look along -z with y up: clips and cameras must come in
 a world of y up. Every video has its own nodes; the animation `all` moves them all, and with several
 videos each also has one of its own. Frames are keys in seconds, linear (rotations spherical)
 between them.
@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from imocap_core.io.writers.clip_body import Skin, TakeCamera, vertex_normals
+from imocap_core.io.writers.clip_body import ClipCamera, Skin, vertex_normals
 from imocap_core.io.writers.glb import INDICES, VERTICES, Numbers, glb_bytes
-from imocap_core.io.writers.motion_clip import Take
+from imocap_core.io.writers.motion_clip import MotionClip
 
 Array = NDArray[np.float64]
 Colour = tuple[float, float, float]  # linear light, 0 to 1
@@ -34,9 +34,9 @@ ROUGHNESS = 0.9
 class Actor:
     """One video in the scene."""
 
-    take: Take
+    clip: MotionClip
     skin: Skin
-    camera: TakeCamera
+    camera: ClipCamera
     colour: Colour
 
 
@@ -56,11 +56,11 @@ def scene_bytes(actors: Sequence[Actor], notes: Mapping[str, Any]) -> bytes:
     }
     moves: list[tuple[str, Tree]] = []
     for actor in actors:
-        own = _Moves(numbers, actor.take.times_s)
-        joints = _add_joints(tree, own, actor.take)
+        own = _Moves(numbers, actor.clip.times_s)
+        joints = _add_joints(tree, own, actor.clip)
         _add_body(tree, numbers, actor, joints)
         _add_camera(tree, own, actor.camera)
-        moves.append((actor.take.id, own.animation))
+        moves.append((actor.clip.id, own.animation))
     tree["animations"] = _animations(moves)
     return glb_bytes(tree, numbers)
 
@@ -87,29 +87,29 @@ class _Moves:
         samplers.append({"input": self.times, "output": output, "interpolation": "LINEAR"})
 
 
-def _add_joints(tree: Tree, moves: _Moves, take: Take) -> list[int]:
+def _add_joints(tree: Tree, moves: _Moves, clip: MotionClip) -> list[int]:
     """A node named by the video, the joints below it; the joints' node indices."""
     nodes = tree["nodes"]
     top = len(nodes)
-    joints = [top + 1 + j for j in range(len(take.parents))]
-    turns = [quaternions(take.R_local[:, j]) for j in range(len(joints))]
-    nodes.append({"name": take.id, "children": [joints[0]]})
-    for j, name in enumerate(take.joint_names):
-        place = take.pelvis[0] if j == 0 else take.offsets[j]
+    joints = [top + 1 + j for j in range(len(clip.parents))]
+    turns = [quaternions(clip.R_local[:, j]) for j in range(len(joints))]
+    nodes.append({"name": clip.id, "children": [joints[0]]})
+    for j, name in enumerate(clip.joint_names):
+        place = clip.pelvis[0] if j == 0 else clip.offsets[j]
         node = {"name": name, "translation": place.tolist(), "rotation": turns[j][0].tolist()}
-        children = [joints[c] for c, parent in enumerate(take.parents) if parent == j]
+        children = [joints[c] for c, parent in enumerate(clip.parents) if parent == j]
         nodes.append({**node, "children": children} if children else node)
         moves.add(joints[j], "rotation", turns[j])
-    moves.add(joints[0], "translation", take.pelvis)
+    moves.add(joints[0], "translation", clip.pelvis)
     tree["scenes"][0]["nodes"].append(top)
     return joints
 
 
 def _add_body(tree: Tree, numbers: Numbers, actor: Actor, joints: list[int]) -> None:
     """The mesh at rest, its skin, its material, and the node that shows them."""
-    skin, take = actor.skin, actor.take
+    skin, clip = actor.skin, actor.clip
     bind = np.tile(np.eye(4, dtype=np.float32), (len(joints), 1, 1))
-    bind[:, :3, 3] = -take.rest
+    bind[:, :3, 3] = -clip.rest
     wide = len(skin.vertices) > 65535
     index = skin.faces.astype(np.uint32 if wide else np.uint16).ravel()
     normals = vertex_normals(skin.vertices, skin.faces)
@@ -126,16 +126,16 @@ def _add_body(tree: Tree, numbers: Numbers, actor: Actor, joints: list[int]) -> 
     }
     colour = {"baseColorFactor": [*actor.colour, 1.0]}
     surface = {**colour, "metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}
-    tree["materials"].append({"name": take.id, "pbrMetallicRoughness": surface})
+    tree["materials"].append({"name": clip.id, "pbrMetallicRoughness": surface})
     skinned = {"joints": joints, "inverseBindMatrices": numbers.add(bind), "skeleton": joints[0]}
-    tree["skins"].append({"name": take.id, **skinned})
-    tree["meshes"].append({"name": f"{take.id}_body", "primitives": [primitive]})
+    tree["skins"].append({"name": clip.id, **skinned})
+    tree["meshes"].append({"name": f"{clip.id}_body", "primitives": [primitive]})
     at = {"mesh": len(tree["meshes"]) - 1, "skin": len(tree["skins"]) - 1}
     tree["scenes"][0]["nodes"].append(len(tree["nodes"]))
-    tree["nodes"].append({"name": f"{take.id}_body", **at})
+    tree["nodes"].append({"name": f"{clip.id}_body", **at})
 
 
-def _add_camera(tree: Tree, moves: _Moves, camera: TakeCamera) -> None:
+def _add_camera(tree: Tree, moves: _Moves, camera: ClipCamera) -> None:
     """A perspective camera; extras hold what glTF has no place for: principal point and zoom."""
     width, height = camera.size
     perspective = {

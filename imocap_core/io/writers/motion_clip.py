@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Take:
+class MotionClip:
     """One video's performance on one timeline, in one world.
 
     Attributes:
@@ -28,7 +28,7 @@ class Take:
         rest (J, 3): joints at rest, metres, the pelvis at the origin.
         tips: per joint without a child, the end (3,) of its bone from the joint, metres.
         R_local (T, J, 3, 3): against the parent; joint 0 world from body. pelvis (T, 3) metres.
-        fps: frames of this take per second. frames (T,): source frame numbers, fractional between
+        fps: frames of this clip per second. frames (T,): source frame numbers, fractional between
             two. inside (T,): False where the video shows nothing of the moment and stands still.
         phase_s (T,): seconds of the reference; NaN where unknown.
     """
@@ -66,11 +66,11 @@ class Take:
         if len(self.joint_names) != joints:
             wrong.append(f"joint_names: expected {joints}, got {len(self.joint_names)}")
         if wrong:
-            raise ValueError(f"take {self.id}: " + "; ".join(wrong))
+            raise ValueError(f"clip {self.id}: " + "; ".join(wrong))
 
     @property
     def times_s(self) -> Array:
-        """(T,) seconds from the take's first frame."""
+        """(T,) seconds from the clip's first frame."""
         return np.arange(len(self.R_local)) / self.fps
 
     @property
@@ -87,7 +87,7 @@ class Take:
         return joint_positions(R_world, rest, path, self.parents).numpy()
 
 
-def upright_rest(take: Take, up: str) -> Take:
+def upright_rest(clip: MotionClip, up: str) -> MotionClip:
     """The same motion of a tree whose rest pose stands on the world's ground.
 
     Programs show the rest pose in world axes: with z up, a rest pose of y up would lie on its back.
@@ -96,12 +96,12 @@ def upright_rest(take: Take, up: str) -> Take:
     if up not in ("y", "z"):
         raise ValueError(f"up: expected y or z, got {up!r}")
     if up == "y":
-        return take
+        return clip
     C = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    turned = C @ take.R_local @ C.T
-    turned[:, 0] = take.R_local[:, 0] @ C.T
-    tips = {joint: C @ tip for joint, tip in take.tips.items()}
-    return replace(take, rest=take.rest @ C.T, tips=tips, R_local=turned)
+    turned = C @ clip.R_local @ C.T
+    turned[:, 0] = clip.R_local[:, 0] @ C.T
+    tips = {joint: C @ tip for joint, tip in clip.tips.items()}
+    return replace(clip, rest=clip.rest @ C.T, tips=tips, R_local=turned)
 
 
 def bone_tips(shaped: Shaped) -> dict[int, Array]:

@@ -1,4 +1,4 @@
-"""Small takes of the free body, with smooth random motion, for the laws of the writers."""
+"""Small clips of the free body, with smooth random motion, for the laws of the writers."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from imocap_core.body import Posed, Shaped, load_free_body
-from imocap_core.io.writers.motion_clip import Take, bone_tips
+from imocap_core.io.writers.motion_clip import MotionClip, bone_tips
 
 
 @dataclass(frozen=True)
 class Made:
-    """A take, the body it is of, and the same poses by the body's own code."""
+    """A clip, the body it is of, and the same poses by the body's own code."""
 
-    take: Take
+    clip: MotionClip
     shaped: Shaped
     posed: Posed
 
 
-def made_take(
+def made_clip(
     seed: int = 3, frames: int = 12, hands: bool = False, fps: float = 30.0, turn_rad: float = 2.0
 ) -> Made:
     """Every joint turns smoothly, by up to more than half a turn; the pelvis walks."""
@@ -35,7 +35,7 @@ def made_take(
     R_local = R_local.reshape(frames, joints, 3, 3)
     trans = np.cumsum(0.05 * rng.normal(size=(frames, 3)), axis=0) + [0.3, 0.9, -2.0]
     rest = shaped.joints_rest.numpy()
-    take = Take(
+    clip = MotionClip(
         id="v1",
         joint_names=shaped.model.joint_names,
         parents=shaped.model.parents,
@@ -48,4 +48,4 @@ def made_take(
         inside=np.ones(frames, dtype=bool),
         phase_s=np.arange(frames) / fps,
     )
-    return Made(take, shaped, shaped.pose(torch.as_tensor(R_local), torch.as_tensor(trans)))
+    return Made(clip, shaped, shaped.pose(torch.as_tensor(R_local), torch.as_tensor(trans)))

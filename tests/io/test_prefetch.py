@@ -7,14 +7,14 @@ from collections.abc import Iterator
 
 import pytest
 
-from imocap_core.io.ahead import ahead
+from imocap_core.io.prefetch import prefetch
 
 
 def test_the_same_items_in_the_same_order() -> None:
-    assert list(ahead(range(50), depth=3)) == list(range(50))
-    assert list(ahead([])) == []
+    assert list(prefetch(range(50), depth=3)) == list(range(50))
+    assert list(prefetch([])) == []
     with pytest.raises(ValueError, match="depth: expected at least 1, got 0"):
-        next(ahead([1], depth=0))
+        next(prefetch([1], depth=0))
 
 
 def test_an_error_comes_after_the_items_before_it() -> None:
@@ -25,8 +25,8 @@ def test_an_error_comes_after_the_items_before_it() -> None:
 
     found = []
     with pytest.raises(OSError, match="the disk is gone"):
-        found.extend(ahead(broken()))
-    made = ahead(broken())
+        found.extend(prefetch(broken()))
+    made = prefetch(broken())
     assert [next(made), next(made)] == [1, 2]
     with pytest.raises(OSError, match="the disk is gone"):
         next(made)
@@ -42,7 +42,7 @@ def test_the_making_is_in_another_thread_and_never_far_ahead() -> None:
             threads.add(threading.get_ident())
             yield n
 
-    for n in ahead(counted(), depth=2):
+    for n in prefetch(counted(), depth=2):
         assert len(made) <= n + 5  # this one, two that wait, one in hand, one being made
     assert threads != {threading.get_ident()}
     assert len(made) == 100
@@ -59,7 +59,7 @@ def test_making_ends_when_no_more_are_wanted() -> None:
             closed.set()
 
     source = endless()
-    made = ahead(source)
+    made = prefetch(source)
     assert next(made) == 1
     before = threading.active_count()
     made.close()  # type: ignore[attr-defined]

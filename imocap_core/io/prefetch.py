@@ -20,7 +20,7 @@ class _End:
     error: BaseException | None = None
 
 
-def ahead(items: Iterable[Item], depth: int = 4) -> Iterator[Item]:
+def prefetch(items: Iterable[Item], depth: int = 4) -> Iterator[Item]:
     """The same items in the same order, made in a thread, at most `depth` of them waiting.
 
     An error in making one is raised here, after the items before it. When no more are wanted (the

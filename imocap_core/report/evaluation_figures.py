@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from imocap_core.artifacts.schemas import RefineSync, Sync
 from imocap_core.body import Model
 from imocap_core.conventions import EVAL_12
-from imocap_core.evaluate.scoreboard import Answer, joint_errors_mm
+from imocap_core.evaluate.scoreboard import StageResult, joint_errors_mm
 from imocap_core.figures.contact_sheets import (
-    Shot,
-    frames_at,
+    SheetVideo,
+    frames_of_moments,
     moment_cells,
     read_cells,
     spread,
@@ -38,7 +38,7 @@ def draw_numbers(
     folder: Path,
     sync: Sync,
     refined: RefineSync,
-    answers: Sequence[Answer],
+    answers: Sequence[StageResult],
     truth: Truth | None,
     true_positions: Mapping[str, Array],
     round_errors: Sequence[Mapping[str, float]],
@@ -78,8 +78,8 @@ def draw_numbers(
         return [_written(folder, fig, name, said) for fig, name, said in made if fig is not None]
 
 
-def draw_film(
-    folder: Path, shots: Sequence[Shot], refined: RefineSync, model: Model
+def draw_contact_sheets(
+    folder: Path, shots: Sequence[SheetVideo], refined: RefineSync, model: Model
 ) -> list[Picture]:
     """Contact sheets over the real frames; the first one shows all videos at the same moments."""
     sync = refined.sync
@@ -89,7 +89,7 @@ def draw_film(
     with quiet():
         for shot, found in zip(shots, sync.maps, strict=True):
             own = [int(t) for t in spread(len(shot.seen.frames))]
-            at = frames_at(found, moments)
+            at = frames_of_moments(found, moments)
             wanted = sorted({*own, *(t for t in at if t is not None)})
             cells, where = read_cells(shot, wanted)
             together.append(moment_cells(shot, at, cells, where))
@@ -114,7 +114,7 @@ def _written(folder: Path, figure: Figure, name: str, caption: str) -> Picture:
     return Picture(name, caption)
 
 
-def _joint_errors(answers: Sequence[Answer], truth: Truth | None) -> Figure | None:
+def _joint_errors(answers: Sequence[StageResult], truth: Truth | None) -> Figure | None:
     errors = {a.name: joint_errors_mm(a, truth, EVAL_12) for a in answers}
     known = {name: error for name, error in errors.items() if error is not None}
     return joint_error_figure(EVAL_12, known) if known else None

@@ -16,14 +16,14 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.artifacts.store import Stored
 from imocap_core.body import Model, load_free_body
-from imocap_core.figures.contact_sheets import Shot
-from imocap_core.figures.results_sheet import Result
+from imocap_core.figures.contact_sheets import SheetVideo
+from imocap_core.figures.results_sheet import SheetResult
 from imocap_core.film.action_films import video_files
 from imocap_core.pipeline.runner import Job
 from imocap_core.pipeline.timings import timing_table
-from imocap_core.report.figures import draw_late_figures
 from imocap_core.report.files import read_contents
 from imocap_core.report.page import PAGE, TEXT, html_page, markdown_page
+from imocap_core.report.page_figures import draw_late_figures
 from imocap_core.report.sections import sections
 
 
@@ -64,12 +64,12 @@ def write_page(
     (folder / PAGE).write_text(page, encoding="utf-8", newline="\n")
 
 
-def shots_of(job: Job, stored: Mapping[str, Stored], model: Model) -> list[Shot]:
+def shots_of(job: Job, stored: Mapping[str, Stored], model: Model) -> list[SheetVideo]:
     """Each video with its monocular fit and its final motion."""
     files = video_files(job)
     last = stored["refine_sync"].decode(RefineSync).motion
     return [
-        Shot(seen, camera, files[seen.id], model.points(seen.layout).names, a, b, solved.K)
+        SheetVideo(seen, camera, files[seen.id], model.points(seen.layout).names, a, b, solved.K)
         for seen, camera, a, b, solved in zip(
             stored["keypoints"].decode(Keypoints).videos,
             stored["camera_motion"].decode(CameraMotion).videos,
@@ -81,15 +81,15 @@ def shots_of(job: Job, stored: Mapping[str, Stored], model: Model) -> list[Shot]
     ]
 
 
-def results_of(stored: Mapping[str, Stored], single: Stored | None) -> list[Result]:
+def results_of(stored: Mapping[str, Stored], single: Stored | None) -> list[SheetResult]:
     """The answers that are held side by side, in the order in which they come about."""
     alone = stored["camera_motion"].decode(CameraMotion).videos
     initial = stored["initial_smpl"].decode(InitialSmpl).videos
-    results = [Result("initial\n(monocular)", initial, {c.id: c.K for c in alone})]
+    results = [SheetResult("initial\n(monocular)", initial, {c.id: c.K for c in alone})]
     solved = {"all videos,\nsingle pass": stored["smpl_ba"].decode(SmplBa)}
     if single is not None:
         solved = {"single model\n(one motion)": single.decode(SmplBa), **solved}
     solved["all videos,\nafter the loop"] = stored["refine_sync"].decode(RefineSync).motion
     for name, found in solved.items():
-        results.append(Result(name, found.videos, {c.id: c.K for c in found.cameras}))
+        results.append(SheetResult(name, found.videos, {c.id: c.K for c in found.cameras}))
     return results

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from imocap_core.artifacts.schemas import Keypoints, RefineSync, Table, Uncertainty
 from imocap_core.body import Model
-from imocap_core.figures.contact_sheets import Shot, moment_cells, read_cells
+from imocap_core.figures.contact_sheets import SheetVideo, moment_cells, read_cells
 from imocap_core.figures.cycle_figure import cycle_figure
 from imocap_core.figures.cycle_trip import chosen_trip, cycle_frames, cycle_starts
 from imocap_core.figures.overlays import Image, Window
-from imocap_core.figures.results_sheet import Result, picks_of, results_sheet
+from imocap_core.figures.results_sheet import SheetResult, picks_of, results_sheet
 from imocap_core.figures.style import quiet, save
 from imocap_core.figures.uncertainty_figure import uncertainty_figure
 from imocap_core.report.files import Picture
@@ -21,8 +21,8 @@ CYCLE, RESULTS, UNCERTAINTY = "cycle.jpg", "results.jpg", "uncertainty.png"
 
 def draw_late_figures(
     folder: Path,
-    shots: Sequence[Shot],
-    results: Sequence[Result],
+    shots: Sequence[SheetVideo],
+    results: Sequence[SheetResult],
     keypoints: Keypoints,
     refined: RefineSync,
     claimed: Uncertainty,
@@ -64,7 +64,7 @@ def draw_late_figures(
 
 
 def _with_skeletons(
-    shot: Shot,
+    shot: SheetVideo,
     frames: Sequence[int],
     cells: dict[str, dict[int, Image]],
     where: dict[str, dict[int, Window]],
