@@ -86,11 +86,14 @@ def positions_on_axis(sync: SyncSummary, video: str, fps: float) -> Array:
 
 
 def retimed(place: Array, moments: ArrayLike, fps: float) -> tuple[Ints, NDArray[np.bool_]]:
-    """For each moment (increasing, in frames of the reference, whose rate is `fps`) the frame that
-    shows it in a video whose frames (T,) have these positions (index into its used frames, never going
-    back), and whether one does.
+    """For each moment the frame of a video that shows it (M,), and whether one does (M,).
 
-    A moment that nothing shows gets the frame of the nearest one before it that is shown, or the
+    Args:
+        place: (T,) the video's frames on the common axis, in frames of the reference, never
+            decreasing; NaN where they have no position.
+        moments: (M,) increasing, in frames of the reference, whose rate is `fps`.
+
+    A moment that no frame shows gets the frame of the nearest earlier moment that is shown, or the
     first.
     """
     wanted = np.asarray(moments, dtype=np.float64)
