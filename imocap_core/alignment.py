@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from imocap_core.robust import geman_mcclure
+
 Array = NDArray[np.float64]
 
 MIN_POINTS = 3
@@ -157,7 +159,7 @@ def align_motion(
     for _ in range(iterations):
         residual = _residual(procrustes(x, y, trust * robust, scale=scale), x, y)
         width = sigma or max(3 * MAD_TO_SIGMA * float(np.median(residual[seen])), floor)
-        last, robust = robust, (width**2 / (width**2 + residual**2)) ** 2
+        last, robust = robust, geman_mcclure(residual**2, width)[1]
         moved = float(np.abs(robust - last)[seen].max())
         if moved < tolerance:
             break

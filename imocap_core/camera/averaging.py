@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from imocap_core.robust import geman_mcclure_weight
+
 Array = NDArray[np.float64]
 
 
@@ -51,11 +53,6 @@ def angle_deg(R_a: Array, R_b: Array) -> Array:
     shape = relative.shape[:-2]
     angles = Rotation.from_matrix(relative.reshape(-1, 3, 3)).magnitude()
     return np.rad2deg(angles).reshape(shape)
-
-
-def geman_mcclure_weight(residual: Array, scale: float) -> Array:
-    """IRLS weight of ``rho(r) = r^2 / (1 + r^2/scale^2)``: 1 at 0, 1/4 at ``scale``, 0 far away."""
-    return 1.0 / (1.0 + (residual / scale) ** 2) ** 2
 
 
 def mean_rotation(

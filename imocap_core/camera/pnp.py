@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from imocap_core.camera.averaging import angle_deg, geman_mcclure_weight
+from imocap_core.camera.averaging import angle_deg
 from imocap_core.camera.projection import camera_from_world, normalised, project
+from imocap_core.robust import geman_mcclure, geman_mcclure_weight
 
 Array = NDArray[np.float64]
 
 MIN_POINTS = 6
+FARTHEST_PX = 1e9  # error of a point behind the camera
 MIN_DEPTH_SHARE = 0.05  # of the median depth: nearer points are held to be behind the camera
 
 
@@ -171,9 +173,8 @@ def _errors_px(evidence: _Evidence, R: Array, t: Array) -> Array:
 
 def _cost(evidence: _Evidence, R: Array, t: Array, scale_px: float) -> float:
     """Weighted Geman-McClure cost, at most ``scale_px**2`` a point."""
-    squared = _errors_px(evidence, R, t) ** 2
-    bounded = scale_px**2 * (1.0 - 1.0 / (1.0 + squared / scale_px**2))
-    return float(evidence.weight @ bounded)
+    squared = np.minimum(_errors_px(evidence, R, t), FARTHEST_PX) ** 2
+    return float(evidence.weight @ geman_mcclure(squared, scale_px)[0])
 
 
 def _refine(

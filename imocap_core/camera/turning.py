@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from imocap_core.camera.averaging import angle_deg, geman_mcclure_weight, nearest_rotation
+from imocap_core.camera.averaging import angle_deg, nearest_rotation
 from imocap_core.camera.background import Matches, chain
 from imocap_core.camera.projection import intrinsics, project_camera, rays, warp
 from imocap_core.camera.zooming import homographies, zoom_and_turn
+from imocap_core.robust import geman_mcclure, geman_mcclure_weight
 
 Array = NDArray[np.float64]
 Motion = Literal["static", "rotating", "zooming", "translating", "unknown"]
@@ -194,7 +195,7 @@ def solve_focal(matches: list[Matches], size: tuple[int, int], *, frames: int = 
     def error(log_focal: float) -> float:
         K = intrinsics(float(np.exp(log_focal)), size)
         fits = [rotation_key_from_frame(m, K, rounds=2)[1][m.inlier] for m in chosen]
-        return float(np.mean([np.mean(fit**2 / (1 + (fit / 3.0) ** 2)) for fit in fits]))
+        return float(np.mean([geman_mcclure(fit**2, 3.0)[0].mean() for fit in fits]))
 
     low, high = (np.log(factor * max(size)) for factor in FOCAL_RANGE)
     grid = np.linspace(low, high, 21)

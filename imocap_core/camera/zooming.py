@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from imocap_core.camera.averaging import geman_mcclure_weight, nearest_rotation
+from imocap_core.camera.averaging import nearest_rotation
 from imocap_core.camera.background import Matches
 from imocap_core.camera.projection import project_camera, rays
+from imocap_core.robust import geman_mcclure, geman_mcclure_weight
 
 Array = NDArray[np.float64]
 WIDEST_STEP = np.log(3.0)  # zoom of a frame against its key frame
@@ -60,7 +61,7 @@ def _against_key(match: Matches, K_key: Array) -> tuple[float, Array]:
 
     def cost(log_zoom: float) -> float:
         error = _turned(match, K_key, lens_of(K_key, float(np.exp(log_zoom))))[1]
-        return float(np.mean(error**2 / (1 + (error / ROBUST_PX) ** 2)))
+        return float(geman_mcclure(error**2, ROBUST_PX)[0].mean())
 
     start = _scale_of(match)
     best = minimize_scalar(

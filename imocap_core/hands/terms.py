@@ -8,8 +8,8 @@ from torch import Tensor
 from imocap_core.hands.kinematics import hand_points
 from imocap_core.hands.problem import CommonHand, HandState, HandViews, HandWeights
 from imocap_core.hands.skeleton import ANGLE_NAMES, HandSkeleton
-from imocap_core.motion.robust import cauchy, geman_mcclure
 from imocap_core.motion.solver.normal import NormalEquations
+from imocap_core.robust import cauchy, geman_mcclure
 from imocap_core.rotations import log, right_jacobian
 
 ROTATIONS = 24  # unknowns of a frame: 3 of the wrist, 21 angles, then 3 a view of its place

@@ -18,6 +18,8 @@ from scipy.sparse import coo_array, csr_array, vstack
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
+from imocap_core.robust import geman_mcclure_weight
+
 Array = NDArray[np.float64]
 
 ROUNDS = 8
@@ -66,7 +68,7 @@ def common_phase(
             off = np.abs(rows @ x)
             heard = (weights > 0) & (weights < FIRM)
             scale = max(2.0 * float(np.median(off[heard])) if heard.any() else 0.0, LEAST_SCALE_S)
-            robust = np.where(weights < FIRM, 1.0 / (1.0 + (off / scale) ** 2) ** 2, 1.0)
+            robust = np.where(weights < FIRM, geman_mcclure_weight(off, scale), 1.0)
     phases = []
     for v, length in enumerate(lengths):
         own = x[at[v] : at[v + 1]]

@@ -6,7 +6,6 @@ import torch
 from torch import Tensor
 
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.robust import geman_mcclure
 from imocap_core.motion.solver.gauss_newton import linearise
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import FRAME_UNKNOWNS, POSE, MotionState
@@ -14,6 +13,7 @@ from imocap_core.motion.terms import JointEvidence, PoseSmoothness, Reprojection
 from imocap_core.motion.terms.inner_solve import INNER_STEPS, SETTLED, settle
 from imocap_core.motion.terms.rigid_offset import by_stray, strayed
 from imocap_core.motion.terms.view import View, project, projection_jacobian
+from imocap_core.robust import geman_mcclure
 from imocap_core.rotations import exp, hat
 from tests.motion.test_terms import B, T, body, normal, reprojection, seen, state, straying
 

@@ -11,9 +11,11 @@ import torch
 from torch import Tensor
 
 from imocap_core.motion.monocular.library import Library
+from imocap_core.robust import geman_mcclure
 from imocap_core.rotations import exp
 
 CHUNK = 32768  # templates matched at once
+KEYPOINT_SIGMAS, STEP_SIGMAS = 3.0, 3.0  # Geman-McClure scales of the match and of the path
 
 
 @dataclass(frozen=True)
@@ -103,8 +105,9 @@ def _rescore(
         q, v = p - mean_p, w[:, None] - mean_w
         factor = (share * v * q.conj()).sum(-1) / (share * _square(q)).sum(-1).clamp_min(1e-9)
         squared = _square(v - factor[..., None] * q) / unit2
-        c = weight[:, None] * (9.0 / (9.0 + squared)) ** 2
-    fit = (weight[:, None] * squared * 9.0 / (9.0 + squared)).sum(-1)
+        loss, robust = geman_mcclure(squared, KEYPOINT_SIGMAS)
+        c = weight[:, None] * robust
+    fit = (weight[:, None] * loss).sum(-1)
     directions = len(library.R_view)
     pose, view = index // directions, index % directions
     roll = factor.angle()
@@ -140,7 +143,7 @@ def best_path(
         flat = candidates.joints[t - 1].flatten(1), candidates.joints[t].flatten(1)
         squared = torch.cdist(*flat).square() / step_m**2
         per_joint = squared / candidates.joints.shape[2]
-        move = 24 * per_joint * 9 / (9 + per_joint)
+        move = 24 * geman_mcclure(per_joint, STEP_SIGMAS)[0]
         best = (total[:, None] + move).min(0)
         total = best.values + unary[t]
         back.append(best.indices)

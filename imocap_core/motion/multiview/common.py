@@ -21,8 +21,8 @@ from imocap_core.motion.multiview.shared import (
     gather,
     reprojection_errors_px,
 )
-from imocap_core.motion.robust import geman_mcclure
 from imocap_core.motion.state import MotionState
+from imocap_core.robust import geman_mcclure
 
 ROBUST_STAGES = (3.0, 1.0, 1.0)  # of the common fit, relative to the final scale
 

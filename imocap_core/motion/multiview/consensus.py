@@ -15,8 +15,11 @@ from imocap_core.camera.averaging import mean_rotation, mean_vector
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.multiview.timeline import Timeline, sample, sample_rotations
 from imocap_core.motion.state import MotionState
+from imocap_core.robust import geman_mcclure_weight
 from imocap_core.rotations import geodesic_angle, project
 from imocap_core.rotations import mean as chordal_mean
+
+AGREEING_RAD = 0.35  # angle to the consensus at which a root orientation counts a quarter
 
 
 @dataclass(frozen=True)
@@ -83,7 +86,7 @@ def cameras_from_motion(aligned: Aligned, K: Tensor, reference: int, *, rounds: 
         in_world = R.transpose(-1, -2)[:, None] @ R_root
         consensus = chordal_mean(in_world, weight)
         angle = geodesic_angle(in_world, consensus[None])
-        robust = weight / (1 + (angle / 0.35).square()).square()
+        robust = geman_mcclure_weight(angle, AGREEING_RAD, prior=weight)
         consensus = chordal_mean(in_world, robust)
         trust = weight.amax(0)
     return Cameras(R, _translations(aligned, R, reference), K)
@@ -141,5 +144,5 @@ def agreement(R: Tensor, weight: Tensor, *, scale_rad: float, smooth_frames: int
     half = smooth_frames // 2
     padded = torch.nn.functional.pad(angle, (half, half), mode="replicate")
     angle = padded.unfold(-1, 2 * half + 1, 1).mean(-1).movedim(2, 1)
-    follows = 1 / (1 + (angle / scale_rad).square()).square()
+    follows = geman_mcclure_weight(angle, scale_rad)
     return torch.where(heard[..., None], follows, 1.0) * (weight > 0)[..., None]

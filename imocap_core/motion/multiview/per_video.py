@@ -12,6 +12,7 @@ from imocap_core.motion.multiview.scene import JointOptions, Scene, own_terms, s
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import StandingFeet, Term
 from imocap_core.motion.terms.foot_contact import standing_share
+from imocap_core.robust import geman_mcclure_weight
 from imocap_core.rotations import geodesic_angle
 
 FACING_RAD = 0.6  # beyond a monocular estimate's own errors
@@ -92,7 +93,7 @@ def facing_alike(state: MotionState, targets: Targets) -> Tensor:
     half = FACING_FRAMES // 2
     padded = torch.nn.functional.pad(angle[:, None], (half, half), mode="replicate")
     angle = padded.unfold(-1, 2 * half + 1, 1).mean(-1)[:, 0]
-    return 1 / (1 + (angle / FACING_RAD).square()).square()
+    return geman_mcclure_weight(angle, FACING_RAD)
 
 
 def _released(start: MotionState, own: MotionState, faces: Tensor) -> MotionState:

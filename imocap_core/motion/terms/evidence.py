@@ -7,9 +7,9 @@ import torch
 from torch import Tensor
 
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.robust import geman_mcclure
 from imocap_core.motion.solver.normal import NormalEquations, add_product
 from imocap_core.motion.state import POSE, MotionState
+from imocap_core.robust import geman_mcclure
 from imocap_core.rotations import project as nearest_rotation
 
 

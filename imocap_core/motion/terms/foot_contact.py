@@ -7,9 +7,9 @@ import torch
 from torch import Tensor
 
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.robust import geman_mcclure
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import MotionState
+from imocap_core.robust import geman_mcclure, geman_mcclure_weight
 
 STANDING_S = 0.4
 
@@ -84,7 +84,7 @@ def standing_share(body: Body, state: MotionState, fps: float, *, speed_m_s: flo
     padded = torch.nn.functional.pad(step.flatten(2).mT, (half, half), mode="replicate")
     mean = padded.unfold(-1, 2 * half + 1, 1).mean(-1).mT.unflatten(-1, (-1, 3))
     speed = fps * mean.norm(dim=-1)
-    return 1 / (1 + (speed / speed_m_s).square()).square()
+    return geman_mcclure_weight(speed, speed_m_s)
 
 
 def _both(valid: Tensor) -> Tensor:

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from imocap_core.motion.terms.view import NEAREST_M, View
+from imocap_core.robust import geman_mcclure_root
 from imocap_core.rotations import exp
 
 INNER_STEPS = 30  # at most
@@ -99,8 +100,7 @@ class _Seen:
         nearness = 1 / z.clamp_min(NEAREST_M)
         x, y = x * nearness, y * nearness
         u, v = x * self.fx - self.x_px, y * self.fy - self.y_px
-        scale2 = self.scale**2
-        root = self.weight_root * (scale2 / (scale2 + self.weight * (u * u + v * v)))
+        root = self.weight_root * geman_mcclure_root(self.weight * (u * u + v * v), self.scale)
         near = root * nearness
         ux, vy = near * self.fx, near * self.fy
         uz, vz, zero = -ux * x, -vy * y, torch.zeros_like(x)

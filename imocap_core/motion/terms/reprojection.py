@@ -7,13 +7,13 @@ import torch
 from torch import Tensor
 
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.robust import geman_mcclure
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms.inner_solve import settle
 from imocap_core.motion.terms.rigid_offset import RIGID, by_stray, strayed
 from imocap_core.motion.terms.view import View, project, projection_jacobian
 from imocap_core.motion.terms.view_residuals import Sight, add_sights, whitened
+from imocap_core.robust import geman_mcclure
 from imocap_core.rotations import exp, hat
 
 

@@ -10,9 +10,9 @@ from typing import Self
 import torch
 from torch import Tensor
 
-from imocap_core.motion.robust import cauchy
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import POSE, MotionState
+from imocap_core.robust import cauchy
 from imocap_core.rotations import log
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from imocap_core.robust import geman_mcclure
 from imocap_core.sync.warp.contribution import Contribution, alike, positions_between, template
 from imocap_core.sync.warp.warping import median_positions
 
@@ -147,8 +148,8 @@ def weights_and_precision(
     spread, strays, weight = FIRST_STRAY, np.zeros((len(at), STRAYS)), video.weight
     for _ in range(ROUNDS):
         left = residual - np.einsum("tkac,tc->tka", rows, strays)
-        ratio = OUTLIER_SIGMA**2 / (OUTLIER_SIGMA**2 + video.weight * (left**2).sum(-1))
-        weight = video.weight * ratio**2
+        robust = geman_mcclure(video.weight * (left**2).sum(-1), OUTLIER_SIGMA)[1]
+        weight = video.weight * robust
         sharpness = np.einsum("tkac,tkad,tk->tcd", rows, rows, weight, optimize=True)
         sharpness += np.diag(spread**-2.0)
         pull = np.einsum("tkac,tka,tk->tc", rows, residual, weight, optimize=True)
