@@ -1,38 +1,40 @@
 """The contract of a stage: read -> call the core -> write.
 
-A stage is one script with one function. What it reads is declared in pipeline.yaml, nowhere else:
+A stage is one script with one function. What it reads is declared in pipeline.yaml, nowhere else.
+A complete example, which a test runs:
 
     # pipeline.yaml
     stages:
-      sync:
-        script: stages/sync.py
-        inputs: [initial_smpl]
+      visibility:
+        script: stages/visibility.py
+        inputs: [keypoints]
         reads: []
-        params: [sync]
+        params: [keypoints]
 
-    # stages/sync.py
-    \"\"\"sync: which frames of the videos show the same moment of the action (Eq. 1, 2).\"\"\"
+    # stages/visibility.py
+    # visibility: in which share of the frames the detector saw each joint
 
-    from imocap_core.artifacts.schemas import InitialSmpl, Sync, SyncMap
-    from imocap_core.sync import synchronise
+    from imocap_core.artifacts.schemas import Artifact, Keypoints
     from imocap_core.cli import stage_main
-    from imocap_core.pipeline.stage import Context, Inputs
     from imocap_core.params import Params
+    from imocap_core.pipeline.stage import Context, Inputs
 
 
-    def run(ctx: Context, inputs: Inputs, params: Params) -> Sync:
-        initial = inputs.get(InitialSmpl)
-        ctx.progress(0.1, "comparing all pairs of frames")
-        found = synchronise(
-            [video.joints for video in initial.videos],
-            method=params.sync.method,
-            rng=ctx.rng(),
+    class Visibility(Artifact):
+        share_visible: dict[str, list[float]]  # per video, one number a joint
+
+
+    def run(ctx: Context, inputs: Inputs, params: Params) -> Visibility:
+        videos = inputs.get(Keypoints).videos
+        ctx.progress(0.5, "counting visible joints")
+        least = params.keypoints.min_confidence
+        return Visibility(
+            share_visible={v.id: (v.confidence >= least).mean(axis=0).tolist() for v in videos}
         )
-        return Sync(reference=..., maps=[SyncMap(...), ...], ...)
 
 
-    if __name__ == "__main__":          # python -m stages.sync yoga
-        raise SystemExit(stage_main("sync"))
+    if __name__ == "__main__":  # python -m stages.visibility yoga
+        raise SystemExit(stage_main("visibility"))
 
 What the runner promises:
 

@@ -42,7 +42,7 @@ PRIOR_FPS = 30.0  # frame rate at which the prior's joint speeds were measured
 
 @dataclass(frozen=True)
 class FitWeights:
-    """Strengths of the terms (see pipeline.yaml, group ``motion``).
+    """Strengths of the terms (parameters of the group `fit`).
 
     Attributes:
         robust_scale: final Geman-McClure scale in standard deviations.
