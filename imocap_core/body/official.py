@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from imocap_core.body.free import digest_of
 from imocap_core.body.landmarks import find_landmarks, static_face_landmarks
 from imocap_core.body.model import Model
-from imocap_core.body.unpickle import as_array, read_pickle
+from imocap_core.body.model_pickle import as_array, read_model_pickle
 from imocap_core.conventions import SMPL_JOINTS, SMPLH_JOINTS, SMPLX_JOINTS
 
 _KINDS = {24: ("smpl", SMPL_JOINTS), 52: ("smplh", SMPLH_JOINTS), 55: ("smplx", SMPLX_JOINTS)}
@@ -83,7 +83,7 @@ def _read(path: Path) -> dict[str, NDArray[np.generic]]:
         raise ValueError(f"{path}: there is no such body model file")
     if path.suffix not in (".pkl", ".npz"):
         raise ValueError(f"{path}: expected a body model as .pkl or .npz")
-    content = read_pickle(path) if path.suffix == ".pkl" else _read_npz(path)
+    content = read_model_pickle(path) if path.suffix == ".pkl" else _read_npz(path)
     missing = [name for name in _NEEDED if name not in content]
     if missing:
         raise ValueError(f"{path}: not a body model, these arrays are missing: {missing}")

@@ -1,14 +1,10 @@
 """npz files whose arrays hold Python objects: read without running anything that is in them.
 
-numpy stores such arrays as pickles, and a pickle may name any function, `os.system` included. Here
-numpy arrays and Python's own containers are rebuilt, and every other name is refused.
+numpy stores such arrays as pickles (`imocap_core.unpickle`).
 """
 
 from __future__ import annotations
 
-import io
-import pickle
-import tokenize
 import zipfile
 import zlib
 from pathlib import Path
@@ -17,8 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.lib import format as npy
 
-from imocap_core.io.pickled_arrays import built
-from imocap_core.io.pickles import Arrays
+from imocap_core.unpickle import UNREADABLE, load_pickle
 
 
 def read_object(path: Path, name: str) -> Any:
@@ -40,23 +35,16 @@ def read_object(path: Path, name: str) -> Any:
                     raise ValueError(
                         f"{path}: {name}: expected one Python object, got {dtype} {shape}"
                     )
-                return built(Arrays(io.BytesIO(stream.read())).load()).item()
+                return load_pickle(stream.read()).item()
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError) as error:
         raise ValueError(f"{path}: is not a readable npz file ({error}); get it again") from None
-    except _UNREADABLE as error:
+    except UNREADABLE as error:
         if str(error).startswith(f"{path}: "):
             raise
         raise ValueError(
             f"{path}: {name}: refused, it can't be read safely: {error}; get the file from where "
             "it was published"
         ) from None
-
-
-_UNREADABLE = (
-    *(pickle.UnpicklingError, AttributeError, IndexError, KeyError, TypeError, SyntaxError),
-    tokenize.TokenError,
-    *(MemoryError, OverflowError, RecursionError, ValueError, AssertionError),
-)
 
 
 def _header_2(stream: Any) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:

@@ -16,9 +16,10 @@ import torch
 
 from imocap_core.body import keypoints_with_jacobian, load_body, load_free_body, model_status
 from imocap_core.body.conversions import hand_pose_from_pca
-from imocap_core.body.unpickle import Inert, as_array
+from imocap_core.body.model_pickle import as_array
 from imocap_core.conventions import SMPL_PARENTS, SMPLH_PARENTS, SMPLX_PARENTS
 from imocap_core.rotations import exp
+from imocap_core.unpickle import InertObject
 from tests.body.bodies import made_body, rodrigues_naive, skin_naive
 
 TREES = {"smpl": SMPL_PARENTS, "smplh": SMPLH_PARENTS, "smplx": SMPLX_PARENTS}
@@ -243,10 +244,10 @@ def test_status_says_what_was_found_and_what_is_missing(tmp_path: Path) -> None:
     assert [row.path for row in model_status(tmp_path) if row.name == "SMPL+H"] == [hands]
 
 
-def record(**state: object) -> Inert:
+def record(**state: object) -> InertObject:
     """What the restricted reader makes of an object of a library it does not import."""
-    inert = Inert()
-    inert.__setstate__(state)
+    inert = InertObject()
+    inert.restore(state)
     return inert
 
 
@@ -263,4 +264,4 @@ def test_arrays_are_taken_out_of_every_kind_of_record() -> None:
     with pytest.raises(ValueError, match=r"\['other'\] holds no array"):
         as_array(record(other=1))
     with pytest.raises(ValueError, match="holds no array"):
-        as_array(Inert("never given a state"))
+        as_array(InertObject("never given a state"))

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.io import pickled_arrays
 from imocap_core.io.pickles import read_results
+from imocap_core.unpickle import records
 from tests.io import made_estimates as made
 from tests.io.test_estimators import WRITERS, read, the_file
 
@@ -78,10 +78,10 @@ class Crafted:
     """Pickles as a call of numpy's own restoring functions with arguments of one's choice."""
 
     def __init__(self, function: Any, arguments: tuple[Any, ...], state: Any = None) -> None:
-        self.said = (function, arguments, state)
+        self.reduced = (function, arguments, state)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return self.said if self.said[2] is not None else self.said[:2]
+        return self.reduced if self.reduced[2] is not None else self.reduced[:2]
 
 
 RECONSTRUCT, SCALAR = np.empty(0).__reduce__()[0], np.float64(0).__reduce__()[0]
@@ -118,10 +118,10 @@ def test_a_tensor_may_not_reach_beyond_its_numbers() -> None:
     numbers = torch.storage.TypedStorage(
         wrap_storage=whole.untyped_storage(), dtype=whole.dtype, _internal=True
     )
-    np.testing.assert_array_equal(pickled_arrays.tensor(numbers, 1, (3,), (1,)), [1, 2, 3])
+    np.testing.assert_array_equal(records.tensor(numbers, 1, (3,), (1,)), [1, 2, 3])
     for offset, size, stride in ((2, (3,), (1,)), (0, (2, 3), (3, 1)), (-1, (1,), (1,))):
         with pytest.raises(pickle.UnpicklingError, match="it holds a"):
-            pickled_arrays.tensor(numbers, offset, size, stride)
+            records.tensor(numbers, offset, size, stride)
 
 
 def test_a_list_that_holds_itself_is_refused(tmp_path: Path) -> None:

@@ -1,8 +1,8 @@
-"""What pickles say of numpy arrays and torch tensors, kept as plain records and built when checked.
+"""What pickles state about numpy arrays and torch tensors: plain records, turned into arrays later.
 
-numpy's own way of restoring an array believes what a pickle says of its form, and a crafted one
-makes it read or write where it must not. Here a pickle's words are only kept; `built` makes arrays
-of them with numpy's checked functions.
+numpy's own way of restoring an array believes what a pickle states about its form, and a crafted
+one makes it read or write where it must not. Here these statements are only stored; `build` makes
+arrays of them with numpy's checked functions.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ import io
 import math
 import pickle
 import re
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -19,15 +21,29 @@ import torch
 _CODE = re.compile(r"[biufcSUO]\d{0,9}|\?")
 
 
-class Marker:
+class NdarrayClass:
     """Stands for the class numpy.ndarray, which is named but never called."""
 
     def __init__(self, *arguments: object) -> None:
         raise pickle.UnpicklingError("it would make an array by itself")
 
 
-class Dtype:
-    """The form of an array's numbers: a letter, a size, an order of bytes."""
+class InertObject:
+    """Stands for an object of a library that is not imported: stores its state, does nothing."""
+
+    state: Mapping[str, Any] = MappingProxyType({})
+
+    def __init__(self, *arguments: object) -> None:
+        """Takes whatever the real class would, and ignores it."""
+
+    def restore(self, state: object) -> None:
+        """Its attributes."""
+        if isinstance(state, dict):
+            self.state = state
+
+
+class DtypeRecord:
+    """The type of an array's numbers: a letter, a size, an order of bytes."""
 
     def __init__(self, code: Any = None, *_unused: object) -> None:
         if not isinstance(code, str) or not _CODE.fullmatch(code):
@@ -36,8 +52,8 @@ class Dtype:
 
     def restore(self, state: Any) -> None:
         """As numpy pickles it: (version, order, subarray, names, fields, ...)."""
-        known = isinstance(state, tuple) and len(state) >= 5 and state[1] in ("<", ">", "|", "=")
-        if not known or any(part is not None for part in state[2:5]):
+        valid = isinstance(state, tuple) and len(state) >= 5 and state[1] in ("<", ">", "|", "=")
+        if not valid or any(part is not None for part in state[2:5]):
             raise pickle.UnpicklingError("it holds an array of records")
         self.order = state[1]
 
@@ -47,35 +63,35 @@ class Dtype:
         return np.dtype(self.order + self.code)
 
 
-class Array:
+class ArrayRecord:
     """An array as numpy pickles it: (version, shape, dtype, Fortran order, bytes or list)."""
 
     state: tuple[Any, ...] = ()
 
     def restore(self, state: Any) -> None:
-        """Kept as it is."""
+        """Stored as it is."""
         if not isinstance(state, tuple) or len(state) != 5:
             raise pickle.UnpicklingError("it holds an array that is not complete")
         self.state = state
 
 
-class JoblibArray:
-    """joblib's record before an array's bytes, and these."""
+class JoblibRecord:
+    """joblib's record before an array's bytes, and these bytes."""
 
     def __init__(self) -> None:
-        self.said: dict[str, Any] = {}
+        self.state: dict[str, Any] = {}
         self.content: Any = b""
 
     def restore(self, state: Any) -> None:
         """Its attributes: shape, order, dtype, whether the bytes are aligned."""
-        if not isinstance(state, dict) or not isinstance(state.get("dtype"), Dtype):
+        if not isinstance(state, dict) or not isinstance(state.get("dtype"), DtypeRecord):
             raise pickle.UnpicklingError("it holds an array that is not complete")
-        self.said = state
+        self.state = state
 
 
-def array_record(*_unused: object) -> Array:
+def array_record(*_unused: object) -> ArrayRecord:
     """numpy's _reconstruct."""
-    return Array()
+    return ArrayRecord()
 
 
 def from_buffer(buffer: Any, dtype: Any, shape: Any, order: Any) -> np.ndarray:
@@ -105,38 +121,45 @@ def tensor(numbers: Any, offset: Any, size: Any, stride: Any, *_unused: object) 
     return flat.as_strided(tuple(size), steps, offset).detach().numpy().copy()
 
 
-def built(value: Any, done: dict[int, Any] | None = None) -> Any:
-    """The same with arrays instead of records, whatever holds them; ValueError or
-    UnpicklingError when a record says what can't be."""
+def build(value: Any, done: dict[int, Any] | None = None) -> Any:
+    """The same with arrays instead of records, in whatever containers; ValueError or
+    UnpicklingError when a record states what can't be."""
     done = {} if done is None else done
     if id(value) not in done:
-        done[id(value)] = _built(value, done)
+        if isinstance(value, InertObject):
+            done[id(value)] = value  # before its state, which may refer back to it
+            value.state = {name: build(part, done) for name, part in value.state.items()}
+        else:
+            done[id(value)] = _built(value, done)
     return done[id(value)]
 
 
 def _built(value: Any, done: dict[int, Any]) -> Any:
-    if isinstance(value, Array) and value.state:
+    if isinstance(value, ArrayRecord) and value.state:
         _, shape, dtype, fortran, content = value.state
         if isinstance(content, list):
-            return _of_objects([built(item, done) for item in content], shape)
+            return _of_objects([build(item, done) for item in content], shape)
         return _from_bytes(content, dtype, shape, bool(fortran))
-    if isinstance(value, JoblibArray):
-        if value.said["dtype"].dtype.hasobject:
-            return built(value.content, done)
-        said, fortran = value.said, value.said.get("order") == "F"
-        return _from_bytes(value.content, said["dtype"], said.get("shape"), fortran)
+    if isinstance(value, JoblibRecord):
+        state = value.state
+        if state["dtype"].dtype.hasobject:
+            return build(value.content, done)
+        fortran = state.get("order") == "F"
+        return _from_bytes(value.content, state["dtype"], state.get("shape"), fortran)
     if isinstance(value, torch.Tensor):
         return value.detach().cpu().numpy()
     if isinstance(value, dict):
-        return {key: built(item, done) for key, item in value.items()}
+        return {key: build(item, done) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
-        return [built(item, done) for item in value]
+        return [build(item, done) for item in value]
     return value
 
 
 def _from_bytes(content: Any, dtype: Any, shape: Any, fortran: bool) -> np.ndarray:
     """An array of some bytes, which must be as many as its form needs."""
-    if not isinstance(dtype, Dtype) or not isinstance(content, (bytes, bytearray)):
+    if isinstance(content, str):  # Python 2's bytes
+        content = content.encode("latin1")
+    if not isinstance(dtype, DtypeRecord) or not isinstance(content, (bytes, bytearray)):
         raise pickle.UnpicklingError("it holds an array without numbers")
     kind = dtype.dtype
     sizes = _sizes(shape)
