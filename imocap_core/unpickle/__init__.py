@@ -5,7 +5,7 @@ which are turned into numpy arrays when what they state has been checked; every 
 refused. The rooms that read files (`body`, `io`) put their own sentence around the errors.
 """
 
-from imocap_core.unpickle.reader import UNREADABLE, build, load_pickle
-from imocap_core.unpickle.records import InertObject
+from imocap_core.unpickle.reader import UNREADABLE, load_pickle
+from imocap_core.unpickle.records import InertObject, build
 
 __all__ = ["UNREADABLE", "InertObject", "build", "load_pickle"]
