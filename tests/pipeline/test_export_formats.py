@@ -10,6 +10,8 @@ import cv2
 import numpy as np
 import pytest
 import torch
+from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from mcap.reader import make_reader
 
 from imocap_core.artifacts.schemas import Keypoints
@@ -23,7 +25,6 @@ from imocap_core.export.formats import WRITERS, export, linear
 from imocap_core.export.sources import read_result
 from imocap_core.export.values import Time
 from imocap_core.io.video import write_h264
-from imocap_core.io.writers.foxglove_schemas import message_class
 from tests.pipeline.made_result import (
     FPS,
     LENGTHS,
@@ -149,9 +150,8 @@ def test_a_view_file_shows_the_frames_of_its_moments(made: Made, time: Time) -> 
     with (made.out / "view" / "walk.mcap").open("rb") as stream:
         messages = list(make_reader(stream).iter_messages(topics=["/a/camera/image"]))
     assert len(messages) == 31
-    image = message_class("CompressedImage")
     for _, _, message in messages[::6]:
-        found = image.FromString(message.data)
+        found = CompressedImage.FromString(message.data)
         picture = cv2.imdecode(np.frombuffer(found.data, np.uint8), cv2.IMREAD_COLOR)
         assert picture.shape == (270, 480, 3)
         number = round(message.log_time * 30 / 1e9)
@@ -165,7 +165,7 @@ def test_a_view_files_camera_zooms(made: Made) -> None:
     made.export("mcap")
     with (made.out / "walk.mcap").open("rb") as stream:
         lenses = [
-            message_class("CameraCalibration").FromString(m.data)
+            CameraCalibration.FromString(m.data)
             for _, _, m in make_reader(stream).iter_messages(topics=["/b/camera/calibration"])
         ]
     assert lenses[-1].K[0] / lenses[0].K[0] == pytest.approx(1.5)

@@ -1,46 +1,65 @@
-"""Messages of a view file, in Foxglove's schemas: cameras, their pictures, keypoints, bodies.
+"""Foxglove messages of a view file: cameras, pictures, keypoints, bodies.
 
-Frames: `world`, and `<id>_camera` of each video (x right, y down, z ahead). Times are nanoseconds.
+Coordinate frames: `world`, and `<id>_camera` of each video (x right, y down, z forward). Times are
+nanoseconds. The message classes are those of the package `foxglove-schemas-protobuf`.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
+from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
+from foxglove_schemas_protobuf.Color_pb2 import Color
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
+from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
+from foxglove_schemas_protobuf.Point2_pb2 import Point2
+from foxglove_schemas_protobuf.Point3_pb2 import Point3
+from foxglove_schemas_protobuf.PointsAnnotation_pb2 import PointsAnnotation
+from foxglove_schemas_protobuf.Pose_pb2 import Pose
+from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
+from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
+from google.protobuf.timestamp_pb2 import Timestamp
+from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from imocap_core.io.writers.foxglove_schemas import message_class
-
-Array = NDArray[np.float64]
-Colour = tuple[float, float, float]  # as on screens, 0 to 1
+Colour = tuple[float, float, float]  # sRGB, 0 to 1
 
 WORLD = "world"
 BONE_PX, POINT_PX = 3.0, 4.0
-SECOND = 1_000_000_000
+SECOND = 1_000_000_000  # nanoseconds
 
 
 def camera_frame(video: str) -> str:
-    """The name of a video's camera axes."""
+    """Name of a video's camera frame."""
     return f"{video}_camera"
 
 
-def transform(time_ns: int, video: str, R_cam_from_world: Array, centre: Array) -> Any:
-    """FrameTransform: where the camera of a video is in the world."""
-    return message_class("FrameTransform")(
+def transform(
+    time_ns: int,
+    video: str,
+    R_cam_from_world: Float[np.ndarray, "3 3"],
+    centre: Float[np.ndarray, 3],
+) -> FrameTransform:
+    """Pose of a video's camera in the world; centre in metres."""
+    return FrameTransform(
         timestamp=_stamp(time_ns),
         parent_frame_id=WORLD,
         child_frame_id=camera_frame(video),
-        translation=_point("Vector3", centre),
+        translation=_vector(centre),
         rotation=_quaternion(R_cam_from_world.T),
     )
 
 
-def calibration(time_ns: int, video: str, K: Array, size: tuple[int, int]) -> Any:
-    """CameraCalibration of pictures of `size` (width, height), without distortion."""
+def calibration(
+    time_ns: int, video: str, K: Float[np.ndarray, "3 3"], size: tuple[int, int]
+) -> CameraCalibration:
+    """Intrinsics of pictures of `size` (width, height), without distortion."""
     P = np.concatenate([K, np.zeros((3, 1))], axis=1)
-    return message_class("CameraCalibration")(
+    return CameraCalibration(
         timestamp=_stamp(time_ns),
         frame_id=camera_frame(video),
         width=size[0],
@@ -53,77 +72,75 @@ def calibration(time_ns: int, video: str, K: Array, size: tuple[int, int]) -> An
     )
 
 
-def image(time_ns: int, video: str, jpeg: bytes) -> Any:
-    """CompressedImage of one frame."""
-    return message_class("CompressedImage")(
+def image(time_ns: int, video: str, jpeg: bytes) -> CompressedImage:
+    """The JPEG picture of one frame."""
+    return CompressedImage(
         timestamp=_stamp(time_ns), frame_id=camera_frame(video), data=jpeg, format="jpeg"
     )
 
 
-def keypoints(time_ns: int, xy_px: Array, colour: Colour) -> Any:
-    """ImageAnnotations: points (K, 2) of the picture; NaN ones are left out."""
-    seen = xy_px[np.isfinite(xy_px).all(-1)]
-    points = message_class("PointsAnnotation")(
+def keypoints(time_ns: int, xy_px: Float[np.ndarray, "K 2"], colour: Colour) -> ImageAnnotations:
+    """Keypoints drawn as dots over the picture; NaN ones are left out."""
+    detected = xy_px[np.isfinite(xy_px).all(-1)]
+    points = PointsAnnotation(
         timestamp=_stamp(time_ns),
-        type=1,
-        points=[_point("Point2", xy) for xy in seen],
+        type=PointsAnnotation.POINTS,
+        points=[Point2(x=float(x), y=float(y)) for x, y in detected],
         outline_color=_colour(colour),
         fill_color=_colour(colour),
         thickness=POINT_PX,
     )
-    return message_class("ImageAnnotations")(timestamp=_stamp(time_ns), points=[points])
+    return ImageAnnotations(timestamp=_stamp(time_ns), points=[points])
 
 
-def joints(time_ns: int, places: Array, R_world: Array) -> Any:
-    """PosesInFrame: joints (J, 3) metres and their axes (J, 3, 3), in the clip's order."""
-    Pose = message_class("Pose")
-    return message_class("PosesInFrame")(
+def joints(
+    time_ns: int, positions_m: Float[np.ndarray, "J 3"], R_world: Float[np.ndarray, "J 3 3"]
+) -> PosesInFrame:
+    """Positions and axes of all joints in the world, in the order of the motion clip."""
+    return PosesInFrame(
         timestamp=_stamp(time_ns),
         frame_id=WORLD,
         poses=[
-            Pose(position=_point("Vector3", x), orientation=_quaternion(R))
-            for x, R in zip(places, R_world, strict=True)
+            Pose(position=_vector(x), orientation=_quaternion(R))
+            for x, R in zip(positions_m, R_world, strict=True)
         ],
     )
 
 
 def skeleton(
-    time_ns: int, video: str, places: Array, parents: tuple[int, ...], colour: Colour
-) -> Any:
-    """SceneUpdate: the bones as lines; each message replaces the one before."""
-    ends = [places[k] for j, parent in enumerate(parents) if parent >= 0 for k in (parent, j)]
-    lines = message_class("LinePrimitive")(
-        type=2,
-        pose=message_class("Pose")(
-            position=_point("Vector3", np.zeros(3)), orientation=_quaternion(np.eye(3))
-        ),
+    time_ns: int,
+    video: str,
+    positions_m: Float[np.ndarray, "J 3"],
+    parents: tuple[int, ...],
+    colour: Colour,
+) -> SceneUpdate:
+    """The bones as lines; each message replaces the one before."""
+    ends = [positions_m[k] for j, parent in enumerate(parents) if parent >= 0 for k in (parent, j)]
+    lines = LinePrimitive(
+        type=LinePrimitive.LINE_LIST,
+        pose=Pose(position=_vector(np.zeros(3)), orientation=_quaternion(np.eye(3))),
         thickness=BONE_PX,
         scale_invariant=True,
-        points=[_point("Point3", x) for x in ends],
+        points=[Point3(x=float(x), y=float(y), z=float(z)) for x, y, z in ends],
         color=_colour(colour),
     )
-    entity = message_class("SceneEntity")(
-        timestamp=_stamp(time_ns), frame_id=WORLD, id=video, lines=[lines]
-    )
-    return message_class("SceneUpdate")(entities=[entity])
+    entity = SceneEntity(timestamp=_stamp(time_ns), frame_id=WORLD, id=video, lines=[lines])
+    return SceneUpdate(entities=[entity])
 
 
-def _stamp(time_ns: int) -> dict[str, int]:
-    return {"seconds": time_ns // SECOND, "nanos": time_ns % SECOND}
+def _stamp(time_ns: int) -> Timestamp:
+    return Timestamp(seconds=time_ns // SECOND, nanos=time_ns % SECOND)
 
 
-def _point(kind: str, values: Array) -> Any:
-    return message_class(kind)(**dict(zip("xyz", map(float, values), strict=False)))
+def _vector(xyz: Float[np.ndarray, 3]) -> Vector3:
+    x, y, z = map(float, xyz)
+    return Vector3(x=x, y=y, z=z)
 
 
-def _quaternion(R: Array) -> Any:
-    return message_class("Quaternion")(**dict(zip("xyzw", _xyzw(R), strict=True)))
+def _quaternion(R: Float[np.ndarray, "3 3"]) -> Quaternion:
+    x, y, z, w = Rotation.from_matrix(R).as_quat().tolist()
+    return Quaternion(x=x, y=y, z=z, w=w)
 
 
-def _xyzw(R: Array) -> list[float]:
-    found: list[float] = Rotation.from_matrix(R).as_quat().tolist()
-    return found
-
-
-def _colour(rgb: Colour) -> Any:
-    return message_class("Color")(r=rgb[0], g=rgb[1], b=rgb[2], a=1.0)
+def _colour(rgb: Colour) -> Color:
+    return Color(r=rgb[0], g=rgb[1], b=rgb[2], a=1.0)

@@ -1,23 +1,24 @@
-"""Messages as an MCAP file that Foxglove and Rerun open: protobuf, its schemas within."""
+"""Protobuf messages as an MCAP file that Foxglove and Rerun open; the file contains its schemas."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+from google.protobuf import descriptor_pool
+from google.protobuf.descriptor import FileDescriptor
+from google.protobuf.descriptor_pb2 import FileDescriptorProto, FileDescriptorSet
+from google.protobuf.message import Message
 from mcap.writer import CompressionType, Writer
 
-from imocap_core.io.writers.foxglove_schemas import descriptor_set
-
-LIBRARY = "imocap view 1"  # fixed: a file says what it holds, not who wrote it when
+LIBRARY = "imocap view 1"  # fixed, without version and date: equal content gives equal bytes
 METADATA = "imocap"
 
 
 @dataclass(frozen=True, order=True)
 class Entry:
-    """One message, already in bytes: when, on which topic, of which schema (`foxglove.Pose`)."""
+    """One serialized message: its time, topic and schema (`foxglove.Pose`)."""
 
     time_ns: int
     topic: str
@@ -25,8 +26,8 @@ class Entry:
     data: bytes
 
 
-def entry(time_ns: int, topic: str, message: Any) -> Entry:
-    """A message as it will lie in the file."""
+def entry(time_ns: int, topic: str, message: Message) -> Entry:
+    """A message, serialized."""
     data = message.SerializeToString(deterministic=True)
     return Entry(time_ns, topic, message.DESCRIPTOR.full_name, data)
 
@@ -42,7 +43,7 @@ def write_view(file: Path, entries: Iterable[Entry], notes: Mapping[str, str]) -
         for one in sorted(entries):
             if one.schema not in schemas:
                 schemas[one.schema] = writer.register_schema(
-                    name=one.schema, encoding="protobuf", data=descriptor_set()
+                    name=one.schema, encoding="protobuf", data=schema_bytes(one.schema)
                 )
             key = (one.topic, one.schema)
             if key not in channels:
@@ -53,3 +54,18 @@ def write_view(file: Path, entries: Iterable[Entry], notes: Mapping[str, str]) -
                 channels[key], log_time=one.time_ns, publish_time=one.time_ns, data=one.data
             )
         writer.finish()
+
+
+def schema_bytes(schema: str) -> bytes:
+    """A message's schema as MCAP stores it: a serialized FileDescriptorSet, imports first."""
+    message = descriptor_pool.Default().FindMessageTypeByName(schema)
+    files: dict[str, FileDescriptorProto] = {}
+    _add_with_imports(message.file, files)
+    return FileDescriptorSet(file=files.values()).SerializeToString(deterministic=True)
+
+
+def _add_with_imports(file: FileDescriptor, files: dict[str, FileDescriptorProto]) -> None:
+    if file.name not in files:
+        for imported in file.dependencies:
+            _add_with_imports(imported, files)
+        files[file.name] = FileDescriptorProto.FromString(file.serialized_pb)
