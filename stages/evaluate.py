@@ -26,7 +26,7 @@ from imocap_core.figures.bodies import body_points
 from imocap_core.figures.contact_sheets import SheetVideo
 from imocap_core.io.pose2sim_truth import has_pose2sim_truth, read_pose2sim_truth
 from imocap_core.io.truth import Truth, read_truth
-from imocap_core.metrics.scoring import ALL_VIDEOS, Row, over_videos
+from imocap_core.metrics.scoring import ALL_VIDEOS, ScoreRow, over_videos
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.report.evaluation_figures import draw_contact_sheets, draw_numbers
@@ -117,7 +117,7 @@ def score_of(
     camera_motion: CameraMotion,
     truth: Truth | None,
     model: Model,
-) -> list[Row]:
+) -> list[ScoreRow]:
     """Every metric of one answer."""
     intrinsics = {c.id: c.K for c in answer.cameras or camera_motion.videos}
     points = {

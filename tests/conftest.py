@@ -1,14 +1,31 @@
 """Settings shared by the whole suite."""
 
+from collections.abc import Iterator
+
+import jaxtyping
+import pytest
 from hypothesis import settings
 from jaxtyping import install_import_hook
 
-# Rooms whose annotations (types, and shapes of arrays) are checked at every call in the tests.
-CHECKED: tuple[str, ...] = ("imocap_core.alignment",)
+import tests.shape_check  # noqa: F401  (the hook names it)
 
-install_import_hook(CHECKED, "beartype.beartype")
+# Rooms whose annotations (types, and shapes of arrays) are checked at every call in the tests.
+CHECKED: tuple[str, ...] = (
+    "imocap_core.alignment",
+    "imocap_core.metrics",
+)
+
+install_import_hook(CHECKED, "tests.shape_check.checked")
 
 # No deadline: the suite must not fail on a busy machine. Derandomised: a failure is the same
 # failure on every machine.
 settings.register_profile("imocap", deadline=None, derandomize=True, max_examples=30)
 settings.load_profile("imocap")
+
+
+@pytest.fixture
+def unchecked_shapes() -> Iterator[None]:
+    """Annotations unchecked, for tests of a function's own checks of its arguments."""
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)

@@ -23,8 +23,8 @@ from imocap_core.detect.detection import detect_video
 from imocap_core.detect.detectors import detector_of
 from imocap_core.detect.environment import python_for
 from imocap_core.io.video import write_h264
-from imocap_core.metrics.detections import Film, exchanged_share
-from imocap_core.metrics.detector_bias import habit_of, turned_share
+from imocap_core.metrics.detections import DetectedClip, exchanged_share
+from imocap_core.metrics.detector_bias import detector_bias, exchanged_body_share
 from imocap_core.params import DetectParams
 from imocap_core.synthetic.captured import VIEWPOINTS
 from imocap_core.synthetic.detector import detect
@@ -82,25 +82,25 @@ def films(train: Path, work: Path, python: Path) -> list[dict[str, np.ndarray]]:
     return every
 
 
-def simulated(found: dict[str, np.ndarray], names: list[str], seed: list[int]) -> Film:
+def simulated(found: dict[str, np.ndarray], names: list[str], seed: list[int]) -> DetectedClip:
     """The same film as the simulated level sees it."""
     level, rng = DETECTORS["mediapipe"], np.random.default_rng(seed)
     asked = [name.replace("foot_index", "big_toe") for name in names]
     d = detect(found["xy_px"], found["height_px"], asked, CAPTURED_FPS, rng, level)
     xy = np.where(d.confidence[..., None] > 0, d.xy_px, np.nan)
-    return Film(xy, found["xy_px"], found["height_px"], str(found["side"]), CAPTURED_FPS)
+    return DetectedClip(xy, found["xy_px"], found["height_px"], str(found["side"]), CAPTURED_FPS)
 
 
 def report(every: list[dict[str, np.ndarray]]) -> None:
     """Habits of the detector and, below, of its simulation; then how far all points are off."""
     names = [str(name) for name in every[0]["names"]]
-    real = [Film(f["found_px"], f["xy_px"], f["height_px"], str(f["side"]), CAPTURED_FPS)
+    real = [DetectedClip(f["found_px"], f["xy_px"], f["height_px"], str(f["side"]), CAPTURED_FPS)
             for f in every]  # fmt: skip
     made = [simulated(f, names, [n, k]) for n, f in enumerate(every) for k in range(DRAWS)]
     kinds = ((kind, target, who, seen) for kind, target in TARGETS.items()
              for who, seen in (("measured", real), ("simulated", made)))  # fmt: skip
     for kind, target, who, seen in kinds:
-        h = habit_of(seen, names, kind, target)
+        h = detector_bias(seen, names, kind, target)
         print(f"{kind:10} {who:9} {100 * h.share:5.1f} % towards {target or '-':9} "
               f"lasting {100 * h.lasting:.2f} spread {100 * h.spread:.2f} "
               f"for {h.persistence_s:.2f} s outliers {100 * h.outlier_rate:4.1f} % of "
@@ -114,14 +114,14 @@ def report(every: list[dict[str, np.ndarray]]) -> None:
             print(f"{who} {side or 'all'}, {len(own)} films:", np.round(told, 2))
         swaps = [np.nanmean([exchanged_share(f, names, part) for f in seen])
                  for part in ("arm", "leg")]  # fmt: skip
-        turned = np.nanmean([turned_share(f, names, TURNED) for f in seen])
-        missed = np.mean([np.isnan(f.found_px[:, body]).any(axis=-1).mean() for f in seen])
+        turned = np.nanmean([exchanged_body_share(f, names, TURNED) for f in seen])
+        missed = np.mean([np.isnan(f.detected_px[:, body]).any(axis=-1).mean() for f in seen])
         print(f"{who}: arms exchanged {100 * swaps[0]:.2f} %, legs {100 * swaps[1]:.2f} %, "
               f"body {100 * turned:.2f} %; missed {100 * missed:.2f} %")  # fmt: skip
 
 
 def main() -> None:
-    """Film, find, say how it errs."""
+    """DetectedClip, find, say how it errs."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("train", type=Path, help="npz with clip_<id> (T, 27, 3) at 30 frames/s")
     parser.add_argument("--work", type=Path, required=True, help="films that were measured")

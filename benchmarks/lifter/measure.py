@@ -22,7 +22,7 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WrongUse
 from imocap_core.evaluate.scoreboard import true_motion
 from imocap_core.io.truth import Truth
-from imocap_core.metrics.scoring import Motion, Row, over_videos, pose_rows
+from imocap_core.metrics.scoring import CameraJoints, ScoreRow, over_videos, pose_rows
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.runner import Display
 from imocap_core.problem.lifted import lifted_joints
@@ -103,7 +103,7 @@ def row_of(
     truth: Truth,
 ) -> LifterRow:
     """Lift every video of an action and score what comes."""
-    rows: list[Row] = []
+    rows: list[ScoreRow] = []
     best, seconds, frames = [], 0.0, 0
     for video, camera in zip(keypoints.videos, cameras.videos, strict=True):
         true = true_motion(truth.videos[video.id], video.frames)
@@ -114,7 +114,7 @@ def row_of(
         assert lifted is not None
         assert true is not None
         answers = [
-            pose_rows(title, video.id, Motion(x, SMPL_JOINTS, video.frames), true, video.fps)
+            pose_rows(title, video.id, CameraJoints(x, SMPL_JOINTS, video.frames), true, video.fps)
             for title, x in (("lifter", lifted.joints), (BEST, lifted.alternative))
         ]
         rows += answers[0]
@@ -123,7 +123,7 @@ def row_of(
     return LifterRow(benchmark, detector, name, _of(rows), float(np.mean(best)), latency_ms)
 
 
-def _of(rows: Sequence[Row]) -> dict[str, float]:
+def _of(rows: Sequence[ScoreRow]) -> dict[str, float]:
     """Metric -> mean over the videos."""
     means = {row.metric: row.value for row in over_videos(rows)}
     return {name: value for name in METRICS if (value := means[name]) is not None}

@@ -10,12 +10,12 @@ from imocap_core.io.detectors.mediapipe import read_mediapipe, read_mediapipe_wo
 from imocap_core.io.estimators.estimates import PerformerBoxes
 from imocap_core.io.truth import read_truth
 from imocap_core.io.video import probe
-from imocap_core.metrics.detections import Film
-from imocap_core.metrics.scoring import Motion, over_videos, pose_rows
+from imocap_core.metrics.detections import DetectedClip
+from imocap_core.metrics.scoring import CameraJoints, over_videos, pose_rows
 from imocap_core.pipeline.runner import Job
 
 
-def films_of(job: Job) -> tuple[list[Film], tuple[str, ...]]:
+def films_of(job: Job) -> tuple[list[DetectedClip], tuple[str, ...]]:
     """The action's films, and the names of their points; every video must have been detected."""
     films = []
     names: tuple[str, ...] = ()
@@ -31,7 +31,7 @@ def films_of(job: Job) -> tuple[list[Film], tuple[str, ...]]:
                 if len(people) and frame < len(true):
                     xy_px[frame] = people[0][columns, :2]
             height, side = stored[f"{video.id}/height_px"], str(stored[f"{video.id}/side"])
-            films.append(Film(xy_px, true, height, side, info.fps))
+            films.append(DetectedClip(xy_px, true, height, side, info.fps))
     return films, names
 
 
@@ -49,6 +49,6 @@ def own_estimate(job: Job) -> dict[str, float]:
         everywhere = np.tile([0.0, 0.0, *info.size], (len(used[name]), 1))
         wanted = PerformerBoxes(used[name], everywhere, info.size)
         found = read_mediapipe_world(job.action.detected[name], wanted)
-        motion = Motion(found.joints, found.joint_names, used[name])
+        motion = CameraJoints(found.joints, found.joint_names, used[name])
         rows += pose_rows("estimator", name, motion, true, info.fps)
     return {row.metric: row.value for row in over_videos(rows) if row.value is not None}

@@ -19,7 +19,7 @@ from benchmarks.motion.tables import (
     table_of,
 )
 from benchmarks.scoring.score_file import RESULTS, ActionScore
-from imocap_core.metrics.detections import Film, PointErrors, exchanged_share, point_errors
+from imocap_core.metrics.detections import DetectedClip, PointErrors, exchanged_share, point_errors
 
 BODY = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 SIDES = ("front", "side", "back")
@@ -28,7 +28,7 @@ Value = Callable[[ActionScore], float | None]
 
 def markdown(
     scores: Sequence[ActionScore],
-    films: Sequence[Film],
+    films: Sequence[DetectedClip],
     names: Sequence[str],
     missing: Sequence[str],
     command: str,
@@ -96,7 +96,7 @@ def points_table(found: Sequence[PointErrors]) -> str:
     return table_of(head, rows)
 
 
-def sides_table(films: Sequence[Film], names: Sequence[str]) -> str:
+def sides_table(films: Sequence[DetectedClip], names: Sequence[str]) -> str:
     """What the camera sees a row: all body points together."""
     body = _body(names)
     rows = []
@@ -119,7 +119,9 @@ def sides_table(films: Sequence[Film], names: Sequence[str]) -> str:
     return table_of([*head, "legs exchanged %"], rows)
 
 
-def proposal(films: Sequence[Film], found: Sequence[PointErrors], names: Sequence[str]) -> str:
+def proposal(
+    films: Sequence[DetectedClip], found: Sequence[PointErrors], names: Sequence[str]
+) -> str:
     """Values for imocap_core/synthetic/detector.py that are like what was measured."""
     body = [found[k] for k in _body(names)]
     swaps = [exchanged_share(film, names, part) for film in films for part in ("arm", "leg")]

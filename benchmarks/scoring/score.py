@@ -26,7 +26,7 @@ from imocap_core.evaluate.scoreboard import StageResult, against_truth, true_mot
 from imocap_core.figures.bodies import body_points
 from imocap_core.io.estimators.joints_npz import read_joints_npz
 from imocap_core.io.truth import Truth, read_truth
-from imocap_core.metrics.scoring import Motion, over_videos, pose_rows
+from imocap_core.metrics.scoring import CameraJoints, over_videos, pose_rows
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.action import Action
 from imocap_core.pipeline.runner import Display, Job
@@ -132,7 +132,7 @@ def _estimator(action: Action, keypoints: Keypoints, truth: Truth) -> dict[str, 
         if video.initial is None or video.initial_format != "joints_npz" or true is None:
             continue
         found = read_joints_npz(action.folder / video.initial, video.frames)
-        motion = Motion(found.joints, found.joint_names, video.frames)
+        motion = CameraJoints(found.joints, found.joint_names, video.frames)
         rows += pose_rows("estimator", video.id, motion, true, video.fps)
     return {row.metric: row.value for row in over_videos(rows) if row.value is not None}
 

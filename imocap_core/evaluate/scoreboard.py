@@ -15,7 +15,7 @@ from imocap_core.io.truth import Truth, VideoTruth
 from imocap_core.metrics import scoring
 from imocap_core.metrics.joints import root_relative
 from imocap_core.metrics.position import mean_joint_errors_mm
-from imocap_core.metrics.scoring import Motion, Row
+from imocap_core.metrics.scoring import CameraJoints, ScoreRow
 from imocap_core.metrics.sync import cycle_residual_frames, true_reference_frame
 
 Array = NDArray[np.float64]
@@ -46,14 +46,14 @@ def score(
     truth: Truth | None,
     points: Mapping[str, BodyPoints],
     xy_first_px: Mapping[str, Array],
-) -> list[Row]:
+) -> list[ScoreRow]:
     """Every metric of one answer, all videos; rows of what cannot be scored say why.
 
     Args:
         points: video id -> the answer's body points. xy_first_px: video id -> (T, K, 2) detections
             in the image of the first used frame.
     """
-    rows: list[Row] = []
+    rows: list[ScoreRow] = []
     for seen, motion in zip(keypoints.videos, answer.motions, strict=True):
         own = None if truth is None else truth.videos.get(seen.id)
         rows += _pose(answer.name, seen, motion, own, points[seen.id].nose_m)
@@ -75,7 +75,7 @@ def against_truth(
 
     ``noses``: video id -> (T, 3) in camera axes, for the set of 17 joints.
     """
-    rows: list[Row] = []
+    rows: list[ScoreRow] = []
     for seen, motion in zip(keypoints.videos, answer.motions, strict=True):
         own = None if truth is None else truth.videos.get(seen.id)
         rows += _pose(answer.name, seen, motion, own, (noses or {}).get(seen.id))
@@ -85,14 +85,16 @@ def against_truth(
     return {row.metric: row.value for row in scoring.over_videos(rows) if row.value is not None}
 
 
-def cycle_row(name: str, sync: Sync) -> Row:
+def cycle_row(name: str, sync: Sync) -> ScoreRow:
     """How far frames land from where they started after going round the videos."""
     used = [n for i, n in zip(sync.ids, sync.lengths, strict=True) if i not in sync.excluded]
     kept = np.repeat([i not in sync.excluded for i in sync.ids], sync.lengths)
     value = cycle_residual_frames(sync.relaxed[np.ix_(kept, kept)], used)
     if np.isfinite(value):
-        return Row(name, scoring.ALL_VIDEOS, "cycle_residual_frames", value)
-    return Row(name, scoring.ALL_VIDEOS, "cycle_residual_frames", None, "there is one video only")
+        return ScoreRow(name, scoring.ALL_VIDEOS, "cycle_residual_frames", value)
+    return ScoreRow(
+        name, scoring.ALL_VIDEOS, "cycle_residual_frames", None, "there is one video only"
+    )
 
 
 def true_positions(sync: SyncSummary, truth: Truth | None) -> dict[str, Array]:
@@ -127,12 +129,12 @@ def joint_errors_mm(
     return np.mean(errors, axis=0) if errors else None
 
 
-def true_motion(own: VideoTruth, frames: NDArray[np.int64]) -> Motion | None:
+def true_motion(own: VideoTruth, frames: NDArray[np.int64]) -> CameraJoints | None:
     """True joints in the axes of the video's camera; None when joints or camera are not known."""
     if own.joints is None or own.R is None or own.t is None:
         return None
     assert len(own.joints) == len(frames), "readers of truth give the used frames"
-    return Motion(own.joints @ own.R.T + own.t, own.joint_names, frames)
+    return CameraJoints(own.joints @ own.R.T + own.t, own.joint_names, frames)
 
 
 def _pose(
@@ -141,19 +143,19 @@ def _pose(
     motion: VideoMotion,
     own: VideoTruth | None,
     nose_m: Array | None = None,
-) -> list[Row]:
+) -> list[ScoreRow]:
     true = None if own is None else true_motion(own, motion.frames)
     if true is None:
         why = "no truth" if own is None or own.joints is None else "the true camera is not known"
-        return [Row(name, seen.id, metric, None, why) for metric in scoring.POSE_METRICS]
-    predicted = Motion(motion.joints, SMPL_JOINTS, motion.frames)
+        return [ScoreRow(name, seen.id, metric, None, why) for metric in scoring.POSE_METRICS]
+    predicted = CameraJoints(motion.joints, SMPL_JOINTS, motion.frames)
     if nose_m is not None:
         joints = np.concatenate([motion.joints, nose_m[:, None]], axis=1)
-        predicted = Motion(joints, (*SMPL_JOINTS, "nose"), motion.frames)
+        predicted = CameraJoints(joints, (*SMPL_JOINTS, "nose"), motion.frames)
     return scoring.pose_rows(name, seen.id, predicted, true, seen.fps)
 
 
-def _image(name: str, seen: VideoKeypoints, body: BodyPoints, xy_first_px: Array) -> list[Row]:
+def _image(name: str, seen: VideoKeypoints, body: BodyPoints, xy_first_px: Array) -> list[ScoreRow]:
     heights = seen.person_box_px[:, 3] - seen.person_box_px[:, 1]
     height = float(np.nanmedian(heights)) if np.isfinite(heights).any() else float("nan")
     return scoring.reprojection_rows(
@@ -163,7 +165,7 @@ def _image(name: str, seen: VideoKeypoints, body: BodyPoints, xy_first_px: Array
 
 def _cameras(
     name: str, cameras: Sequence[Camera], sync: SyncSummary, truth: Truth | None
-) -> list[Row]:
+) -> list[ScoreRow]:
     reference = sync.reference
     known = {} if truth is None else {i: v.R for i, v in truth.videos.items() if v.R is not None}
     found = {camera.id: camera.R for camera in cameras}
@@ -171,17 +173,19 @@ def _cameras(
     for video in (i for i in found if i != reference):
         if video in sync.excluded or {video, reference} & {*sync.mirrored}:
             why = "excluded" if video in sync.excluded else "mirrored: it stands in another world"
-            rows.append(Row(name, video, "camera_rotation_error_deg", None, why))
+            rows.append(ScoreRow(name, video, "camera_rotation_error_deg", None, why))
         elif video in known and reference in known:
             pair = (found[video], found[reference], known[video], known[reference])
             rows.append(scoring.camera_row(name, video, *pair))
         else:
             why = "the true cameras are not known"
-            rows.append(Row(name, video, "camera_rotation_error_deg", None, why))
+            rows.append(ScoreRow(name, video, "camera_rotation_error_deg", None, why))
     return rows
 
 
-def _sync(name: str, sync: SyncSummary, keypoints: Keypoints, truth: Truth | None) -> list[Row]:
+def _sync(
+    name: str, sync: SyncSummary, keypoints: Keypoints, truth: Truth | None
+) -> list[ScoreRow]:
     videos = {v.id: v for v in keypoints.videos}
     reference = videos[sync.reference]
     used = np.arange(len(reference.frames))
@@ -190,11 +194,11 @@ def _sync(name: str, sync: SyncSummary, keypoints: Keypoints, truth: Truth | Non
     for found in (m for m in sync.maps if m.id != sync.reference):
         if found.id in sync.excluded:
             why = "excluded"
-            rows += [Row(name, found.id, metric, None, why) for metric in scoring.SYNC_METRICS]
+            rows += [ScoreRow(name, found.id, metric, None, why) for metric in scoring.SYNC_METRICS]
             continue
         if found.id not in known or truth is None:
             why = "no true phases"
-            rows += [Row(name, found.id, metric, None, why) for metric in scoring.SYNC_METRICS]
+            rows += [ScoreRow(name, found.id, metric, None, why) for metric in scoring.SYNC_METRICS]
             continue
         phase, reference_phase = (truth.videos[i].phase for i in (found.id, sync.reference))
         assert phase is not None  # true_positions speaks of videos with phases only

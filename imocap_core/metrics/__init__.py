@@ -1,1 +1,14 @@
-"""One function a metric; `docs/metrics.md` says in words what each of them means."""
+"""Metrics, one function each; docs/metrics.md defines them all in words.
+
+Reading order:
+    joints          the joints that are compared, relative to the midpoint of the hips
+    position        MPJPE, scaled MPJPE, P-MPJPE, acceleration error
+    trajectory      errors of the root path, foot sliding
+    hands           the position metrics for the 21 keypoints of each hand
+    camera          rotation error of a camera, reprojection error
+    sync            synchronisation errors by the phase of the true motion; cycle residual
+    calibration     errors in units of the claimed standard deviation
+    scoring         all of them for one video, as rows of a table
+    detections      error statistics of a 2D keypoint detector
+    detector_bias   the same by kind of keypoint, as the parameters of a simulated detector
+"""

@@ -1,4 +1,4 @@
-"""Whether claimed standard deviations are honest: errors in units of what was claimed.
+"""Calibration of claimed standard deviations: errors in units of what was claimed.
 
 A normalised error is the root mean square of (error / claimed standard deviation): 1 when claims
 are honest, above 1 when they are too small, below 1 when they are too large.
@@ -7,37 +7,45 @@ are honest, above 1 when they are too small, below 1 when they are too large.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
+from jaxtyping import Float
 
 
-def total_sigma(covariance: ArrayLike) -> Array:
-    """(...) root of the trace of covariances (..., 3, 3)."""
-    spread: Array = np.sqrt(np.einsum("...ii->...", np.asarray(covariance, dtype=np.float64)))
-    return spread
+def total_sigma(covariance: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch"]:
+    """Total standard deviation: the root of the trace of each covariance."""
+    return np.asarray(np.sqrt(np.einsum("...ii->...", np.asarray(covariance, dtype=np.float64))))
 
 
-def along_and_across(covariance: ArrayLike, direction: ArrayLike) -> tuple[Array, Array]:
-    """Standard deviations (...) along unit vectors (..., 3), and across them (both directions
-    together), of covariances (..., 3, 3)."""
+def along_and_across(
+    covariance: Float[np.ndarray, "... 3 3"], direction: Float[np.ndarray, "... 3"]
+) -> tuple[Float[np.ndarray, ...], Float[np.ndarray, ...]]:
+    """Standard deviations along unit vectors, and across them (both directions together).
+
+    The leading axes of covariances and directions broadcast.
+    """
     C, u = (np.asarray(x, dtype=np.float64) for x in (covariance, direction))
     along2 = np.einsum("...i,...ij,...j->...", u, C, u)
     across2 = np.einsum("...ii->...", C) - along2
-    return np.sqrt(np.maximum(along2, 0)), np.sqrt(np.maximum(across2, 0))
+    along, across = np.sqrt(np.maximum(along2, 0)), np.sqrt(np.maximum(across2, 0))
+    return np.asarray(along), np.asarray(across)
 
 
-def normalised_error(error: ArrayLike, sigma: ArrayLike) -> float:
-    """Root mean square of error / sigma over every entry in which both are known; NaN without."""
+def normalised_error(error: Float[np.ndarray, ...], sigma: Float[np.ndarray, ...]) -> float:
+    """Root mean square of error / sigma over the entries in which both are finite; NaN if none."""
     e, s = np.broadcast_arrays(np.asarray(error, float), np.asarray(sigma, float))
-    known = np.isfinite(e) & (s > 0)
-    if not known.any():
+    valid = np.isfinite(e) & (s > 0)
+    if not valid.any():
         return float("nan")
-    return float(np.sqrt(np.mean((e[known] / s[known]) ** 2)))
+    return float(np.sqrt(np.mean((e[valid] / s[valid]) ** 2)))
 
 
-def normalised_errors(error: ArrayLike, sigma: ArrayLike) -> Array:
-    """(J,) the same for each joint of errors (T, J) and standard deviations (T, J)."""
+def normalised_errors(
+    error: Float[np.ndarray, "T J"], sigma: Float[np.ndarray, "T J"]
+) -> Float[np.ndarray, " J"]:
+    """The normalised error of each joint.
+
+    Raises:
+        ValueError: the two shapes differ or are not (T, J).
+    """
     e, s = (np.asarray(x, dtype=np.float64) for x in (error, sigma))
     if e.shape != s.shape or e.ndim != 2:
         raise ValueError(f"error and sigma must both be (T, J), got {e.shape} and {s.shape}")

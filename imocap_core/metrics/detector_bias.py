@@ -1,7 +1,8 @@
-"""A detector's habits, kind of point by kind ("wrist" of both sides): what a simulated one needs.
+"""Systematic errors of a detector by kind of keypoint ("wrist" of both sides).
 
-Beside the errors of imocap_core/metrics/detections.py: how far towards another point a point is
-marked, what offset it keeps for a whole film, how long outliers stay.
+Beside the statistics of imocap_core/metrics/detections.py: the share of the way towards another
+keypoint by which a keypoint is displaced, the offset that stays the same for a whole clip, and the
+duration of outliers. They are the parameters of a simulated detector.
 """
 
 from __future__ import annotations
@@ -11,26 +12,27 @@ from dataclasses import dataclass
 from itertools import groupby
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imocap_core.conventions import point_towards, sideless, swap_side
-from imocap_core.metrics.detections import Array, Film, correlation_in_time
-
-Mask = NDArray[np.bool_]
+from imocap_core.metrics.detections import DetectedClip, correlation_in_time
 
 GAUSSIAN = 1.4826  # standard deviation over median distance from zero
-FAR = 0.06  # of the height from the film's usual offset: an outlier
-ROUNDS = 3  # of finding outliers and fitting the rest
+FAR = 0.06  # of the height from the clip's usual offset: an outlier
+ROUNDS = 3  # alternations of finding outliers and fitting the rest
 
 
 @dataclass(frozen=True)
-class Habit:
-    """Of one kind of point; lengths are shares of the standing height.
+class DetectorBias:
+    """Systematic errors of one kind of keypoint; lengths are shares of the standing height.
 
-    share: of the way to the target; lasting: standard deviation an axis (by the median), from film
-    to film, of the offset that stays; spread: about that offset; persistent, persistence_s: as in
-    PointErrors; outlier_rate, outlier_size (root mean square an axis), outlier_s: how long one
-    stays, mean.
+    Attributes:
+        share: displacement towards the target, as a share of the way to it.
+        lasting: standard deviation an axis (by the median), from clip to clip, of the offset that
+            stays the same for a whole clip.
+        spread: standard deviation an axis about that offset.
+        persistent, persistence_s: as in PointErrors.
+        outlier_rate, outlier_size: share of outliers, their root mean square an axis.
+        outlier_s: mean duration of an outlier.
     """
 
     kind: str
@@ -44,28 +46,31 @@ class Habit:
     outlier_s: float
 
 
-def habit_of(films: Sequence[Film], names: Sequence[str], kind: str, target: str) -> Habit:
-    """Measure a kind that is marked towards a target (`conventions.point_towards`; "" for none)."""
+def detector_bias(
+    clips: Sequence[DetectedClip], names: Sequence[str], kind: str, target: str
+) -> DetectorBias:
+    """Measure one kind of keypoint, displaced towards a target (`conventions.point_towards`; ""
+    for none)."""
     series = [
-        _series(film, names, side + kind, target) for film in films for side in _sides(names, kind)
+        _series(clip, names, side + kind, target) for clip in clips for side in _sides(names, kind)
     ]
-    rates = [film.fps for film in films for _ in _sides(names, kind)]
+    rates = [clip.fps for clip in clips for _ in _sides(names, kind)]
     share = 0.0
-    kept: list[Mask] = [np.asarray(np.isfinite(error).all(axis=1)) for error, _ in series]
+    inlier: list[np.ndarray] = [np.asarray(np.isfinite(error).all(axis=1)) for error, _ in series]
     for _ in range(ROUNDS):
-        share = _share(series, kept)
+        share = _share(series, inlier)
         rest = [error - share * way for error, way in series]
         middles = [np.nanmedian(r, axis=0) if np.isfinite(r).any() else np.zeros(2) for r in rest]
         away = [np.linalg.norm(r - m, axis=1) for r, m in zip(rest, middles, strict=True)]
-        kept = [np.less_equal(a, FAR) for a in away]
-    usual = [np.where(k[:, None], r, np.nan) for r, k in zip(rest, kept, strict=True)]
-    held = [u for u in usual if np.isfinite(u).any()]
-    offsets = np.array([np.nanmean(u, axis=0) for u in held])
-    centred = [u - o for u, o in zip(held, offsets, strict=True)]
-    far: list[Mask] = [np.greater(a, FAR) for a in away]
+        inlier = [np.less_equal(a, FAR) for a in away]
+    usual = [np.where(k[:, None], r, np.nan) for r, k in zip(rest, inlier, strict=True)]
+    usual = [u for u in usual if np.isfinite(u).any()]
+    offsets = np.array([np.nanmean(u, axis=0) for u in usual])
+    centred = [u - o for u, o in zip(usual, offsets, strict=True)]
+    far: list[np.ndarray] = [np.greater(a, FAR) for a in away]
     every, outliers = np.concatenate(away), np.concatenate(far)
     persistent, persistence_s = correlation_in_time(centred, rates)
-    return Habit(
+    return DetectorBias(
         kind,
         share,
         GAUSSIAN * float(np.median(np.abs(offsets))),
@@ -74,50 +79,52 @@ def habit_of(films: Sequence[Film], names: Sequence[str], kind: str, target: str
         persistence_s,
         float(outliers.sum() / np.isfinite(every).sum()),
         float(np.sqrt(np.mean(every[outliers] ** 2) / 2)) if outliers.any() else 0.0,
-        _bouts_s(far, rates),
+        _mean_duration_s(far, rates),
     )
 
 
-def turned_share(film: Film, names: Sequence[str], nearer: float) -> float:
-    """Share of frames in which the whole body is found exchanged: shoulders and hips all lie nearer
-    to the other side's true place, by more than `nearer` a point."""
-    own = [k for k, n in enumerate(names) if sideless(n) in ("shoulder", "hip")]
-    other = [list(names).index(swap_side(names[k])) for k in own]
+def exchanged_body_share(clip: DetectedClip, names: Sequence[str], nearer: float) -> float:
+    """Share of frames with the whole body exchanged: shoulders and hips all lie nearer to the
+    other side's true position, by more than `nearer` of the height a point."""
+    points = [k for k, n in enumerate(names) if sideless(n) in ("shoulder", "hip")]
+    other_side = [list(names).index(swap_side(names[k])) for k in points]
     gain = [
-        np.linalg.norm(film.found_px[:, own] - film.true_px[:, to], axis=-1)
-        / film.height_px[:, None]
-        for to in (own, other)
+        np.linalg.norm(clip.detected_px[:, points] - clip.true_px[:, to], axis=-1)
+        / clip.height_px[:, None]
+        for to in (points, other_side)
     ]
     least = (gain[0] - gain[1]).min(axis=1)
-    known = np.isfinite(least)
-    return float((least[known] > nearer).mean()) if known.any() else float("nan")
+    valid = np.isfinite(least)
+    return float((least[valid] > nearer).mean()) if valid.any() else float("nan")
 
 
 def _sides(names: Sequence[str], kind: str) -> list[str]:
     return [side for side in ("left_", "right_", "") if side + kind in names]
 
 
-def _series(film: Film, names: Sequence[str], name: str, target: str) -> tuple[Array, Array]:
-    """Errors (T, 2) of a point and its true way to the target (T, 2)."""
-    at = list(names).index(name)
+def _series(
+    clip: DetectedClip, names: Sequence[str], name: str, target: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Errors (T, 2) of a keypoint, and its true displacement to the target (T, 2)."""
+    point = list(names).index(name)
     if not target:
-        return film.error[:, at], np.zeros((len(film.true_px), 2))
+        return clip.error[:, point], np.zeros((len(clip.true_px), 2))
     to = list(names).index(point_towards(name, target))
-    way = (film.true_px[:, to] - film.true_px[:, at]) / film.height_px[:, None]
-    return film.error[:, at], way
+    way = (clip.true_px[:, to] - clip.true_px[:, point]) / clip.height_px[:, None]
+    return clip.error[:, point], way
 
 
-def _share(series: Sequence[tuple[Array, Array]], kept: Sequence[Mask]) -> float:
-    """Least squares over what is kept; 0 without a target."""
+def _share(series: Sequence[tuple[np.ndarray, np.ndarray]], inlier: Sequence[np.ndarray]) -> float:
+    """Least squares over the inliers; 0 without a target."""
     error, way = (
-        np.concatenate([s[i][k] for s, k in zip(series, kept, strict=True)]) for i in (0, 1)
+        np.concatenate([s[i][k] for s, k in zip(series, inlier, strict=True)]) for i in (0, 1)
     )
     power = float((way**2).sum())
     return float((error * way).sum() / power) if power > 0 else 0.0
 
 
-def _bouts_s(far: Sequence[Mask], rates: Sequence[float]) -> float:
-    """Mean time an outlier stays."""
+def _mean_duration_s(far: Sequence[np.ndarray], rates: Sequence[float]) -> float:
+    """Mean duration of the runs of outliers."""
     lengths = [
         len(list(run)) / rate
         for one, rate in zip(far, rates, strict=True)

@@ -1,24 +1,24 @@
-"""Which joints are compared, and from which origin (method: pelvis = midpoint of the hips)."""
+"""The joints that are compared, and their origin: the midpoint of the hips."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-Array = NDArray[np.float64]
+from jaxtyping import Float
 
 HIPS = ("left_hip", "right_hip")
 
 
 def missing_joints(names: Sequence[str], wanted: Sequence[str]) -> tuple[str, ...]:
-    """The wanted joints that ``names`` has not, in the order wanted."""
+    """The wanted joints that are not among ``names``, in the order wanted."""
     return tuple(name for name in wanted if name not in set(names))
 
 
-def select_joints(joints: ArrayLike, names: Sequence[str], wanted: Sequence[str]) -> Array:
-    """Columns of joints (..., J, 3), reordered as ``wanted``.
+def select_joints(
+    joints: Float[np.ndarray, "*batch J 3"], names: Sequence[str], wanted: Sequence[str]
+) -> Float[np.ndarray, "*batch W 3"]:
+    """The wanted joints, in the order of ``wanted``.
 
     Raises:
         ValueError: ``names`` does not name every joint, or lacks one that is wanted.
@@ -33,11 +33,15 @@ def select_joints(joints: ArrayLike, names: Sequence[str], wanted: Sequence[str]
     return x[..., [index[name] for name in wanted], :]
 
 
-def hip_midpoint(joints: ArrayLike, names: Sequence[str]) -> Array:
-    """The evaluation's pelvis (..., 3): midpoint of the hips of joints (..., J, 3)."""
+def hip_midpoint(
+    joints: Float[np.ndarray, "*batch J 3"], names: Sequence[str]
+) -> Float[np.ndarray, "*batch 3"]:
+    """The evaluation's pelvis: the midpoint of both hips."""
     return select_joints(joints, names, HIPS).mean(axis=-2)
 
 
-def root_relative(joints: ArrayLike, names: Sequence[str], wanted: Sequence[str]) -> Array:
-    """The wanted joints (..., W, 3) as seen from the midpoint of the hips."""
+def root_relative(
+    joints: Float[np.ndarray, "*batch J 3"], names: Sequence[str], wanted: Sequence[str]
+) -> Float[np.ndarray, "*batch W 3"]:
+    """The wanted joints relative to the midpoint of the hips."""
     return select_joints(joints, names, wanted) - hip_midpoint(joints, names)[..., None, :]

@@ -1,8 +1,8 @@
-"""Joint position errors. Mean over joints, then over frames; a NaN joint or frame is left out.
+"""Joint position errors: mean over joints, then over frames; a NaN joint or frame is left out.
 
 All take root-relative joints (T, J, 3) in metres (`metrics.joints.root_relative`), prediction and
-truth in the axes of the same camera, and answer in millimetres. Means over videos and actions are
-the caller's, unweighted.
+truth in the axes of the same camera, and return millimetres; ValueError where the two shapes
+differ. Means over videos and actions, unweighted, are the caller's.
 """
 
 from __future__ import annotations
@@ -10,64 +10,76 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from jaxtyping import Float, Real
 
 from imocap_core.alignment import similarity
-
-Array = NDArray[np.float64]
 
 MM_PER_M = 1000.0
 
 
-def mpjpe_mm(predicted_m: ArrayLike, true_m: ArrayLike) -> float:
+def mpjpe_mm(predicted_m: Float[np.ndarray, "T J 3"], true_m: Float[np.ndarray, "T J 3"]) -> float:
     """Mean per-joint position error, nothing scaled: the paper text's MPJPE."""
     return _mean_over_frames(joint_errors_mm(predicted_m, true_m))
 
 
-def mpjpe_scaled_mm(predicted_m: ArrayLike, true_m: ArrayLike) -> float:
+def mpjpe_scaled_mm(
+    predicted_m: Float[np.ndarray, "T J 3"], true_m: Float[np.ndarray, "T J 3"]
+) -> float:
     """MPJPE after each predicted frame is multiplied by |true|_F / |predicted|_F.
 
-    The authors' released evaluation does this, so it stands beside the paper's 66.53 mm.
+    The authors' released evaluation does this, so it is the one to compare with the paper's
+    66.53 mm.
     """
     return mpjpe_mm(scaled_to_truth(predicted_m, true_m), true_m)
 
 
-def pa_mpjpe_mm(predicted_m: ArrayLike, true_m: ArrayLike) -> float:
+def pa_mpjpe_mm(
+    predicted_m: Float[np.ndarray, "T J 3"], true_m: Float[np.ndarray, "T J 3"]
+) -> float:
     """MPJPE after a similarity Procrustes alignment of each frame (P-MPJPE)."""
     predicted, true = _paired(predicted_m, true_m)
     return mpjpe_mm(similarity(predicted, true).apply(predicted), true)
 
 
-def scaled_to_truth(predicted_m: ArrayLike, true_m: ArrayLike) -> Array:
+def scaled_to_truth(
+    predicted_m: Float[np.ndarray, "T J 3"], true_m: Float[np.ndarray, "T J 3"]
+) -> Float[np.ndarray, "T J 3"]:
     """Each frame of the prediction times |true|_F / |predicted|_F, over the joints both have."""
     predicted, true = _paired(predicted_m, true_m)
-    seen = np.asarray(np.isfinite(predicted + true).all(axis=-1))
-    squares = [np.where(seen[..., None], x, 0.0) ** 2 for x in (true, predicted)]
+    valid = np.asarray(np.isfinite(predicted + true).all(axis=-1))
+    squares = [np.where(valid[..., None], x, 0.0) ** 2 for x in (true, predicted)]
     of_true, of_predicted = (square.sum(axis=(-1, -2)) for square in squares)
     ratio = np.sqrt(of_true / np.where(of_predicted > 0, of_predicted, np.nan))
     return predicted * ratio[:, None, None]
 
 
-def joint_errors_mm(predicted_m: ArrayLike, true_m: ArrayLike) -> Array:
-    """Distance of every joint to its truth (T, J), NaN where either is missing."""
+def joint_errors_mm(
+    predicted_m: Float[np.ndarray, "T J 3"], true_m: Float[np.ndarray, "T J 3"]
+) -> Float[np.ndarray, "T J"]:
+    """Distance of every joint to its truth, NaN where either is missing."""
     predicted, true = _paired(predicted_m, true_m)
-    errors: Array = MM_PER_M * np.linalg.norm(predicted - true, axis=-1)
+    errors: np.ndarray = MM_PER_M * np.linalg.norm(predicted - true, axis=-1)
     return errors
 
 
-def mean_joint_errors_mm(predicted_m: ArrayLike, true_m: ArrayLike) -> Array:
-    """Mean over frames of each joint's error (J,), NaN for a joint never seen."""
+def mean_joint_errors_mm(
+    predicted_m: Float[np.ndarray, "T J 3"], true_m: Float[np.ndarray, "T J 3"]
+) -> Float[np.ndarray, " J"]:
+    """Mean over frames of each joint's error, NaN for a joint that is missing throughout."""
     return _nanmean(joint_errors_mm(predicted_m, true_m), axis=0)
 
 
 def acceleration_error_m_s2(
-    predicted_m: ArrayLike, true_m: ArrayLike, frames: ArrayLike, fps: float
+    predicted_m: Float[np.ndarray, "T J 3"],
+    true_m: Float[np.ndarray, "T J 3"],
+    frames: Real[np.ndarray, " T"],
+    fps: float,
 ) -> float:
     """Mean |predicted - true| joint acceleration, by second differences.
 
     Args:
-        predicted_m, true_m: (T, J, 3).
-        frames: (T,) source frame numbers; only three frames in a row, one apart, count.
+        predicted_m, true_m: joints, metres.
+        frames: source frame numbers; only three frames in a row, one apart, count.
         fps: frames a second of the source.
 
     Returns:
@@ -83,7 +95,7 @@ def acceleration_error_m_s2(
     return fps**2 * _mean_over_frames(np.linalg.norm(error, axis=-1))
 
 
-def _paired(predicted_m: ArrayLike, true_m: ArrayLike) -> tuple[Array, Array]:
+def _paired(predicted_m: np.ndarray, true_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     predicted = np.asarray(predicted_m, dtype=np.float64)
     true = np.asarray(true_m, dtype=np.float64)
     if predicted.shape != true.shape or predicted.ndim != 3 or predicted.shape[-1] != 3:
@@ -93,12 +105,11 @@ def _paired(predicted_m: ArrayLike, true_m: ArrayLike) -> tuple[Array, Array]:
     return predicted, true
 
 
-def _mean_over_frames(errors: Array) -> float:
+def _mean_over_frames(errors: np.ndarray) -> float:
     return float(_nanmean(_nanmean(errors, axis=1), axis=0))
 
 
-def _nanmean(values: Array, axis: int) -> Array:
+def _nanmean(values: np.ndarray, axis: int) -> np.ndarray:
     with warnings.catch_warnings():  # a frame without any joint is NaN by intent
         warnings.filterwarnings("ignore", "Mean of empty slice", RuntimeWarning)
-        mean: Array = np.nanmean(values, axis=axis)
-    return mean
+        return np.asarray(np.nanmean(values, axis=axis))

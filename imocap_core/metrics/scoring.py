@@ -1,4 +1,4 @@
-"""All metrics of one video at once, as rows of a table; what cannot be scored says why."""
+"""All metrics of one video as rows of a table, with the reason where a metric cannot be scored."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from jaxtyping import Float, Int, Real
 
 from imocap_core.conventions import EVAL_12, EVAL_14, EVAL_17
 from imocap_core.metrics import camera, position, sync, trajectory
@@ -57,80 +57,96 @@ MEDIAN_OVER_VIDEOS = frozenset({"offset_error_frames"})
 
 
 @dataclass(frozen=True)
-class Row:
-    """One number, or the reason why there is none (value None)."""
+class ScoreRow:
+    """One metric of one video, or the reason why it cannot be scored (value None).
 
-    result: str  # which stage's answer: "monocular", "single pass", "after loop"
+    Attributes:
+        result: the stage that is scored: "monocular", "single pass", "after loop".
+        metric: ends in its unit; docs/metrics.md defines it.
+        note: the reason why there is no value.
+    """
+
+    result: str
     video: str
-    metric: str  # its name ends in its unit; docs/metrics.md defines it
+    metric: str
     value: float | None
     note: str = ""
 
 
 @dataclass(frozen=True)
-class Motion:
-    """Joints of one video in the axes of its own camera; prediction or truth."""
+class CameraJoints:
+    """Joints of one video in the axes of its camera, at source frame numbers; predicted or true."""
 
-    joints_m: NDArray[np.float64]  # (T, J, 3)
+    joints_m: Float[np.ndarray, "T J 3"]
     names: tuple[str, ...]
-    frames: NDArray[np.int64]  # (T,) source frame numbers
+    frames: Int[np.ndarray, " T"]
 
 
-def pose_rows(result: str, video: str, predicted: Motion, true: Motion, fps: float) -> list[Row]:
+def pose_rows(
+    result: str, video: str, predicted: CameraJoints, true: CameraJoints, fps: float
+) -> list[ScoreRow]:
     """Position, acceleration, root path and foot sliding of one video."""
     predicted, true = _on_common_frames(predicted, true)
-    rows: list[Row] = []
+    rows: list[ScoreRow] = []
     for suffix, wanted in JOINT_SETS:
-        lack = _lack(predicted, true, (*wanted, *HIPS))
+        missing = _missing(predicted, true, (*wanted, *HIPS))
         for name, metric in POSITION_METRICS.items():
             label = name.replace("mpjpe", f"mpjpe{suffix}")
-            if lack:
-                rows.append(Row(result, video, label, None, lack))
+            if missing:
+                rows.append(ScoreRow(result, video, label, None, missing))
                 continue
             pair = (root_relative(m.joints_m, m.names, wanted) for m in (predicted, true))
             rows.append(_row(result, video, label, metric(*pair), "no frame has both"))
     return rows + _motion_rows(result, video, predicted, true, fps)
 
 
-def _motion_rows(result: str, video: str, predicted: Motion, true: Motion, fps: float) -> list[Row]:
-    """What depends on how joints move from frame to frame."""
-    lack = _lack(predicted, true, EVAL_12)
-    if lack:
-        return [Row(result, video, name, None, lack) for name in MOTION_METRICS]
+def _motion_rows(
+    result: str, video: str, predicted: CameraJoints, true: CameraJoints, fps: float
+) -> list[ScoreRow]:
+    """Metrics of the motion from frame to frame: acceleration, root path, feet."""
+    missing = _missing(predicted, true, EVAL_12)
+    if missing:
+        return [ScoreRow(result, video, name, None, missing) for name in MOTION_METRICS]
     roots = [hip_midpoint(m.joints_m, m.names) for m in (predicted, true)]
     relative = [root_relative(m.joints_m, m.names, EVAL_12) for m in (predicted, true)]
     ankles = [EVAL_12.index("left_ankle"), EVAL_12.index("right_ankle")]
     feet, true_feet = (r[:, ankles] + o[:, None] for r, o in zip(relative, roots, strict=True))
-    standing = trajectory.standing_feet(true_feet, fps)
+    contact = trajectory.foot_contacts(true_feet, fps)
     values = (
         position.acceleration_error_m_s2(relative[0], relative[1], true.frames, fps),
         trajectory.root_path_error_mm(*roots),
         trajectory.root_path_aligned_error_mm(*roots),
-        trajectory.foot_sliding_mm_s(feet, standing, fps, moving=true_feet),
-        trajectory.planted_foot_speed_mm_s(feet, standing, fps),
+        trajectory.foot_sliding_mm_s(feet, contact, fps, true_feet_m=true_feet),
+        trajectory.planted_foot_speed_mm_s(feet, contact, fps),
     )
-    stood = "no foot stands"
-    why = ("no three frames in a row", "no frame has both", "too few frames", stood, stood)
-    return [_row(result, video, *item) for item in zip(MOTION_METRICS, values, why, strict=True)]
+    feet_note = "no foot stands"
+    notes = (
+        "no three frames in a row",
+        "no frame has both",
+        "too few frames",
+        feet_note,
+        feet_note,
+    )
+    return [_row(result, video, *item) for item in zip(MOTION_METRICS, values, notes, strict=True)]
 
 
 def sync_rows(
     result: str,
     video: str,
-    matched_reference_frame: ArrayLike,
-    frames: ArrayLike,
-    phase: ArrayLike,
-    reference_frames: ArrayLike,
-    reference_phase: ArrayLike,
+    matched_reference_frame: Real[np.ndarray, " T"],
+    frames: Real[np.ndarray, " T"],
+    phase: Real[np.ndarray, " T"],
+    reference_frames: Real[np.ndarray, " T_ref"],
+    reference_phase: Real[np.ndarray, " T_ref"],
     phase_end: float,
     reference_fps: float,
-) -> list[Row]:
+) -> list[ScoreRow]:
     """Synchronisation errors of one video that is not the reference; see `sync.sync_errors`."""
     errors = sync.sync_errors(
         matched_reference_frame, phase, reference_frames, reference_phase, phase_end
     )
-    true_at = sync.true_reference_frame(phase, reference_frames, reference_phase)
-    constant = sync.is_offset(true_at, frames)
+    true_frame = sync.true_reference_frame(phase, reference_frames, reference_phase)
+    constant = sync.is_offset(true_frame, frames)
     offset = sync.offset_frames(matched_reference_frame, frames) if constant else math.nan
     no_offset = NONE_MATCHED if constant else NO_OFFSET
     pairs = (
@@ -143,7 +159,7 @@ def sync_rows(
         (sync.sync_error_ms(errors, reference_fps), NONE_MATCHED),
         (sync.sync_median_error_frames(errors), NONE_MATCHED),
         (offset, no_offset),
-        (abs(offset - sync.offset_frames(true_at, frames)), no_offset),
+        (abs(offset - sync.offset_frames(true_frame, frames)), no_offset),
         (sync.matched_share(errors), "no frame has a counterpart"),
         (sync.false_match_share(errors), "every frame has a counterpart"),
     )
@@ -155,12 +171,12 @@ def sync_rows(
 def camera_row(
     result: str,
     video: str,
-    R_cam_from_world: ArrayLike,
-    R_ref_from_world: ArrayLike,
-    R_cam_from_true_world: ArrayLike,
-    R_ref_from_true_world: ArrayLike,
-) -> Row:
-    """Rotation error of one camera that is not the reference's."""
+    R_cam_from_world: Float[np.ndarray, "3 3"],
+    R_ref_from_world: Float[np.ndarray, "3 3"],
+    R_cam_from_true_world: Float[np.ndarray, "3 3"],
+    R_ref_from_true_world: Float[np.ndarray, "3 3"],
+) -> ScoreRow:
+    """Rotation error of one camera other than the reference."""
     error = camera.camera_rotation_error_deg(
         R_cam_from_world, R_ref_from_world, R_cam_from_true_world, R_ref_from_true_world
     )
@@ -170,13 +186,13 @@ def camera_row(
 def reprojection_rows(
     result: str,
     video: str,
-    points_cam_m: ArrayLike,
-    K: ArrayLike,
-    xy_px: ArrayLike,
-    confidence: ArrayLike,
+    points_cam_m: Float[np.ndarray, "T J 3"],
+    K: Float[np.ndarray, "3 3"],
+    xy_px: Float[np.ndarray, "T J 2"],
+    confidence: Float[np.ndarray, "T J"],
     person_height_px: float,
-) -> list[Row]:
-    """Distance of the body's keypoints to the detections, in pixels and of the person's height."""
+) -> list[ScoreRow]:
+    """Reprojection error of the keypoints, in pixels and in per cent of the person's height."""
     errors = camera.reprojection_errors_px(points_cam_m, K, xy_px, confidence)
     mean = camera.reprojection_error_px(errors, confidence)
     return [
@@ -187,15 +203,15 @@ def reprojection_rows(
     ]
 
 
-def over_videos(rows: Sequence[Row]) -> list[Row]:
+def over_videos(rows: Sequence[ScoreRow]) -> list[ScoreRow]:
     """One summary row per result and metric, unweighted over the videos that could be scored."""
-    groups: dict[tuple[str, str], list[Row]] = {}
+    groups: dict[tuple[str, str], list[ScoreRow]] = {}
     for row in rows:
         groups.setdefault((row.result, row.metric), []).append(row)
     return [_summary(group) for group in groups.values()]
 
 
-def _summary(group: Sequence[Row]) -> Row:
+def _summary(group: Sequence[ScoreRow]) -> ScoreRow:
     values = [row.value for row in group if row.value is not None]
     head = replace(group[0], video=ALL_VIDEOS)
     if not values:
@@ -209,13 +225,13 @@ def _joined(notes: Iterable[str]) -> str:
     return "; ".join(dict.fromkeys(note for note in notes if note))
 
 
-def _row(result: str, video: str, metric: str, value: float, if_nan: str) -> Row:
+def _row(result: str, video: str, metric: str, value: float, if_nan: str) -> ScoreRow:
     if math.isfinite(value):
-        return Row(result, video, metric, float(value))
-    return Row(result, video, metric, None, if_nan)
+        return ScoreRow(result, video, metric, float(value))
+    return ScoreRow(result, video, metric, None, if_nan)
 
 
-def _lack(predicted: Motion, true: Motion, wanted: Sequence[str]) -> str:
+def _missing(predicted: CameraJoints, true: CameraJoints, wanted: Sequence[str]) -> str:
     for who, motion in (("the truth", true), ("the result", predicted)):
         absent = missing_joints(motion.names, wanted)
         if absent:
@@ -223,9 +239,9 @@ def _lack(predicted: Motion, true: Motion, wanted: Sequence[str]) -> str:
     return ""
 
 
-def _on_common_frames(a: Motion, b: Motion) -> tuple[Motion, Motion]:
+def _on_common_frames(a: CameraJoints, b: CameraJoints) -> tuple[CameraJoints, CameraJoints]:
     common, in_a, in_b = np.intersect1d(a.frames, b.frames, return_indices=True)
     return (
-        Motion(a.joints_m[in_a], a.names, common),
-        Motion(b.joints_m[in_b], b.names, common),
+        CameraJoints(a.joints_m[in_a], a.names, common),
+        CameraJoints(b.joints_m[in_b], b.names, common),
     )

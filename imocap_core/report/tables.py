@@ -17,7 +17,7 @@ from imocap_core.artifacts.schemas import (
     Table,
     VideoKeypoints,
 )
-from imocap_core.metrics.scoring import ALL_VIDEOS, SYNC_METRICS, Row
+from imocap_core.metrics.scoring import ALL_VIDEOS, SYNC_METRICS, ScoreRow
 
 Cell = str | bool | int | float | None
 
@@ -59,7 +59,7 @@ DECIMALS = {"mm": 1, "px": 1, "pct": 2, "deg": 2, "frames": 2, "ms": 1, "s2": 2,
 DECIMALS |= {"seconds": 1, "frame": 1, "fps": 2}
 
 
-def metric_tables(rows: Sequence[Row], summary: Sequence[Row]) -> list[Table]:
+def metric_tables(rows: Sequence[ScoreRow], summary: Sequence[ScoreRow]) -> list[Table]:
     """The report's tables: summary, pose, joint sets, sync, cameras, and what was not scored."""
     rows_and_summary = [*(r for r in rows if r.video != ALL_VIDEOS), *summary]
     joint_sets = [r.metric for r in summary if "mpjpe" in r.metric and "hand" not in r.metric]
@@ -82,7 +82,7 @@ def metric_tables(rows: Sequence[Row], summary: Sequence[Row]) -> list[Table]:
     return [table for table in made if table.rows]
 
 
-def unscored_table(summary: Sequence[Row]) -> Table:
+def unscored_table(summary: Sequence[ScoreRow]) -> Table:
     """What could not be scored for any video, and why."""
     why: dict[str, str] = {}
     for row in summary:
@@ -146,7 +146,7 @@ def remarks(seen: VideoKeypoints) -> list[str]:
     return [part for part in parts if part.startswith(("a new shot", "track ", "left and right"))]
 
 
-def long_table(rows: Sequence[Row]) -> Table:
+def long_table(rows: Sequence[ScoreRow]) -> Table:
     """Every number of every video, one a row: what other programs should read."""
     return Table(
         name="metrics",
@@ -157,7 +157,12 @@ def long_table(rows: Sequence[Row]) -> Table:
 
 
 def wide_table(
-    name: str, title: str, rows: Iterable[Row], metrics: Sequence[str], *, per_video: bool = True
+    name: str,
+    title: str,
+    rows: Iterable[ScoreRow],
+    metrics: Sequence[str],
+    *,
+    per_video: bool = True,
 ) -> Table:
     """One line for each result and video, one column a metric; empty columns are left out."""
     cells: dict[tuple[str, str], dict[str, Cell]] = {}

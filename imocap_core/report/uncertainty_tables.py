@@ -13,7 +13,7 @@ from imocap_core.evaluate.scoreboard import true_motion
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.calibration import normalised_error, normalised_errors
 from imocap_core.metrics.joints import missing_joints, root_relative
-from imocap_core.metrics.scoring import ALL_VIDEOS, Row
+from imocap_core.metrics.scoring import ALL_VIDEOS, ScoreRow
 
 Array = NDArray[np.float64]
 Cell = str | bool | int | float | None
@@ -23,13 +23,13 @@ AT = [SMPL_JOINTS.index(name) for name in EVAL_12]
 
 def normalised_rows(
     name: str, claimed: Uncertainty, motions: Sequence[VideoMotion], truth: Truth | None
-) -> list[Row]:
+) -> list[ScoreRow]:
     """Each video's normalised errors over 12 joints; why there is none where it can't be scored."""
     rows = []
     for video, motion in zip(claimed.videos, motions, strict=True):
         errors = _errors_mm(motion, truth)
         if errors is None:
-            rows += [Row(name, video.id, metric, None, "no truth") for metric in METRICS]
+            rows += [ScoreRow(name, video.id, metric, None, "no truth") for metric in METRICS]
             continue
         sight = _sight(motion)
         along = np.einsum("tjx,tx->tj", errors, sight)
@@ -43,13 +43,18 @@ def normalised_rows(
             value = normalised_error(error, sigma[:, AT])
             known = bool(np.isfinite(value))
             rows.append(
-                Row(name, video.id, metric, value if known else None, "" if known else "no frame")
+                ScoreRow(
+                    name, video.id, metric, value if known else None, "" if known else "no frame"
+                )
             )
     return rows
 
 
 def uncertainty_tables(
-    claimed: Uncertainty, motions: Sequence[VideoMotion], truth: Truth | None, rows: Sequence[Row]
+    claimed: Uncertainty,
+    motions: Sequence[VideoMotion],
+    truth: Truth | None,
+    rows: Sequence[ScoreRow],
 ) -> list[Table]:
     """A row a video, a row a joint, a row a further viewpoint."""
     tables = [_by_video(claimed, rows), _by_joint(claimed, motions, truth)]
@@ -66,7 +71,7 @@ def uncertainty_tables(
     return tables
 
 
-def _by_video(claimed: Uncertainty, rows: Sequence[Row]) -> Table:
+def _by_video(claimed: Uncertainty, rows: Sequence[ScoreRow]) -> Table:
     value = {(r.video, r.metric): r.value for r in rows}
     cells: list[list[Cell]] = [
         [

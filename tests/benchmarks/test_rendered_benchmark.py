@@ -15,7 +15,7 @@ from benchmarks.rendered.measure import Rendering, measure
 from benchmarks.rendered.tables import markdown, motion_table, proposal, sides_table
 from benchmarks.scoring.score_file import ActionScore
 from imocap_core.errors import WrongUse
-from imocap_core.metrics.detections import Film
+from imocap_core.metrics.detections import DetectedClip
 from imocap_core.synthetic.embodied import Embodied
 from imocap_core.workspace import Workspace
 from tests.metrics.test_detections import NAMES, SPREAD, film
@@ -31,7 +31,7 @@ def score(name: str, *values: float) -> ActionScore:
     return ActionScore(name, 4, 240, numbers, {}, "key")
 
 
-def films() -> list[Film]:
+def films() -> list[DetectedClip]:
     rng = np.random.default_rng(0)
     return [replace(film(rng, 600), side=side) for side in ("front", "front", "back")]
 

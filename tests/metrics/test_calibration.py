@@ -32,10 +32,12 @@ def test_variance_is_split_between_along_and_across() -> None:
 
 
 def test_what_is_unknown_is_left_out() -> None:
-    assert normalised_error([3.0, np.nan, 1.0], [1.0, 1.0, np.nan]) == pytest.approx(3)
-    assert np.isnan(normalised_error([np.nan], [1.0]))
+    errors, sigmas = np.array([3.0, np.nan, 1.0]), np.array([1.0, 1.0, np.nan])
+    assert normalised_error(errors, sigmas) == pytest.approx(3)
+    assert np.isnan(normalised_error(np.array([np.nan]), np.array([1.0])))
 
 
+@pytest.mark.usefixtures("unchecked_shapes")
 def test_shapes_that_do_not_fit_are_named() -> None:
     with pytest.raises(ValueError, match=r"both be \(T, J\), got \(4, 2\) and \(4, 3\)"):
         normalised_errors(np.ones((4, 2)), np.ones((4, 3)))

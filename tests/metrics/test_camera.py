@@ -20,7 +20,7 @@ def _turn(axis: str, degrees: float) -> np.ndarray:
 
 def test_angle_by_hand() -> None:
     np.testing.assert_allclose(
-        rotation_angle_deg([np.eye(3), _turn("x", 30), _turn("z", -170)]), [0, 30, 170]
+        rotation_angle_deg(np.stack([np.eye(3), _turn("x", 30), _turn("z", -170)])), [0, 30, 170]
     )
 
 
@@ -70,6 +70,7 @@ def test_unseen_and_behind_do_not_count() -> None:
     assert np.isnan(reprojection_error_px(errors * np.nan, confidence))
 
 
+@pytest.mark.usefixtures("unchecked_shapes")
 def test_misuse_is_named() -> None:
     with pytest.raises(ValueError, match="must share"):
         reprojection_errors_px(np.zeros((2, 3, 3)), K, np.zeros((2, 4, 2)), np.ones((2, 3)))

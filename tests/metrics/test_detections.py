@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from imocap_core.metrics.detections import Film, exchanged_share, point_errors
+from imocap_core.metrics.detections import DetectedClip, exchanged_share, point_errors
 from imocap_core.synthetic.detector import persistent_noise
 
 NAMES = ("nose", "left_shoulder", "left_elbow", "left_wrist", "right_shoulder", "right_elbow",
@@ -14,10 +14,10 @@ HEIGHT_PX, FPS = 400.0, 30.0
 BIAS, SPREAD = np.array([0.01, -0.02]), 0.008
 
 
-def film(rng: np.random.Generator, frames: int = 3000) -> Film:
+def film(rng: np.random.Generator, frames: int = 3000) -> DetectedClip:
     true = 300 + 150 * rng.uniform(-1, 1, (1, len(NAMES), 2)) + 20 * rng.normal(size=(frames, 1, 2))
     error = BIAS + SPREAD * persistent_noise(true.shape, 0.3 * FPS, rng)
-    return Film(true + HEIGHT_PX * error, true, np.full(frames, HEIGHT_PX), "front", FPS)
+    return DetectedClip(true + HEIGHT_PX * error, true, np.full(frames, HEIGHT_PX), "front", FPS)
 
 
 def test_bias_spread_and_persistence_come_back() -> None:
@@ -33,7 +33,9 @@ def test_bias_spread_and_persistence_come_back() -> None:
 
 def test_errors_scale_with_the_person() -> None:
     small = film(np.random.default_rng(1))
-    large = Film(3 * small.found_px, 3 * small.true_px, 3 * small.height_px, "front", FPS)
+    large = DetectedClip(
+        3 * small.detected_px, 3 * small.true_px, 3 * small.height_px, "front", FPS
+    )
     for a, b in zip(point_errors([small], NAMES), point_errors([large], NAMES), strict=True):
         assert a.spread == pytest.approx(b.spread)
         assert a.bias_x == pytest.approx(b.bias_x)
@@ -42,11 +44,11 @@ def test_errors_scale_with_the_person() -> None:
 def test_outliers_and_misses_are_counted_apart() -> None:
     rng = np.random.default_rng(2)
     clean = film(rng)
-    found = clean.found_px.copy()
+    found = clean.detected_px.copy()
     wrong = rng.random(len(found)) < 0.04
     found[wrong, 0] += 0.2 * HEIGHT_PX
     found[rng.random(len(found)) < 0.1, 1] = np.nan
-    spoiled = Film(found, clean.true_px, clean.height_px, "front", FPS)
+    spoiled = DetectedClip(found, clean.true_px, clean.height_px, "front", FPS)
     nose, shoulder = point_errors([spoiled], NAMES)[:2]
     assert nose.outlier_rate == pytest.approx(wrong.mean(), abs=0.003)
     assert nose.outlier_size == pytest.approx(0.2, rel=0.1)
@@ -59,16 +61,21 @@ def test_outliers_and_misses_are_counted_apart() -> None:
 def test_exchanged_arms_are_seen_and_only_those() -> None:
     clean = film(np.random.default_rng(3), frames=200)
     assert exchanged_share(clean, NAMES, "arm") == 0
-    found = clean.found_px.copy()
-    found[50:80, 1:4], found[50:80, 4:7] = clean.found_px[50:80, 4:7], clean.found_px[50:80, 1:4]
-    swapped = Film(found, clean.true_px, clean.height_px, "front", FPS)
+    found = clean.detected_px.copy()
+    found[50:80, 1:4], found[50:80, 4:7] = (
+        clean.detected_px[50:80, 4:7],
+        clean.detected_px[50:80, 1:4],
+    )
+    swapped = DetectedClip(found, clean.true_px, clean.height_px, "front", FPS)
     assert exchanged_share(swapped, NAMES, "arm") == pytest.approx(30 / 200)
 
 
 def test_white_errors_have_no_persistence() -> None:
     rng = np.random.default_rng(4)
     true = np.zeros((2000, 1, 2))
-    noise = Film(rng.normal(0, 4.0, true.shape), true, np.full(2000, HEIGHT_PX), "front", FPS)
+    noise = DetectedClip(
+        rng.normal(0, 4.0, true.shape), true, np.full(2000, HEIGHT_PX), "front", FPS
+    )
     (row,) = point_errors([noise], ["nose"])
     assert np.isnan(row.persistent)
     assert row.spread == pytest.approx(0.01, rel=0.05)

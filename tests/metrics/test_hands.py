@@ -37,6 +37,7 @@ def test_frames_without_a_hand_are_left_out() -> None:
     assert hand_mpjpe_mm(some, HANDS) == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.usefixtures("unchecked_shapes")
 def test_other_shapes_are_named() -> None:
     with pytest.raises(ValueError, match=r"expected \(T, 2, 21, 3\), got \(5, 21, 3\)"):
         hand_mpjpe_mm(HANDS[:, 0], HANDS[:, 0])

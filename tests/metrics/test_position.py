@@ -119,6 +119,7 @@ def test_selection_follows_names_not_positions(rng: np.random.Generator) -> None
     )
 
 
+@pytest.mark.usefixtures("unchecked_shapes")
 def test_misuse_is_named(motion: np.ndarray) -> None:
     assert missing_joints(SMPL_JOINTS, ("nose", "head")) == ("nose",)
     with pytest.raises(ValueError, match="lack nose"):

@@ -12,8 +12,8 @@ from imocap_core.metrics.scoring import (
     ALL_VIDEOS,
     POSE_METRICS,
     SYNC_METRICS,
-    Motion,
-    Row,
+    CameraJoints,
+    ScoreRow,
     camera_row,
     over_videos,
     pose_rows,
@@ -27,13 +27,15 @@ def joints() -> np.ndarray:
     return np.random.default_rng(5).normal(scale=0.3, size=(8, 24, 3)) + np.array([0, 0, 4])
 
 
-def _by_metric(rows: list[Row]) -> dict[str, Row]:
+def _by_metric(rows: list[ScoreRow]) -> dict[str, ScoreRow]:
     assert len({row.metric for row in rows}) == len(rows)
     return {row.metric: row for row in rows}
 
 
-def _motion(joints: np.ndarray, names: tuple[str, ...] = SMPL_JOINTS, start: int = 0) -> Motion:
-    return Motion(joints, names, np.arange(start, start + len(joints)))
+def _motion(
+    joints: np.ndarray, names: tuple[str, ...] = SMPL_JOINTS, start: int = 0
+) -> CameraJoints:
+    return CameraJoints(joints, names, np.arange(start, start + len(joints)))
 
 
 def test_a_perfect_result_has_no_error(joints: np.ndarray) -> None:
@@ -122,15 +124,15 @@ def test_camera_and_reprojection_rows() -> None:
 
 def test_summary_is_unweighted_and_says_what_is_left_out() -> None:
     rows = [
-        Row("a", "v1", "mpjpe_mm", 10.0),
-        Row("a", "v2", "mpjpe_mm", 40.0),
-        Row("a", "v3", "mpjpe_mm", None, "no truth"),
-        Row("b", "v1", "mpjpe_mm", None, "no truth"),
-        Row("a", "v1", "offset_error_frames", 1.0),
-        Row("a", "v2", "offset_error_frames", 2.0),
-        Row("a", "v3", "offset_error_frames", 30.0),
+        ScoreRow("a", "v1", "mpjpe_mm", 10.0),
+        ScoreRow("a", "v2", "mpjpe_mm", 40.0),
+        ScoreRow("a", "v3", "mpjpe_mm", None, "no truth"),
+        ScoreRow("b", "v1", "mpjpe_mm", None, "no truth"),
+        ScoreRow("a", "v1", "offset_error_frames", 1.0),
+        ScoreRow("a", "v2", "offset_error_frames", 2.0),
+        ScoreRow("a", "v3", "offset_error_frames", 30.0),
     ]
     mean, none, median = over_videos(rows)
-    assert mean == Row("a", ALL_VIDEOS, "mpjpe_mm", 25.0, "2 of 3 videos scored")
-    assert none == Row("b", ALL_VIDEOS, "mpjpe_mm", None, "no truth")
+    assert mean == ScoreRow("a", ALL_VIDEOS, "mpjpe_mm", 25.0, "2 of 3 videos scored")
+    assert none == ScoreRow("b", ALL_VIDEOS, "mpjpe_mm", None, "no truth")
     assert median.value == 2.0

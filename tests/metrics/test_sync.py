@@ -27,11 +27,13 @@ REFERENCE_PHASE = 10.0 * np.arange(11)
 
 
 def _errors(matched: ArrayLike, phase: ArrayLike) -> SyncErrors:
-    return sync_errors(matched, phase, REFERENCE_FRAMES, REFERENCE_PHASE, phase_end=200.0)
+    return sync_errors(
+        np.asarray(matched), np.asarray(phase), REFERENCE_FRAMES, REFERENCE_PHASE, phase_end=200.0
+    )
 
 
 def test_true_position_interpolates_and_has_no_counterpart_outside() -> None:
-    found = true_reference_frame([-1, 0, 25, 100, 101], REFERENCE_FRAMES, REFERENCE_PHASE)
+    found = true_reference_frame(np.array([-1, 0, 25, 100, 101]), REFERENCE_FRAMES, REFERENCE_PHASE)
     np.testing.assert_array_equal(found, [np.nan, 5, 7.5, 15, np.nan])
 
 
@@ -64,8 +66,9 @@ def test_frames_without_counterpart_do_not_enter_the_mean() -> None:
 
 
 def test_percentage_does_not_see_the_unit_of_phase() -> None:
-    a = sync_errors([8, 8], [20, 35], REFERENCE_FRAMES, REFERENCE_PHASE, 100)
-    b = sync_errors([8, 8], [0.2, 0.35], REFERENCE_FRAMES, REFERENCE_PHASE / 100, 1)
+    matched, phase = np.array([8, 8]), np.array([20, 35])
+    a = sync_errors(matched, phase, REFERENCE_FRAMES, REFERENCE_PHASE, 100)
+    b = sync_errors(matched, phase / 100, REFERENCE_FRAMES, REFERENCE_PHASE / 100, 1)
     assert sync_error_pct(a) == pytest.approx(sync_error_pct(b))
 
 
@@ -78,8 +81,9 @@ def test_nothing_matched_is_nan_not_zero() -> None:
 
 
 def test_offset_by_hand() -> None:
-    assert offset_frames([3, 4, 5.5, np.nan], [1, 2, 3, 4]) == pytest.approx(2)
-    assert np.isnan(offset_frames([np.nan], [1]))
+    matched = np.array([3, 4, 5.5, np.nan])
+    assert offset_frames(matched, np.array([1, 2, 3, 4])) == pytest.approx(2)
+    assert np.isnan(offset_frames(np.array([np.nan]), np.array([1])))
 
 
 @pytest.mark.parametrize("lengths", [[6, 6], [6, 6, 6], [6, 6, 6, 6]])
@@ -100,17 +104,21 @@ def test_cycle_residual_by_hand() -> None:
         cycle_residual_frames(matrix, [6, 5])
 
 
+@pytest.mark.usefixtures("unchecked_shapes")
 def test_misuse_is_named() -> None:
+    one, two = np.array([1]), np.array([0, 1])
     with pytest.raises(ValueError, match="phase that rises"):
-        sync_errors([1], [1], [0, 1, 2], [0, 2, 1], 1)
+        sync_errors(one, one, np.array([0, 1, 2]), np.array([0, 2, 1]), 1)
     with pytest.raises(ValueError, match="phase_end must be positive"):
-        sync_errors([1], [1], [0, 1], [0, 1], 0)
+        sync_errors(one, one, two, two, 0)
     with pytest.raises(ValueError, match=r"both be \(T,\)"):
-        sync_errors([1, 2], [1], [0, 1], [0, 1], 1)
+        sync_errors(two, one, two, two, 1)
 
 
 def test_a_repeated_reference_frame_is_no_fault() -> None:
     # The reference shows phase 10 twice: a frame of phase 10 may be matched to either.
     for matched in (1, 2):
-        errors = sync_errors([matched], [10], [0, 1, 2, 3], [0, 10, 10, 20], 20)
+        errors = sync_errors(
+            np.array([matched]), np.array([10]), np.arange(4), np.array([0, 10, 10, 20]), 20
+        )
         assert sync_error_pct(errors) == 0

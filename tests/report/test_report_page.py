@@ -12,7 +12,7 @@ from imocap_core.artifacts.schemas import Table
 from imocap_core.body import load_free_body
 from imocap_core.figures.results_sheet import most_different_frames, picks_of
 from imocap_core.figures.uncertainty_figure import over_time
-from imocap_core.metrics.scoring import Row, over_videos
+from imocap_core.metrics.scoring import ScoreRow, over_videos
 from imocap_core.report.files import Contents, Picture, read_contents, write_report
 from imocap_core.report.metric_words import WORDS
 from imocap_core.report.page import html_page, markdown_page
@@ -88,7 +88,7 @@ def test_nothing_is_lost_and_the_unplanned_comes_last(tmp_path: Path) -> None:
 
 def test_every_metric_has_its_words_and_they_are_documented() -> None:
     metrics = ("mpjpe_mm", "mpjpe_17_scaled_mm", "sync_error_pct", "camera_rotation_error_deg")
-    rows = [Row("after loop", "v1", metric, 1.0) for metric in metrics]
+    rows = [ScoreRow("after loop", "v1", metric, 1.0) for metric in metrics]
     tables = [*metric_tables(rows, over_videos(rows)), long_table(rows)]
     shown = {c for t in tables if t.name != "metrics" for c in t.columns} & set(metrics)
     assert shown <= WORDS.keys()

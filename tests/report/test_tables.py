@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 
-from imocap_core.metrics.scoring import Row, over_videos
+from imocap_core.metrics.scoring import ScoreRow, over_videos
 from imocap_core.report.tables import (
     csv_text,
     html_table,
@@ -17,11 +17,11 @@ from imocap_core.report.tables import (
 )
 
 ROWS = [
-    Row("monocular", "v1", "mpjpe_mm", 10.04),
-    Row("monocular", "v2", "mpjpe_mm", 30.0),
-    Row("after loop", "v1", "mpjpe_mm", 5.0),
-    Row("after loop", "v2", "mpjpe_mm", 7.0),
-    Row("after loop", "v2", "sync_error_pct", None, "no <truth>"),
+    ScoreRow("monocular", "v1", "mpjpe_mm", 10.04),
+    ScoreRow("monocular", "v2", "mpjpe_mm", 30.0),
+    ScoreRow("after loop", "v1", "mpjpe_mm", 5.0),
+    ScoreRow("after loop", "v2", "mpjpe_mm", 7.0),
+    ScoreRow("after loop", "v2", "sync_error_pct", None, "no <truth>"),
 ]
 
 
@@ -42,7 +42,7 @@ def test_cells_are_rounded_by_their_unit() -> None:
 
 
 def test_markdown_aligns_numbers_and_escapes_bars() -> None:
-    table = long_table([Row("a|b", "v1", "mpjpe_mm", 1.0)])
+    table = long_table([ScoreRow("a|b", "v1", "mpjpe_mm", 1.0)])
     lines = markdown(table).splitlines()
     assert lines[3] == "| --- | --- | --- | ---: | --- |"
     assert lines[4].startswith("| a\\|b | v1 | mpjpe_mm | 1.000 |")

@@ -1,4 +1,4 @@
-"""A detector's habits, measured on a simulated detector, are the ones it was given."""
+"""The systematic errors measured on a simulated detector are those that it was given."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from imocap_core.conventions import OTHER
-from imocap_core.metrics.detections import Film
-from imocap_core.metrics.detector_bias import habit_of, turned_share
+from imocap_core.metrics.detections import DetectedClip
+from imocap_core.metrics.detector_bias import detector_bias, exchanged_body_share
 from imocap_core.synthetic.detector import DetectorErrors, detect
 from imocap_core.synthetic.marking import Marking
 
@@ -18,7 +18,7 @@ HEIGHT_PX, FPS, FRAMES = 400.0, 30.0, 800
 QUIET = {"noise": 1e-6, "outlier_rate": 0.0, "miss_rate": 0.0, "swap_rate": 0.0}
 
 
-def film(seed: int, frames: int = FRAMES, **errors: object) -> Film:
+def film(seed: int, frames: int = FRAMES, **errors: object) -> DetectedClip:
     rng = np.random.default_rng(seed)
     still = 300 + 60 * rng.normal(size=(1, len(NAMES), 2))
     true = (
@@ -27,7 +27,7 @@ def film(seed: int, frames: int = FRAMES, **errors: object) -> Film:
     height = np.full(frames, HEIGHT_PX)
     found = detect(true, height, NAMES, FPS, rng, DetectorErrors(**(QUIET | errors)))  # type: ignore[arg-type]
     seen = np.where(found.confidence[..., None] > 0, found.xy_px, np.nan)
-    return Film(seen, true, height, "front", FPS)
+    return DetectedClip(seen, true, height, "front", FPS)
 
 
 def test_the_share_of_the_way_comes_back_and_is_no_offset() -> None:
@@ -41,10 +41,10 @@ def test_the_share_of_the_way_comes_back_and_is_no_offset() -> None:
         ("hip", OTHER, 0.2),
         ("elbow", "wrist", 0.0),
     ):
-        habit = habit_of(films, NAMES, kind, target)
-        assert habit.share == pytest.approx(share, abs=1e-4)
-        assert habit.lasting < 1e-4
-    assert habit_of(films, NAMES, "wrist", "").lasting > 1e-3
+        bias = detector_bias(films, NAMES, kind, target)
+        assert bias.share == pytest.approx(share, abs=1e-4)
+        assert bias.lasting < 1e-4
+    assert detector_bias(films, NAMES, "wrist", "").lasting > 1e-3
 
 
 def test_what_lasts_is_told_from_what_passes() -> None:
@@ -52,11 +52,11 @@ def test_what_lasts_is_told_from_what_passes() -> None:
         film(seed, noise=0.006, persistent=1.0, persistence_s=0.15, lasting=0.01)
         for seed in range(30)
     ]
-    habit = habit_of(films, NAMES, "elbow", "")
-    assert habit.lasting == pytest.approx(0.01, rel=0.25)
-    assert habit.spread == pytest.approx(0.006, rel=0.15)
-    assert habit.persistent > 0.9
-    assert habit.persistence_s == pytest.approx(0.15, rel=0.3)
+    bias = detector_bias(films, NAMES, "elbow", "")
+    assert bias.lasting == pytest.approx(0.01, rel=0.25)
+    assert bias.spread == pytest.approx(0.006, rel=0.15)
+    assert bias.persistent > 0.9
+    assert bias.persistence_s == pytest.approx(0.15, rel=0.3)
 
 
 def test_outliers_come_at_their_rate_and_stay_in_bouts() -> None:
@@ -65,19 +65,19 @@ def test_outliers_come_at_their_rate_and_stay_in_bouts() -> None:
         film(seed, outlier_rate=0.03, outlier_noise=0.3, outlier_s=0.2, marking=marking)
         for seed in range(4)
     ]
-    wrist = habit_of(films, NAMES, "wrist", "")
+    wrist = detector_bias(films, NAMES, "wrist", "")
     assert wrist.outlier_rate == pytest.approx(0.06, rel=0.25)
     assert wrist.outlier_s == pytest.approx(0.2, rel=0.15)
     assert wrist.outlier_size == pytest.approx(0.3, rel=0.15)
-    assert habit_of(films, NAMES, "hip", "").outlier_rate == 0
+    assert detector_bias(films, NAMES, "hip", "").outlier_rate == 0
 
 
 def test_only_a_body_exchanged_as_a_whole_is_turned() -> None:
     clean = film(1, frames=100)
     for kinds, share in ((("shoulder", "elbow", "wrist"), 0.0), (("shoulder", "hip"), 0.3)):
-        found = clean.found_px.copy()
+        found = clean.detected_px.copy()
         for kind in kinds:
             left, right = NAMES.index(f"left_{kind}"), NAMES.index(f"right_{kind}")
-            found[20:50, [left, right]] = clean.found_px[20:50, [right, left]]
-        seen = Film(found, clean.true_px, clean.height_px, "front", FPS)
-        assert turned_share(seen, NAMES, 0.01) == pytest.approx(share)
+            found[20:50, [left, right]] = clean.detected_px[20:50, [right, left]]
+        seen = DetectedClip(found, clean.true_px, clean.height_px, "front", FPS)
+        assert exchanged_body_share(seen, NAMES, 0.01) == pytest.approx(share)
