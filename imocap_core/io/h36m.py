@@ -1,8 +1,8 @@
-"""Human3.6M as VideoPose3D's preparation scripts leave it: 3D joints, and 2D joints by CPN.
+"""Human3.6M as VideoPose3D's preparation scripts write it: 3D joints, and 2D joints by CPN.
 
 `data_3d_h36m.npz`: `positions_3d` {subject: {action: (T, 32 or 17, 3) metres, world, z up}}.
 `data_2d_h36m_cpn_ft_h36m_dbb.npz`: `positions_2d` {subject: {action: [(T, 17, 2) pixels, one a
-camera]}}. Videos may hold a few frames more than the motion: what only one of them has is cut.
+camera]}}. Videos may have a few more frames than the motion; both are cut to the shorter.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float
 
 from imocap_core.io.object_npz import read_object
 
@@ -32,33 +32,34 @@ _OF_32 = (0, 1, 2, 3, 6, 7, 8, 12, 13, 14, 15, 17, 18, 19, 25, 26, 27)
 
 @dataclass(frozen=True)
 class Recording:
-    """joints_m (T, 17, 3) in the world, z up; xy_px (4, T, 17, 2), NaN where nothing was found."""
+    """One subject's action: world joints (z up) and detections of the four cameras, NaN where
+    missing."""
 
-    joints_m: NDArray[np.float64]
-    xy_px: NDArray[np.float64]
+    joints_m: Float[np.ndarray, "T 17 3"]
+    xy_px: Float[np.ndarray, "4 T 17 2"]
 
 
 def read_h36m(folder: Path) -> dict[str, dict[str, Recording]]:
-    """Subject -> action -> recording, of what both files hold.
+    """Subject -> action -> recording, of the actions that are in both files.
 
     Raises:
-        ValueError: a file is missing or damaged, would run code, or holds something else; the
-            sentence names file, subject and action.
+        ValueError: a file is missing, damaged, would run code, or has other content; the message
+            names file, subject and action.
     """
     joints = _tree(folder / FILE_3D, "positions_3d")
     pixels = _tree(folder / FILE_2D, "positions_2d")
-    found = {
+    recordings = {
         subject: {
-            action: _recording(folder, f"{subject}, {action}", joints[subject][action], seen)
-            for action, seen in actions.items()
+            action: _recording(folder, f"{subject}, {action}", joints[subject][action], cameras)
+            for action, cameras in actions.items()
             if action in joints[subject]
         }
         for subject, actions in pixels.items()
         if subject in joints
     }
-    if not any(found.values()):
+    if not any(recordings.values()):
         raise ValueError(f"{folder}: {FILE_3D} and {FILE_2D} share no subject and action")
-    return found
+    return recordings
 
 
 def _tree(file: Path, name: str) -> Mapping[str, Mapping[str, Any]]:
@@ -68,12 +69,12 @@ def _tree(file: Path, name: str) -> Mapping[str, Mapping[str, Any]]:
     return tree
 
 
-def _recording(folder: Path, where: str, joints: Any, seen: Any) -> Recording:
+def _recording(folder: Path, where: str, joints: Any, cameras: Any) -> Recording:
     world = _numbers(folder / FILE_3D, where, joints, ((32, 3), (17, 3)))
-    if not isinstance(seen, (list, tuple)) or len(seen) != CAMERAS:
-        got = f"{len(seen)}" if isinstance(seen, (list, tuple)) else type(seen).__name__
+    if not isinstance(cameras, (list, tuple)) or len(cameras) != CAMERAS:
+        got = f"{len(cameras)}" if isinstance(cameras, (list, tuple)) else type(cameras).__name__
         raise ValueError(f"{folder / FILE_2D}: {where}: expected {CAMERAS} cameras, got {got}")
-    views = [_numbers(folder / FILE_2D, where, view, ((17, 2),)) for view in seen]
+    views = [_numbers(folder / FILE_2D, where, view, ((17, 2),)) for view in cameras]
     length = min(len(world), *(len(view) for view in views))
     moving = world[:length, list(_OF_32)] if world.shape[1] == 32 else world[:length]
     return Recording(moving, np.stack([view[:length] for view in views]))
@@ -81,10 +82,10 @@ def _recording(folder: Path, where: str, joints: Any, seen: Any) -> Recording:
 
 def _numbers(
     file: Path, where: str, value: Any, shapes: tuple[tuple[int, int], ...]
-) -> NDArray[np.float64]:
-    known = isinstance(value, np.ndarray) and value.dtype.kind in "fiu"
-    if not known or value.shape[1:] not in shapes or not len(value):
-        wanted = " or ".join(f"(T, {a}, {b})" for a, b in shapes)
+) -> Float[np.ndarray, "T J d"]:
+    numeric = isinstance(value, np.ndarray) and value.dtype.kind in "fiu"
+    if not numeric or value.shape[1:] not in shapes or not len(value):
+        expected = " or ".join(f"(T, {a}, {b})" for a, b in shapes)
         got = f"{value.dtype} {value.shape}" if isinstance(value, np.ndarray) else type(value)
-        raise ValueError(f"{file}: {where}: expected numbers {wanted}, got {got}")
+        raise ValueError(f"{file}: {where}: expected numbers {expected}, got {got}")
     return np.asarray(value, dtype=np.float64)

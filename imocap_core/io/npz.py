@@ -1,4 +1,4 @@
-"""What the npz formats share: named arrays checked at the door, rows picked by frame number."""
+"""Shared by the npz formats: named arrays, checked; rows selected by frame number."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float, Int, Shaped
 
-# RuntimeError: what zipfile says of encrypted files and of kinds of compression it does not know.
+# RuntimeError: raised by zipfile for encrypted files and for unknown kinds of compression.
 _UNREADABLE = (
     *(OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, RuntimeError),
     *(MemoryError, SyntaxError, KeyError, TypeError, tokenize.TokenError),
 )
 
 
-def load_arrays(path: Path) -> dict[str, NDArray]:
-    """All arrays of an npz file. ValueError when it is missing, broken, or holds objects."""
+def load_arrays(path: Path) -> dict[str, Shaped[np.ndarray, "..."]]:
+    """All arrays of an npz file. ValueError when it is missing, broken, or contains objects."""
     if not path.is_file():
-        raise ValueError(f"{path}: there is no such file; check its path in action.yaml")
+        raise ValueError(f"{path}: no such file; check its path in action.yaml")
     if not zipfile.is_zipfile(path):
         raise ValueError(f"{path}: is not a readable npz file; write it again with numpy.savez")
     try:
@@ -34,7 +34,7 @@ def load_arrays(path: Path) -> dict[str, NDArray]:
 def array_names(path: Path) -> set[str]:
     """The names of an npz file's arrays. ValueError when it is missing or broken."""
     if not path.is_file():
-        raise ValueError(f"{path}: there is no such file; check its path in action.yaml")
+        raise ValueError(f"{path}: no such file; check its path in action.yaml")
     try:
         with zipfile.ZipFile(path) as archive:
             return {name.removesuffix(".npy") for name in archive.namelist()}
@@ -43,26 +43,33 @@ def array_names(path: Path) -> set[str]:
 
 
 def numbers(
-    arrays: dict[str, NDArray], name: str, shape: Sequence[int | str], path: Path
-) -> NDArray[np.float64]:
+    arrays: dict[str, Shaped[np.ndarray, "..."]],
+    name: str,
+    shape: Sequence[int | str],
+    path: Path,
+) -> Float[np.ndarray, "..."]:
     """Array ``name`` as float64; ValueError unless its shape matches (text matches any length)."""
-    wanted = "(" + ", ".join(map(str, shape)) + ")"
+    expected = "(" + ", ".join(map(str, shape)) + ")"
     if name not in arrays:
         have = ", ".join(sorted(arrays)) or "nothing"
-        raise ValueError(f"{path}: {name}: expected an array {wanted}, it is missing; has: {have}")
+        raise ValueError(
+            f"{path}: {name}: expected an array {expected}, it is missing; has: {have}"
+        )
     array = arrays[name]
     fits = len(array.shape) == len(shape) and all(
         isinstance(want, str) or got == want for got, want in zip(array.shape, shape, strict=True)
     )
     if not fits or array.dtype.kind not in "fiu":
         raise ValueError(
-            f"{path}: {name}: expected numbers of shape {wanted}, got {array.dtype} {array.shape}"
+            f"{path}: {name}: expected numbers of shape {expected}, got {array.dtype} {array.shape}"
         )
     return array.astype(np.float64)
 
 
-def names(arrays: dict[str, NDArray], name: str, count: int, path: Path) -> tuple[str, ...]:
-    """Array ``name`` as ``count`` strings."""
+def names(
+    arrays: dict[str, Shaped[np.ndarray, "..."]], name: str, count: int, path: Path
+) -> tuple[str, ...]:
+    """Array ``name`` as ``count`` strings; ValueError unless it has that many."""
     array = arrays.get(name)
     if array is None or array.shape != (count,) or array.dtype.kind not in "US":
         got = "nothing" if array is None else f"{array.dtype} {array.shape}"
@@ -71,16 +78,17 @@ def names(arrays: dict[str, NDArray], name: str, count: int, path: Path) -> tupl
 
 
 def rows_for_frames(
-    arrays: dict[str, NDArray],
+    arrays: dict[str, Shaped[np.ndarray, "..."]],
     count: int,
-    used: NDArray[np.int64],
+    used: Int[np.ndarray, " T"],
     path: Path,
     name: str = "frames",
-) -> NDArray[np.int64]:
-    """Row (T,) of each used source frame in arrays of ``count`` rows.
+) -> Int[np.ndarray, " T"]:
+    """Row of each used source frame in arrays of ``count`` rows.
 
-    The file's own array ``name`` (count,) says which source frame each row is. Without it the rows
-    are the used frames themselves, when there are as many, or else the frames of the whole video.
+    The file's array ``name`` (count,) gives the source frame of each row. Without it the rows are
+    the used frames, when there are as many, or else the frames of the whole video. ValueError when
+    a used frame has no row.
     """
     if name in arrays:
         listed = numbers(arrays, name, (count,), path).astype(np.int64)

@@ -1,4 +1,4 @@
-"""npz files whose arrays hold Python objects: read without running anything that is in them.
+"""npz files whose arrays contain Python objects, read without running code from the file.
 
 numpy stores such arrays as pickles (`imocap_core.unpickle`).
 """
@@ -20,13 +20,15 @@ def read_object(path: Path, name: str) -> Any:
     """The one object in array ``name`` of an npz file. ValueError when it is missing, damaged, or
     would run code."""
     if not path.is_file():
-        raise ValueError(f"{path}: there is no such file")
+        raise ValueError(f"{path}: no such file")
     try:
         with zipfile.ZipFile(path) as archive:
             members = archive.namelist()
             if f"{name}.npy" not in members:
                 have = ", ".join(sorted(m.removesuffix(".npy") for m in members)) or "nothing"
-                raise ValueError(f"{path}: {name}: expected an array of that name, it has {have}")
+                raise ValueError(
+                    f"{path}: {name}: expected an array of that name, the file has {have}"
+                )
             with archive.open(f"{name}.npy") as stream:
                 version = npy.read_magic(stream)
                 header = npy.read_array_header_1_0 if version == (1, 0) else _header_2

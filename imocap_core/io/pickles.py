@@ -1,5 +1,5 @@
 """Results stored as pickles (pickle, joblib, .npy of objects, .pt), often compressed, read without
-running anything that is in them (`imocap_core.unpickle`)."""
+running code from the file (`imocap_core.unpickle`)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _TORCH_MAGIC = 0x1950A86A20F9469CFC6C  # what .pt files of before torch 1.6 begi
 
 
 def read_results(path: Path) -> Any:
-    """What a .pkl, .npy or .pt file holds, tensors as numpy arrays.
+    """The content of a .pkl, .npy or .pt file, tensors as numpy arrays.
 
     Raises:
         ValueError: the file is missing or damaged, or would run code.
@@ -44,7 +44,7 @@ def read_results(path: Path) -> Any:
     except UNREADABLE as error:
         reason = " ".join(str(error).split("\n")[0].split()) or type(error).__name__
         raise ValueError(
-            f"{path}: refused, this is no result that can be read safely: {reason}; give the file "
+            f"{path}: refused, it cannot be read safely: {reason}; give the file "
             "as the estimator wrote it"
         ) from None
 
@@ -65,7 +65,7 @@ def _load(content: bytes) -> Any:
 
 
 def _load_torch(content: bytes) -> Any:
-    """torch's own restricted reader; its advice to read the file without it is left out."""
+    """Read with torch's restricted reader; its advice to read the file without it is left out."""
     try:
         with warnings.catch_warnings(action="ignore"):  # of odd files, which are refused or not
             return build(torch.load(io.BytesIO(content), map_location="cpu", weights_only=True))

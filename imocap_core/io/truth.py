@@ -1,4 +1,4 @@
-"""truth.npz: what really happened, for scoring only. Any part of it may be missing."""
+"""truth.npz: true joints, cameras and phases, for scoring only. Any part of it may be missing."""
 
 from __future__ import annotations
 
@@ -7,27 +7,28 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float, Int, Shaped
 
 from imocap_core.io.npz import load_arrays, names, numbers, rows_for_frames
 
 
 @dataclass(frozen=True)
 class VideoTruth:
-    """One video at its T used frames: ``joints`` (T, J, 3) metres in the world, ``K`` (3, 3), ``R``
-    (3, 3) and ``t`` (3,) camera from world (first used frame), ``phase`` (T,), ``R_frames``
-    (T, 3, 3) camera from world in each frame of a camera that turns about its centre, ``hands``
-    (T, 2, 21, 3) OpenPose's points of the left and the right hand in the world. None for what the
-    file does not hold."""
+    """Truth of one video at its T used frames; None where the file has no such array.
 
-    joints: NDArray[np.float64] | None
+    joints: metres, world. R, t: camera from world in the first used frame; R_frames: in each frame
+    of a camera that turns about its centre. hands: OpenPose's points of the left and the right
+    hand, metres, world.
+    """
+
+    joints: Float[np.ndarray, "T J 3"] | None
     joint_names: tuple[str, ...]
-    K: NDArray[np.float64] | None
-    R: NDArray[np.float64] | None
-    t: NDArray[np.float64] | None
-    phase: NDArray[np.float64] | None
-    R_frames: NDArray[np.float64] | None = None
-    hands: NDArray[np.float64] | None = None
+    K: Float[np.ndarray, "3 3"] | None
+    R: Float[np.ndarray, "3 3"] | None
+    t: Float[np.ndarray, "3"] | None
+    phase: Float[np.ndarray, " T"] | None
+    R_frames: Float[np.ndarray, "T 3 3"] | None = None
+    hands: Float[np.ndarray, "T 2 21 3"] | None = None
 
 
 @dataclass(frozen=True)
@@ -39,12 +40,13 @@ class Truth:
     phase_end: float | None
 
 
-def read_truth(path: Path, used_frames: Mapping[str, NDArray[np.int64]]) -> Truth:
-    """The truth of some videos (id -> (T,) used source frames); None where the file says nothing.
+def read_truth(path: Path, used_frames: Mapping[str, Int[np.ndarray, " _"]]) -> Truth:
+    """The truth of some videos (id -> (T,) used source frames); None where the file has none.
 
-    ``joint_names`` may be given once, or per video as ``<id>/joint_names``. Which source frame a
-    row is, ``<id>/frames`` says; see `rows_for_frames` for files without. ``R`` and ``t`` are those
-    of the first used frame, or of the first row when the file holds ``R_frames``.
+    ``joint_names`` may be given once, or per video as ``<id>/joint_names``. ``<id>/frames`` gives
+    the source frame of each row; see `rows_for_frames` for files without. ``R`` and ``t`` are those
+    of the first used frame, or of the first row when the file has ``R_frames``. ValueError names
+    file, array, expected and got.
     """
     arrays = load_arrays(path)
     end = float(numbers(arrays, "phase_end", (), path)) if "phase_end" in arrays else None
@@ -52,22 +54,25 @@ def read_truth(path: Path, used_frames: Mapping[str, NDArray[np.int64]]) -> Trut
 
 
 def _video(
-    arrays: dict[str, NDArray], video: str, used: NDArray[np.int64], path: Path
+    arrays: dict[str, Shaped[np.ndarray, "..."]],
+    video: str,
+    used: Int[np.ndarray, " T"],
+    path: Path,
 ) -> VideoTruth:
-    def part(name: str, *shape: int | str) -> NDArray[np.float64] | None:
+    def part(name: str, *shape: int | str) -> Float[np.ndarray, "..."] | None:
         key = f"{video}/{name}"
         return numbers(arrays, key, shape, path) if key in arrays else None
 
-    def at_used(name: str, *shape: int | str) -> NDArray[np.float64] | None:
+    def at_used(name: str, *shape: int | str) -> Float[np.ndarray, "T ..."] | None:
         array = part(name, "T", *shape)
         if array is None:
             return None
         return array[rows_for_frames(arrays, len(array), used, path, f"{video}/frames")]
 
     joints = at_used("joints", "J", 3)
-    own = f"{video}/joint_names"
-    named = own if own in arrays else "joint_names"
-    joint_names = () if joints is None else names(arrays, named, joints.shape[1], path)
+    of_video = f"{video}/joint_names"
+    array = of_video if of_video in arrays else "joint_names"
+    joint_names = () if joints is None else names(arrays, array, joints.shape[1], path)
     R, t, R_frames = part("R", 3, 3), part("t", 3), at_used("R_frames", 3, 3)
     if R_frames is not None and R is not None:
         t = None if t is None else R_frames[0] @ R.T @ t  # the centre -R^T t stays

@@ -1,4 +1,4 @@
-"""Video files: what they hold, their frames one by one, and H.264 out. Through PyAV (FFmpeg)."""
+"""Video files: properties, frames one by one, and H.264 out, by PyAV (FFmpeg)."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from typing import Any
 import av
 import numpy as np
 from av.video.stream import VideoStream
-from numpy.typing import NDArray
+from jaxtyping import UInt8
 
-Picture = NDArray[np.uint8]
+RgbPicture = UInt8[np.ndarray, "height width 3"]
+GrayPicture = UInt8[np.ndarray, "height width"]
 
 
 @dataclass(frozen=True)
@@ -26,29 +27,35 @@ class VideoInfo:
 
 
 def probe(path: Path) -> VideoInfo:
-    """What a video file holds. ValueError when it is no readable video."""
+    """Frame rate, size and frame count of a video file. ValueError when it cannot be read."""
     with _open(path) as container:
         stream = _video_stream(container, path)
         rate = stream.average_rate or stream.guessed_rate
         if not rate:
-            raise ValueError(f"{path}: has no frame rate; convert it to a constant one first")
+            raise ValueError(f"{path}: no frame rate; convert it to a constant frame rate first")
         size = _shown_size(next(_decoded(container, stream, path), None), path)
         count = stream.frames
     return VideoInfo(float(rate), size, count or sum(1 for _ in read_gray(path, scale=0.05)))
 
 
-def read_rgb(path: Path, first: int = 0, stop: int | None = None) -> Iterator[tuple[int, Picture]]:
-    """(frame number, picture (height, width, 3) RGB) for frames first to stop - 1, in order."""
+def read_rgb(
+    path: Path, first: int = 0, stop: int | None = None
+) -> Iterator[tuple[int, RgbPicture]]:
+    """(frame number, RGB picture) for frames first to stop - 1, in order.
+
+    ValueError when the file cannot be read.
+    """
     for number, frame in _frames(path, first, stop):
         yield number, _upright(np.asarray(frame.to_ndarray(format="rgb24"), np.uint8), frame)
 
 
 def read_gray(
     path: Path, first: int = 0, stop: int | None = None, *, scale: float = 1.0
-) -> Iterator[tuple[int, Picture]]:
+) -> Iterator[tuple[int, GrayPicture]]:
     """(frame number, grey picture) for frames first to stop - 1, resized by ``scale``.
 
-    The picture is (round(scale * height), round(scale * width)).
+    The picture is (round(scale * height), round(scale * width)). ValueError when the file cannot
+    be read.
     """
     for number, frame in _frames(path, first, stop):
         small = frame.reformat(
@@ -62,18 +69,18 @@ def read_gray(
 
 def write_h264(
     path: Path,
-    frames: Iterable[Picture],
+    frames: Iterable[RgbPicture],
     fps: float,
     *,
     crf: int = 20,
     preset: str = "veryfast",
     faststart: bool = False,
 ) -> int:
-    """Write RGB frames (height, width, 3) uint8 as an mp4; returns how many.
+    """Write RGB frames as an mp4; returns their number.
 
     One thread and no encoder stamps: the same frames give the same bytes. Odd sizes lose their
-    last row or column, which H.264 in 4:2:0 cannot hold. faststart: the index comes first, so that
-    a browser plays while it loads.
+    last row or column, as H.264 in 4:2:0 needs even sizes. faststart: the index comes first, so
+    that a browser plays while it loads. ValueError when there is no frame.
     """
     count = 0
     options = {"fflags": "+bitexact", **({"movflags": "+faststart"} if faststart else {})}
@@ -95,7 +102,7 @@ def write_h264(
 
 def _open(path: Path) -> Any:
     if not path.is_file():
-        raise ValueError(f"{path}: there is no such video file; check `video` in action.yaml")
+        raise ValueError(f"{path}: no such video file; check `video` in action.yaml")
     try:
         return av.open(str(path))
     except (av.FFmpegError, OSError) as error:
@@ -106,7 +113,7 @@ def _open(path: Path) -> Any:
 
 def _video_stream(container: Any, path: Path) -> VideoStream:
     if not container.streams.video:
-        raise ValueError(f"{path}: holds no video stream; expected a video, got audio or data only")
+        raise ValueError(f"{path}: no video stream; expected a video, got audio or data only")
     stream: VideoStream = container.streams.video[0]
     stream.thread_type = "AUTO"
     return stream
@@ -116,7 +123,7 @@ def _decoded(container: Any, stream: VideoStream, path: Path) -> Iterator[av.Vid
     try:
         yield from container.decode(stream)
     except (av.FFmpegError, OSError) as error:
-        raise ValueError(f"{path}: broken while decoding ({error}); re-encode it") from None
+        raise ValueError(f"{path}: broken, decoding failed ({error}); re-encode it") from None
 
 
 def _frames(path: Path, first: int, stop: int | None) -> Iterator[tuple[int, av.VideoFrame]]:
@@ -130,14 +137,14 @@ def _frames(path: Path, first: int, stop: int | None) -> Iterator[tuple[int, av.
                 yield number, frame
 
 
-def _upright(picture: Picture, frame: av.VideoFrame) -> Picture:
-    """Phones store sideways pictures with a rotation note; detectors see them upright."""
+def _upright(picture: UInt8[np.ndarray, "..."], frame: av.VideoFrame) -> UInt8[np.ndarray, "..."]:
+    """Turned by the rotation that phones store beside a sideways picture."""
     turns = round(frame.rotation / 90)
     return np.ascontiguousarray(np.rot90(picture, turns)) if turns % 4 else picture
 
 
 def _shown_size(frame: av.VideoFrame | None, path: Path) -> tuple[int, int]:
     if frame is None:
-        raise ValueError(f"{path}: holds no frames; expected a video, got an empty stream")
+        raise ValueError(f"{path}: no frames; expected a video, got an empty stream")
     sideways = round(frame.rotation / 90) % 2
     return (frame.height, frame.width) if sideways else (frame.width, frame.height)

@@ -109,7 +109,7 @@ F8, OBJECT = np.dtype("f8"), np.dtype("O")
 def test_crafted_arrays_are_refused(crafted: Crafted, tmp_path: Path) -> None:
     path = tmp_path / "a.pkl"
     path.write_bytes(pickle.dumps({"a": crafted, "b": [crafted]}))
-    with pytest.raises(ValueError, match="refused, this is no result that can be read safely"):
+    with pytest.raises(ValueError, match="refused, it cannot be read safely"):
         read_results(path)
 
 
