@@ -14,6 +14,7 @@ CHECKED: tuple[str, ...] = (
     "imocap_core.alignment",
     "imocap_core.io",
     "imocap_core.metrics",
+    "imocap_core.technique",
 )
 
 install_import_hook(CHECKED, "tests.shape_check.checked")

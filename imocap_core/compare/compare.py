@@ -16,10 +16,10 @@ from imocap_core.params import SyncParams
 from imocap_core.problem.synchronisation import joint_weights_of, settings_of
 from imocap_core.sync import synchronise
 from imocap_core.technique.consistency import consistency
-from imocap_core.technique.instances import Instances, heading, mean_over, turned_by
+from imocap_core.technique.difference import Difference, difference
 from imocap_core.technique.mean_motion import MeanMotion, mean_motion, over_moments, spread
 from imocap_core.technique.modes import Modes, modes
-from imocap_core.technique.pair import Difference, difference
+from imocap_core.technique.performances import AlignedPerformances, heading, mean_over, turned_by
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ class Technique:
     lead_s: Array
 
     @property
-    def instances(self) -> Instances:
+    def instances(self) -> AlignedPerformances:
         """The performances."""
         return self.gathered.instances
 
@@ -141,7 +141,7 @@ def _difference(first: Technique, second: Technique, keep: NDArray[np.int64], at
     R_theirs = sample_rotations(torch.as_tensor(second.mean.R_local), at).numpy()
     turn = heading(theirs, ours, np.ones(len(keep)))
     turned = turned_by(
-        Instances(
+        AlignedPerformances(
             ids=("mean",),
             joint_names=second.instances.joint_names,
             phase_s=first.instances.phase_s[keep],

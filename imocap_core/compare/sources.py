@@ -18,7 +18,12 @@ from imocap_core.export.common_time import on_common_time
 from imocap_core.export.sources import read_result
 from imocap_core.export.values import Performance, Result
 from imocap_core.motion.multiview.common_time import moments_of
-from imocap_core.technique.instances import Instances, at_moments, facing_alike, to_the_front
+from imocap_core.technique.performances import (
+    AlignedPerformances,
+    at_moments,
+    facing_alike,
+    to_the_front,
+)
 
 Array = NDArray[np.float64]
 
@@ -35,7 +40,7 @@ class Gathered:
     """
 
     action: str
-    instances: Instances
+    instances: AlignedPerformances
     own_s: Array
     shaped: Shaped
     fps: float
@@ -55,7 +60,7 @@ def gather(store: Store, action: str, body: Shaped | None = None) -> Gathered:
     R = np.stack([rotations_from_pose(torch.as_tensor(p.body.theta)).numpy() for p in used])
     placed = shaped.pose(torch.as_tensor(R), torch.zeros(3, dtype=torch.float64)).joints.numpy()
     count = len(JOINTS)
-    found = Instances(
+    found = AlignedPerformances(
         ids=tuple(p.id for p in used),
         joint_names=JOINTS,
         phase_s=used[0].phase_s,

@@ -1,4 +1,4 @@
-"""The motion that performances share, and how far each is from it at every moment."""
+"""The mean motion of several performances, and each performance's deviation from it."""
 
 from __future__ import annotations
 
@@ -6,12 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float
 
 from imocap_core.rotations import log, mean
-from imocap_core.technique.instances import Instances, mean_over
-
-Array = NDArray[np.float64]
+from imocap_core.technique.performances import AlignedPerformances, mean_over
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,34 +17,36 @@ class MeanMotion:
     """The mean of M performances at N moments, and the deviations from it.
 
     Attributes:
-        R_local (N, J, 3, 3): chordal mean of every joint's rotation.
-        joints (N, J, 3): mean place from the pelvis, metres.
-        turns (M, N, J, 3): rotation vectors from the mean to each performance, in the joint's own
-            axes, radians; 0 where a performance does not show the moment.
-        shifts (M, N, J, 3): from the mean place to each performance's, metres; likewise.
+        R_local: chordal mean of every joint's rotation.
+        joints: mean position from the pelvis, metres.
+        turns: rotation vectors from the mean to each performance, in the joint's own axes, radians;
+            0 where a performance does not show the moment.
+        shifts: from the mean position to each performance's, metres; 0 likewise.
     """
 
-    R_local: Array
-    joints: Array
-    turns: Array
-    shifts: Array
+    R_local: Float[np.ndarray, "N J 3 3"]
+    joints: Float[np.ndarray, "N J 3"]
+    turns: Float[np.ndarray, "M N J 3"]
+    shifts: Float[np.ndarray, "M N J 3"]
 
 
-def mean_motion(found: Instances) -> MeanMotion:
+def mean_motion(performances: AlignedPerformances) -> MeanMotion:
     """Mean over the performances that show a moment."""
-    R = torch.as_tensor(found.R_local)
-    weight = found.inside.astype(np.float64)
-    middle = mean(R, torch.as_tensor(weight)[..., None])
-    joints = mean_over(found.joints, weight)
-    seen = weight[..., None, None]
-    turns = log(middle.transpose(-1, -2) @ R).numpy() * seen
-    return MeanMotion(middle.numpy(), joints, turns, (found.joints - joints) * seen)
+    R = torch.as_tensor(performances.R_local)
+    weight = performances.inside.astype(np.float64)
+    mean_R = mean(R, torch.as_tensor(weight)[..., None])
+    joints = mean_over(performances.joints, weight)
+    shown = weight[..., None, None]
+    turns = log(mean_R.transpose(-1, -2) @ R).numpy() * shown
+    return MeanMotion(mean_R.numpy(), joints, turns, (performances.joints - joints) * shown)
 
 
-def spread(deviations: Array, inside: NDArray[np.bool_]) -> Array:
-    """(N, J) standard deviation over the performances of deviations (M, N, J, 3) from their mean.
+def spread(
+    deviations: Float[np.ndarray, "M N J 3"], inside: Bool[np.ndarray, "M N"]
+) -> Float[np.ndarray, "N J"]:
+    """Standard deviation over the performances, from their deviations from the mean.
 
-    By the n - 1 that the mean leaves; NaN where fewer than two performances show the moment.
+    With n - 1 degrees of freedom; NaN where fewer than two performances show the moment.
     """
     squares = (deviations**2).sum(-1) * inside[..., None]
     free = inside.sum(0) - 1.0
@@ -54,9 +54,9 @@ def spread(deviations: Array, inside: NDArray[np.bool_]) -> Array:
     return np.where(free[:, None] > 0, np.sqrt(squares.sum(0) / safe), np.nan)
 
 
-def over_moments(spread_: Array) -> Array:
-    """(J,) root mean square over the moments of a spread (N, J); NaN moments count for nothing."""
-    known = np.isfinite(spread_)
-    total = np.where(known, spread_, 0.0) ** 2
-    count = known.sum(0)
+def over_moments(spread_: Float[np.ndarray, "N J"]) -> Float[np.ndarray, " J"]:
+    """Root mean square of a spread over the moments; NaN moments are left out."""
+    valid = np.isfinite(spread_)
+    total = np.where(valid, spread_, 0.0) ** 2
+    count = valid.sum(0)
     return np.where(count > 0, np.sqrt(total.sum(0) / np.maximum(count, 1)), np.nan)

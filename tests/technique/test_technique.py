@@ -9,16 +9,16 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from imocap_core.technique.consistency import consistency
-from imocap_core.technique.instances import (
-    Instances,
+from imocap_core.technique.difference import difference
+from imocap_core.technique.mean_motion import mean_motion, over_moments, spread
+from imocap_core.technique.modes import along_mode, modes
+from imocap_core.technique.performances import (
+    AlignedPerformances,
     at_moments,
     facing_alike,
     to_the_front,
     turned_by,
 )
-from imocap_core.technique.mean_motion import mean_motion, over_moments, spread
-from imocap_core.technique.modes import along_mode, modes
-from imocap_core.technique.pair import difference
 
 M, N, J = 5, 40, 4
 PHASE = np.linspace(0, 2, N)
@@ -31,7 +31,9 @@ def smooth(rng: np.random.Generator, size: float, count: int = 3) -> np.ndarray:
     return size * np.sin(frequency * PHASE[:, None, None] + start)
 
 
-def made(seed: int = 0, noise_m: float = 0.0, turns: np.ndarray | None = None) -> Instances:
+def made(
+    seed: int = 0, noise_m: float = 0.0, turns: np.ndarray | None = None
+) -> AlignedPerformances:
     """M performances: one common motion, deviations (M, N, J, 3) rad, noise of places in metres."""
     rng = np.random.default_rng(seed)
     common = Rotation.from_rotvec(smooth(rng, 0.6).reshape(-1, 3)).as_matrix().reshape(N, J, 3, 3)
@@ -42,7 +44,7 @@ def made(seed: int = 0, noise_m: float = 0.0, turns: np.ndarray | None = None) -
     joints[:, :, 0] = 0.0  # the pelvis, from itself
     names = ("pelvis", "knee", "elbow", "head")
     ids = tuple(f"v{m}" for m in range(M))
-    return Instances(ids, names, PHASE, R, joints, np.ones((M, N), dtype=bool))
+    return AlignedPerformances(ids, names, PHASE, R, joints, np.ones((M, N), dtype=bool))
 
 
 def test_equal_performances_agree_wholly() -> None:
@@ -184,7 +186,8 @@ def test_two_performers_differ_by_what_was_done() -> None:
     assert np.isnan(none.ratio).all()
 
 
-def test_what_does_not_belong_together_is_said() -> None:
+@pytest.mark.usefixtures("unchecked_shapes")
+def test_shapes_that_do_not_belong_together_are_named() -> None:
     found = made()
     with pytest.raises(ValueError, match=r"inside: expected \(5, 40\), got \(5, 39\)"):
         replace(found, inside=found.inside[:, 1:])
