@@ -32,7 +32,7 @@ from imocap_core.problem.motion import (
     state_of,
 )
 from imocap_core.problem.synchronisation import synchronise_motions
-from imocap_core.sync.warp.by_images import Pictures
+from imocap_core.sync.warp.reprojection import ReprojectionEvidence
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
@@ -48,7 +48,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     options = options_of(params.motion)
     rounds_begun = 0
 
-    def pictures(motion: SmplBa) -> Pictures:
+    def pictures(motion: SmplBa) -> ReprojectionEvidence:
         motions, cameras = work.motions_in(motion.videos), work.cameras_in(motion.cameras)
         return pictures_of(body, observations, motions, cameras)
 

@@ -22,7 +22,7 @@ from benchmarks.sync.scenes import SyncScene, protocol_scene, trial_scene
 from imocap_core.sync import Settings, SyncResult, synchronise
 from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.warp.dtw import dtw, positions_of_rows
-from imocap_core.sync.warp.warping import median_positions
+from imocap_core.sync.warp.positions import median_positions
 
 METHODS = ("none", "softmap", "als", "svt", "auto")
 WARPS = ("posterior", "dtw")

@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter1d
 from imocap_core.sync import Settings, synchronise
 from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.cycle.methods import relax, symmetric_affinity
-from imocap_core.sync.pairwise.comparison import compare
+from imocap_core.sync.pairwise.distance_matrix import compare
 from imocap_core.sync.warp.posterior import directed_maps
 
 Floats = NDArray[np.float64]

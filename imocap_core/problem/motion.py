@@ -30,7 +30,7 @@ from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms.view import project
 from imocap_core.params import FitParams, MotionParams
 from imocap_core.rotations import exp, log, unwrap
-from imocap_core.sync.warp.by_images import Filmed, Pictures
+from imocap_core.sync.warp.reprojection import CalibratedVideo, ReprojectionEvidence
 
 LIKE = torch.zeros((), dtype=torch.float64)
 
@@ -141,7 +141,7 @@ def pictures_of(
     observations: Sequence[Observation],
     motions: Sequence[VideoMotion],
     cameras: Sequence[Camera],
-) -> Pictures:
+) -> ReprojectionEvidence:
     """What every video's detections can be held against: all motions in one world."""
     xyz = body.positions(body.keypoints, state_of(motions)).xyz.numpy()
     films = []
@@ -149,8 +149,8 @@ def pictures_of(
         world = (x[: len(o.xy_px)] - camera.t) @ camera.R
         weight = o.confidence / o.sigma_px[:, None] ** 2
         xy = np.where(weight[..., None] > 0, o.xy_px, 0.0)
-        films.append(Filmed(world, xy, weight, camera.K, camera.R, camera.t))
-    return Pictures(films)
+        films.append(CalibratedVideo(world, xy, weight, camera.K, camera.R, camera.t))
+    return ReprojectionEvidence(films)
 
 
 def state_of(videos: Sequence[VideoMotion]) -> MotionState:

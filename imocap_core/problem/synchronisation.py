@@ -20,7 +20,7 @@ from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.params import SyncParams
 from imocap_core.sync import Hints, Settings, SyncResult, synchronise
 from imocap_core.sync.screening.screening import Screening, sentences
-from imocap_core.sync.warp.by_images import Pictures
+from imocap_core.sync.warp.reprojection import ReprojectionEvidence
 
 
 def synchronise_motions(
@@ -33,7 +33,7 @@ def synchronise_motions(
     mirrored: Sequence[bool | None] | None = None,
     hints: Hints | None = None,
     decided: SyncSummary | None = None,
-    pictures: Pictures | None = None,
+    pictures: ReprojectionEvidence | None = None,
 ) -> Sync:
     """Synchronise motions by their joints; frames without any detection are bridged.
 

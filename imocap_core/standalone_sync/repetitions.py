@@ -36,7 +36,7 @@ def cut(
 ) -> tuple[Path, list[str]]:
     """The folder of an action in which the repetitions of long clips stand for them."""
     from imocap_core.standalone_sync.action import write_instances
-    from imocap_core.sync.repetition.find import find_repetitions
+    from imocap_core.sync.repetition.segmentation import find_repetitions
 
     hinted = [*job.action.anchors, *job.action.forbidden]
     if hinted:

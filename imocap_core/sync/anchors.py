@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from imocap_core.sync.pairwise.comparison import Comparison
+from imocap_core.sync.pairwise.distance_matrix import Comparison
 
 Array = NDArray[np.float64]
 

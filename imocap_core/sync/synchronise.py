@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from imocap_core.sync.anchors import Hints, check_hints
 from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.cycle.report import CycleReport
-from imocap_core.sync.jointly import Joint, synchronise_jointly
+from imocap_core.sync.joint_synchronisation import Joint, synchronise_jointly
+from imocap_core.sync.map_consistency import Triple
 from imocap_core.sync.pairwise.poses import body_scales, check_poses, joint_weights_of
 from imocap_core.sync.screening.mirror import mirrored_poses
 from imocap_core.sync.screening.screening import Screening, screen
 from imocap_core.sync.settings import Settings
-from imocap_core.sync.trust import Triple
-from imocap_core.sync.warp.by_images import Pictures
+from imocap_core.sync.warp.reprojection import ReprojectionEvidence
 
 Array = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ def synchronise(
     mirrored: Sequence[bool | None] | None = None,
     hints: Hints | None = None,
     decided: Screening | None = None,
-    pictures: Pictures | None = None,
+    pictures: ReprojectionEvidence | None = None,
 ) -> SyncResult:
     """Find for every frame of every video its counterpart in the reference video.
 

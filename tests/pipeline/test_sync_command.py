@@ -15,7 +15,7 @@ from imocap_core.errors import WrongUse
 from imocap_core.io.video import probe, write_h264
 from imocap_core.pipeline.action import read_action
 from imocap_core.standalone_sync.sources import labels, read_size, sources_of
-from imocap_core.sync.repetition.find import Repetitions
+from imocap_core.sync.repetition.segmentation import Repetitions
 from tests.io import made_keypoints
 from tests.report.made import FPS, SIZE, Made
 
@@ -208,7 +208,9 @@ def test_repetitions_enter_as_videos_of_the_same_file(
 ) -> None:
     """The cut itself is tested in tests/sync; here, what is made of it."""
     found = Repetitions(((0, 11), (11, 23)), 0.9, "2 repetitions")
-    monkeypatch.setattr("imocap_core.sync.repetition.find.find_repetitions", lambda *_, **__: found)
+    monkeypatch.setattr(
+        "imocap_core.sync.repetition.segmentation.find_repetitions", lambda *_, **__: found
+    )
     clip = _video(tmp_path / "in" / "long.mp4", 24)
     _keypoints(tmp_path / "in" / "long", made, 0)
     assert run(clip, *QUICK, "--repetitions", "--name", "try") == 0
@@ -228,7 +230,9 @@ def test_a_declared_long_clip_is_cut_and_the_other_videos_stay(
     run, made: Made, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = Repetitions(((0, 11), (11, 23)), 0.9, "2 repetitions")
-    monkeypatch.setattr("imocap_core.sync.repetition.find.find_repetitions", lambda *_, **__: found)
+    monkeypatch.setattr(
+        "imocap_core.sync.repetition.segmentation.find_repetitions", lambda *_, **__: found
+    )
     for name in ("long", "other"):
         _keypoints(tmp_path / "in" / name, made, 0)
     known = {"format": "openpose", "layout": "body25", "fps": 30.0, "size": [640, 360]}

@@ -6,7 +6,7 @@ import pytest
 from imocap_core.sync import Anchor, Hints
 from imocap_core.sync.anchors import bent, led_through
 from imocap_core.sync.phase import positions_in
-from imocap_core.sync.ties import bend_of
+from imocap_core.sync.reference_anchors import bend_of
 from tests.sync.test_synchronise import four_phases, run, seen
 
 

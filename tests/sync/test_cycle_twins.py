@@ -5,8 +5,8 @@ import pytest
 
 from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.cycle.als import als
-from imocap_core.sync.cycle.contrast import contrasted
 from imocap_core.sync.cycle.methods import relax, symmetric_affinity
+from imocap_core.sync.cycle.row_contrast import contrasted
 from imocap_core.sync.cycle.svt import svt
 from imocap_core.sync.warp.dtw import dtw, positions_of_rows
 

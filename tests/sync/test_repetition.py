@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from imocap_core.sync.repetition.find import Repetitions, find_repetitions
-from imocap_core.sync.repetition.occurrences import best_totals, chosen_spans, matches, values
+from imocap_core.sync.repetition.segmentation import Repetitions, find_repetitions
+from imocap_core.sync.repetition.template_matching import best_totals, chosen_spans, matches, values
 from imocap_core.synthetic.variation import Clip, pace
 
 Array = NDArray[np.float64]

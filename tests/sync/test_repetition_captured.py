@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from imocap_core.sync.repetition.find import Repetitions, find_repetitions
+from imocap_core.sync.repetition.segmentation import Repetitions, find_repetitions
 from imocap_core.synthetic.variation import Clip, pace
 
 DATA = Path(os.environ.get("IMOCAP_DATA", Path(__file__).parents[3] / "shared" / "data"))

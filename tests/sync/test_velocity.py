@@ -11,7 +11,7 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.params import Params, SyncParams
 from imocap_core.pipeline.graph import read_pipeline
 from imocap_core.problem.synchronisation import joint_weights_of, settings_of
-from imocap_core.sync.pairwise.comparison import compare
+from imocap_core.sync.pairwise.distance_matrix import compare
 from imocap_core.sync.pairwise.velocity import with_velocity
 from tests.sync.test_synchronise import SETTINGS, error_s, run, seen
 

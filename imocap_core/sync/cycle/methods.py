@@ -5,11 +5,11 @@ from numpy.typing import NDArray
 
 from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.cycle.als import als
-from imocap_core.sync.cycle.contrast import contrasted
 from imocap_core.sync.cycle.report import CycleReport
+from imocap_core.sync.cycle.row_contrast import contrasted
 from imocap_core.sync.cycle.softmap import softmap
 from imocap_core.sync.cycle.svt import svt
-from imocap_core.sync.warp.warping import median_positions
+from imocap_core.sync.warp.positions import median_positions
 
 Array = NDArray[np.float64]
 Matrix = NDArray[np.floating]

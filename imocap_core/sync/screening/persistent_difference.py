@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imocap_core.sync.pairwise.view_axes import centred, rotations_onto
-from imocap_core.sync.screening.warp_fit import PairSquares, matched_levels
+from imocap_core.sync.screening.warp_residual import PairSquares, matched_levels
 
 Array = NDArray[np.float64]
 

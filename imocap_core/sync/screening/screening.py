@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from imocap_core.sync.screening.evidence import Seen, mirrored_among, outliers_among
 from imocap_core.sync.screening.mirror import CLEAR_MARGIN, mirrored_poses
 from imocap_core.sync.screening.outliers import LARGEST_SCORE
-from imocap_core.sync.screening.suspects import Seen, mirrored_among, outliers_among
-from imocap_core.sync.screening.warp_fit import thinned
+from imocap_core.sync.screening.warp_residual import thinned
 
 Array = NDArray[np.float64]
 

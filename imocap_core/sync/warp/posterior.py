@@ -7,14 +7,14 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from imocap_core.sync.pairwise.comparison import Comparison
+from imocap_core.sync.pairwise.distance_matrix import Comparison
+from imocap_core.sync.reference_anchors import Bend
 from imocap_core.sync.settings import Settings
-from imocap_core.sync.ties import Bend
-from imocap_core.sync.warp.by_images import Pictures
-from imocap_core.sync.warp.consensus import squared_distances_to_others
+from imocap_core.sync.warp.leave_one_out import squared_distances_to_others
 from imocap_core.sync.warp.monotone import interpolated_squares, monotone_posterior
-from imocap_core.sync.warp.regular import rates_between, regular_posterior
-from imocap_core.sync.warp.warping import in_order, mass_within, median_positions
+from imocap_core.sync.warp.positions import in_order, mass_within, median_positions
+from imocap_core.sync.warp.reprojection import ReprojectionEvidence
+from imocap_core.sync.warp.smooth_rate import rates_between, regular_posterior
 from imocap_core.workers import at_once
 
 Array = NDArray[np.float64]
@@ -109,7 +109,7 @@ def posterior_warps(
     fps: Sequence[float],
     settings: Settings,
     bend: Bend | None = None,
-    pictures: Pictures | None = None,
+    pictures: ReprojectionEvidence | None = None,
 ) -> tuple[list[Array], list[Array]]:
     """Warps from the relaxed maps, refined `consensus_rounds` times against the other videos.
 
@@ -184,7 +184,7 @@ def _refined_by_poses(
 
 def _seen_in_pictures(
     soft: list[Array],
-    pictures: Pictures,
+    pictures: ReprojectionEvidence,
     reference: int,
     fps: Sequence[float],
     settings: Settings,

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from imocap_core.sync import synchronise
-from imocap_core.sync.warp.by_images import (
-    Filmed,
-    Pictures,
+from imocap_core.sync.warp.reprojection import (
+    CalibratedVideo,
+    ReprojectionEvidence,
     projected,
     squares_in_picture,
     weights_and_precision,
@@ -37,7 +37,7 @@ def view(angle: float) -> tuple[np.ndarray, np.ndarray]:
     return R, middle - R @ middle
 
 
-def film(phase: np.ndarray, angle: float, seed: int, spread_m: float = 0.0) -> Filmed:
+def film(phase: np.ndarray, angle: float, seed: int, spread_m: float = 0.0) -> CalibratedVideo:
     rng = np.random.default_rng(seed)
     (R, t), true = view(angle), motion(phase)
     true = true + spread_m * rng.normal(size=(1, POINTS, 3))
@@ -46,7 +46,7 @@ def film(phase: np.ndarray, angle: float, seed: int, spread_m: float = 0.0) -> F
         x[..., :2] / x[..., 2:] * K[0, 0] + K[:2, 2] + NOISE_PX * rng.normal(size=(*x.shape[:2], 2))
     )
     weight = np.where(rng.random(x.shape[:2]) < 0.05, 0.0, NOISE_PX**-2.0)
-    return Filmed(true, xy, weight, K, R, t)
+    return CalibratedVideo(true, xy, weight, K, R, t)
 
 
 def blurred(true_at: np.ndarray, positions: np.ndarray, width: float) -> np.ndarray:
@@ -71,7 +71,7 @@ def test_derivatives_by_strays_are_those_of_the_projection() -> None:
 def test_a_performance_turned_and_shifted_keeps_its_time() -> None:
     phase = np.linspace(0, 4, 81)
     video = film(phase, 0.7, 2)
-    turned = Filmed(
+    turned = CalibratedVideo(
         video.xyz_m, video.xy_px + np.array([15.0, -8.0]), video.weight, K, video.R, video.t
     )
     squares = squares_in_picture(projected(motion(phase), video), turned, np.arange(81))
@@ -88,7 +88,7 @@ def test_pictures_sharpen_a_blurred_map() -> None:
     true = [phase / 6 * (frames - 1) for phase in (reference, other, third)]
     rng = np.random.default_rng(6)
     maps = [blurred(at + 1.0 * rng.normal(size=len(at)), positions, 1.5) for at in true]
-    squares = Pictures(videos).squares(1, maps, 0, per_frame)
+    squares = ReprojectionEvidence(videos).squares(1, maps, 0, per_frame)
     assert squares is not None
     error = np.abs(positions[squares.argmin(1)] - true[1])
     assert error.mean() < 0.25  # of reference frames; it was 0.8
@@ -109,7 +109,7 @@ def test_poses_that_agree_with_a_wrong_map_are_corrected_by_pictures(frames_off:
     poses = [x + 0.005 * rng.normal(size=x.shape) for x in found]
     settings = replace(SETTINGS, outliers="ignore", mirrored="ignore")
 
-    def error(pictures: Pictures | None) -> float:
+    def error(pictures: ReprojectionEvidence | None) -> float:
         result = synchronise(
             poses,
             fps=[30.0] * 3,
@@ -120,7 +120,7 @@ def test_poses_that_agree_with_a_wrong_map_are_corrected_by_pictures(frames_off:
         )
         return float(np.nanmean(np.abs(result.reference_frame[1] - np.arange(frames))))
 
-    by_poses, by_pictures = error(None), error(Pictures(films))
+    by_poses, by_pictures = error(None), error(ReprojectionEvidence(films))
     assert by_poses > 0.55 * frames_off
     assert by_pictures < 0.3
 
@@ -130,7 +130,7 @@ def test_pictures_of_a_performance_that_differs_are_not_used() -> None:
     videos = [film(phase, a, 7 + k, spread_m=0.08) for k, a in enumerate((0.0, 1.6, 3.1))]
     positions = np.arange(60 * 4 + 1) / 4
     maps = [blurred(np.arange(61.0), positions, 0.5)] * 3
-    assert Pictures(videos).squares(1, maps, 0, 4) is None
+    assert ReprojectionEvidence(videos).squares(1, maps, 0, 4) is None
 
 
 def test_the_others_motion_is_without_the_video_itself() -> None:
@@ -138,11 +138,11 @@ def test_the_others_motion_is_without_the_video_itself() -> None:
     videos = [film(phase, a, 10 + k) for k, a in enumerate((0.0, 1.6, 3.1))]
     positions = np.arange(60 * 4 + 1) / 4
     maps = [blurred(np.arange(61.0), positions, 0.3)] * 3
-    squares = Pictures(videos).squares(1, maps, 0, 4)
-    moved = Filmed(
+    squares = ReprojectionEvidence(videos).squares(1, maps, 0, 4)
+    moved = CalibratedVideo(
         videos[1].xyz_m + 5.0, *(getattr(videos[1], n) for n in ("xy_px", "weight", "K", "R", "t"))
     )
-    again = Pictures([videos[0], moved, videos[2]]).squares(1, maps, 0, 4)
+    again = ReprojectionEvidence([videos[0], moved, videos[2]]).squares(1, maps, 0, 4)
     assert squares is not None
     assert again == pytest.approx(squares)
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imocap_core.sync.pairwise.view_axes import centred
-from imocap_core.sync.screening.warp_fit import (
+from imocap_core.sync.screening.warp_residual import (
     PairNumbers,
     PairSquares,
     expected_squares,

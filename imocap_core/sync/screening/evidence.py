@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imocap_core.sync.screening.mirror import agreed, find_mirrored, mirror_evidence
-from imocap_core.sync.screening.order import alignment_gains, begun, motion_windows
 from imocap_core.sync.screening.outliers import FITTING_SHARE, find_outliers
 from imocap_core.sync.screening.persistent_difference import steady_levels
-from imocap_core.sync.screening.warp_fit import (
+from imocap_core.sync.screening.temporal_order import alignment_gains, begun, motion_windows
+from imocap_core.sync.screening.warp_residual import (
     PairSquares,
     expected_by,
     expected_squares,

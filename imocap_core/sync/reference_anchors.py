@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imocap_core.sync.anchors import Anchor, Hints, bent, led_through, unit_of
+from imocap_core.sync.map_consistency import PairMaps
 from imocap_core.sync.phase import FIRM, Link
-from imocap_core.sync.trust import PairMaps
 
 Array = NDArray[np.float64]
 

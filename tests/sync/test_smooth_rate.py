@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from imocap_core.sync.warp.monotone import monotone_posterior
-from imocap_core.sync.warp.regular import Rates, rates_between, regular_posterior
+from imocap_core.sync.warp.smooth_rate import Rates, rates_between, regular_posterior
 
 RATES = Rates(
     np.array([0.5, 1.0, 2.0]),

@@ -9,21 +9,26 @@ from numpy.typing import NDArray
 from imocap_core.sync.anchors import Hints, bent_comparison
 from imocap_core.sync.cycle.methods import relax, relax_auto
 from imocap_core.sync.cycle.report import CycleReport
-from imocap_core.sync.pairwise.affinity import gaussian_affinity, reciprocal_affinity
-from imocap_core.sync.pairwise.comparison import centrality_of, compare
-from imocap_core.sync.phase import Link, common_phase, inside
-from imocap_core.sync.settings import Settings
-from imocap_core.sync.ties import bend_of, firm_links, through_hard_anchors, ties_to_reference
-from imocap_core.sync.trust import (
+from imocap_core.sync.map_consistency import (
     PairMaps,
     Triple,
     cycle_residuals,
     left_out_disagreement,
     pair_maps,
 )
-from imocap_core.sync.warp.by_images import Pictures
-from imocap_core.sync.warp.paths import dtw_warps
+from imocap_core.sync.pairwise.affinity import gaussian_affinity, reciprocal_affinity
+from imocap_core.sync.pairwise.distance_matrix import centrality_of, compare
+from imocap_core.sync.phase import Link, common_phase, inside
+from imocap_core.sync.reference_anchors import (
+    bend_of,
+    firm_links,
+    through_hard_anchors,
+    ties_to_reference,
+)
+from imocap_core.sync.settings import Settings
+from imocap_core.sync.warp.dtw_paths import dtw_warps
 from imocap_core.sync.warp.posterior import directed_maps, posterior_warps
+from imocap_core.sync.warp.reprojection import ReprojectionEvidence
 
 Array = NDArray[np.float64]
 
@@ -61,7 +66,7 @@ def synchronise_jointly(
     reference: int | None,
     eligible: Sequence[bool],
     hints: Hints,
-    pictures: Pictures | None = None,
+    pictures: ReprojectionEvidence | None = None,
 ) -> Joint:
     """Every video against the others; arguments as of `synchronise`.
 

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from imocap_core.sync.pairwise.view_axes import centred
-from imocap_core.sync.warp.contribution import (
+from imocap_core.sync.warp.template import (
     ALIKE,
     IN_VIEW,
     alike,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from imocap_core.sync.pairwise.affinity import procrustes_distances
 from imocap_core.sync.pairwise.view_axes import centred, squared_distances_in_view
 from imocap_core.sync.pairwise.whitening import residuals_in_view, whitening
-from imocap_core.sync.warp.contribution import (
+from imocap_core.sync.warp.template import (
     ALIKE,
     IN_VIEW,
     Contribution,

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from imocap_core.sync.pairwise.comparison import Comparison
+from imocap_core.sync.pairwise.distance_matrix import Comparison
 from imocap_core.sync.settings import Settings
 from imocap_core.sync.warp.dtw import dtw, positions_of_rows
-from imocap_core.sync.warp.warping import mass_within
+from imocap_core.sync.warp.positions import mass_within
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
 from imocap_core.sync.pairwise.affinity import procrustes_distances
-from imocap_core.sync.repetition.occurrences import Span, best_template
+from imocap_core.sync.repetition.template_matching import Span, best_template
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

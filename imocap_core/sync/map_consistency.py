@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imocap_core.sync.blocks import Blocks
-from imocap_core.sync.warp.warping import mass_within, median_positions
+from imocap_core.sync.warp.positions import mass_within, median_positions
 
 Array = NDArray[np.float64]
 

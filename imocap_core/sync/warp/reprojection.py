@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imocap_core.robust import geman_mcclure
-from imocap_core.sync.warp.contribution import Contribution, alike, positions_between, template
-from imocap_core.sync.warp.warping import median_positions
+from imocap_core.sync.warp.positions import median_positions
+from imocap_core.sync.warp.template import Contribution, alike, positions_between, template
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ DIAGONAL = [n for n, (i, j) in enumerate(LOWER) if i == j]
 
 
 @dataclass(frozen=True)
-class Filmed:
+class CalibratedVideo:
     """One video.
 
     Attributes:
@@ -56,7 +56,11 @@ class Projected:
 
 
 def others_motion(
-    videos: Sequence[Filmed], maps: Sequence[Array], without: int, reference: int, per_frame: int
+    videos: Sequence[CalibratedVideo],
+    maps: Sequence[Array],
+    without: int,
+    reference: int,
+    per_frame: int,
 ) -> Array:
     """(S, K, 3) the motion at the positions of the reference by all videos but one.
 
@@ -77,7 +81,7 @@ def others_motion(
     return template(parts).poses
 
 
-def projected(xyz_m: Array, video: Filmed) -> Projected:
+def projected(xyz_m: Array, video: CalibratedVideo) -> Projected:
     """A motion (S, K, 3) as a video's camera sees it."""
     middle = xyz_m.mean(axis=1, keepdims=True)
     x = xyz_m @ video.R.T + video.t
@@ -91,7 +95,7 @@ def projected(xyz_m: Array, video: Filmed) -> Projected:
     return Projected(pixels, np.concatenate([by_point @ -_skew(xyz_m - middle), by_point], axis=-1))
 
 
-def squares_in_picture(seen: Projected, video: Filmed, at: NDArray[np.int64]) -> Array:
+def squares_in_picture(seen: Projected, video: CalibratedVideo, at: NDArray[np.int64]) -> Array:
     """(T, S) mean squared distance of each frame's detections to each moment, in units of noise.
 
     At every moment the performance may turn and shift as a whole, and what fits best there counts
@@ -139,7 +143,7 @@ def _quadratic(lower: Array, g: Array) -> Array:
 
 
 def weights_and_precision(
-    seen: Projected, video: Filmed, at: NDArray[np.int64]
+    seen: Projected, video: CalibratedVideo, at: NDArray[np.int64]
 ) -> tuple[Array, Array]:
     """The robust weights (T, K) of the detections and the inverse variances (6,) of strays, told
     where each frame lies."""
@@ -173,10 +177,10 @@ def _skew(x: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Pictures:
+class ReprojectionEvidence:
     """The pictures of all videos that are synchronised, in their order."""
 
-    videos: Sequence[Filmed]
+    videos: Sequence[CalibratedVideo]
 
     def squares(
         self, v: int, maps: Sequence[Array], reference: int, per_frame: int

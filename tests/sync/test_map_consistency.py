@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imocap_core.sync.trust import (
+from imocap_core.sync.map_consistency import (
     PairMaps,
     cycle_residuals,
     followed,

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from imocap_core.sync.pairwise.view_axes import centred, rotations_onto
 from imocap_core.sync.screening.outliers import find_outliers, outlier_scores
 from imocap_core.sync.screening.persistent_difference import steady_levels, steady_squares
-from imocap_core.sync.screening.warp_fit import (
+from imocap_core.sync.screening.warp_residual import (
     expected_by,
     expected_squares,
     matched_levels,
