@@ -1,0 +1,1 @@
+"""Projection, rotation and zoom from the background, PnP, averaging of rotations."""

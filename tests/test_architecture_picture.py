@@ -1,0 +1,58 @@
+"""The picture of the architecture shows the stages and rooms of the code, in a true order."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from itertools import chain
+
+import grimp
+import pytest
+
+from tools import make_architecture_picture as tool
+from tools.make_architecture_picture import ROOT, TARGET, Room, Stage, names_in
+
+ADVICE = "run: python -m tools.make_architecture_picture"
+
+
+@pytest.fixture(scope="module")
+def bands() -> list[list[Room]]:
+    return tool.rooms_of_code()
+
+
+@pytest.fixture(scope="module")
+def stages() -> list[Stage]:
+    return tool.stages_of_code()
+
+
+def lines_in(drawing: str) -> int:
+    (total,) = re.findall(r"lines of Python, ([\d,]+) in all", drawing)
+    return int(total.replace(",", ""))
+
+
+def test_the_committed_picture_shows_the_code(stages: list[Stage], bands: list[list[Room]]) -> None:
+    committed = TARGET.read_text(encoding="utf-8")
+    assert names_in(committed, "stage") == [stage.name for stage in stages], ADVICE
+    assert names_in(committed, "artifact") == [stage.artifact for stage in stages], ADVICE
+    assert names_in(committed, "room") == [room.name for room in chain(*bands)], ADVICE
+    total = sum(room.lines for room in chain(*bands))
+    assert lines_in(committed) == pytest.approx(total, rel=0.1), ADVICE
+
+
+def test_the_same_code_gives_the_same_bytes(stages: list[Stage], bands: list[list[Room]]) -> None:
+    drawing = tool.picture(stages, bands)
+    assert drawing == tool.picture(tool.stages_of_code(), tool.rooms_of_code())
+
+
+def test_every_import_leads_to_a_later_room(bands: list[list[Room]]) -> None:
+    contract = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
+    order = {room.name: place for place, room in enumerate(chain(*bands))}
+    graph = grimp.build_graph(*contract["root_packages"], cache_dir=None)
+    rooms = {m: m.removeprefix("imocap_core.").split(".")[0] for m in graph.modules}
+    wrong = {
+        f"{rooms[module]} imports {rooms[other]}"
+        for module in graph.modules
+        for other in graph.find_modules_directly_imported_by(module)
+        if order.get(rooms[module], 0) > order.get(rooms[other], len(order))
+    }
+    assert wrong == set()
