@@ -116,9 +116,8 @@ def trust_table(workspace: Workspace, display: Display) -> list[Table | str]:
     """Whether videos of another action and mirrored ones are found (`trust`), and how often."""
     from benchmarks.trust.poses import fitted, true_poses
     from benchmarks.trust.screened import among_decidable, measure, totals
-    from imocap_core.params import SyncParams
 
-    max_rate = SyncParams.model_validate(workspace.pipeline().defaults["sync"]).max_rate
+    max_rate = workspace.pipeline().params.sync.max_rate
     rows = measure(fitted(workspace, display), max_rate)
     true = measure(true_poses(workspace), max_rate)
     said = [*totals(rows, "monocular fits"), *totals(true, "true poses")]
@@ -130,14 +129,11 @@ def sync_tables(workspace: Workspace, sampling: str, only: tuple[str, ...], meth
     from benchmarks.row_tables import markdown, write_tables
     from benchmarks.sync.accuracy import METHODS, accuracy, calibrated, events
     from benchmarks.sync.speed import speed
-    from imocap_core.params import SyncParams
-    from imocap_core.problem.synchronisation import settings_of
 
     chosen = tuple(word.strip() for word in methods.split(",") if word.strip()) or METHODS
     if unknown := set(chosen) - set(METHODS):
         raise WrongUse(f"--variants: expected some of {', '.join(METHODS)}, got {unknown.pop()}")
-    params = SyncParams.model_validate(workspace.pipeline().defaults["sync"])
-    settings = settings_of(params)
+    settings = workspace.pipeline().params.sync
     protocol, trials = (data_folder(workspace.root, kind) for kind in ("protocol", "trials"))
     tables: dict[str, Sequence[Any]] = {
         f"accuracy-{sampling}": accuracy(protocol, sampling, settings, chosen, only),

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from imocap_core.artifacts.store import Store
 from imocap_core.errors import WorkFailed
-from imocap_core.params import Params
 from imocap_core.pipeline import builtin_actions as demos
 from imocap_core.pipeline.action import DETECT, Action, find_action, read_action
 from imocap_core.pipeline.graph import FILE_NAME as PIPELINE
@@ -35,9 +34,9 @@ class Workspace:
                 return place
         raise WorkFailed(f"found no {PIPELINE}, neither in {self.root} nor beside the program")
 
-    def pipeline(self) -> Pipeline[Params]:
+    def pipeline(self) -> Pipeline:
         """The graph in force."""
-        return read_pipeline(self.pipeline_file(), Params)
+        return read_pipeline(self.pipeline_file())
 
     def job(self, action: str, sets: list[str]) -> Job:
         """An action (by name or path) with its settings, its files not yet looked at."""

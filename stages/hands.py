@@ -16,9 +16,7 @@ from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.hands import (
     arms_and_hands,
     members_of,
-    plan_of,
     timeline_of,
-    weights_of,
 )
 from imocap_core.rotations import log, unwrap
 
@@ -55,8 +53,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Hands:
             [videos[i] for i in ids],
             timeline,
             place,
-            weights_of(params.hands),
-            plan_of(params.hands),
+            params.hands,
         )
         found |= dict(zip(ids, fitted, strict=True))
         sizes.append(size)

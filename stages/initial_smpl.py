@@ -23,7 +23,6 @@ from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular.fit import fit_monocular
 from imocap_core.motion.monocular.library import Library, make_library
 from imocap_core.motion.monocular.starts import (
-    LiftingOptions,
     Start,
     fit_rotations_to_joints,
     lifted_starts,
@@ -31,11 +30,11 @@ from imocap_core.motion.monocular.starts import (
 )
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import load_pose_prior
-from imocap_core.params import Params
+from imocap_core.params import InitialSmplParams, Params
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.estimates import Estimate, estimate_of
 from imocap_core.problem.lifted import evidence_of, lifted_joints, starts_of
-from imocap_core.problem.motion import body_for, motions_of, observations_of, weights_of
+from imocap_core.problem.motion import body_for, motions_of, observations_of
 from imocap_core.workers import at_once
 
 
@@ -61,13 +60,13 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
     def begun(v: int) -> list[Start]:
         if ids[v] in lifted:
             return starts_of(body, library, observations[v], lifted[ids[v]])
-        return _starts(body, library, observations[v], given[ids[v]], params)
+        return _starts(body, library, observations[v], given[ids[v]], lifting)
 
     starts = at_once(begun, range(len(ids)))
     ctx.progress(0.4, "starts of all videos")
     slowest = min(o.fps for o in observations)
     fit = fit_monocular(
-        body, prior, observations, starts, weights_of(params.fit),
+        body, prior, observations, starts, params.fit,
         stride=max(1, round(lifting.stride_s * slowest)), max_steps=lifting.max_steps,
         progress=lambda said: ctx.progress(0.5, said),
     )  # fmt: skip
@@ -108,7 +107,7 @@ def _starts(
     library: Library,
     observation: Observation,
     given: Estimate,
-    params: Params,
+    params: InitialSmplParams,
 ) -> list[Start]:
     """Where the fit of one video begins."""
     if isinstance(given, Start):
@@ -117,15 +116,7 @@ def _starts(
         return [start_at_joints(body, given.to(library.R_view), observation)]
     if given is not None:
         return [start_at_joints(body, fit_rotations_to_joints(body, library, given), observation)]
-    lifting = params.initial_smpl
-    options = LiftingOptions(
-        candidates=lifting.candidates,
-        stride_s=lifting.stride_s,
-        sigma=lifting.match_sigma,
-        step_m_s=lifting.step_m_s,
-        starts=lifting.starts,
-    )
-    return lifted_starts(body, library, observation, options)
+    return lifted_starts(body, library, observation, params)
 
 
 if __name__ == "__main__":

@@ -25,7 +25,6 @@ from imocap_core.problem.motion import (
     cameras_of,
     evidence_joints,
     observations_of,
-    options_of,
     pictures_of,
     scene_of,
     smpl_ba_of,
@@ -45,12 +44,11 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
         body, work.keypoints, work.camera_motion, params.fit, evidence_joints(work.initial)
     )
     hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))
-    options = options_of(params.motion)
     rounds_begun = 0
 
     def pictures(motion: SmplBa) -> ReprojectionEvidence:
         motions, cameras = work.motions_in(motion.videos), work.cameras_in(motion.cameras)
-        return pictures_of(body, observations, motions, cameras)
+        return pictures_of(body, observations, motions, cameras, params.motion)
 
     def synchronise(motion: SmplBa) -> Sync:
         nonlocal rounds_begun
@@ -72,7 +70,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
         scene = scene_of(body, observations, work.sync_in(sync), params.fit)
         state: MotionState = state_of(work.motions_in(motion.videos))
         cameras = cameras_of(work.cameras_in(motion.cameras))
-        found = recover_motion(scene, state, options, cameras=cameras)
+        found = recover_motion(scene, state, params.motion, cameras=cameras)
         return work.out(smpl_ba_of(body, found, observations, work.keypoints, sync.reference))
 
     done = alternate(

@@ -12,7 +12,6 @@ from imocap_core.problem.motion import (
     body_for,
     evidence_joints,
     observations_of,
-    options_of,
     scene_of,
     smpl_ba_of,
     state_of,
@@ -29,7 +28,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> SmplBa:
     motion = recover_motion(
         scene_of(body, observations, work.sync_in(sync), params.fit),
         state_of(work.initial.videos),
-        options_of(params.motion),
+        params.motion,
         progress=lambda said: ctx.progress(0.5, said),
     )
     return work.out(smpl_ba_of(body, motion, observations, work.keypoints, sync.reference))

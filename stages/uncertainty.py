@@ -21,7 +21,6 @@ from imocap_core.problem.motion import (
     cameras_of,
     evidence_joints,
     observations_of,
-    options_of,
     scene_of,
     state_of,
 )
@@ -55,15 +54,15 @@ def claims_of(group: Group, params: Params) -> Claims:
         cameras_of(work.cameras_in(group.cameras)),
     )
     scene = scene_of(body, observations, work.sync_in(group.sync), params.fit).through(cameras)
-    told = params.uncertainty
-    noise = Noise(told.correlation_s, told.pose_persistence_s)
-    found = uncertainty(scene, state, cameras, options_of(params.motion), noise)
+    noise = Noise(params.uncertainty)
+    found = uncertainty(scene, state, cameras, params.motion, noise)
     left_open = observe(
         scene,
         state,
         cameras,
         found,
-        near_limit_deg=told.near_limit_deg,
+        params.motion,
+        near_limit_deg=params.uncertainty.near_limit_deg,
         evidence_share=noise.evidence_share(scene.fps),
     )
     return Claims(work, found.covariances_m2, left_open)

@@ -13,7 +13,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import torch
-import yaml
 
 from benchmarks.rendered.action import seen_points
 from benchmarks.sync.training_scenes import CAPTURED_FPS, training_clip
@@ -41,7 +40,7 @@ TARGETS = {"nose": "", "eye": "", "ear": "", "shoulder": "elbow", "elbow": "shou
 LIMBS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 TURNED = 0.05  # of the height
 DRAWS = 4  # of the simulated detector
-PIPELINE = Path(__file__).parents[1] / "pipeline.yaml"
+ROOT = Path(__file__).parents[1]
 
 
 def measure(train: Path, clip: str, view: int, python: Path) -> dict[str, np.ndarray]:
@@ -53,8 +52,7 @@ def measure(train: Path, clip: str, view: int, python: Path) -> dict[str, np.nda
     betas, motions = embody(model, [joints[first : first + FRAMES]])
     shaped = model.shape(torch.as_tensor(betas))
     shooting = shoot(motions[0], shaped, VIEWPOINTS[view], SIZE)
-    detector = detector_of(DetectParams(**yaml.safe_load(PIPELINE.read_text())["params"]["detect"]),
-                           PIPELINE.parent)  # fmt: skip
+    detector = detector_of(DetectParams(), ROOT)
     with tempfile.TemporaryDirectory() as folder:
         video, found = Path(folder) / "film.mp4", Path(folder) / "found.npz"
         pictures = film_frames(shooting, shaped, view, SEED + CLIPS.index(clip))
@@ -130,7 +128,7 @@ def main() -> None:
     cv2.setNumThreads(1)
     environments = Path(__file__).parents[1] / "imocap_core" / "detect" / "environments"
     environment = environments / "mediapipe.txt"
-    python = python_for(environment, PIPELINE.parent, print)
+    python = python_for(environment, ROOT.parent, print)
     report(films(arguments.train, arguments.work, python))
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import os
 import time
-from dataclasses import astuple, fields, replace
+from dataclasses import astuple, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,17 +19,16 @@ import yaml
 from benchmarks.sync.map_scores import event_errors_frames, score_maps
 from benchmarks.sync.scenes import SyncScene, protocol_scene, trial_scene
 from benchmarks.sync.training_scenes import training_scenes
-from imocap_core.sync import Settings, synchronise
+from imocap_core.params import SyncParams
+from imocap_core.sync import synchronise
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = Path(os.environ.get("IMOCAP_DATA", ROOT.parent / "shared" / "data"))
 
 
-def settings(changes: dict[str, Any]) -> Settings:
-    """pipeline.yaml's values with changes."""
-    values = yaml.safe_load((ROOT / "pipeline.yaml").read_text())["params"]["sync"]
-    known = {f.name for f in fields(Settings)}
-    return Settings(**{k: v for k, v in (values | changes).items() if k in known})
+def settings(changes: dict[str, Any]) -> SyncParams:
+    """The defaults with changes."""
+    return SyncParams(**changes)
 
 
 def scenes_of(kind: str, seed: int) -> list[SyncScene]:

@@ -18,15 +18,14 @@ from imocap_core.metrics.sync import true_reference_frame
 from imocap_core.motion.multiview.common import common_then_own
 from imocap_core.motion.multiview.consensus import Cameras
 from imocap_core.motion.multiview.joint import one_body, recover_motion
-from imocap_core.motion.multiview.scene import JointMotion, JointOptions, Scene
+from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.state import MotionState
-from imocap_core.params import Params
+from imocap_core.params import MotionParams, Params
 from imocap_core.problem.motion import (
     LIKE,
     body_for,
     evidence_joints,
     observations_of,
-    options_of,
     scene_of,
     smpl_ba_of,
     state_of,
@@ -51,13 +50,12 @@ def oracle(
     ]
     scene = scene_of(body, observations, sync, params.fit)
     cameras = true_cameras(sync, truth)
-    options = options_of(params.motion)
-    motion = fit_with_cameras(scene, state_of(initial.videos), cameras, options)
+    motion = fit_with_cameras(scene, state_of(initial.videos), cameras, params.motion)
     return smpl_ba_of(body, motion, observations, keypoints, sync.reference), sync
 
 
 def fit_with_cameras(
-    scene: Scene, start: MotionState, cameras: Cameras, options: JointOptions
+    scene: Scene, start: MotionState, cameras: Cameras, options: MotionParams
 ) -> JointMotion:
     """What `recover_motion` does once it has cameras, with cameras that stay as they are."""
     if len(scene.observations) == 1:

@@ -14,7 +14,6 @@ from benchmarks.scoring.costs import peak_gb
 from benchmarks.solver.scene import made_scene
 from imocap_core.motion.multiview.joint import recover_motion
 from imocap_core.params import FitParams, MotionParams
-from imocap_core.problem.motion import options_of, weights_of
 
 SIZES = ((4, 150), (4, 300), (8, 500), (8, 1000))
 
@@ -51,9 +50,9 @@ def grow(
 def grown(fit: FitParams, motion: MotionParams, seed: int, videos: int, frames: int) -> GrowthRow:
     """One size, in this process."""
     load = os.getloadavg()[0]
-    made = made_scene(videos, frames, weights_of(fit), seed)
+    made = made_scene(videos, frames, fit, seed)
     began, began_processor = time.perf_counter(), time.process_time()
-    recover_motion(made.scene, made.start, options_of(motion))
+    recover_motion(made.scene, made.start, motion)
     seconds, processor_s = time.perf_counter() - began, time.process_time() - began_processor
     per_frame = 1e3 * processor_s / (videos * frames)
     return GrowthRow(videos, frames, seconds, processor_s, per_frame, peak_gb(), float("nan"), load)

@@ -22,10 +22,8 @@ from benchmarks.solver.growth import grow
 from benchmarks.solver.race import race
 from benchmarks.solver.scene import made_scene
 from imocap_core.errors import WrongUse
-from imocap_core.params import FitParams, MotionParams
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.runner import Display, Outcome
-from imocap_core.problem.motion import options_of, weights_of
 from imocap_core.workspace import Workspace
 
 STAGES = ("keypoints", "camera_motion", "initial_smpl", "sync", "smpl_ba", "refine_sync")
@@ -101,7 +99,7 @@ def measure(workspace: Workspace, only: Sequence[str], display: Display, folder:
     work: dict[str, Callable[[], Sequence[Any]]] = {
         "stages": lambda: stage_rows(workspace, display),
         "race": lambda: _race(workspace),
-        "growth": lambda: grow(*_params(workspace), workspace.pipeline().seed),
+        "growth": lambda: _growth(workspace),
     }
     for part in HEADS:
         if not only or part in only:
@@ -137,17 +135,15 @@ def markdown(folder: Path) -> str:
     return "\n\n".join(told)
 
 
+def _growth(workspace: Workspace) -> Sequence[Any]:
+    pipeline = workspace.pipeline()
+    return grow(pipeline.params.fit, pipeline.params.motion, pipeline.seed)
+
+
 def _race(workspace: Workspace) -> Sequence[Any]:
-    fit, motion = _params(workspace)
-    made = made_scene(*RACE_SIZE, weights_of(fit), workspace.pipeline().seed)
-    return race(made, options_of(motion), MOST_TIMES)
-
-
-def _params(workspace: Workspace) -> tuple[FitParams, MotionParams]:
-    defaults = workspace.pipeline().defaults
-    return FitParams.model_validate(defaults["fit"]), MotionParams.model_validate(
-        defaults["motion"]
-    )
+    pipeline = workspace.pipeline()
+    made = made_scene(*RACE_SIZE, pipeline.params.fit, pipeline.seed)
+    return race(made, pipeline.params.motion, MOST_TIMES)
 
 
 def _table(rows: list[dict[str, Any]]) -> str:

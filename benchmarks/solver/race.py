@@ -27,12 +27,12 @@ from imocap_core.motion.multiview.consensus import align, cameras_from_motion
 from imocap_core.motion.multiview.coupled import consensus_motion
 from imocap_core.motion.multiview.joint import one_body
 from imocap_core.motion.multiview.rigid_offsets import first_strays
-from imocap_core.motion.multiview.scene import JointOptions
 from imocap_core.motion.multiview.shared import gather, shared_problem
 from imocap_core.motion.solver.gauss_newton import Solution, gauss_newton, objective
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import Term
+from imocap_core.params import MotionParams
 
 Run = Callable[[Sequence[Term], MotionState], Solution]
 
@@ -103,7 +103,7 @@ class Watched:
         return self
 
 
-def race(made: MadeScene, options: JointOptions, most_times: float) -> list[RaceRow]:
+def race(made: MadeScene, options: MotionParams, most_times: float) -> list[RaceRow]:
     """Both problems: Gauss-Newton, then each rival with Gauss-Newton again after it; a rival is
     given `most_times` the time of the slowest Gauss-Newton so far."""
     with one_core():
@@ -153,7 +153,7 @@ def watched(
 
 
 def common_problem(
-    made: MadeScene, options: JointOptions, *, strays: bool
+    made: MadeScene, options: MotionParams, *, strays: bool
 ) -> tuple[list[Term], MotionState]:
     """The first fit of one motion to all views."""
     scene, weights = made.scene, made.scene.weights
@@ -162,10 +162,10 @@ def common_problem(
     cameras = cameras_from_motion(aligned, scene.K.to(state.trans), scene.reference)
     evidence = gather(scene.observations, scene.timeline)
     if strays:
-        evidence = replace(evidence, stray=first_strays(len(scene.observations)))
+        evidence = replace(evidence, stray=first_strays(len(scene.observations), options))
     shared = consensus_motion(scene, state, cameras, options)
     free = [v for v in range(len(scene.observations)) if v != scene.reference]
-    scale = weights.robust_scale * ROBUST_STAGES[0]
+    scale = weights.robust_scale_sigma * ROBUST_STAGES[0]
     seen, start = shared_problem(scene.body, shared, evidence, cameras, free, robust_scale=scale)
     return [*seen, *regularisers(scene.body, scene.prior, weights, scene.fps)], start
 

@@ -17,12 +17,12 @@ from scipy.ndimage import gaussian_filter1d
 
 from imocap_core.body import load_free_body
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.monocular.fit import FitWeights
 from imocap_core.motion.multiview.scene import Scene
 from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.motion.state import MotionState
+from imocap_core.params import FitParams
 from imocap_core.rotations import exp
 
 Floats = NDArray[np.float64]
@@ -46,7 +46,7 @@ class MadeScene:
     start: MotionState
 
 
-def made_scene(videos: int, frames: int, weights: FitWeights, seed: int) -> MadeScene:
+def made_scene(videos: int, frames: int, weights: FitParams, seed: int) -> MadeScene:
     """`videos` performances of one made motion, `frames` frames each."""
     rng = np.random.default_rng([seed, videos, frames])
     body = Body.of(load_free_body(), LAYOUT)

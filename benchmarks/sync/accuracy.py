@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -19,7 +20,9 @@ from benchmarks.sync.calibration import (
 from benchmarks.sync.map_scores import event_errors_frames, pair_error_pct, score_maps
 from benchmarks.sync.rivals import RIVALS, rival
 from benchmarks.sync.scenes import SyncScene, protocol_scene, trial_scene
-from imocap_core.sync import Settings, SyncResult, synchronise
+from imocap_core.params import SyncParams
+from imocap_core.params.sync import CycleMethod, Warp
+from imocap_core.sync import SyncResult, synchronise
 from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.warp.dtw import dtw, positions_of_rows
 from imocap_core.sync.warp.positions import median_positions
@@ -53,7 +56,7 @@ class EventRow:
 
 
 def accuracy(
-    folder: Path, sampling: str, settings: Settings, methods: Sequence[str], only: Sequence[str]
+    folder: Path, sampling: str, settings: SyncParams, methods: Sequence[str], only: Sequence[str]
 ) -> list[AccuracyRow]:
     """Every clip with every method and warp, before the loop, rivals, and the means."""
     rows = []
@@ -69,7 +72,7 @@ def accuracy(
 
 
 def calibrated(
-    folder: Path, sampling: str, settings: Settings, only: Sequence[str]
+    folder: Path, sampling: str, settings: SyncParams, only: Sequence[str]
 ) -> list[CalibrationRow]:
     """The confidence of every clip's frames against their errors, with the default settings."""
     pairs = []
@@ -85,8 +88,11 @@ def calibrated(
     return calibration(np.concatenate(pairs), settings.confidence_reach_s) if pairs else []
 
 
-def _accuracy(scene: SyncScene, settings: Settings, warp: str, method: str) -> AccuracyRow:
-    found = _synchronised(scene, replace(_fit_for(scene, settings), warp=warp, method=method))
+def _accuracy(scene: SyncScene, settings: SyncParams, warp: str, method: str) -> AccuracyRow:
+    choice = replace(
+        _fit_for(scene, settings), warp=cast(Warp, warp), method=cast(CycleMethod, method)
+    )
+    found = _synchronised(scene, choice)
     score = score_maps(scene, found.reference, found.reference_frame, found.confidence)
     blocks, M = Blocks(tuple(map(len, scene.poses))), len(scene.poses)
     errors = []
@@ -113,11 +119,11 @@ def _rival(scene: SyncScene, kind: str, reference: int) -> AccuracyRow:
     )  # fmt: skip
 
 
-def _fit_for(scene: SyncScene, settings: Settings) -> Settings:
+def _fit_for(scene: SyncScene, settings: SyncParams) -> SyncParams:
     return settings if scene.max_rate is None else replace(settings, max_rate=scene.max_rate)
 
 
-def _synchronised(scene: SyncScene, settings: Settings) -> SyncResult:
+def _synchronised(scene: SyncScene, settings: SyncParams) -> SyncResult:
     return synchronise(scene.poses, fps=scene.fps, settings=settings, rng=np.random.default_rng(0))
 
 
@@ -130,7 +136,7 @@ def _means(rows: Sequence[AccuracyRow]) -> list[AccuracyRow]:
     return means
 
 
-def events(folder: Path, settings: Settings, only: Sequence[str]) -> list[EventRow]:
+def events(folder: Path, settings: SyncParams, only: Sequence[str]) -> list[EventRow]:
     """Every action of the trials whose data name an event."""
     rows = []
     for file in sorted(folder.glob("*.npz")):

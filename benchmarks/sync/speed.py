@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from imocap_core.sync import Settings, synchronise
+from imocap_core.params import SyncParams
+from imocap_core.sync import synchronise
 from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.cycle.methods import relax, symmetric_affinity
 from imocap_core.sync.pairwise.distance_matrix import compare
@@ -44,7 +45,7 @@ def made_poses(frames: int, rng: np.random.Generator) -> list[Floats]:
     return [motion + 0.05 * rng.normal(size=motion.shape) for _ in range(VIDEOS)]
 
 
-def speed(settings: Settings) -> list[SpeedRow]:
+def speed(settings: SyncParams) -> list[SpeedRow]:
     """Affinity, each cycle-consistency method and the whole synchronisation."""
     rows: list[SpeedRow] = []
     fps = [FPS] * VIDEOS
@@ -66,7 +67,7 @@ def _relaxed(method: str, soft: NDArray[np.floating], blocks: Blocks, rounds: in
     return relax(method, soft, blocks, rounds=rounds, rng=np.random.default_rng(0))[1].status
 
 
-def _whole(poses: list[Floats], fps: list[float], settings: Settings) -> None:
+def _whole(poses: list[Floats], fps: list[float], settings: SyncParams) -> None:
     synchronise(poses, fps=fps, settings=settings, rng=np.random.default_rng(0))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -13,7 +13,7 @@ from imocap_core.errors import WorkFailed
 from imocap_core.motion.multiview.common_time import moments_of, values_at
 from imocap_core.motion.multiview.timeline import sample_rotations
 from imocap_core.params import SyncParams
-from imocap_core.problem.synchronisation import joint_weights_of, settings_of
+from imocap_core.problem.synchronisation import joint_weights_of
 from imocap_core.sync import synchronise
 from imocap_core.technique.consistency import consistency
 from imocap_core.technique.difference import Difference, difference
@@ -111,7 +111,7 @@ def pair_of(
     WorkFailed when the two share no moment.
     """
     means = [t.mean.joints for t in (first, second)]
-    settings = settings_of(params.model_copy(update={"outliers": "ignore", "mirrored": "ignore"}))
+    settings = replace(params, outliers="ignore", mirrored="ignore")
     weights = joint_weights_of(params)
     found = synchronise(
         means,

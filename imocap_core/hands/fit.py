@@ -16,11 +16,12 @@ from imocap_core.hands.assemble import (
     own_views,
 )
 from imocap_core.hands.kinematics import hand_points, joint_vectors
-from imocap_core.hands.problem import HandState, HandWeights
+from imocap_core.hands.problem import HandState
 from imocap_core.hands.skeleton import HandSkeleton
 from imocap_core.hands.solver import HandProblem, solve_hands, solve_hands_and_size
 from imocap_core.hands.starts import started
 from imocap_core.motion.multiview.timeline import Timeline
+from imocap_core.params import HandsParams
 
 
 @dataclass(frozen=True)
@@ -40,23 +41,12 @@ class FittedHands:
     seen: Tensor
 
 
-@dataclass(frozen=True)
-class FitPlan:
-    """How the fit proceeds: spread of the logarithm of the hands' size, time between the frames
-    that are started in, Gauss-Newton steps of each solve."""
-
-    size_spread: float
-    stride_s: float
-    max_steps: int
-
-
 def fit_hands(
     skeleton: HandSkeleton,
     videos: Sequence[VideoHands],
     timeline: Timeline | None,
     reference: int,
-    weights: HandWeights,
-    plan: FitPlan,
+    params: HandsParams,
 ) -> tuple[list[FittedHands], float]:
     """Fit both hands in all videos that show one action; returns them and their common size.
 
@@ -66,19 +56,17 @@ def fit_hands(
     """
     if timeline is None and len(videos) != 1:
         raise ValueError(f"timeline: expected one for {len(videos)} videos, got none")
-    common = (
-        None if timeline is None else _common(skeleton, videos, timeline, reference, weights, plan)
-    )
+    common = None if timeline is None else _common(skeleton, videos, timeline, reference, params)
     views = own_views(skeleton, videos)
-    problem = HandProblem(views, skeleton, weights, fps_of(videos))
+    problem = HandProblem(views, skeleton, params, fps_of(videos))
     if common is None or timeline is None:
-        state = _solved(problem, started(problem, plan.stride_s), plan)
+        state = _solved(problem, started(problem, params.stride_s), params)
     else:
         shared = common_at(common, videos, timeline)
         problem = replace(problem, common=shared)
         still = torch.zeros_like(views.wrist_m)
         state = HandState(shared.R_wrist, shared.angles, still, common.size)
-        state, _ = solve_hands(problem, state, plan.max_steps)
+        state, _ = solve_hands(problem, state, params.max_steps)
     return _parted(problem, state, videos), state.size
 
 
@@ -87,19 +75,18 @@ def _common(
     videos: Sequence[VideoHands],
     timeline: Timeline,
     reference: int,
-    weights: HandWeights,
-    plan: FitPlan,
+    params: HandsParams,
 ) -> HandState:
     """One left and one right hand for all videos, on the reference's frames."""
     views = common_views(skeleton, videos, timeline)
     fps = views.K.new_full((2,), videos[reference].fps)
-    problem = HandProblem(views, skeleton, weights, fps)
-    return _solved(problem, started(problem, plan.stride_s), plan)
+    problem = HandProblem(views, skeleton, params, fps)
+    return _solved(problem, started(problem, params.stride_s), params)
 
 
-def _solved(problem: HandProblem, state: HandState, plan: FitPlan) -> HandState:
-    state, _ = solve_hands(problem, state, plan.max_steps)
-    return solve_hands_and_size(problem, state, plan.max_steps, plan.size_spread)
+def _solved(problem: HandProblem, state: HandState, params: HandsParams) -> HandState:
+    state, _ = solve_hands(problem, state, params.max_steps)
+    return solve_hands_and_size(problem, state, params.max_steps, params.size_spread)
 
 
 def _parted(

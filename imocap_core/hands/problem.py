@@ -99,27 +99,3 @@ class CommonHand:
     R_wrist: Tensor
     angles: Tensor
     trust: Tensor
-
-
-@dataclass(frozen=True)
-class HandWeights:
-    """How much each term counts (pipeline.yaml, group ``hands``).
-
-    Attributes:
-        robust_scale: standard deviations at which a keypoint's cost reaches half its ceiling.
-        wrist_rad, offset_m: spread of the wrist about the body's.
-        pose_prior: of the spread of everyday poses; limit_rad: transgression that costs 1.
-        coupling_rad: difference from the common motion that costs 1; agreement_rad: beyond it a
-            finger or wrist stops following.
-        acceleration_rad_s2, offset_acceleration_m_s2: of real motion, one standard deviation.
-    """
-
-    robust_scale: float
-    wrist_rad: float
-    offset_m: float
-    pose_prior: float
-    limit_rad: float
-    coupling_rad: float
-    agreement_rad: float
-    acceleration_rad_s2: float
-    offset_acceleration_m_s2: float

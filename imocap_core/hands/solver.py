@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from imocap_core.hands.problem import CommonHand, HandState, HandViews, HandWeights
+from imocap_core.hands.problem import CommonHand, HandState, HandViews
 from imocap_core.hands.skeleton import HandSkeleton
 from imocap_core.hands.terms import (
     ROTATIONS,
@@ -18,6 +18,7 @@ from imocap_core.hands.terms import (
     smooth_cost,
 )
 from imocap_core.motion.solver.normal import NormalEquations, solve_globals
+from imocap_core.params import HandsParams
 
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-7, 1e6
 TOLERANCE = 1e-4  # a step that lowers the objective by a smaller share is the last
@@ -30,7 +31,7 @@ class HandProblem:
 
     views: HandViews
     skeleton: HandSkeleton
-    weights: HandWeights
+    weights: HandsParams
     fps: Tensor
     common: CommonHand | None = None
 

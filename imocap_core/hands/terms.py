@@ -6,9 +6,10 @@ import torch
 from torch import Tensor
 
 from imocap_core.hands.kinematics import hand_points
-from imocap_core.hands.problem import CommonHand, HandState, HandViews, HandWeights
+from imocap_core.hands.problem import CommonHand, HandState, HandViews
 from imocap_core.hands.skeleton import ANGLE_NAMES, HandSkeleton
 from imocap_core.motion.solver.normal import NormalEquations
+from imocap_core.params import HandsParams
 from imocap_core.robust import cauchy, geman_mcclure
 from imocap_core.rotations import log, right_jacobian
 
@@ -40,13 +41,13 @@ def project_hands(views: HandViews, state: HandState) -> tuple[Tensor, Tensor]:
 
 
 def image_cost(
-    views: HandViews, state: HandState, weights: HandWeights, normal: Equations = None
+    views: HandViews, state: HandState, weights: HandsParams, normal: Equations = None
 ) -> Tensor:
     """(B,) robust distance of the projected hands to the detected keypoints."""
     pixels, jacobian = project_hands(views, state)
     miss = torch.where(views.weight[..., None] > 0, pixels - views.xy_px, 0.0)
     squared = views.weight * (miss**2).sum(-1)
-    cost, share = geman_mcclure(squared, weights.robust_scale)
+    cost, share = geman_mcclure(squared, weights.robust_scale_sigma)
     if normal is not None:
         w = (views.weight * share)[..., None].expand_as(miss)
         rows, rest, w = (x.flatten(3, 4) for x in (jacobian, miss, w))  # (B, T, V, 42, ...)
@@ -73,7 +74,7 @@ def prior_cost(
     views: HandViews,
     state: HandState,
     skeleton: HandSkeleton,
-    weights: HandWeights,
+    weights: HandsParams,
     normal: Equations = None,
 ) -> Tensor:
     """(B,) spread of poses and ranges of motion, the wrist about the body's, its place likewise."""
@@ -113,7 +114,7 @@ def _pose_rows(angles: Tensor, spread: Tensor) -> Tensor:
 
 
 def smooth_cost(
-    views: HandViews, state: HandState, weights: HandWeights, fps: Tensor, normal: Equations = None
+    views: HandViews, state: HandState, weights: HandsParams, fps: Tensor, normal: Equations = None
 ) -> Tensor:
     """(B,) accelerations of wrist, fingers and place; fps (B,)."""
     if state.angles.shape[1] < 3:
@@ -140,7 +141,7 @@ def coupling_cost(
     views: HandViews,
     state: HandState,
     common: CommonHand,
-    weights: HandWeights,
+    weights: HandsParams,
     normal: Equations = None,
 ) -> Tensor:
     """(B,) differences from the common motion, the wrist and each finger robustly by itself."""

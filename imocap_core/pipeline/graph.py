@@ -1,15 +1,20 @@
-"""pipeline.yaml: the graph of the stages and every default value, validated."""
+"""pipeline.yaml: the graph of the stages, and the values that differ from the defaults; validated.
+
+The defaults, types and bounds of all parameters are those of `imocap_core.params`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
+from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, Generic, TypeVar
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
 from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.params import Params
 from imocap_core.pipeline.action import explain_faults, load_yaml, parse
 from imocap_core.pipeline.source import PROJECT
 from imocap_core.pipeline.stage import Read
@@ -17,8 +22,7 @@ from imocap_core.pipeline.stage import Read
 FILE_NAME = "pipeline.yaml"
 SCORING_STAGE = "evaluate"  # the only one that may read the truth
 SEED = "seed"
-
-Groups = TypeVar("Groups", bound=BaseModel)
+GROUPS = [f.name for f in fields(Params)]
 
 
 class StageSpec(BaseModel):
@@ -37,7 +41,7 @@ class _PipelineFile(BaseModel):
 
     seed: Annotated[int, Field(ge=0)]
     stages: dict[str, StageSpec]
-    params: dict[str, dict[str, Any]]
+    params: dict[str, Any] | None = None
 
     @model_validator(mode="after")
     def _graph_is_sound(self) -> _PipelineFile:
@@ -50,9 +54,9 @@ class _PipelineFile(BaseModel):
                 if given not in before
             ]
             faults += [
-                f"{name}.params: {group!r} is no group of params" + _there_are(list(self.params))
+                f"{name}.params: {group!r} is no group of params" + _there_are(GROUPS)
                 for group in stage.params
-                if group not in self.params
+                if group not in GROUPS
             ]
             if "truth" in stage.reads and name != SCORING_STAGE:
                 faults.append(f"{name}.reads: truth is for {SCORING_STAGE} alone")
@@ -63,14 +67,13 @@ class _PipelineFile(BaseModel):
 
 
 @dataclass(frozen=True)
-class Pipeline(Generic[Groups]):
-    """The graph, and the model that its parameters obey."""
+class Pipeline:
+    """The graph, and the parameters where neither an action nor `--set` changes them."""
 
     file: Path
     seed: int
     stages: Mapping[str, StageSpec]  # in the order they run
-    defaults: Mapping[str, Mapping[str, Any]]
-    model: type[Groups]
+    params: Params
 
     def script(self, stage: str) -> Path:
         """A stage's script: beside pipeline.yaml, or where this package is installed."""
@@ -91,65 +94,80 @@ class Pipeline(Generic[Groups]):
 
 
 @dataclass(frozen=True)
-class Settings(Generic[Groups]):
+class RunSettings:
     """The seed and the parameters of one run, after all overrides."""
 
     seed: int
-    params: Groups
+    params: Params
 
     def of(self, groups: Sequence[str]) -> dict[str, dict[str, Any]]:
         """The values of some groups, as plain data."""
-        return {group: getattr(self.params, group).model_dump(mode="json") for group in groups}
+        return {group: asdict(getattr(self.params, group)) for group in groups}
 
 
-def read_pipeline(file: Path, model: type[Groups]) -> Pipeline[Groups]:
+def read_pipeline(file: Path) -> Pipeline:
     """Read and check pipeline.yaml. WorkFailed names every fault in it at once."""
     parsed = parse(_PipelineFile, load_yaml(file), str(file))
-    pipeline = Pipeline(file, parsed.seed, parsed.stages, parsed.params, model)
-    parse(model, dict(parsed.params), f"{file}: params")
-    return pipeline
+    source = f"{file}: params"
+    params = _validated(_merge(asdict(Params()), parsed.params or {}, source), source)
+    return Pipeline(file, parsed.seed, parsed.stages, params)
 
 
 def settings(
-    pipeline: Pipeline[Groups], action_params: Mapping[str, Any], action_file: Path, sets: list[str]
-) -> Settings[Groups]:
-    """Defaults, then the action's `params`, then one-off `--set group.name=value`.
+    pipeline: Pipeline, action_params: Mapping[str, Any], action_file: Path, sets: list[str]
+) -> RunSettings:
+    """The pipeline's values, then the action's `params`, then one-off `--set group.name=value`.
 
     WorkFailed when action.yaml is at fault, WrongUse when a `--set` is.
     """
-    merged = _merge(pipeline.defaults, action_params, str(action_file))
-    seed = _seed(action_params.get(SEED, pipeline.seed), f"{action_file}: params.{SEED}")
-    params = parse(pipeline.model, merged, f"{action_file}: params")
+    source = f"{action_file}: params"
+    values = _merge(asdict(pipeline.params), action_params, source)
+    seed = _seed(action_params.get(SEED, pipeline.seed), f"{source}.{SEED}")
+    params = _validated(values, source)
     if not sets:
-        return Settings(seed, params)
+        return RunSettings(seed, params)
     once = _parse_sets(sets)
     try:
-        merged = _merge(merged, once, "--set")
+        values = _merge(values, once, "--set")
         seed = _seed(once.get(SEED, seed), f"--set {SEED}")
-        return Settings(seed, pipeline.model.model_validate(merged))
-    except ValidationError as error:
-        raise WrongUse(explain_faults(error, "--set")) from None
+        return RunSettings(seed, _validated(values, "--set"))
     except WorkFailed as error:
         raise WrongUse(str(error)) from None
 
 
+@cache
+def _adapter() -> TypeAdapter[Params]:
+    return TypeAdapter(Params)
+
+
+def _validated(values: Mapping[str, Mapping[str, Any]], source: str) -> Params:
+    """All parameters with their types and bounds checked; WorkFailed names every fault."""
+    try:
+        return _adapter().validate_python(values)
+    except ValidationError as error:
+        raise WorkFailed(explain_faults(error, source)) from None
+
+
 def _merge(
-    under: Mapping[str, Mapping[str, Any]], over: Mapping[str, Any], file: str
+    values: Mapping[str, Mapping[str, Any]], changes: Mapping[str, Any], source: str
 ) -> dict[str, dict[str, Any]]:
-    merged = {group: dict(values) for group, values in under.items()}
-    for group, values in over.items():
+    """Values by group and name with changes; WorkFailed for an unknown group or name."""
+    merged = {group: dict(by_name) for group, by_name in values.items()}
+    for group, by_name in changes.items():
         if group == SEED:
             continue
         if group not in merged:
-            raise WorkFailed(f"{file}: {group!r} is no group of params" + _there_are(list(merged)))
-        if not isinstance(values, Mapping):
-            raise WorkFailed(f"{file}: {group}: expected 'name: value' pairs, got {values!r}")
-        unknown = [name for name in values if name not in merged[group]]
+            raise WorkFailed(
+                f"{source}: {group!r} is no group of params" + _there_are(list(merged))
+            )
+        if not isinstance(by_name, Mapping):
+            raise WorkFailed(f"{source}: {group}: expected 'name: value' pairs, got {by_name!r}")
+        unknown = [name for name in by_name if name not in merged[group]]
         if unknown:
             raise WorkFailed(
-                f"{file}: {group}.{unknown[0]} is no parameter" + _there_are(list(merged[group]))
+                f"{source}: {group}.{unknown[0]} is no parameter" + _there_are(list(merged[group]))
             )
-        merged[group].update(values)
+        merged[group].update(by_name)
     return merged
 
 

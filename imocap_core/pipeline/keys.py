@@ -16,7 +16,7 @@ from typing import Any
 
 from imocap_core.errors import WorkFailed
 from imocap_core.pipeline.action import DETECT, Action
-from imocap_core.pipeline.graph import Pipeline, Settings
+from imocap_core.pipeline.graph import Pipeline, RunSettings
 from imocap_core.pipeline.source import closure
 from imocap_core.pipeline.stage import Read
 
@@ -45,7 +45,7 @@ class Recipe:
 
 
 def recipe(
-    pipeline: Pipeline, stage: str, action: Action, settings: Settings, inputs: Mapping[str, str]
+    pipeline: Pipeline, stage: str, action: Action, settings: RunSettings, inputs: Mapping[str, str]
 ) -> Recipe:
     """The recipe of a stage now; `inputs` are the content digests of its input artifacts."""
     spec = pipeline.stages[stage]

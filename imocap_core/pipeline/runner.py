@@ -16,7 +16,7 @@ from imocap_core.artifacts.schemas.base import Artifact
 from imocap_core.artifacts.store import Store, Stored
 from imocap_core.errors import WorkFailed, own_fault
 from imocap_core.pipeline.action import Action
-from imocap_core.pipeline.graph import Pipeline, Settings
+from imocap_core.pipeline.graph import Pipeline, RunSettings
 from imocap_core.pipeline.keys import Recipe, differences, recipe
 from imocap_core.pipeline.source import module_name
 from imocap_core.pipeline.stage import Context, Inputs, Progress
@@ -71,7 +71,7 @@ class Job:
     pipeline: Pipeline
     store: Store
     action: Action
-    settings: Settings
+    settings: RunSettings
 
     def recipe(self, stage: str, done: Mapping[str, Stored]) -> Recipe:
         """What a stage's result would be made from now; `done` holds at least its inputs."""

@@ -17,8 +17,6 @@ from imocap_core.body.kinematics import world_rotations
 from imocap_core.camera.projection import warp
 from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
 from imocap_core.hands.assemble import VideoHands, point_weights
-from imocap_core.hands.fit import FitPlan
-from imocap_core.hands.problem import HandWeights
 from imocap_core.hands.skeleton import SIDES, HandSkeleton
 from imocap_core.motion.multiview.timeline import Timeline, make_timeline
 from imocap_core.params import HandsParams
@@ -88,23 +86,3 @@ def timeline_of(sync: SyncSummary, ids: list[str]) -> Timeline:
     return make_timeline(
         [maps[i].reference_frame for i in ids], [maps[i].confidence for i in ids], length
     )
-
-
-def weights_of(params: HandsParams) -> HandWeights:
-    """The parameters' weights as the core's."""
-    return HandWeights(
-        robust_scale=params.robust_scale_sigma,
-        wrist_rad=params.wrist_rad,
-        offset_m=params.offset_m,
-        pose_prior=params.pose_prior,
-        limit_rad=params.limit_rad,
-        coupling_rad=params.coupling_rad,
-        agreement_rad=params.agreement_rad,
-        acceleration_rad_s2=params.acceleration_rad_s2,
-        offset_acceleration_m_s2=params.offset_acceleration_m_s2,
-    )
-
-
-def plan_of(params: HandsParams) -> FitPlan:
-    """How the fit proceeds, of the parameters."""
-    return FitPlan(params.size_spread, params.stride_s, params.max_steps)

@@ -20,9 +20,8 @@ from imocap_core.body import load_free_body
 from imocap_core.body.layouts import layouts
 from imocap_core.io.estimators.by_name import JOINTS
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.monocular.fit import FitWeights
 from imocap_core.motion.multiview.consensus import Cameras
-from imocap_core.motion.multiview.scene import JointMotion, JointOptions, Scene, through
+from imocap_core.motion.multiview.scene import JointMotion, Scene, through
 from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.motion.observations import Observation, own_view, padded
 from imocap_core.motion.prior import load_pose_prior
@@ -91,39 +90,6 @@ def noise_share_of(layout: str, fit: FitParams) -> float:
     return fit.noise_share_of.get(layout, fit.noise_share)
 
 
-def weights_of(fit: FitParams) -> FitWeights:
-    """The parameters' weights as the core's."""
-    return FitWeights(
-        robust_scale=fit.robust_scale_sigma,
-        pose_prior=fit.pose_prior,
-        shape_prior=fit.shape_prior,
-        limits=fit.limits,
-        velocity=fit.velocity,
-        acceleration=fit.acceleration,
-        acceleration_scale=fit.acceleration_scale,
-        foot_speed_m_s=fit.foot_speed_m_s,
-        foot_hold_m_s=fit.foot_hold_m_s,
-        foot_scale=fit.foot_scale,
-        path_velocity_m_s=fit.path_velocity_m_s,
-        path_acceleration_m_s2=fit.path_acceleration_m_s2,
-        evidence_mm=fit.evidence_mm,
-    )
-
-
-def options_of(motion: MotionParams) -> JointOptions:
-    """The parameters of SMPL-BA as the core's."""
-    return JointOptions(
-        objective=motion.objective,
-        rank=motion.rank,
-        rounds=motion.rounds,
-        coupling_rad=motion.coupling_rad,
-        coupling_path_m=motion.coupling_path_m,
-        agreement_rad=motion.agreement_rad,
-        correlation_s=motion.correlation_s,
-        max_steps=motion.max_steps,
-    )
-
-
 def scene_of(
     body: Body, observations: Sequence[Observation], sync: SyncSummary, fit: FitParams
 ) -> Scene:
@@ -133,7 +99,7 @@ def scene_of(
     trust = [m.confidence for m in sync.maps]
     timeline = make_timeline(maps, trust, sync.lengths[reference])
     prior = load_pose_prior()
-    return Scene(body, prior, observations, timeline, trust, reference, weights_of(fit))
+    return Scene(body, prior, observations, timeline, trust, reference, fit)
 
 
 def pictures_of(
@@ -141,6 +107,7 @@ def pictures_of(
     observations: Sequence[Observation],
     motions: Sequence[VideoMotion],
     cameras: Sequence[Camera],
+    params: MotionParams,
 ) -> ReprojectionEvidence:
     """What every video's detections can be held against: all motions in one world."""
     xyz = body.positions(body.keypoints, state_of(motions)).xyz.numpy()
@@ -150,7 +117,7 @@ def pictures_of(
         weight = o.confidence / o.sigma_px[:, None] ** 2
         xy = np.where(weight[..., None] > 0, o.xy_px, 0.0)
         films.append(CalibratedVideo(world, xy, weight, camera.K, camera.R, camera.t))
-    return ReprojectionEvidence(films)
+    return ReprojectionEvidence(films, params)
 
 
 def state_of(videos: Sequence[VideoMotion]) -> MotionState:

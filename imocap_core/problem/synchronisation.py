@@ -18,7 +18,7 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.params import SyncParams
-from imocap_core.sync import Hints, Settings, SyncResult, synchronise
+from imocap_core.sync import Hints, SyncResult, synchronise
 from imocap_core.sync.screening.screening import Screening, sentences
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
 
@@ -47,7 +47,7 @@ def synchronise_motions(
     result = synchronise(
         [video.joints for video in videos],
         fps=fps,
-        settings=settings_of(params),
+        settings=params,
         rng=rng,
         confidence=[
             np.repeat(s[:, None], video.joints.shape[1], axis=1)
@@ -81,11 +81,6 @@ def synchronise_motions(
         affinity=result.affinity,
         relaxed=result.relaxed,
     )
-
-
-def settings_of(params: SyncParams) -> Settings:
-    """The core's settings; joints have no names there."""
-    return Settings(**params.model_dump(exclude={"joint_weights"}))
 
 
 def joint_weights_of(params: SyncParams) -> np.ndarray | None:

@@ -52,9 +52,7 @@ def cut(
     for video, motion in zip(keypoints.videos, initial.videos, strict=True):
         if video.id not in long_clips:
             continue
-        found = find_repetitions(
-            motion.joints, video.fps, **job.settings.params.repetitions.model_dump()
-        )
+        found = find_repetitions(motion.joints, video.fps, job.settings.params.repetitions)
         if len(found.spans) < 2:
             raise WorkFailed(f"{video.id}: {found.status}; nothing to cut")
         spans[video.id] = [

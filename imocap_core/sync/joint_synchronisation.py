@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from imocap_core.params import SyncParams
 from imocap_core.sync.anchors import Hints, bent_comparison
 from imocap_core.sync.cycle.methods import relax, relax_auto
 from imocap_core.sync.cycle.report import CycleReport
@@ -25,7 +26,6 @@ from imocap_core.sync.reference_anchors import (
     through_hard_anchors,
     ties_to_reference,
 )
-from imocap_core.sync.settings import Settings
 from imocap_core.sync.warp.dtw_paths import dtw_warps
 from imocap_core.sync.warp.posterior import directed_maps, posterior_warps
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
@@ -59,7 +59,7 @@ def synchronise_jointly(
     poses: Sequence[Array],
     *,
     fps: Sequence[float],
-    settings: Settings,
+    settings: SyncParams,
     rng: np.random.Generator,
     confidence: Sequence[Array] | None,
     joint_weights: Array | None,

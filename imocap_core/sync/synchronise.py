@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from imocap_core.params import SyncParams
 from imocap_core.sync.anchors import Hints, check_hints
 from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.cycle.report import CycleReport
@@ -18,7 +19,6 @@ from imocap_core.sync.map_consistency import Triple
 from imocap_core.sync.pairwise.poses import body_scales, check_poses, joint_weights_of
 from imocap_core.sync.screening.mirror import mirrored_poses
 from imocap_core.sync.screening.screening import Screening, screen
-from imocap_core.sync.settings import Settings
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
 
 Array = NDArray[np.float64]
@@ -54,7 +54,7 @@ def synchronise(
     poses: Sequence[Array],
     *,
     fps: Sequence[float],
-    settings: Settings,
+    settings: SyncParams,
     rng: np.random.Generator,
     confidence: Sequence[Array] | None = None,
     joint_weights: Array | None = None,

@@ -18,7 +18,6 @@ from benchmarks.scoring.costs import Cost
 from benchmarks.scoring.score_file import ActionScore
 from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.params import Params
 from imocap_core.pipeline.graph import read_pipeline, settings
 from imocap_core.pipeline.source import PROJECT
 from imocap_core.workspace import Workspace
@@ -45,7 +44,7 @@ def found(**values: list[float]) -> claims.Found:
 
 @pytest.mark.parametrize("variant", VARIANTS, ids=lambda v: v.name)
 def test_every_switch_is_a_parameter_of_the_pipeline(variant) -> None:  # type: ignore[no-untyped-def]
-    pipeline = read_pipeline(PROJECT / "pipeline.yaml", Params)
+    pipeline = read_pipeline(PROJECT / "pipeline.yaml")
     chosen = settings(pipeline, {}, Path("action.yaml"), list(variant.run.sets))
     assert chosen.seed == pipeline.seed
 

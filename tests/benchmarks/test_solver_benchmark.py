@@ -14,32 +14,30 @@ from benchmarks.solver.scene import DISTANCE_M, NOISE_PX, K, made_scene
 from imocap_core.errors import WrongUse
 from imocap_core.motion.solver.gauss_newton import gauss_newton
 from imocap_core.params import FitParams, MotionParams
-from imocap_core.problem.motion import options_of, weights_of
 from imocap_core.workspace import Workspace
 
 ROOT = Path(__file__).parents[2]
-DEFAULTS = Workspace(ROOT).pipeline().defaults
-FIT = FitParams.model_validate(DEFAULTS["fit"])
-MOTION = MotionParams.model_validate({**DEFAULTS["motion"], "max_steps": 1})
+FIT = FitParams()
+MOTION = MotionParams(max_steps=1)
 
 
 def test_a_made_scene_is_seen_whole_and_starts_near() -> None:
-    made = made_scene(3, 25, weights_of(FIT), 0)
+    made = made_scene(3, 25, FIT, 0)
     assert made.start.R_local.shape == (3, 25, 24, 3, 3)
     xyz = made.scene.body.positions(made.scene.body.keypoints, made.start).xyz
     assert float((xyz[..., 2] - DISTANCE_M).abs().max()) < 2.0
     xy = xyz[..., :2] / xyz[..., 2:] * K[0, 0] + torch.as_tensor(K[:2, 2])
     away = np.abs(np.stack([o.xy_px for o in made.scene.observations]) - xy.numpy())
     assert NOISE_PX < np.median(away) < 30 * NOISE_PX
-    again = made_scene(3, 25, weights_of(FIT), 0)
+    again = made_scene(3, 25, FIT, 0)
     assert torch.equal(again.start.R_local, made.start.R_local)
-    other = made_scene(3, 25, weights_of(FIT), 1)
+    other = made_scene(3, 25, FIT, 1)
     assert not torch.equal(other.start.R_local, made.start.R_local)
 
 
 def test_a_race_ends_for_everybody_and_gauss_newton_is_its_measure() -> None:
-    made = made_scene(2, 6, weights_of(FIT), 0)
-    rows = race(made, options_of(MOTION), most_times=2.0)
+    made = made_scene(2, 6, FIT, 0)
+    rows = race(made, MOTION, most_times=2.0)
     assert [row.solver for row in rows] == [NEWTON, "lbfgs", "adam"] * 2
     for row in rows:
         assert row.reached == (row.above_pct <= 0.1 + 1e-9)
@@ -49,8 +47,8 @@ def test_a_race_ends_for_everybody_and_gauss_newton_is_its_measure() -> None:
 
 
 def test_a_rival_out_of_time_is_said_not_to_have_got_there() -> None:
-    made = made_scene(2, 6, weights_of(FIT), 0)
-    terms, start = common_problem(made, options_of(MOTION), strays=False)
+    made = made_scene(2, 6, FIT, 0)
+    terms, start = common_problem(made, MOTION, strays=False)
     row = watched("p", "s", gauss_newton_once, terms, start, mark=1e-3, limit_s=1e-9)
     assert not row.reached
     assert row.evaluations == 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,17 +18,14 @@ from imocap_core.io.detectors.guess import guess_detections
 from imocap_core.io.detectors.mediapipe import read_mediapipe, read_mediapipe_world
 from imocap_core.io.detectors.mediapipe_hands import read_mediapipe_hands
 from imocap_core.io.estimators.estimates import PerformerBoxes
-from imocap_core.params import DetectParams, Params
-from imocap_core.pipeline.graph import read_pipeline
-from imocap_core.pipeline.source import PROJECT
+from imocap_core.params import DetectParams
 from tests.detect.conftest import SIZE, clip
 
 COLUMNS = [20, 22, None, 30, 40]
 
 
 def params(**changes: object) -> DetectParams:
-    given = read_pipeline(PROJECT / "pipeline.yaml", Params).defaults["detect"]
-    return DetectParams.model_validate({**given, **changes})
+    return replace(DetectParams(), **changes)  # type: ignore[arg-type]
 
 
 def detected(tmp_path: Path, python: Path, **changes: object) -> Path:

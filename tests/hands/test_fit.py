@@ -11,16 +11,16 @@ from torch import Tensor
 
 from imocap_core.body import load_free_body
 from imocap_core.hands.assemble import VideoHands, point_weights
-from imocap_core.hands.fit import FitPlan, FittedHands, fit_hands
+from imocap_core.hands.fit import FittedHands, fit_hands
 from imocap_core.hands.kinematics import hand_points
-from imocap_core.hands.problem import HandWeights
 from imocap_core.hands.skeleton import ANGLE_NAMES, hand_skeleton
 from imocap_core.motion.multiview.timeline import make_timeline
+from imocap_core.params import HandsParams
 from imocap_core.rotations import exp
 
 SKELETON = hand_skeleton(load_free_body(hands=True).shape(torch.zeros(10, dtype=torch.float64)))
-WEIGHTS = HandWeights(
-    robust_scale=4.0,
+PARAMS = HandsParams(
+    robust_scale_sigma=4.0,
     wrist_rad=0.8,
     offset_m=0.04,
     pose_prior=0.3,
@@ -29,8 +29,10 @@ WEIGHTS = HandWeights(
     agreement_rad=0.5,
     acceleration_rad_s2=40.0,
     offset_acceleration_m_s2=4.0,
+    size_spread=0.15,
+    stride_s=0.2,
+    max_steps=15,
 )
-PLAN = FitPlan(size_spread=0.15, stride_s=0.2, max_steps=15)
 FRAMES, FPS, NOISE_PX = 30, 15.0, 1.0
 K = torch.tensor([[900.0, 0, 320], [0, 900, 240], [0, 0, 1]], dtype=torch.float64)
 
@@ -90,7 +92,7 @@ def error_mm(found: FittedHands, true: Tensor) -> float:
 def fitted(videos: list[VideoHands]) -> tuple[list[FittedHands], float]:
     frames = np.arange(FRAMES, dtype=float)
     timeline = make_timeline([frames] * len(videos), [np.ones(FRAMES)] * len(videos), FRAMES)
-    return fit_hands(SKELETON, videos, timeline, 0, WEIGHTS, PLAN)
+    return fit_hands(SKELETON, videos, timeline, 0, PARAMS)
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +133,7 @@ def test_a_hand_never_seen_keeps_the_body_s_wrist_and_the_rest_pose() -> None:
     videos, _ = made(sides=(0.0,))
     weight = videos[0].weight.copy()
     weight[1] = 0.0
-    found, _ = fit_hands(SKELETON, [replace(videos[0], weight=weight)], None, 0, WEIGHTS, PLAN)
+    found, _ = fit_hands(SKELETON, [replace(videos[0], weight=weight)], None, 0, PARAMS)
     hands = found[0]
     assert not hands.seen[:, 1].any()
     assert hands.seen[:, 0].all()
@@ -141,4 +143,4 @@ def test_a_hand_never_seen_keeps_the_body_s_wrist_and_the_rest_pose() -> None:
 
 def test_videos_need_a_timeline() -> None:
     with pytest.raises(ValueError, match="timeline"):
-        fit_hands(SKELETON, made()[0], None, 0, WEIGHTS, PLAN)
+        fit_hands(SKELETON, made()[0], None, 0, PARAMS)

@@ -10,15 +10,26 @@ import torch
 from torch import Tensor
 
 from imocap_core.body import load_free_body
-from imocap_core.hands.problem import CommonHand, HandState, HandViews, HandWeights
+from imocap_core.hands.problem import CommonHand, HandState, HandViews
 from imocap_core.hands.skeleton import hand_skeleton
 from imocap_core.hands.starts import cheapest_path
 from imocap_core.hands.terms import coupling_cost, image_cost, prior_cost, smooth_cost
 from imocap_core.motion.solver.normal import NormalEquations
+from imocap_core.params import HandsParams
 from imocap_core.rotations import exp
 
 SKELETON = hand_skeleton(load_free_body(hands=True).shape(torch.zeros(10, dtype=torch.float64)))
-WEIGHTS = HandWeights(4.0, 0.7, 0.03, 0.5, 0.05, 0.15, 0.5, 30.0, 3.0)
+WEIGHTS = HandsParams(
+    robust_scale_sigma=4.0,
+    wrist_rad=0.7,
+    offset_m=0.03,
+    pose_prior=0.5,
+    limit_rad=0.05,
+    coupling_rad=0.15,
+    agreement_rad=0.5,
+    acceleration_rad_s2=30.0,
+    offset_acceleration_m_s2=3.0,
+)
 B, T, V = 2, 4, 2
 FPS = torch.tensor([15.0, 10.0]).double()
 

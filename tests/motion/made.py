@@ -7,19 +7,19 @@ import torch
 
 from imocap_core.body import load_free_body
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.monocular.fit import FitWeights
 from imocap_core.motion.multiview.consensus import Cameras
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import PosePrior, mixture
 from imocap_core.motion.state import MotionState
+from imocap_core.params import FitParams
 from imocap_core.rotations import exp
 
 FOCAL_PX = 600.0
 K = np.array([[FOCAL_PX, 0, 320], [0, FOCAL_PX, 180], [0, 0, 1.0]])
 FACING = torch.tensor([np.pi, 0.0, 0.0], dtype=torch.float64)  # upright, towards the camera
 
-WEIGHTS = FitWeights(
-    robust_scale=4.0,
+WEIGHTS = FitParams(
+    robust_scale_sigma=4.0,
     pose_prior=0.05,
     shape_prior=50.0,
     limits=100.0,

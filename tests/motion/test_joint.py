@@ -10,15 +10,16 @@ from imocap_core.camera.averaging import angle_deg
 from imocap_core.motion.multiview.consensus import agreement, align, cameras_from_motion, to_world
 from imocap_core.motion.multiview.deviation import joint_spread_rad, keypoint_spread_m
 from imocap_core.motion.multiview.joint import recover_motion
-from imocap_core.motion.multiview.scene import JointOptions, Scene
+from imocap_core.motion.multiview.scene import Scene
 from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
+from imocap_core.params import MotionParams
 from imocap_core.rotations import exp
 from tests.motion.made import WEIGHTS, Made, mpjpe_mm, scene, wide_prior
 
 TURNS_DEG = [0.0, 80.0, -70.0]
 FRAMES = 20
-OPTIONS = JointOptions(
+OPTIONS = MotionParams(
     objective="shared",
     rank=1,
     rounds=2,

@@ -8,9 +8,10 @@ import torch
 
 from imocap_core.motion.multiview.focal_lengths import lenses_of
 from imocap_core.motion.multiview.joint import recover_motion
-from imocap_core.motion.multiview.scene import JointMotion, JointOptions, Scene
+from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.motion.state import MotionState
+from imocap_core.params import MotionParams
 from tests.motion.made import FOCAL_PX, WEIGHTS, Made, scene, wide_prior
 from tests.motion.test_joint import FRAMES, OPTIONS, disturbed, in_own_axes
 
@@ -46,7 +47,7 @@ def start_of(made: Made) -> MotionState:
 
 
 def recovered(made: Made, spread: float) -> JointMotion:
-    options: JointOptions = replace(OPTIONS, max_steps=12)
+    options: MotionParams = replace(OPTIONS, max_steps=12)
     return recover_motion(assumed(made, spread), start_of(made), options)
 
 

@@ -21,10 +21,11 @@ from imocap_core.motion.posterior.observability import (
 )
 from imocap_core.motion.posterior.uncertainty import Uncertainty, uncertainty
 from imocap_core.motion.posterior.viewpoints import AZIMUTHS_DEG
+from imocap_core.params import UncertaintyParams
 from tests.motion.made import WEIGHTS, Made, scene, wide_prior
 from tests.motion.test_joint import FRAMES, OPTIONS, in_own_axes
 
-NOISE = Noise(correlation_s=0.1, pose_persistence_s=0.1)
+NOISE = Noise(UncertaintyParams(correlation_s=0.1, pose_persistence_s=0.1))
 FPS = 30.0
 
 

@@ -13,6 +13,7 @@ from imocap_core.motion.multiview.per_video import HOLD, facing_alike, held_feet
 from imocap_core.motion.multiview.rigid_offsets import first_strays
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import StandingFeet
+from imocap_core.params import MotionParams
 from imocap_core.rotations import exp
 from tests.motion.made import WEIGHTS, Made, mpjpe_mm, scene
 from tests.motion.test_joint import OPTIONS, disturbed, in_own_axes, whole
@@ -81,7 +82,7 @@ def test_who_turns_away_for_a_while_is_released_for_that_while(made: Made) -> No
 
 def test_a_fit_goes_on_from_the_one_before_to_the_same_place(made: Made) -> None:
     all_, true = whole(made), in_own_axes(made)
-    spread = Spread(np.full((3, 20, 25), 0.03), first_strays(3))
+    spread = Spread(np.full((3, 20, 25), 0.03), first_strays(3, MotionParams()))
     given = (made.state, made.cameras(), spread, replace(OPTIONS, max_steps=12))
     cold, cost = own_deviations(all_, true, *given)
     again, lower = own_deviations(all_, cold, *given, warm=True)

@@ -13,7 +13,6 @@ from imocap_core.motion.monocular.fit import fit_monocular, monocular_terms
 from imocap_core.motion.monocular.library import make_library
 from imocap_core.motion.monocular.lifting import best_path, match
 from imocap_core.motion.monocular.starts import (
-    LiftingOptions,
     Start,
     lifted_starts,
     start_at_joints,
@@ -28,6 +27,7 @@ from imocap_core.motion.solver.gauss_newton import (
 )
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms import PathCoupling, PoseCoupling, Term
+from imocap_core.params import InitialSmplParams
 from imocap_core.rotations import geodesic_angle
 from imocap_core.workers import in_turn, on
 from tests.motion.made import WEIGHTS, K, Made, mpjpe_mm, scene, wide_prior
@@ -170,7 +170,7 @@ def test_one_body_stays_one_body_with_every_solver(made: Made) -> None:
 def test_two_dimensional_keypoints_alone_lead_near_the_truth(made: Made) -> None:
     prior = load_pose_prior()
     library = make_library(made.body, prior, np.random.default_rng(0), poses=300, directions=48)
-    options = LiftingOptions(candidates=20, stride_s=0.1, sigma=0.12, step_m_s=2.0, starts=2)
+    options = InitialSmplParams(candidates=20)
     starts = [lifted_starts(made.body, library, o, options) for o in made.observations]
     assert len(starts[0]) == 2
     fit = fit_monocular(made.body, prior, made.observations, starts, WEIGHTS, stride=3, max_steps=8)

@@ -23,11 +23,13 @@ from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms import Reprojection
 from imocap_core.motion.terms.tempered import Tempered
+from imocap_core.params import UncertaintyParams
 from imocap_core.rotations import log
 from tests.motion.made import Made, scene
 from tests.motion.test_joint import FRAMES, OPTIONS, TURNS_DEG, disturbed, in_own_axes, whole
 
-WHITE = Noise(correlation_s=1 / 30, pose_persistence_s=1 / 30)  # made noise is independent
+# Made noise is independent from frame to frame.
+WHITE = Noise(UncertaintyParams(correlation_s=1 / 30, pose_persistence_s=1 / 30))
 
 
 @pytest.fixture(scope="module")

@@ -146,10 +146,8 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Toy:
     (tmp_path / "toys").mkdir()
     for name, text in SCRIPTS.items():
         (tmp_path / "toys" / f"{name}.py").write_text(HEAD + text)
-    defaults = yaml.safe_load((PROJECT / "pipeline.yaml").read_text())["params"]
-    defaults["sync"]["method"] = "softmap"
     stages = {name: {"script": f"toys/{name}.py", **spec} for name, spec in STAGES.items()}
-    content = {"seed": 7, "stages": stages, "params": defaults}
+    content = {"seed": 7, "stages": stages, "params": {"sync": {"method": "softmap"}}}
     (tmp_path / "pipeline.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
     made = Toy(tmp_path)
     made.action.mkdir(parents=True)

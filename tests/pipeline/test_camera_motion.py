@@ -11,7 +11,7 @@ from imocap_core.pipeline.stage import Context, Inputs
 from stages import camera_motion
 
 SIZE, FRAMES = (320, 180), 10
-PARAMS = Params.model_construct(
+PARAMS = Params(
     camera_motion=CameraMotionParams(
         working_size_px=160,
         max_features=150,

@@ -15,9 +15,7 @@ from imocap_core.compare.pair_report import write_pair
 from imocap_core.compare.report import mean_take, write_technique
 from imocap_core.compare.sources import gather, several, shared
 from imocap_core.errors import WorkFailed
-from imocap_core.params import Params
-from imocap_core.pipeline.graph import read_pipeline
-from imocap_core.pipeline.source import PROJECT
+from imocap_core.params import SyncParams
 from tests.pipeline.made_result import PHASES, Made, made_result, refined
 
 ELBOW, RIGHT_ANKLE, LEFT_KNEE = 18, 8, 4  # the left arm swings, the right knee bends
@@ -97,9 +95,7 @@ def test_two_actions_on_one_axis(made: Made, tmp_path: Path) -> None:
     other.publish("refine_sync", lifted.model_copy(update={"motion": motion}))
     first = gather(made.store, "walk")
     second = gather(other.store, "walk", first.shaped)
-    params = read_pipeline(PROJECT / "pipeline.yaml", Params)
-    sync = Params.model_validate(params.defaults).sync
-    pair = pair_of(describe(first), describe(second), sync, np.random.default_rng(0))
+    pair = pair_of(describe(first), describe(second), SyncParams(), np.random.default_rng(0))
     assert len(pair.phase_s) > 10
     angle = np.median(pair.difference.angle_deg, axis=0)
     assert angle[16] == pytest.approx(10.0, abs=1.0)

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-import yaml
 
 from imocap_core.artifacts.schemas import (
     CameraMotion,
@@ -22,13 +21,12 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.body import load_free_body
 from imocap_core.io.truth import Truth, VideoTruth
 from imocap_core.params import Params
-from imocap_core.pipeline.source import PROJECT
 from imocap_core.report.hand_tables import hand_rows, hand_tables
 from imocap_core.rotations import exp
 from stages.hands import run
 from tests.report.made import K, Made
 
-PARAMS = Params.model_validate(yaml.safe_load((PROJECT / "pipeline.yaml").read_text())["params"])
+PARAMS = Params()
 MODEL = load_free_body(hands=True)
 
 

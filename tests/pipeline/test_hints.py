@@ -9,7 +9,6 @@ import pytest
 
 from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.errors import WorkFailed
-from imocap_core.params import Params
 from imocap_core.pipeline.action import Action, read_action
 from imocap_core.pipeline.graph import read_pipeline, settings
 from imocap_core.pipeline.hints import AnchorEntry, ForbiddenEntry
@@ -103,7 +102,7 @@ def test_frames_that_are_not_used_are_named() -> None:
 
 
 def test_hints_change_the_key_of_sync_and_of_nothing_before_it(tmp_path: Path) -> None:
-    pipeline = read_pipeline(Path(__file__).parents[2] / "pipeline.yaml", Params)
+    pipeline = read_pipeline(Path(__file__).parents[2] / "pipeline.yaml")
     chosen = settings(pipeline, {}, tmp_path, [])
     plain, anchored = (
         action(tmp_path, more) for more in ("", "anchors: [{v1: 1, v2: 2, hard: true}]")

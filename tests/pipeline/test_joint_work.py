@@ -107,22 +107,17 @@ def test_a_mirrored_video_is_recovered_as_unmirrored() -> None:
 
 def solve(made: Made, mirrored: list[str]) -> list[VideoMotion]:
     """Every video's motion after one pass of the joint motion, as filmed."""
-    from pathlib import Path
-
     from imocap_core.motion.multiview.joint import recover_motion
     from imocap_core.params import Params
-    from imocap_core.pipeline.graph import read_pipeline, settings
     from imocap_core.problem.motion import (
         body_for,
         observations_of,
-        options_of,
         scene_of,
         smpl_ba_of,
         state_of,
     )
 
-    pipeline = read_pipeline(Path(__file__).parents[2] / "pipeline.yaml", Params)
-    params = settings(pipeline, {}, Path(), []).params
+    params = Params()
     maps = [
         SyncMap(
             id=i,
@@ -138,7 +133,7 @@ def solve(made: Made, mirrored: list[str]) -> list[VideoMotion]:
     motion = recover_motion(
         scene_of(body, observations, work.sync_in(sync), params.fit),
         state_of(work.initial.videos),
-        options_of(params.motion),
+        params.motion,
     )
     whole = work.out(smpl_ba_of(body, motion, observations, work.keypoints, sync.reference))
     return whole.videos

@@ -16,7 +16,7 @@ SIZE = (640, 360)
 KEYPOINTS = KeypointsParams(
     min_confidence=0.05, max_gap_s=1.0, looks=True, performer="agreement", sides="leave", cuts=True
 )
-PARAMS = Params.model_construct(keypoints=KEYPOINTS)
+PARAMS = Params(keypoints=KEYPOINTS)
 
 
 def body(x, scale=1.0):

@@ -54,7 +54,7 @@ OTHERS = [watched("v2", figure(1, 1.0, 600, 400)), watched("v3", figure(1, -1.2,
 
 
 def test_the_score_alone_takes_the_larger_one() -> None:
-    params = PARAMS.model_copy(update={"performer": "score"})
+    params = replace(PARAMS, performer="score")
     found = performers([watched("v1", STRANGER, PERFORMER), *OTHERS], FILE, params)
     assert middle_x(found[0].xy_px) < 500
 
@@ -120,7 +120,7 @@ def test_by_default_sides_are_put_back_for_detectors_that_exchange_them(
     wrong = PERFORMER.copy()
     for left, right in ((11, 12), (13, 14), (15, 16)):
         wrong[30:33, left], wrong[30:33, right] = PERFORMER[30:33, right], PERFORMER[30:33, left]
-    params = PARAMS.model_copy(update={"sides": "auto"})
+    params = replace(PARAMS, sides="auto")
     (found,) = performers([watched("v1", wrong)], FILE, params)
     assert ("put back in 3 frames" in found.note) == (frames == 3)
 
@@ -131,7 +131,7 @@ def test_sides_are_put_back_only_when_asked_for() -> None:
     for left, right in legs:
         wrong[30:33, left], wrong[30:33, right] = PERFORMER[30:33, right], PERFORMER[30:33, left]
     left_alone, put_back = (
-        performers([watched("v1", wrong)], FILE, PARAMS.model_copy(update={"sides": sides}))[0]
+        performers([watched("v1", wrong)], FILE, replace(PARAMS, sides=sides))[0]
         for sides in ("leave", "repair")
     )
     np.testing.assert_allclose(left_alone.xy_px, wrong[..., :2])

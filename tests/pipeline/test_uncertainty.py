@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 from imocap_core.artifacts.schemas import (
     CameraMotion,
@@ -18,7 +17,6 @@ from imocap_core.artifacts.schemas import (
     Uncertainty,
 )
 from imocap_core.params import Params
-from imocap_core.pipeline.source import PROJECT
 from imocap_core.problem.mirroring import (
     REFLECTION,
     TWINS,
@@ -31,7 +29,7 @@ from stages.uncertainty import run
 from tests.report.made import Made
 
 Given = tuple[Keypoints, CameraMotion, InitialSmpl, RefineSync]
-PARAMS = Params.model_validate(yaml.safe_load((PROJECT / "pipeline.yaml").read_text())["params"])
+PARAMS = Params()
 
 
 def claimed(*given: Any) -> Uncertainty:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from imocap_core.sync import Settings
+from imocap_core.params import SyncParams
 from tests.sync.test_synchronise import SETTINGS, error_s, run, seen
 
 
@@ -104,7 +104,7 @@ def test_every_cycle_method_with_either_warp(method: str, warp: str) -> None:
         1.0 + 3.0 * np.linspace(0, 1, 48) ** 1.3,
         1.0 + 3.0 * np.linspace(0, 1, 54) ** 0.8,
     ]
-    chosen: Settings = replace(SETTINGS, method=method, warp=warp)
+    chosen: SyncParams = replace(SETTINGS, method=method, warp=warp)
     result = run([seen(p, rng) for p in phases], chosen, reference=0)
     limit = 0.04 if warp == "posterior" else 0.12
     assert error_s(phases, result.reference_frame, 0).mean() < limit, result.status

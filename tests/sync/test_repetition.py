@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from imocap_core.params import RepetitionParams
 from imocap_core.sync.repetition.segmentation import Repetitions, find_repetitions
 from imocap_core.sync.repetition.template_matching import best_totals, chosen_spans, matches, values
 from imocap_core.synthetic.variation import Clip, pace
@@ -17,7 +18,6 @@ Array = NDArray[np.float64]
 
 FPS = 30.0
 JOINTS = 14
-CHOICES = {"least_score": 0.6, "least_quality": 0.4, "match_level": 0.4, "shortest_s": 0.5}
 
 
 def _wandering(frames: int, rng: np.random.Generator, reach_m: float = 0.2) -> Array:
@@ -66,7 +66,7 @@ def _unsure(poses: Array, rng: np.random.Generator, sigma_m: float = 0.02) -> Ar
 
 
 def _find(poses: Array) -> Repetitions:
-    return find_repetitions(poses, FPS, **CHOICES)
+    return find_repetitions(poses, FPS, RepetitionParams())
 
 
 @pytest.mark.parametrize("pause_s", [0.0, 1.0])

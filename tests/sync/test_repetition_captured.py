@@ -7,17 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
+from imocap_core.params import RepetitionParams
 from imocap_core.sync.repetition.segmentation import Repetitions, find_repetitions
 from imocap_core.synthetic.variation import Clip, pace
 
 DATA = Path(os.environ.get("IMOCAP_DATA", Path(__file__).parents[3] / "shared" / "data"))
 FILE = DATA / "train" / "cmu_train.npz"
 FPS = 30.0
-CHOICES = yaml.safe_load((Path(__file__).parents[2] / "pipeline.yaml").read_text())["params"][
-    "repetitions"
-]
 
 pytestmark = pytest.mark.skipif(not FILE.is_file(), reason="needs the training clips (IMOCAP_DATA)")
 
@@ -30,7 +27,7 @@ def _clip(name: str) -> np.ndarray:
 
 
 def _found(poses: np.ndarray) -> Repetitions:
-    return find_repetitions(poses, FPS, **CHOICES)
+    return find_repetitions(poses, FPS, RepetitionParams())
 
 
 @pytest.mark.parametrize(("walk", "strides"), [("06_01", 3), ("12_02", 4), ("12_03", 3)])

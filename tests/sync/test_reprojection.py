@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from imocap_core.params import MotionParams
 from imocap_core.sync import synchronise
 from imocap_core.sync.warp.reprojection import (
     CalibratedVideo,
@@ -74,7 +75,9 @@ def test_a_performance_turned_and_shifted_keeps_its_time() -> None:
     turned = CalibratedVideo(
         video.xyz_m, video.xy_px + np.array([15.0, -8.0]), video.weight, K, video.R, video.t
     )
-    squares = squares_in_picture(projected(motion(phase), video), turned, np.arange(81))
+    squares = squares_in_picture(
+        projected(motion(phase), video), turned, np.arange(81), MotionParams()
+    )
     assert np.abs(squares.argmin(1) - np.arange(81)).mean() < 1.0
     assert np.median(squares.min(1)) < 1.5
 
@@ -88,7 +91,7 @@ def test_pictures_sharpen_a_blurred_map() -> None:
     true = [phase / 6 * (frames - 1) for phase in (reference, other, third)]
     rng = np.random.default_rng(6)
     maps = [blurred(at + 1.0 * rng.normal(size=len(at)), positions, 1.5) for at in true]
-    squares = ReprojectionEvidence(videos).squares(1, maps, 0, per_frame)
+    squares = ReprojectionEvidence(videos, MotionParams()).squares(1, maps, 0, per_frame)
     assert squares is not None
     error = np.abs(positions[squares.argmin(1)] - true[1])
     assert error.mean() < 0.25  # of reference frames; it was 0.8
@@ -120,7 +123,7 @@ def test_poses_that_agree_with_a_wrong_map_are_corrected_by_pictures(frames_off:
         )
         return float(np.nanmean(np.abs(result.reference_frame[1] - np.arange(frames))))
 
-    by_poses, by_pictures = error(None), error(ReprojectionEvidence(films))
+    by_poses, by_pictures = error(None), error(ReprojectionEvidence(films, MotionParams()))
     assert by_poses > 0.55 * frames_off
     assert by_pictures < 0.3
 
@@ -130,7 +133,7 @@ def test_pictures_of_a_performance_that_differs_are_not_used() -> None:
     videos = [film(phase, a, 7 + k, spread_m=0.08) for k, a in enumerate((0.0, 1.6, 3.1))]
     positions = np.arange(60 * 4 + 1) / 4
     maps = [blurred(np.arange(61.0), positions, 0.5)] * 3
-    assert ReprojectionEvidence(videos).squares(1, maps, 0, 4) is None
+    assert ReprojectionEvidence(videos, MotionParams()).squares(1, maps, 0, 4) is None
 
 
 def test_the_others_motion_is_without_the_video_itself() -> None:
@@ -138,11 +141,13 @@ def test_the_others_motion_is_without_the_video_itself() -> None:
     videos = [film(phase, a, 10 + k) for k, a in enumerate((0.0, 1.6, 3.1))]
     positions = np.arange(60 * 4 + 1) / 4
     maps = [blurred(np.arange(61.0), positions, 0.3)] * 3
-    squares = ReprojectionEvidence(videos).squares(1, maps, 0, 4)
+    squares = ReprojectionEvidence(videos, MotionParams()).squares(1, maps, 0, 4)
     moved = CalibratedVideo(
         videos[1].xyz_m + 5.0, *(getattr(videos[1], n) for n in ("xy_px", "weight", "K", "R", "t"))
     )
-    again = ReprojectionEvidence([videos[0], moved, videos[2]]).squares(1, maps, 0, 4)
+    again = ReprojectionEvidence([videos[0], moved, videos[2]], MotionParams()).squares(
+        1, maps, 0, 4
+    )
     assert squares is not None
     assert again == pytest.approx(squares)
 
@@ -153,7 +158,7 @@ def test_where_a_frame_was_taken_to_lie_does_not_hold_it(off: int) -> None:
     phase = np.linspace(0, 4, 81)
     video = film(phase, 0.7, 30)
     believed = np.clip(np.arange(81) + off, 0, 80)
-    squares = squares_in_picture(projected(motion(phase), video), video, believed)
+    squares = squares_in_picture(projected(motion(phase), video), video, believed, MotionParams())
     inner = slice(8, 73)
     error = squares.argmin(1)[inner] - np.arange(81)[inner]
     assert abs(error.mean()) < 0.1 * abs(off)
@@ -165,8 +170,8 @@ def test_the_fit_of_strays_at_every_moment_is_the_one_found_by_itself() -> None:
     phase = np.linspace(0, 1, 6)
     video = film(phase, 0.4, 31)
     seen, at = projected(motion(phase), video), np.array([0, 1, 1, 3, 4, 5])
-    squares = squares_in_picture(seen, video, at)
-    weight, precision = weights_and_precision(seen, video, at)
+    squares = squares_in_picture(seen, video, at, MotionParams())
+    weight, precision = weights_and_precision(seen, video, at, MotionParams())
     for t in range(6):
         for s in range(6):
             root = np.sqrt(np.repeat(weight[t], 2))

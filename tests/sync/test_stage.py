@@ -1,14 +1,15 @@
 """The stage's own part: from artifacts to the core and back."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints, VideoMotion
-from imocap_core.params import SyncParams
 from imocap_core.problem.synchronisation import synchronise_motions
 from tests.sync.test_synchronise import SETTINGS, pose_at
 
-PARAMS = SyncParams(**(vars(SETTINGS) | {"max_rate": 20.0, "joint_weights": {}}))
+PARAMS = replace(SETTINGS, max_rate=20.0)
 
 
 def made(ids: list[str], offsets_s: list[float]) -> tuple[list[VideoMotion], Keypoints]:

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.sync import Settings, synchronise
+from imocap_core.params import SyncParams
+from imocap_core.sync import synchronise
 from imocap_core.sync.warp import posterior
 
-SETTINGS = Settings(
+SETTINGS = SyncParams(
     affinity="reciprocal",
     velocity_weight_s=0.0,
     method="softmap",
@@ -79,7 +80,7 @@ def error_s(
     )
 
 
-def run(poses: Sequence[np.ndarray], settings: Settings = SETTINGS, **given):
+def run(poses: Sequence[np.ndarray], settings: SyncParams = SETTINGS, **given):
     given = {"fps": [FPS] * len(poses), "rng": np.random.default_rng(0)} | given
     return synchronise(poses, settings=settings, **given)
 
@@ -95,7 +96,7 @@ def run(poses: Sequence[np.ndarray], settings: Settings = SETTINGS, **given):
         (replace(SETTINGS, method="none", warp="dtw"), 0.08),
     ],
 )
-def test_finds_known_warps(settings: Settings, limit_s: float) -> None:
+def test_finds_known_warps(settings: SyncParams, limit_s: float) -> None:
     rng = np.random.default_rng(5)
     phases = four_phases()
     result = run([seen(p, rng) for p in phases], settings, reference=0)

@@ -31,6 +31,7 @@ from imocap_core.motion.terms import (
     StandingFeet,
     Term,
 )
+from imocap_core.params import FitParams
 
 Progress = Callable[[str], None]
 # Of the robust loss, relative to the final scale, and the tolerance with each: a start may rest for
@@ -38,36 +39,6 @@ Progress = Callable[[str], None]
 COARSE = ((10.0, 3e-3), (3.0, 1e-2), (1.0, 1e-2))
 TOLERANCE = 3e-3  # of the fit on all frames, which every later fit improves
 PRIOR_FPS = 30.0  # frame rate at which the prior's joint speeds were measured
-
-
-@dataclass(frozen=True)
-class FitWeights:
-    """Strengths of the terms (parameters of the group `fit`).
-
-    Attributes:
-        robust_scale: final Geman-McClure scale in standard deviations.
-        pose_prior, shape_prior, limits: weights of those terms.
-        velocity, acceleration: weight of Eq. 7 and of accelerations, relative to the spread
-            that real motion shows; acceleration_scale: cost from which one is logarithmic.
-        foot_speed_m_s: speed of any foot that costs 1; foot_hold_m_s: of one that stands in the
-            motion common to all videos; foot_scale: square root of the most that a speed costs.
-        path_velocity_m_s, path_acceleration_m_s2: root speeds and accelerations that cost 1.
-        evidence_mm: standard deviation of an estimator's joints.
-    """
-
-    robust_scale: float
-    pose_prior: float
-    shape_prior: float
-    limits: float
-    velocity: float
-    acceleration: float
-    acceleration_scale: float
-    foot_speed_m_s: float
-    foot_hold_m_s: float
-    foot_scale: float
-    path_velocity_m_s: float
-    path_acceleration_m_s2: float
-    evidence_mm: float
 
 
 @dataclass(frozen=True)
@@ -83,7 +54,7 @@ class MonocularFit:
     status: str
 
 
-def regularisers(body: Body, prior: PosePrior, weights: FitWeights, fps: float) -> list[Term]:
+def regularisers(body: Body, prior: PosePrior, weights: FitParams, fps: float) -> list[Term]:
     """Everything in the objective that does not look at the videos, at a frame rate."""
     pace = fps / PRIOR_FPS
     step = prior.velocity_rad.clamp_min(1e-3) / pace
@@ -115,7 +86,7 @@ def stacked(starts: Sequence[Start], valid: Tensor) -> MotionState:
 
 
 def evidence_term(
-    body: Body, observations: Sequence[Observation], like: Tensor, weights: FitWeights
+    body: Body, observations: Sequence[Observation], like: Tensor, weights: FitParams
 ) -> list[Term]:
     """The estimators' joints as a term, if any video has them."""
     if all(o.joints is None for o in observations):
@@ -135,7 +106,7 @@ def fit_monocular(
     prior: PosePrior,
     observations: Sequence[Observation],
     starts: Sequence[Sequence[Start]],
-    weights: FitWeights,
+    weights: FitParams,
     *,
     stride: int,
     max_steps: int,
@@ -171,14 +142,14 @@ def monocular_terms(
     prior: PosePrior,
     observations: Sequence[Observation],
     like: Tensor,
-    weights: FitWeights,
+    weights: FitParams,
     scale: float,
 ) -> list[Term]:
     """The whole objective of videos seen by themselves, its robust loss widened by ``scale``."""
     view = own_view(observations, like)
     fps = float(np.median([o.fps for o in observations]))
     return [
-        Reprojection(body, (view,), weights.robust_scale * scale),
+        Reprojection(body, (view,), weights.robust_scale_sigma * scale),
         *regularisers(body, prior, weights, fps),
         *evidence_term(body, observations, like, weights),
     ]

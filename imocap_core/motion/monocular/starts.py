@@ -11,6 +11,7 @@ from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular.library import Library
 from imocap_core.motion.monocular.lifting import best_path, match
 from imocap_core.motion.observations import Observation, without_jumps
+from imocap_core.params import InitialSmplParams
 from imocap_core.rotations import exp, log
 from imocap_core.rotations import project as nearest_rotation
 from imocap_core.sync.pairwise.affinity import procrustes_distances
@@ -25,28 +26,11 @@ class Start:
     cost: float
 
 
-@dataclass(frozen=True)
-class LiftingOptions:
-    """How starts are looked for.
-
-    Attributes:
-        candidates: library entries kept a frame; stride_s: time between matched frames.
-        sigma: keypoint misfit as a share of the keypoints' spread; step_m_s: joint speed that
-            costs 1 on the path; starts: different paths followed.
-    """
-
-    candidates: int
-    stride_s: float
-    sigma: float
-    step_m_s: float
-    starts: int
-
-
 MIN_JOINTS = 6  # an estimator's frame with fewer says too little of a pose
 
 
 def lifted_starts(
-    body: Body, library: Library, observation: Observation, options: LiftingOptions
+    body: Body, library: Library, observation: Observation, options: InitialSmplParams
 ) -> list[Start]:
     """Several different starts of one video from its 2D keypoints alone, best first."""
     like = library.R_view
@@ -56,7 +40,7 @@ def lifted_starts(
     keys = _key_frames(confidence, stride)
     xy = torch.as_tensor(np.nan_to_num(observation.xy_px[keys])).to(like)
     weight = torch.as_tensor(confidence[keys]).to(like)
-    found = match(library, xy, weight, count=options.candidates, sigma=options.sigma)
+    found = match(library, xy, weight, count=options.candidates, sigma=options.match_sigma)
     step_m = options.step_m_s * stride / observation.fps
     starts: list[Start] = []
     followed: list[Tensor] = []

@@ -12,7 +12,7 @@ from imocap_core.motion.multiview.deviation import Spread, keypoint_spread_m
 from imocap_core.motion.multiview.focal_lengths import NO_LENSES, lenses_of
 from imocap_core.motion.multiview.per_video import own_deviations, single_motion
 from imocap_core.motion.multiview.rigid_offsets import estimate_strays, first_strays
-from imocap_core.motion.multiview.scene import JointMotion, JointOptions, Scene
+from imocap_core.motion.multiview.scene import JointMotion, Scene, correlation_frames
 from imocap_core.motion.multiview.shared import (
     Evidence,
     depths_m,
@@ -22,6 +22,7 @@ from imocap_core.motion.multiview.shared import (
     reprojection_errors_px,
 )
 from imocap_core.motion.state import MotionState
+from imocap_core.params import MotionParams
 from imocap_core.robust import geman_mcclure
 
 ROBUST_STAGES = (3.0, 1.0, 1.0)  # of the common fit, relative to the final scale
@@ -34,10 +35,10 @@ def misfit(
     evidence = gather(scene.observations, scene.timeline)
     evidence = replace(evidence, stray=stray)
     errors = reprojection_errors_px(
-        scene.body, shared, evidence, cameras, robust_scale=scene.weights.robust_scale
+        scene.body, shared, evidence, cameras, robust_scale=scene.weights.robust_scale_sigma
     )
     squared = evidence.weight * np.nan_to_num(errors**2).sum(-1)
-    cost, _ = geman_mcclure(torch.as_tensor(squared), 3 * scene.weights.robust_scale)
+    cost, _ = geman_mcclure(torch.as_tensor(squared), 3 * scene.weights.robust_scale_sigma)
     seen = max(int((evidence.weight > 0).sum()), 1)
     return float(cost.sum()) / seen
 
@@ -46,7 +47,7 @@ def common_then_own(
     scene: Scene,
     state: MotionState,
     cameras: Cameras,
-    options: JointOptions,
+    options: MotionParams,
     progress: Progress = lambda _: None,
     *,
     cameras_known: bool = False,
@@ -63,23 +64,25 @@ def common_then_own(
     free = [] if cameras_known else [v for v in range(len(cameras.R)) if v != scene.reference]
     evidence = gather(scene.observations, scene.timeline)
     if options.objective != "single":
-        evidence = replace(evidence, stray=first_strays(len(scene.observations)))
+        evidence = replace(evidence, stray=first_strays(len(scene.observations), options))
     shared = consensus_motion(scene, state, cameras, options)
     terms = regularisers(scene.body, scene.prior, weights, scene.fps) + estimates_on_axis(
         scene.body, scene.observations, scene.timeline, shared.trans,
-        evidence_mm=weights.evidence_mm * options.once(scene.fps) ** 0.5,
+        evidence_mm=weights.evidence_mm * correlation_frames(options, scene.fps) ** 0.5,
     )  # fmt: skip
     lenses = NO_LENSES if cameras_known else lenses_of(scene)
     spread_m = np.zeros(evidence.weight.shape)
     status = ""
     for stage in ROBUST_STAGES[warm:]:
         progress(f"one motion for all views, robust scale {stage:g}x")
-        scale = weights.robust_scale * stage
+        scale = weights.robust_scale_sigma * stage
         shared, cameras, solution = fit_shared(
             scene.body, shared, with_spread(evidence, spread_m, scene, shared, cameras), cameras,
             free, terms, options, robust_scale=scale, lenses=lenses,
         )  # fmt: skip
-        evidence = estimate_strays(scene.body, shared, evidence, cameras, robust_scale=scale)
+        evidence = estimate_strays(
+            scene.body, shared, evidence, cameras, options, robust_scale=scale
+        )
         spread_m = spread_m_of(evidence, scene, shared, cameras)
         costs.append(solution.costs[-1])
         status = solution.status
@@ -106,7 +109,7 @@ def spread_m_of(
 ) -> np.ndarray:
     """(M, N, K) how far each keypoint strays from the common motion, metres."""
     errors = reprojection_errors_px(
-        scene.body, shared, evidence, cameras, robust_scale=scene.weights.robust_scale
+        scene.body, shared, evidence, cameras, robust_scale=scene.weights.robust_scale_sigma
     )
     depth = depths_m(scene.body, shared, cameras)
     return keypoint_spread_m(

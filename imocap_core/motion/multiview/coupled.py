@@ -15,16 +15,17 @@ from imocap_core.motion.multiview.coupling import (
     to_own_axes,
     to_own_time,
 )
-from imocap_core.motion.multiview.scene import JointOptions, Scene, own_terms, solve
+from imocap_core.motion.multiview.scene import Scene, own_terms, solve
 from imocap_core.motion.multiview.shared import gather, refine_by_pnp
 from imocap_core.motion.state import MotionState
+from imocap_core.params import MotionParams
 from imocap_core.rotations import mean as chordal_mean
 
 SMOOTH_FRAMES = 7  # over which agreement between videos is judged
 
 
 def coupled_round(
-    scene: Scene, state: MotionState, cameras: Cameras, options: JointOptions, *, pnp: bool
+    scene: Scene, state: MotionState, cameras: Cameras, options: MotionParams, *, pnp: bool
 ) -> tuple[MotionState, Cameras, float]:
     """The state drawn to its low-rank neighbours, the cameras that follow, and the objective.
 
@@ -56,13 +57,13 @@ def coupled_round(
         common = consensus_motion(scene, state, cameras, options)
         cameras = refine_by_pnp(
             scene.body, common, evidence, cameras, scene.reference,
-            robust_scale=weights.robust_scale,
+            robust_scale=weights.robust_scale_sigma,
         )  # fmt: skip
     return state, cameras, solution.costs[-1]
 
 
 def consensus_motion(
-    scene: Scene, state: MotionState, cameras: Cameras, options: JointOptions
+    scene: Scene, state: MotionState, cameras: Cameras, options: MotionParams
 ) -> MotionState:
     """The mean motion of all videos on the reference's axis (batch of 1, world axes)."""
     world = to_world(align(scene.body, state, scene.timeline), cameras)

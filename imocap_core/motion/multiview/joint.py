@@ -14,8 +14,9 @@ from imocap_core.motion.monocular.fit import Progress
 from imocap_core.motion.multiview.common import common_then_own, misfit
 from imocap_core.motion.multiview.consensus import Cameras, align, cameras_from_motion
 from imocap_core.motion.multiview.coupled import consensus_motion, coupled_round
-from imocap_core.motion.multiview.scene import JointMotion, JointOptions, Scene
+from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.state import MotionState
+from imocap_core.params import MotionParams
 
 START_STEPS = 2  # of the coupled fit that the common one starts from: more gain nothing there
 
@@ -23,7 +24,7 @@ START_STEPS = 2  # of the coupled fit that the common one starts from: more gain
 def recover_motion(
     scene: Scene,
     start: MotionState,
-    options: JointOptions,
+    options: MotionParams,
     progress: Progress = lambda _: None,
     *,
     cameras: Cameras | None = None,

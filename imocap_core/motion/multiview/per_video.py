@@ -8,10 +8,11 @@ from torch import Tensor
 from imocap_core.motion.multiview.consensus import Cameras, pelvis
 from imocap_core.motion.multiview.coupling import Targets, coupling_terms, to_own_axes, to_own_time
 from imocap_core.motion.multiview.deviation import Spread, joint_spread_rad
-from imocap_core.motion.multiview.scene import JointOptions, Scene, own_terms, solve
+from imocap_core.motion.multiview.scene import Scene, correlation_frames, own_terms, solve
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import StandingFeet, Term
 from imocap_core.motion.terms.foot_contact import standing_share
+from imocap_core.params import MotionParams
 from imocap_core.robust import geman_mcclure_weight
 from imocap_core.rotations import geodesic_angle
 
@@ -27,7 +28,7 @@ def own_deviations(
     shared: MotionState,
     cameras: Cameras,
     spread: Spread,
-    options: JointOptions,
+    options: MotionParams,
     *,
     warm: bool = False,
 ) -> tuple[MotionState, float]:
@@ -52,7 +53,7 @@ def deviation_terms(
     shared: MotionState,
     cameras: Cameras,
     spread: Spread,
-    options: JointOptions,
+    options: MotionParams,
     faces: Tensor,
 ) -> list[Term]:
     """What draws each video to the common motion, a deviation counted once per correlation time.
@@ -63,7 +64,7 @@ def deviation_terms(
     targets = targets_of(scene, start, shared, cameras)
     joints = joint_spread_rad(scene.body, shared, spread.keypoints_m)
     joints[:, :, 0] = spread.whole[:, None, 0]
-    once = options.once(scene.fps)
+    once = correlation_frames(options, scene.fps)
     on_axis = torch.as_tensor(1 / (joints**2 * once)).to(start.trans)
     joint_weight = to_own_time(on_axis, scene.timeline, start)
     joint_weight[..., 0] *= faces

@@ -18,21 +18,27 @@ from imocap_core.motion.multiview.consensus import Cameras
 from imocap_core.motion.multiview.shared import Evidence, views_of
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import Reprojection, View
+from imocap_core.params import MotionParams
 from imocap_core.workers import at_once, in_turn
 
 Array = NDArray[np.float64]
-FIRST_TURN_RAD, FIRST_SHIFT_M = 0.08, 0.15
-LEAST_TURN_RAD, LEAST_SHIFT_M = 0.01, 0.005
 ROUNDS = 6
 
 
-def first_strays(videos: int) -> Array:
+def first_strays(videos: int, options: MotionParams) -> Array:
     """(M, 6) generous spreads to begin with."""
-    return np.tile([FIRST_TURN_RAD] * 3 + [FIRST_SHIFT_M] * 3, (videos, 1))
+    turn, shift = options.rigid_offset_start_rad, options.rigid_offset_start_m
+    return np.tile([turn] * 3 + [shift] * 3, (videos, 1))
 
 
 def estimate_strays(
-    body: Body, shared: MotionState, evidence: Evidence, cameras: Cameras, *, robust_scale: float
+    body: Body,
+    shared: MotionState,
+    evidence: Evidence,
+    cameras: Cameras,
+    options: MotionParams,
+    *,
+    robust_scale: float,
 ) -> Evidence:
     """The evidence with spreads that its own images tell (videos that show nothing keep theirs)."""
     if evidence.stray is None:
@@ -41,11 +47,13 @@ def estimate_strays(
     term = Reprojection(body, views, robust_scale)
     known = list(zip(views, evidence.stray, strict=True))
     each = in_turn if shared.trans.is_cuda else at_once
-    spread = each(lambda own: _spread(term, own[0], shared, own[1]), known)
+    spread = each(lambda own: _spread(term, own[0], shared, own[1], options), known)
     return replace(evidence, stray=np.stack(spread))
 
 
-def _spread(term: Reprojection, view: View, shared: MotionState, before: Array) -> Array:
+def _spread(
+    term: Reprojection, view: View, shared: MotionState, before: Array, options: MotionParams
+) -> Array:
     seen = (view.weight > 0).sum(-1)[0] >= 4
     if not bool(seen.any()):
         return before
@@ -53,14 +61,14 @@ def _spread(term: Reprojection, view: View, shared: MotionState, before: Array) 
     for _ in range(ROUNDS):
         precision = sigma.pow(-2).expand(1, len(seen), -1)
         d, sharpness = term.strays(view, shared, precision, d)
-        sigma = _mean_square(d[0, seen], torch.linalg.inv(sharpness[0, seen])).sqrt()
+        sigma = _mean_square(d[0, seen], torch.linalg.inv(sharpness[0, seen]), options).sqrt()
     found: Array = sigma.cpu().numpy()
     return found
 
 
-def _mean_square(d: Tensor, covariance: Tensor) -> Tensor:
+def _mean_square(d: Tensor, covariance: Tensor, options: MotionParams) -> Tensor:
     """(6,) one variance of the three turns and one of the three shifts."""
     square = d.square() + covariance.diagonal(dim1=-2, dim2=-1)
-    turn = square[:, :3].mean().clamp_min(LEAST_TURN_RAD**2)
-    shift = square[:, 3:].mean().clamp_min(LEAST_SHIFT_M**2)
+    turn = square[:, :3].mean().clamp_min(options.rigid_offset_floor_rad**2)
+    shift = square[:, 3:].mean().clamp_min(options.rigid_offset_floor_m**2)
     return torch.cat([turn.expand(3), shift.expand(3)])

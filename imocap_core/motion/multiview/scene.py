@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.monocular.fit import FitWeights, monocular_terms
+from imocap_core.motion.monocular.fit import monocular_terms
 from imocap_core.motion.multiview.consensus import Cameras
 from imocap_core.motion.multiview.timeline import Timeline
 from imocap_core.motion.observations import Observation
@@ -17,33 +17,7 @@ from imocap_core.motion.prior import PosePrior
 from imocap_core.motion.solver.gauss_newton import Solution, gauss_newton
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import Term
-
-
-@dataclass(frozen=True)
-class JointOptions:
-    """How SMPL-BA proceeds (pipeline.yaml, group ``motion``).
-
-    Attributes:
-        objective: "shared", "paper" or "single".
-        rank: s of Eq. 4 and 5; rounds: alternations of Eq. 8.
-        coupling_rad, coupling_path_m: differences between videos that cost 1 (lambda_r1, r2).
-        agreement_rad: a joint further than this from the other videos stops following them.
-        correlation_s: deviations between performances are counted once per this time.
-        max_steps: Gauss-Newton steps of each solve.
-    """
-
-    objective: str
-    rank: int
-    rounds: int
-    coupling_rad: float
-    coupling_path_m: float
-    agreement_rad: float
-    correlation_s: float
-    max_steps: int
-
-    def once(self, fps: float) -> float:
-        """Frames over which errors and deviations persist: evidence of that many counts once."""
-        return max(1.0, self.correlation_s * fps)
+from imocap_core.params import FitParams, MotionParams
 
 
 @dataclass(frozen=True)
@@ -61,7 +35,7 @@ class Scene:
     timeline: Timeline
     confidences: list[NDArray[np.float64]]
     reference: int
-    weights: FitWeights
+    weights: FitParams
 
     @property
     def K(self) -> Tensor:
@@ -99,6 +73,11 @@ class JointMotion:
     misfit: float
 
 
+def correlation_frames(options: MotionParams, fps: float) -> float:
+    """Frames over which errors and deviations persist: evidence of that many counts once."""
+    return max(1.0, options.correlation_s * fps)
+
+
 def through(observations: Sequence[Observation], cameras: Cameras) -> list[Observation]:
     """What was seen, by cameras whose focal lengths were found."""
     rows = zip(observations, cameras.K.cpu().numpy(), strict=True)
@@ -106,7 +85,7 @@ def through(observations: Sequence[Observation], cameras: Cameras) -> list[Obser
 
 
 def solve(
-    terms: Sequence[Term], state: MotionState, options: JointOptions, *, one_body: bool
+    terms: Sequence[Term], state: MotionState, options: MotionParams, *, one_body: bool
 ) -> Solution:
     """Minimise by damped Gauss-Newton."""
     return gauss_newton(

@@ -16,13 +16,14 @@ from imocap_core.camera.pnp import pnp_over_frames
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.multiview.consensus import Cameras, pelvis
 from imocap_core.motion.multiview.focal_lengths import NO_LENSES, Lenses
-from imocap_core.motion.multiview.scene import JointOptions, solve
+from imocap_core.motion.multiview.scene import solve
 from imocap_core.motion.multiview.timeline import Timeline, sample_keypoints
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.solver.gauss_newton import HALVES, Solution
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import JointEvidence, Reprojection, Term, View
 from imocap_core.motion.terms.view import project
+from imocap_core.params import MotionParams
 
 Array = NDArray[np.float64]
 EVIDENCE_SCALE = 3.0  # Geman-McClure, in standard deviations of an estimator
@@ -175,7 +176,7 @@ def fit_shared(
     cameras: Cameras,
     free: Sequence[int],
     terms: Sequence[Term],
-    options: JointOptions,
+    options: MotionParams,
     *,
     robust_scale: float,
     lenses: Lenses = NO_LENSES,

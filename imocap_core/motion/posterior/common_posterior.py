@@ -11,7 +11,7 @@ from imocap_core.motion.multiview.consensus import Cameras
 from imocap_core.motion.multiview.coupled import consensus_motion
 from imocap_core.motion.multiview.deviation import Spread
 from imocap_core.motion.multiview.rigid_offsets import estimate_strays, first_strays
-from imocap_core.motion.multiview.scene import JointOptions, Scene
+from imocap_core.motion.multiview.scene import Scene, correlation_frames
 from imocap_core.motion.multiview.shared import (
     Evidence,
     estimates_on_axis,
@@ -25,6 +25,7 @@ from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.solver.selected import factorise
 from imocap_core.motion.state import FRAME_UNKNOWNS, POSE, MotionState
 from imocap_core.motion.terms import Reprojection, Term
+from imocap_core.params import MotionParams
 from imocap_core.rotations import hat
 
 STEPS = 2  # of settling on the cameras that are given
@@ -87,7 +88,7 @@ class CommonPosterior:
 
 
 def settle_common(
-    scene: Scene, state: MotionState, cameras: Cameras, options: JointOptions
+    scene: Scene, state: MotionState, cameras: Cameras, options: MotionParams
 ) -> Common:
     """The common motion that goes with a result's motions and cameras, found again.
 
@@ -96,20 +97,22 @@ def settle_common(
     """
     weights = scene.weights
     evidence = gather(scene.observations, scene.timeline)
-    evidence = replace(evidence, stray=first_strays(len(scene.observations)))
+    evidence = replace(evidence, stray=first_strays(len(scene.observations), options))
     motion = consensus_motion(scene, state, cameras, options)
     estimates = estimates_on_axis(
         scene.body, scene.observations, scene.timeline, motion.trans,
-        evidence_mm=weights.evidence_mm * options.once(scene.fps) ** 0.5,
+        evidence_mm=weights.evidence_mm * correlation_frames(options, scene.fps) ** 0.5,
     )  # fmt: skip
     terms = [*regularisers(scene.body, scene.prior, weights, scene.fps), *estimates]
     few = replace(options, max_steps=STEPS)
-    scale = weights.robust_scale
+    scale = weights.robust_scale_sigma
     motion, _, _ = fit_shared(
         scene.body, motion, evidence, cameras, (), terms, few, robust_scale=scale
     )
     for _ in ROBUST_STAGES:  # as often as the fit does: expectation maximisation is slow
-        evidence = estimate_strays(scene.body, motion, evidence, cameras, robust_scale=scale)
+        evidence = estimate_strays(
+            scene.body, motion, evidence, cameras, options, robust_scale=scale
+        )
     spread_m = spread_m_of(evidence, scene, motion, cameras)
     seen = with_spread(evidence, spread_m, scene, motion, cameras)
     assert evidence.stray is not None
@@ -127,7 +130,7 @@ def common_posterior(scene: Scene, common: Common, noise: Noise) -> CommonPoster
     index = torch.tensor(free, dtype=torch.long, device=common.motion.trans.device)
     state = replace(common.motion, camera_R=cameras.R[index][None], camera_t=cameras.t[index][None])
     views = views_of(common.evidence, cameras, state.trans, free=free)
-    image = Reprojection(scene.body, views, scene.weights.robust_scale)
+    image = Reprojection(scene.body, views, scene.weights.robust_scale_sigma)
     terms = [
         *noise.temper([image], scene.fps),
         *common.estimates,  # counted once per correlation time by their own weights

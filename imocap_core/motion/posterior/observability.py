@@ -17,6 +17,7 @@ from imocap_core.motion.posterior.azimuth import stage_of
 from imocap_core.motion.posterior.uncertainty import Uncertainty
 from imocap_core.motion.posterior.viewpoints import reductions, spec_alone, spec_of
 from imocap_core.motion.state import MotionState
+from imocap_core.params import MotionParams
 
 Array = NDArray[np.float64]
 ACROSS_DEG = 30.0  # a video this far off a line of sight tells depth along it
@@ -67,6 +68,7 @@ def observe(
     state: MotionState,
     cameras: Cameras,
     found: Uncertainty,
+    options: MotionParams,
     *,
     near_limit_deg: float,
     evidence_share: float,
@@ -80,12 +82,12 @@ def observe(
     weights = scene.weights
     if found.common is None:
         own = own_view(scene.observations, state.trans)
-        spec = spec_alone(state, own)
+        spec = spec_alone(state, own, options)
     else:
         spec = spec_of(found.common)
     gain = reductions(
         scene.body, found.motion, found.normal, ground, spec,
-        scale=weights.robust_scale, share=evidence_share,
+        scale=weights.robust_scale_sigma, share=evidence_share,
     )  # fmt: skip
     return Open(
         np.array([ground.azimuth_deg(direction) for direction in mean]),

@@ -12,7 +12,7 @@ from imocap_core.motion.multiview.per_video import (
     held_feet,
     targets_of,
 )
-from imocap_core.motion.multiview.scene import JointOptions, Scene, own_terms
+from imocap_core.motion.multiview.scene import Scene, own_terms
 from imocap_core.motion.posterior.common_posterior import Common
 from imocap_core.motion.posterior.noise import Noise
 from imocap_core.motion.solver.gauss_newton import linearise, take_apart
@@ -20,6 +20,7 @@ from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.solver.selected import factorise
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms import PathCoupling, PoseCoupling, Term
+from imocap_core.params import MotionParams
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ def own_fits(
     scene: Scene,
     state: MotionState,
     common: Common | None,
-    options: JointOptions,
+    options: MotionParams,
     noise: Noise,
 ) -> list[OwnFit]:
     """Every video's own fit, as a posterior counts its evidence.

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from imocap_core.motion.multiview.consensus import Cameras
-from imocap_core.motion.multiview.scene import JointOptions, Scene
+from imocap_core.motion.multiview.scene import Scene
 from imocap_core.motion.posterior.common_posterior import (
     CommonPosterior,
     common_posterior,
@@ -35,6 +35,7 @@ from imocap_core.motion.posterior.noise import Noise
 from imocap_core.motion.posterior.per_video_posterior import own_fits, own_posterior
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import MotionState
+from imocap_core.params import MotionParams
 from imocap_core.workers import at_once
 
 Array = NDArray[np.float64]
@@ -58,7 +59,7 @@ class Uncertainty:
 
 
 def uncertainty(
-    scene: Scene, state: MotionState, cameras: Cameras, options: JointOptions, noise: Noise
+    scene: Scene, state: MotionState, cameras: Cameras, options: MotionParams, noise: Noise
 ) -> Uncertainty:
     """The posterior of a result.
 

@@ -17,6 +17,7 @@ from imocap_core.motion.solver.selected import factorise
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms import Reprojection, View
 from imocap_core.motion.terms.view import project
+from imocap_core.params import MotionParams
 from imocap_core.workers import at_once
 
 Array = NDArray[np.float64]
@@ -105,12 +106,12 @@ def spec_of(common: CommonPosterior) -> Spec:
     )
 
 
-def spec_alone(motion: MotionState, own: View) -> Spec:
+def spec_alone(motion: MotionState, own: View, options: MotionParams) -> Spec:
     """A second camera for a video that has none beside it: it may stray generously."""
     weight = own.weight[own.weight > 0]
     return Spec(
         float(motion.trans[0, :, 2].median()),
         float(own.K[0, 0, 0]),
         float(weight.median()) if len(weight) else 0.0,
-        first_strays(1)[0],
+        first_strays(1, options)[0],
     )

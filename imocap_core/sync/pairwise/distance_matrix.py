@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from imocap_core.params import SyncParams
 from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.pairwise.affinity import procrustes_distances
 from imocap_core.sync.pairwise.poses import body_scales, joint_weights_of, stack
 from imocap_core.sync.pairwise.velocity import with_velocity
-from imocap_core.sync.settings import Settings
 
 Array = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ def compare(
     confidence: Sequence[Array] | None,
     joint_weights: Array | None,
     fps: Sequence[float],
-    settings: Settings,
+    settings: SyncParams,
 ) -> Comparison:
     weights = joint_weights_of(poses, confidence, joint_weights)
     scales = body_scales(poses) if settings.normalise_scale else np.ones(len(poses))

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from imocap_core.params import RepetitionParams
 from imocap_core.sync.pairwise.affinity import procrustes_distances
 from imocap_core.sync.repetition.template_matching import Span, best_template
 
@@ -45,47 +46,39 @@ class Repetitions:
 def find_repetitions(
     poses: Array,
     fps: float,
-    *,
-    least_score: float,
-    least_quality: float,
-    match_level: float,
-    shortest_s: float,
+    params: RepetitionParams,
 ) -> Repetitions:
     """Cut a clip into the repetitions of its dominant action; their number is not given.
 
     Args:
         poses: (T, J, 3), any unit, axes and origin; NaN = missing.
-        least_score: below it nothing repeats.
-        least_quality: an occurrence that explains less of its poses is none.
-        match_level: squared distance at which a pose is no longer explained, share of the way from
-            that of its nearest pose elsewhere to that of an unrelated one.
-        shortest_s: shortest repetition, at the clip's typical speed.
 
     Raises:
         ValueError: for shapes or numbers that don't fit.
     """
-    _check(poses, fps, match_level, shortest_s)
+    _check(poses, fps, params)
     whole = ((0, len(poses)),)
     smooth = _smoothed(poses, SMOOTH_S * fps)
     speed = _speeds(smooth, fps)
     typical = float(np.sqrt(np.mean(speed**2)))
     at = _evenly_in_motion(speed / typical, fps) if typical > 0 else np.array([0])
-    shortest = max(2, round(shortest_s * SAMPLES_PER_S))
+    shortest = max(2, round(params.shortest_s * SAMPLES_PER_S))
     if len(at) < 2 * shortest:
         return Repetitions(whole, 0.0, "no repetitions: the clip is too short, or nothing moves")
-    worth = _worth(_squares(smooth[at]), shortest, match_level)
+    worth = _worth(_squares(smooth[at]), shortest, params.match_level)
     found = best_template(
         worth,
         shortest=shortest,
         longest=max(shortest, round(0.6 * len(at))),
         stride=-(-len(at) // MAX_STARTS),
-        least_quality=least_quality,
+        least_quality=params.least_quality,
         cut_cost=speed[at] / typical,
         like_best=LIKE_BEST,
     )
     score = found.explained / max(len(at) - found.samples, 1) if found else 0.0
-    if found is None or score < least_score or len(found.spans) < 2:
-        return Repetitions(whole, score, f"no repetitions: score {score:.2f} < {least_score:g}")
+    if found is None or score < params.least_score or len(found.spans) < 2:
+        status = f"no repetitions: score {score:.2f} < {params.least_score:g}"
+        return Repetitions(whole, score, status)
     motion = speed - STILL_SHARE * typical
     edges = np.append(at, len(poses))
     spans = tuple(_trimmed(int(edges[a]), int(edges[b]), motion) for a, b in found.spans)
@@ -94,11 +87,15 @@ def find_repetitions(
     return Repetitions(spans, score, f"{said}, score {score:.2f}")
 
 
-def _check(poses: Array, fps: float, match_level: float, shortest_s: float) -> None:
+def _check(poses: Array, fps: float, params: RepetitionParams) -> None:
     faults = []
     if poses.ndim != 3 or poses.shape[-1] != 3 or not len(poses):
         faults.append(f"poses: expected (T >= 1, J, 3), got {poses.shape}")
-    numbers = (("fps", fps), ("match_level", match_level), ("shortest_s", shortest_s))
+    numbers = (
+        ("fps", fps),
+        ("match_level", params.match_level),
+        ("shortest_s", params.shortest_s),
+    )
     faults += [f"{name}: expected > 0, got {value}" for name, value in numbers if not value > 0]
     if faults:
         raise ValueError("; ".join(faults))

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from imocap_core.params import SyncParams
 from imocap_core.sync.pairwise.distance_matrix import Comparison
-from imocap_core.sync.settings import Settings
 from imocap_core.sync.warp.dtw import dtw, positions_of_rows
 from imocap_core.sync.warp.positions import mass_within
 
@@ -19,7 +19,7 @@ def dtw_warps(
     maps: Array,
     reference: int,
     fps: Sequence[float],
-    settings: Settings,
+    settings: SyncParams,
 ) -> tuple[list[Array], list[Array]]:
     """The paper's last step: DTW on each relaxed block; the confidence is that of the soft maps."""
     reach = settings.confidence_reach_s * fps[reference]
@@ -37,7 +37,7 @@ def dtw_warps(
 
 
 def _skip_of(
-    c: Comparison, relaxed: NDArray[np.floating], reference: int, settings: Settings
+    c: Comparison, relaxed: NDArray[np.floating], reference: int, settings: SyncParams
 ) -> float:
     """What an unmatched frame pays in DTW on minus the affinity: `unmatched_level` between best
     and typical entries."""

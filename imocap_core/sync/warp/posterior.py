@@ -7,9 +7,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from imocap_core.params import SyncParams
 from imocap_core.sync.pairwise.distance_matrix import Comparison
 from imocap_core.sync.reference_anchors import Bend
-from imocap_core.sync.settings import Settings
 from imocap_core.sync.warp.leave_one_out import squared_distances_to_others
 from imocap_core.sync.warp.monotone import interpolated_squares, monotone_posterior
 from imocap_core.sync.warp.positions import in_order, mass_within, median_positions
@@ -32,7 +32,7 @@ def _posterior(
     fps: float,
     fps_to: float,
     per_frame: int,
-    settings: Settings,
+    settings: SyncParams,
     regularity: float,
 ) -> tuple[Array, Array]:
     """Soft map of one video into another from squared distances (n, S), and P(matched).
@@ -71,7 +71,7 @@ def _posterior(
     )
 
 
-def directed_maps(c: Comparison, fps: Sequence[float], settings: Settings) -> tuple[Array, Array]:
+def directed_maps(c: Comparison, fps: Sequence[float], settings: SyncParams) -> tuple[Array, Array]:
     """Soft maps between all videos at whole frames (N_a, N_a), own blocks the identity, and
     P(matched) (N_a, M)."""
     maps, matched = np.zeros_like(c.squares), np.ones((c.blocks.total, len(c.poses)))
@@ -107,7 +107,7 @@ def posterior_warps(
     matched: Array,
     reference: int,
     fps: Sequence[float],
-    settings: Settings,
+    settings: SyncParams,
     bend: Bend | None = None,
     pictures: ReprojectionEvidence | None = None,
 ) -> tuple[list[Array], list[Array]]:
@@ -143,7 +143,7 @@ def _refined_by_poses(
     c: Comparison,
     reference: int,
     fps: Sequence[float],
-    settings: Settings,
+    settings: SyncParams,
     bend: Bend | None,
 ) -> list[Array]:
     """Refine the maps (T_v, S) and P(matched) (T_v,) by the poses of the other videos, in place.
@@ -160,7 +160,7 @@ def _refined_by_poses(
     # the first refinement aligns frame by frame; only then are orientations known well enough
     steady = [settings.orientation_window_s * f for f in fps]
 
-    def told(v: int, squares: Array, by: Settings) -> tuple[Array, Array]:
+    def told(v: int, squares: Array, by: SyncParams) -> tuple[Array, Array]:
         near = _typical(squares, c)
         bent = squares if bend is None else bend(v, squares, near, by.evidence_per_s)
         return _posterior(bent, near, fps[v], fps[reference], per_frame, by, 0.0)
@@ -187,7 +187,7 @@ def _seen_in_pictures(
     pictures: ReprojectionEvidence,
     reference: int,
     fps: Sequence[float],
-    settings: Settings,
+    settings: SyncParams,
     bend: Bend | None,
 ) -> set[int]:
     """Refine the maps (T_v, S) by the pictures, in place; which frames are matched stays.

@@ -11,14 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from imocap_core.params import MotionParams
 from imocap_core.robust import geman_mcclure
 from imocap_core.sync.warp.positions import median_positions
 from imocap_core.sync.warp.template import Contribution, alike, positions_between, template
 
 Array = NDArray[np.float64]
 
-FIRST_STRAY = np.array([0.08] * 3 + [0.15] * 3)  # rad, m: spreads of performances as wholes
-LEAST_STRAY = np.array([0.01] * 3 + [0.005] * 3)
 ROUNDS = 4
 OUTLIER_SIGMA = 4.0  # scale of the Geman-McClure weights
 MOST_NOISE = 2.25  # mean square left, of the detector's variance: one half as bad again as assumed
@@ -95,14 +94,16 @@ def projected(xyz_m: Array, video: CalibratedVideo) -> Projected:
     return Projected(pixels, np.concatenate([by_point @ -_skew(xyz_m - middle), by_point], axis=-1))
 
 
-def squares_in_picture(seen: Projected, video: CalibratedVideo, at: NDArray[np.int64]) -> Array:
+def squares_in_picture(
+    seen: Projected, video: CalibratedVideo, at: NDArray[np.int64], motion: MotionParams
+) -> Array:
     """(T, S) mean squared distance of each frame's detections to each moment, in units of noise.
 
     At every moment the performance may turn and shift as a whole, and what fits best there counts
     (variable projection): strays found where a frame lies so far would take up the time it is off.
     How large strays are, and which detections are outliers, is told at those moments ``at`` (T,).
     """
-    weight, precision = weights_and_precision(seen, video, at)
+    weight, precision = weights_and_precision(seen, video, at, motion)
     count = np.maximum((weight / np.maximum(video.weight, 1e-12)).sum(1), 1e-6)
     moments, points = seen.xy_px.shape[:2]
     middle = seen.xy_px.mean(axis=(0, 1))
@@ -143,13 +144,15 @@ def _quadratic(lower: Array, g: Array) -> Array:
 
 
 def weights_and_precision(
-    seen: Projected, video: CalibratedVideo, at: NDArray[np.int64]
+    seen: Projected, video: CalibratedVideo, at: NDArray[np.int64], motion: MotionParams
 ) -> tuple[Array, Array]:
     """The robust weights (T, K) of the detections and the inverse variances (6,) of strays, told
     where each frame lies."""
     rows, residual = seen.by_stray[at], video.xy_px - seen.xy_px[at]
     residual = np.where(video.weight[..., None] > 0, residual, 0.0)
-    spread, strays, weight = FIRST_STRAY, np.zeros((len(at), STRAYS)), video.weight
+    spread = _turn_and_shift(motion.rigid_offset_start_rad, motion.rigid_offset_start_m)
+    least = _turn_and_shift(motion.rigid_offset_floor_rad, motion.rigid_offset_floor_m)
+    strays, weight = np.zeros((len(at), STRAYS)), video.weight
     for _ in range(ROUNDS):
         left = residual - np.einsum("tkac,tc->tka", rows, strays)
         robust = geman_mcclure(video.weight * (left**2).sum(-1), OUTLIER_SIGMA)[1]
@@ -158,15 +161,20 @@ def weights_and_precision(
         sharpness += np.diag(spread**-2.0)
         pull = np.einsum("tkac,tka,tk->tc", rows, residual, weight, optimize=True)
         strays = np.linalg.solve(sharpness, pull[..., None])[..., 0]
-        spread = _spread(strays, np.linalg.inv(sharpness))
+        spread = _spread(strays, np.linalg.inv(sharpness), least)
     return weight, spread**-2.0
 
 
-def _spread(strays: Array, covariance: Array) -> Array:
+def _turn_and_shift(turn_rad: float, shift_m: float) -> Array:
+    """(6,) three turns and three shifts."""
+    return np.array([turn_rad] * 3 + [shift_m] * 3)
+
+
+def _spread(strays: Array, covariance: Array, least: Array) -> Array:
     """(6,) one spread of the turns and one of the shifts (expectation maximisation)."""
     square = (strays**2 + np.diagonal(covariance, axis1=1, axis2=2)).mean(0)
     both = np.repeat([square[:3].mean(), square[3:].mean()], 3)
-    return np.asarray(np.maximum(np.sqrt(both), LEAST_STRAY))
+    return np.asarray(np.maximum(np.sqrt(both), least))
 
 
 def _skew(x: Array) -> Array:
@@ -178,9 +186,14 @@ def _skew(x: Array) -> Array:
 
 @dataclass(frozen=True)
 class ReprojectionEvidence:
-    """The pictures of all videos that are synchronised, in their order."""
+    """The pictures of all videos that are synchronised, in their order.
+
+    Attributes:
+        params: of them the spreads of rigid offsets.
+    """
 
     videos: Sequence[CalibratedVideo]
+    params: MotionParams
 
     def squares(
         self, v: int, maps: Sequence[Array], reference: int, per_frame: int
@@ -193,7 +206,8 @@ class ReprojectionEvidence:
         """
         motion = others_motion(self.videos, maps, v, reference, per_frame)
         at = np.rint(median_positions(maps[v], per_frame) * per_frame).astype(np.int64)
-        squares = squares_in_picture(projected(motion, self.videos[v]), self.videos[v], at)
+        seen = projected(motion, self.videos[v])
+        squares = squares_in_picture(seen, self.videos[v], at, self.params)
         best = squares.min(axis=1, keepdims=True)
         typical = float(np.median(best))
         return squares / np.maximum(best, typical) if typical <= MOST_NOISE else None

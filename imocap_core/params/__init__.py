@@ -1,0 +1,53 @@
+"""Every parameter, each in one place: its type and bounds, default, unit, and what it does.
+
+A group is a frozen dataclass that the core takes as it is. `Params()` has all defaults. Values
+from pipeline.yaml, action.yaml and `--set` are validated by `imocap_core.pipeline.graph`;
+docs/parameters.md is made from these classes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from imocap_core.params.evaluate import EvaluateParams
+from imocap_core.params.fit import FitParams
+from imocap_core.params.hands import HandsParams
+from imocap_core.params.initial import InitialSmplParams
+from imocap_core.params.motion import MotionParams, RefineParams, UncertaintyParams
+from imocap_core.params.sync import RepetitionParams, SyncParams
+from imocap_core.params.video import CameraMotionParams, DetectParams, KeypointsParams
+
+
+@dataclass(frozen=True, kw_only=True)
+class Params:
+    """All groups, in the order in which a run needs them."""
+
+    detect: DetectParams = field(default_factory=DetectParams)
+    keypoints: KeypointsParams = field(default_factory=KeypointsParams)
+    camera_motion: CameraMotionParams = field(default_factory=CameraMotionParams)
+    initial_smpl: InitialSmplParams = field(default_factory=InitialSmplParams)
+    fit: FitParams = field(default_factory=FitParams)
+    sync: SyncParams = field(default_factory=SyncParams)
+    repetitions: RepetitionParams = field(default_factory=RepetitionParams)
+    motion: MotionParams = field(default_factory=MotionParams)
+    refine: RefineParams = field(default_factory=RefineParams)
+    uncertainty: UncertaintyParams = field(default_factory=UncertaintyParams)
+    hands: HandsParams = field(default_factory=HandsParams)
+    evaluate: EvaluateParams = field(default_factory=EvaluateParams)
+
+
+__all__ = [
+    "CameraMotionParams",
+    "DetectParams",
+    "EvaluateParams",
+    "FitParams",
+    "HandsParams",
+    "InitialSmplParams",
+    "KeypointsParams",
+    "MotionParams",
+    "Params",
+    "RefineParams",
+    "RepetitionParams",
+    "SyncParams",
+    "UncertaintyParams",
+]

@@ -1,0 +1,40 @@
+"""Parameters of the monocular start of each video."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from imocap_core.params.bounds import Count, Positive, param
+
+
+@dataclass(frozen=True, kw_only=True)
+class InitialSmplParams:
+    """Monocular start: 2D keypoints are matched against a library of poses (section 3.2)."""
+
+    library_poses: Count = param(2000, "Poses drawn from the pose prior for the library.")
+    library_directions: Count = param(96, "Viewing directions from which each pose is projected.")
+    candidates: Count = param(40, "Library entries considered for each matched frame.")
+    stride_s: Positive = param(
+        0.1, "Time between two matched frames; frames between them are interpolated.", unit="s"
+    )
+    match_sigma: Positive = param(
+        0.12,
+        "Standard deviation of a keypoint's distance to the matched pose, as a share of the "
+        "keypoints' spread in the picture. It covers detector noise, bone lengths and the "
+        "library's coarseness.",
+    )
+    step_m_s: Positive = param(
+        2.0,
+        "Joint speed that costs 1 when a path of poses over time is chosen among the candidates.",
+        unit="m/s",
+    )
+    starts: Count = param(
+        2, "Different starts that are fitted for each video; the fit of lowest cost is used."
+    )
+    lifter: Literal["auto", "never"] = param(
+        "never",
+        "`auto`: the learned lifter (lifter.md) starts the fits of videos without an `initial` "
+        "estimate.",
+    )
+    max_steps: Count = param(12, "Most Gauss-Newton steps of the last fit of each video.")

@@ -1,0 +1,106 @@
+"""Parameters of what looks at one video: 2D detection, keypoints, camera motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from imocap_core.params.bounds import Count, Positive, Share, param
+
+
+@dataclass(frozen=True, kw_only=True)
+class DetectParams:
+    """2D keypoint detection, for videos with `keypoints: detect` in action.yaml (detection.md)."""
+
+    detector: Literal["mediapipe", "rtmlib"] = param(
+        "mediapipe",
+        "Detector to run. MediaPipe finds one person a picture; rtmlib finds everybody.",
+    )
+    hands: bool = param(
+        False, "Detect the 2 x 21 points of both hands too, which the stage `hands` needs. Slower."
+    )
+    world_landmarks: bool = param(
+        False,
+        "MediaPipe: its 3D landmarks start the monocular fits and are evidence in them, for videos "
+        "without an `initial` of their own.",
+    )
+    follow: bool = param(
+        False,
+        "MediaPipe: search only near the person's last position. Faster, but it loses people.",
+    )
+    min_detection_confidence: Share = param(
+        0.5, "MediaPipe: detections of a person below this confidence are dropped."
+    )
+    min_tracking_confidence: Share = param(
+        0.5,
+        "MediaPipe with `follow`: below this confidence the person is searched for in the whole "
+        "picture again.",
+    )
+    rtmlib_mode: Literal["lightweight", "balanced", "performance"] = param(
+        "balanced", "rtmlib: which of its models it downloads, from fastest to most accurate."
+    )
+    rtmlib_person_model: str | None = param(
+        None,
+        "rtmlib: ONNX file of a person detector to use instead of a downloaded one, relative to "
+        "the action's folder.",
+    )
+    rtmlib_pose_model: str | None = param(
+        None,
+        "rtmlib: ONNX file of a pose model to use instead of a downloaded one, relative to the "
+        "action's folder.",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class KeypointsParams:
+    """Tracking of people and choice of the performer in each video (people.md)."""
+
+    min_confidence: Share = param(0.05, "Keypoints below this confidence count as missing.")
+    max_gap_s: Positive = param(
+        1.0, "A person undetected for longer than this begins a new track.", unit="s"
+    )
+    looks: bool = param(
+        True,
+        "Also tell people apart by the colours of their clothes, where the action has the video "
+        "file.",
+    )
+    performer: Literal["agreement", "score"] = param(
+        "agreement",
+        "How the performer is chosen where a video shows several people. `score`: the largest "
+        "product of presence, size and motion. `agreement`: where scores are close, the person "
+        "whose poses the other videos show too.",
+    )
+    sides: Literal["auto", "leave", "repair"] = param(
+        "auto",
+        "Whether exchanged left and right limbs are corrected: `repair` always, `leave` never, "
+        "`auto` for layouts whose detector is known to exchange them (mediapipe33).",
+    )
+    cuts: bool = param(
+        True,
+        "Look for cuts between shots and report them, where the action has the video file.",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraMotionParams:
+    """Rotation and zoom of each camera, from the background (section 3.2)."""
+
+    working_size_px: Count = param(
+        640, "Pictures are scaled down until their larger side has this many pixels.", unit="px"
+    )
+    max_features: Count = param(400, "Most background points tracked in a picture.")
+    min_inliers: Count = param(
+        30, "A homography between two pictures needs at least this many agreeing points."
+    )
+    reprojection_threshold_px: Positive = param(
+        2.0,
+        "A background point further than this from a homography's prediction is an outlier, in "
+        "pixels of the scaled picture.",
+        unit="px",
+    )
+    assumed_focal_factor: Positive = param(
+        1.0,
+        "Focal length divided by the picture's larger side, assumed where neither action.yaml nor "
+        "the camera's rotation gives the focal length. Phones have 0.8 to 0.9, television cameras "
+        "1 and more: for these, 1 is wrong by 15 % at most.",
+    )
