@@ -12,8 +12,8 @@ from imocap_core.artifacts.schemas import (
     VideoKeypoints,
 )
 from imocap_core.camera.background import rescaled, track_background
+from imocap_core.camera.motion import CameraMotionEstimate, estimate_camera_motion, static_camera
 from imocap_core.camera.projection import warp
-from imocap_core.camera.turning import Turning, camera_turning, standing_still
 from imocap_core.cli import stage_main
 from imocap_core.io.video import read_gray
 from imocap_core.params import CameraMotionParams, Params
@@ -37,7 +37,7 @@ def _motion_of(
 ) -> VideoCameraMotion:
     if path is None:
         factor = params.assumed_focal_factor
-        turning = standing_still(len(video.frames), video.size, video.focal_px, factor)
+        turning = static_camera(len(video.frames), video.size, video.focal_px, factor)
     else:
         turning = _look(video, path, params)
     return VideoCameraMotion(
@@ -55,7 +55,7 @@ def _motion_of(
     )
 
 
-def _look(video: VideoKeypoints, path: Path, params: CameraMotionParams) -> Turning:
+def _look(video: VideoKeypoints, path: Path, params: CameraMotionParams) -> CameraMotionEstimate:
     scale = min(1.0, params.working_size_px / max(video.size))
     first, last = int(video.frames[0]), int(video.frames[-1])
     small = track_background(
@@ -70,7 +70,7 @@ def _look(video: VideoKeypoints, path: Path, params: CameraMotionParams) -> Turn
             f"{path}: expected frames {first} to {last}, the video ends after {len(small)} of "
             "them; change `frames` in action.yaml or re-encode the video"
         )
-    return camera_turning(
+    return estimate_camera_motion(
         [rescaled(match, scale) for match in small],
         video.size,
         video.focal_px,

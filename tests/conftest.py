@@ -12,6 +12,7 @@ import tests.shape_check  # noqa: F401  (the hook names it)
 # Rooms whose annotations (types, and shapes of arrays) are checked at every call in the tests.
 CHECKED: tuple[str, ...] = (
     "imocap_core.alignment",
+    "imocap_core.camera",
     "imocap_core.io",
     "imocap_core.metrics",
     "imocap_core.technique",

@@ -1,1 +1,1 @@
-"""Projection, rotation and zoom from the background, PnP, averaging of rotations."""
+"""Cameras: projection, pose and intrinsics estimation, background motion, the world frame."""

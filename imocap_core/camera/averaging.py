@@ -1,8 +1,8 @@
-"""Robust means of rotations and of vectors: a camera from many noisy guesses of it.
+"""Robust averaging of rotations and of vectors: one camera pose from many noisy estimates of it.
 
-A camera's rotation relative to the reference camera is seen once per matched frame, as the
-difference of two root orientations; many of those are wrong (mismatched frames, flipped
-monocular fits), so the mean has to ignore what disagrees.
+Each pair of matched frames gives one estimate of a camera's rotation relative to the reference
+camera, the difference of two root orientations. Many of these are wrong (mismatched frames, flipped
+monocular fits), so the mean has to ignore outliers.
 """
 
 from __future__ import annotations
@@ -10,36 +10,37 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from imocap_core.robust import geman_mcclure_weight
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class RotationMean:
-    """``R`` (3, 3); ``weights`` (N,) final robust weights; ``angles_deg`` (N,) to ``R``."""
+    """Mean ``R``, the final robust ``weights``, and the angle of each rotation to ``R``, NaN where
+    the rotation was missing."""
 
-    R: Array
-    weights: Array
-    angles_deg: Array
+    R: Float[np.ndarray, "3 3"]
+    weights: Float[np.ndarray, " N"]
+    angles_deg: Float[np.ndarray, " N"]
     status: str
 
 
 @dataclass(frozen=True)
 class VectorMean:
-    """``mean`` (D,); ``weights`` (N,) final robust weights; ``distances`` (N,) to ``mean``."""
+    """The ``mean``, the final robust ``weights``, and the distance of each vector to ``mean``, NaN
+    where the vector was missing."""
 
-    mean: Array
-    weights: Array
-    distances: Array
+    mean: Float[np.ndarray, " D"]
+    weights: Float[np.ndarray, " N"]
+    distances: Float[np.ndarray, " N"]
     status: str
 
 
-def nearest_rotation(M: Array) -> Array:
-    """The rotation (..., 3, 3) nearest to matrices (..., 3, 3) in the Frobenius norm."""
+def nearest_rotation(M: Float[np.ndarray, "... 3 3"]) -> Float[np.ndarray, "... 3 3"]:
+    """Nearest rotations to any matrices, in the Frobenius norm (Kabsch 1976)."""
     U, _, Vt = np.linalg.svd(M)
     sign = np.linalg.det(U @ Vt)
     U = U.copy()
@@ -47,8 +48,10 @@ def nearest_rotation(M: Array) -> Array:
     return U @ Vt
 
 
-def angle_deg(R_a: Array, R_b: Array) -> Array:
-    """Angle (...) in degrees between rotations (..., 3, 3); exact near 0 and near 180."""
+def angle_deg(
+    R_a: Float[np.ndarray, "... 3 3"], R_b: Float[np.ndarray, "... 3 3"]
+) -> Float[np.ndarray, ...]:
+    """Geodesic distance between rotations, degrees; accurate near 0 and near 180."""
     relative = np.swapaxes(R_a, -1, -2) @ R_b
     shape = relative.shape[:-2]
     angles = Rotation.from_matrix(relative.reshape(-1, 3, 3)).magnitude()
@@ -56,17 +59,25 @@ def angle_deg(R_a: Array, R_b: Array) -> Array:
 
 
 def mean_rotation(
-    R: Array,
-    weights: Array | None = None,
+    R: ArrayLike,
+    weights: ArrayLike | None = None,
     *,
     scale_deg: float = 10.0,
     iterations: int = 50,
 ) -> RotationMean:
-    """Geman-McClure mean of rotations (N, 3, 3), with prior weights (N,).
+    """Robust single rotation averaging: Geman-McClure mean of rotations (N, 3, 3).
 
     Starts at the projected entrywise median (Lee and Civera, "Robust single rotation averaging",
     2020), then reweights chordal means. The scale starts at the median angle and shrinks to
-    ``scale_deg``, so that the basin is wide first. Rotations with NaN weigh nothing.
+    ``scale_deg``: a wide basin of attraction first. Rotations with NaN have no weight.
+
+    Args:
+        R: (N, 3, 3) rotations, NaN where missing.
+        weights: (N,) prior weights, or None for equal ones.
+        scale_deg: Geman-McClure scale, degrees.
+
+    Raises:
+        ValueError: wrong shapes.
     """
     R = np.asarray(R, dtype=np.float64)
     if R.ndim != 3 or R.shape[1:] != (3, 3):
@@ -78,7 +89,7 @@ def mean_rotation(
     used, share = R[valid], prior[valid]
     mean = nearest_rotation(_weighted_median(used, share))
     scale = max(scale_deg, float(np.median(angle_deg(used, mean))))
-    robust, status = share, f"not settled after {iterations} iterations"
+    robust, status = share, f"not converged after {iterations} iterations"
     for _ in range(iterations):
         robust = share * geman_mcclure_weight(angle_deg(used, mean), scale)
         new = nearest_rotation(np.einsum("n,nij->ij", robust, used))
@@ -94,11 +105,19 @@ def mean_rotation(
 
 
 def mean_vector(
-    x: Array, weights: Array | None = None, *, scale: float, iterations: int = 50
+    x: ArrayLike, weights: ArrayLike | None = None, *, scale: float, iterations: int = 50
 ) -> VectorMean:
-    """Geman-McClure mean of vectors (N, D), with prior weights (N,); ``scale`` in their unit.
+    """Geman-McClure mean of vectors (N, D).
 
     Starts at the coordinatewise median and shrinks the scale like `mean_rotation`.
+
+    Args:
+        x: (N, D) vectors, NaN where missing.
+        weights: (N,) prior weights, or None for equal ones.
+        scale: Geman-McClure scale, in the unit of the vectors.
+
+    Raises:
+        ValueError: wrong shapes.
     """
     x = np.asarray(x, dtype=np.float64)
     if x.ndim != 2:
@@ -110,7 +129,7 @@ def mean_vector(
     used, share = x[valid], prior[valid]
     mean = _weighted_median(used, share)
     width = max(scale, float(np.median(np.linalg.norm(used - mean, axis=1))))
-    robust, status = share, f"not settled after {iterations} iterations"
+    robust, status = share, f"not converged after {iterations} iterations"
     for _ in range(iterations):
         robust = share * geman_mcclure_weight(np.linalg.norm(used - mean, axis=1), width)
         new = (robust @ used) / robust.sum()
@@ -125,7 +144,9 @@ def mean_vector(
     return VectorMean(mean, final, distances, status)
 
 
-def _prior(weights: Array | None, finite: NDArray[np.bool_]) -> tuple[Array, NDArray[np.bool_]]:
+def _prior(
+    weights: ArrayLike | None, finite: Bool[np.ndarray, " N"]
+) -> tuple[Float[np.ndarray, " N"], Bool[np.ndarray, " N"]]:
     """Given weights or ones, and which entries have both a value and a positive weight."""
     prior = np.ones(len(finite)) if weights is None else np.asarray(weights, dtype=np.float64)
     if prior.shape != finite.shape:
@@ -133,8 +154,10 @@ def _prior(weights: Array | None, finite: NDArray[np.bool_]) -> tuple[Array, NDA
     return prior, finite & (prior > 0)
 
 
-def _weighted_median(values: Array, weights: Array) -> Array:
-    """Lower weighted median over the first axis of (N, ...), entry by entry."""
+def _weighted_median(
+    values: Float[np.ndarray, N * item], weights: Float[np.ndarray, " N"]
+) -> Float[np.ndarray, "*item"]:
+    """Lower weighted median over the first axis, entry by entry."""
     flat = values.reshape(len(values), -1)
     order = np.argsort(flat, axis=0, kind="stable")
     cumulated = np.cumsum(weights[order], axis=0)

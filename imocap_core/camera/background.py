@@ -1,78 +1,81 @@
-"""The background followed through a clip: key frames, features, one homography a frame.
+"""Background tracking: key frames, features, and one homography per frame.
 
 Every frame is matched directly to a key frame instead of to the frame before it, so errors add up
-once a key frame and not once a frame; the earliest key frame that still shows enough of the scene
-is taken, so a camera that pans back meets its first frame again and the drift is gone.
+per key frame and not per frame. The earliest key frame that overlaps enough is used, so a camera
+that pans back is matched to its first frame again and the drift disappears.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float, UInt8
 
 from imocap_core.camera.projection import warp
 
-Array = NDArray[np.float64]
-Picture = NDArray[np.uint8]
-
 MIN_OVERLAP = 0.6  # of the frame inside a key frame
-MIN_SURVIVORS = 0.35  # of the features that should be visible
-BOX_PADDING = 0.12  # of the person's box on each side: hair, hands and clothes leave it
+MIN_TRACKED = 0.35  # of the features that should be visible
+BOX_PADDING = 0.12  # of the person's box on each side: hair, hands and clothes reach out of it
 _WINDOW = (21, 21)
 
 
 @dataclass(frozen=True)
 class Matches:
-    """One frame against frame ``key``: points (N, 2) in pixels of both, and which are ``inlier``.
+    """Point correspondences of one frame with the key frame ``key``, in pixels of both.
 
-    ``H_key_from_frame`` is fitted to the inliers. A frame that could not be matched has no points
-    and stays where the frame before it was.
+    ``H_key_from_frame`` is fitted to those that are ``inlier``. A frame that could not be matched
+    has no points and the homography of the frame before it.
     """
 
     key: int
-    H_key_from_frame: Array
-    xy_key: Array
-    xy_frame: Array
-    inlier: NDArray[np.bool_]
+    H_key_from_frame: Float[np.ndarray, "3 3"]
+    xy_key: Float[np.ndarray, "N 2"]
+    xy_frame: Float[np.ndarray, "N 2"]
+    inlier: Bool[np.ndarray, " N"]
 
 
 @dataclass(frozen=True)
 class _Key:
     frame: int
-    picture: Picture
-    mask: Picture
-    points: Array
-    H_first_from_key: Array
+    picture: UInt8[np.ndarray, "H W"]
+    mask: UInt8[np.ndarray, "H W"]
+    points: Float[np.ndarray, "N 2"]
+    H_first_from_key: Float[np.ndarray, "3 3"]
 
 
 def track_background(
-    pictures: Iterable[Picture],
-    box_px: Array,
+    pictures: Iterable[UInt8[np.ndarray, "H W"]],
+    box_px: Float[np.ndarray, "T 4"],
     *,
     max_features: int,
     min_inliers: int,
     threshold_px: float,
 ) -> list[Matches]:
-    """Matches of every grey picture (height, width) to a key frame; the first is its own.
+    """Matches of every grey picture with a key frame; the first picture is a key frame itself.
 
-    ``box_px`` (T, 4) is x0, y0, x1, y1 of the person, who is no background; NaN where unknown.
-    All in pixels of these pictures. ``threshold_px`` separates inliers from outliers.
+    Args:
+        pictures: T grey pictures of one size.
+        box_px: x0, y0, x1, y1 of the person, who is not background; NaN where unknown.
+        max_features: corners of a key frame.
+        min_inliers: matches that a homography needs.
+        threshold_px: largest error of an inlier.
+
+    All in pixels of these pictures.
     """
     boxes = filled_boxes(box_px)
     keys: list[_Key] = []
-    found: list[Matches] = []
-    H_first: list[Array] = []
-    before: Picture | None = None
+    matches: list[Matches] = []
+    H_first: list[np.ndarray] = []
+    before: np.ndarray | None = None
     for t, picture in enumerate(pictures):
         mask = background_mask(picture.shape, boxes[t])
         if before is None:
             keys.append(_make_key(t, picture, mask, np.eye(3), max_features))
             points = keys[0].points
-            found.append(Matches(0, np.eye(3), points, points, np.ones(len(points), bool)))
+            matches.append(Matches(0, np.eye(3), points, points, np.ones(len(points), bool)))
         else:
             predicted = H_first[-1] @ np.linalg.inv(H_first[max(0, t - 2)]) @ H_first[-1]
             match = None
@@ -86,19 +89,18 @@ def track_background(
                 match = _match(keys[-1], picture, mask, predicted, min_inliers, threshold_px)
             if match is None:
                 match = _match_far(keys[-1], picture, mask, min_inliers, threshold_px)
-            found.append(match or _lost(keys[-1], H_first[-1]))
-        home = next(key for key in keys if key.frame == found[-1].key)
-        H = home.H_first_from_key @ found[-1].H_key_from_frame
+            matches.append(match or _unmatched(keys[-1], H_first[-1]))
+        key = next(key for key in keys if key.frame == matches[-1].key)
+        H = key.H_first_from_key @ matches[-1].H_key_from_frame
         H_first.append(H / H[2, 2])
         before = picture
-    return found
+    return matches
 
 
-def chain(matches: list[Matches], key_from_frame: Array) -> Array:
-    """Transforms (T, 3, 3) to the key frames chained to the first frame.
-
-    ``key_from_frame`` (T, 3, 3) are homographies or rotations, one for each of ``matches``.
-    """
+def chain(
+    matches: Sequence[Matches], key_from_frame: Float[np.ndarray, "T 3 3"]
+) -> Float[np.ndarray, "T 3 3"]:
+    """Homographies or rotations to the key frames, chained to the first frame."""
     first = np.empty_like(key_from_frame)
     for t, match in enumerate(matches):
         first[t] = key_from_frame[t] if match.key == t else first[match.key] @ key_from_frame[t]
@@ -106,7 +108,7 @@ def chain(matches: list[Matches], key_from_frame: Array) -> Array:
 
 
 def rescaled(match: Matches, scale: float) -> Matches:
-    """``match`` of pictures that were made smaller by ``scale``, in pixels of the full pictures."""
+    """Matches in pictures made smaller by ``scale``, in pixels of the full pictures."""
     offset = 0.5 / scale - 0.5  # pixel (0, 0) is the middle of the first pixel
     full = np.array([[1 / scale, 0.0, offset], [0.0, 1 / scale, offset], [0.0, 0.0, 1.0]])
     return Matches(
@@ -118,18 +120,20 @@ def rescaled(match: Matches, scale: float) -> Matches:
     )
 
 
-def filled_boxes(box_px: Array) -> Array:
-    """Boxes (T, 4) with gaps filled in linearly; NaN everywhere when there is no box at all."""
+def filled_boxes(box_px: Float[np.ndarray, "T 4"]) -> Float[np.ndarray, "T 4"]:
+    """Boxes with gaps interpolated linearly; NaN everywhere when there is no box at all."""
     boxes = np.array(box_px, dtype=np.float64)
-    seen = np.isfinite(boxes).all(axis=1)
-    if seen.any():
+    present = np.isfinite(boxes).all(axis=1)
+    if present.any():
         frames = np.arange(len(boxes))
         for side in range(4):
-            boxes[:, side] = np.interp(frames, frames[seen], boxes[seen, side])
+            boxes[:, side] = np.interp(frames, frames[present], boxes[present, side])
     return boxes
 
 
-def background_mask(shape: tuple[int, ...], box_px: Array) -> Picture:
+def background_mask(
+    shape: tuple[int, ...], box_px: Float[np.ndarray, 4]
+) -> UInt8[np.ndarray, "H W"]:
     """255 where a picture of this shape shows background, 0 inside the padded box."""
     mask = np.full(shape[:2], 255, np.uint8)
     if np.isfinite(box_px).all():
@@ -139,31 +143,35 @@ def background_mask(shape: tuple[int, ...], box_px: Array) -> Picture:
     return mask
 
 
-def overlap(H_b_from_a: Array, shape: tuple[int, ...]) -> float:
+def overlap(H_b_from_a: Float[np.ndarray, "3 3"], shape: tuple[int, ...]) -> float:
     """Share of picture a (height, width) that lies inside picture b of the same shape."""
     height, width = shape[:2]
     x, y = np.meshgrid(np.linspace(0, width - 1, 12), np.linspace(0, height - 1, 12))
     return float(_inside(warp(H_b_from_a, np.stack([x, y], axis=-1)), shape).mean())
 
 
-def _inside(xy: Array, shape: tuple[int, ...], margin: float = 0.0) -> NDArray[np.bool_]:
+def _inside(
+    xy: Float[np.ndarray, "*N 2"], shape: tuple[int, ...], margin: float = 0.0
+) -> Bool[np.ndarray, "*N"]:
     upper = np.array([shape[1] - 1, shape[0] - 1]) - margin
     return np.asarray(((xy >= margin) & (xy <= upper)).all(axis=-1))
 
 
 def _make_key(
-    frame: int, picture: Picture, mask: Picture, H_first: Array, max_features: int
+    frame: int, picture: np.ndarray, mask: np.ndarray, H_first: np.ndarray, max_features: int
 ) -> _Key:
     """A key frame with corners spread over its background."""
-    apart = max(4.0, 0.7 * np.sqrt(picture.size / max_features))
+    spacing = max(4.0, 0.7 * np.sqrt(picture.size / max_features))
     corners = cv2.goodFeaturesToTrack(
-        picture, max_features, qualityLevel=0.004, minDistance=apart, mask=mask, blockSize=5
+        picture, max_features, qualityLevel=0.004, minDistance=spacing, mask=mask, blockSize=5
     )
     points = np.zeros((0, 2)) if corners is None else corners.reshape(-1, 2).astype(np.float64)
     return _Key(frame, picture, mask, points, H_first)
 
 
-def _candidates(keys: list[_Key], H_first_from_frame: Array, shape: tuple[int, ...]) -> list[_Key]:
+def _candidates(
+    keys: list[_Key], H_first_from_frame: np.ndarray, shape: tuple[int, ...]
+) -> list[_Key]:
     """The earliest key frame with enough overlap, then the one with the most."""
     shares = [overlap(np.linalg.inv(k.H_first_from_key) @ H_first_from_frame, shape) for k in keys]
     good = [i for i, share in enumerate(shares) if share >= MIN_OVERLAP]
@@ -174,13 +182,13 @@ def _candidates(keys: list[_Key], H_first_from_frame: Array, shape: tuple[int, .
 
 def _match(
     key: _Key,
-    picture: Picture,
-    mask: Picture,
-    H_first_from_frame: Array,
+    picture: np.ndarray,
+    mask: np.ndarray,
+    H_first_from_frame: np.ndarray,
     min_inliers: int,
     threshold_px: float,
 ) -> Matches | None:
-    """Corners of a key frame found in a picture by Lucas-Kanade, starting where they should be."""
+    """Corners of a key frame tracked by optical flow (Lucas-Kanade) from their predicted places."""
     H_frame_from_key = np.linalg.inv(H_first_from_frame) @ key.H_first_from_key
     guess = warp(H_frame_from_key, key.points)
     visible = _inside(guess, picture.shape, margin=2.0) & _unmasked(mask, guess)
@@ -198,15 +206,15 @@ def _match(
         flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
     )
     xy_frame = moved.astype(np.float64)
-    kept = (status[:, 0] == 1) & _inside(xy_frame, picture.shape) & _unmasked(mask, xy_frame)
-    needed = max(min_inliers, int(MIN_SURVIVORS * visible.sum()))
-    return _fit(key.frame, xy_key[kept], xy_frame[kept], needed, threshold_px)
+    tracked = (status[:, 0] == 1) & _inside(xy_frame, picture.shape) & _unmasked(mask, xy_frame)
+    needed = max(min_inliers, int(MIN_TRACKED * visible.sum()))
+    return _fit(key.frame, xy_key[tracked], xy_frame[tracked], needed, threshold_px)
 
 
 def _match_far(
-    key: _Key, picture: Picture, mask: Picture, min_inliers: int, threshold_px: float
+    key: _Key, picture: np.ndarray, mask: np.ndarray, min_inliers: int, threshold_px: float
 ) -> Matches | None:
-    """A picture found again without knowing where it went: SIFT features and their ratio test."""
+    """Matches without a predicted place: SIFT features and Lowe's ratio test."""
     sift = cv2.SIFT.create(nfeatures=1500)
     points_a, described_a = sift.detectAndCompute(key.picture, key.mask)
     points_b, described_b = sift.detectAndCompute(picture, mask)
@@ -220,7 +228,7 @@ def _match_far(
 
 
 def _fit(
-    key: int, xy_key: Array, xy_frame: Array, needed: int, threshold_px: float
+    key: int, xy_key: np.ndarray, xy_frame: np.ndarray, needed: int, threshold_px: float
 ) -> Matches | None:
     """Robust homography; None unless it has the inliers it needs."""
     if len(xy_key) < max(needed, 4):
@@ -231,15 +239,17 @@ def _fit(
     return Matches(key, H / H[2, 2], xy_key, xy_frame, chosen[:, 0] == 1)
 
 
-def _lost(key: _Key, H_first_from_frame: Array) -> Matches:
-    """No match: the camera is held to be where it was."""
+def _unmatched(key: _Key, H_first_from_frame: np.ndarray) -> Matches:
+    """No match: the camera is taken to be as in the frame before."""
     nothing = np.zeros((0, 2))
     H = np.linalg.inv(key.H_first_from_key) @ H_first_from_frame
     return Matches(key.frame, H / H[2, 2], nothing, nothing, np.zeros(0, bool))
 
 
-def _unmasked(mask: Picture, xy: Array) -> NDArray[np.bool_]:
-    """Whether points (N, 2) fall on background; those outside the picture do not."""
+def _unmasked(
+    mask: UInt8[np.ndarray, "H W"], xy: Float[np.ndarray, "N 2"]
+) -> Bool[np.ndarray, " N"]:
+    """Whether points lie on background; those outside the picture do not."""
     inside = _inside(xy, mask.shape)
     column, row = np.where(inside[:, None], xy, 0.0).round().astype(int).T
     return inside & (mask[row, column] > 0)

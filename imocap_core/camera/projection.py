@@ -7,13 +7,18 @@ Camera axes are OpenCV's (x right, y down, z forward): ``x_cam = R_cam_from_worl
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
+from jaxtyping import Float
 
 
-def intrinsics(focal_px: float, size: tuple[int, int]) -> Array:
-    """K (3, 3) of square pixels, principal point in the middle of a (width, height) picture."""
+def intrinsics(focal_px: float, size: tuple[int, int]) -> Float[np.ndarray, "3 3"]:
+    """Intrinsic matrix K of square pixels, principal point in the middle of the picture.
+
+    Args:
+        focal_px: focal length in pixels. size: (width, height) of the picture.
+
+    Raises:
+        ValueError: the focal length is not positive.
+    """
     if not focal_px > 0:
         raise ValueError(f"focal_px: expected a positive number of pixels, got {focal_px}")
     width, height = size
@@ -22,37 +27,54 @@ def intrinsics(focal_px: float, size: tuple[int, int]) -> Array:
     )
 
 
-def camera_from_world(x_world: Array, R_cam_from_world: Array, t: Array) -> Array:
-    """Points (..., 3) of the world in camera axes, same unit as ``t``."""
+def camera_from_world(
+    x_world: Float[np.ndarray, "... 3"],
+    R_cam_from_world: Float[np.ndarray, "... 3 3"],
+    t: Float[np.ndarray, "... 3"],
+) -> Float[np.ndarray, "... 3"]:
+    """World points in camera axes, in the unit of ``t``."""
     return x_world @ np.swapaxes(R_cam_from_world, -1, -2) + t
 
 
-def project_camera(x_cam: Array, K: Array) -> Array:
-    """Pixels (..., 2) of points (..., 3) in camera axes; NaN for points not in front of it."""
+def project_camera(
+    x_cam: Float[np.ndarray, "... 3"], K: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "... 2"]:
+    """Perspective projection of points in camera axes to pixels; NaN behind the camera."""
     depth = np.where(x_cam[..., 2:] > 0, x_cam[..., 2:], np.nan)
     return (x_cam / depth) @ K[:2].T
 
 
-def project(x_world: Array, K: Array, R_cam_from_world: Array, t: Array) -> Array:
-    """Pixels (..., 2) of world points (..., 3); NaN for points not in front of the camera."""
+def project(
+    x_world: Float[np.ndarray, "... 3"],
+    K: Float[np.ndarray, "3 3"],
+    R_cam_from_world: Float[np.ndarray, "... 3 3"],
+    t: Float[np.ndarray, "... 3"],
+) -> Float[np.ndarray, "... 2"]:
+    """Perspective projection of world points to pixels; NaN behind the camera."""
     return project_camera(camera_from_world(x_world, R_cam_from_world, t), K)
 
 
-def normalised(xy_px: Array, K: Array) -> Array:
-    """Pixels (..., 2) on the plane z = 1 of the camera: ``(x/z, y/z)``."""
+def normalised(
+    xy_px: Float[np.ndarray, "... 2"], K: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "... 2"]:
+    """Normalised image coordinates ``(x/z, y/z)`` of pixels."""
     K_inverse = np.asarray(np.linalg.inv(K), dtype=np.float64)
     return warp(K_inverse, xy_px)
 
 
-def rays(xy_px: Array, K: Array) -> Array:
-    """Unit directions (..., 3) in camera axes through pixels (..., 2)."""
+def rays(
+    xy_px: Float[np.ndarray, "... 2"], K: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "... 3"]:
+    """Unit direction vectors through pixels, in camera axes."""
     plane = normalised(xy_px, K)
     direction = np.concatenate([plane, np.ones_like(plane[..., :1])], axis=-1)
     return direction / np.linalg.norm(direction, axis=-1, keepdims=True)
 
 
-def warp(H_b_from_a: Array, xy_a: Array) -> Array:
-    """Homography (..., 3, 3) applied to points (..., 2); both broadcast, NaN stays NaN."""
+def warp(
+    H_b_from_a: Float[np.ndarray, "... 3 3"], xy_a: Float[np.ndarray, "... 2"]
+) -> Float[np.ndarray, "... 2"]:
+    """Homographies applied to points; both broadcast, NaN stays NaN."""
     homogeneous = np.concatenate([xy_a, np.ones_like(xy_a[..., :1])], axis=-1)
     moved = np.einsum("...ij,...j->...i", H_b_from_a, homogeneous)
     return moved[..., :2] / moved[..., 2:]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from imocap_core.camera.world import Motion
+from imocap_core.camera.world import BodyMotion
 from imocap_core.errors import WorkFailed
 from imocap_core.export.clips import body_of
 from imocap_core.export.values import HandTrack, Performance, Result
@@ -51,7 +51,7 @@ def _at(p: Performance, m: Moments, grid_s: np.ndarray, rate: float, result: Res
     return replace(
         p,
         fps=rate,
-        body=Motion(theta, trans, joints),
+        body=BodyMotion(theta, trans, joints),
         hands=None if p.hands is None else _hands_at(p.hands, m),
         turns=turns,
         zoom=values_at(p.zoom, m.at),

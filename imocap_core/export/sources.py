@@ -21,11 +21,11 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.artifacts.store import Kind, Store
 from imocap_core.camera.world import (
+    BodyMotion,
     Extrinsics,
-    Motion,
-    find_level,
-    level_camera,
-    level_motion,
+    align_camera_to_ground,
+    align_motion_to_ground,
+    find_ground_alignment,
     to_world,
 )
 from imocap_core.conventions import SMPL_JOINTS
@@ -68,12 +68,12 @@ def read_result(store: Store, action: str, up: str | None) -> Result:
 def levelled(performances: list[Performance], up: str) -> list[Performance]:
     """The same in a world that stands on its ground."""
     joints = [p.body.joints for p in performances]
-    level = find_level([j[:, FEET] for j in joints], [j[:, 0] for j in joints], up)
+    level = find_ground_alignment([j[:, FEET] for j in joints], [j[:, 0] for j in joints], up)
     done = []
     for p in performances:
         points = _with_points(p.body, p.hands)
-        body, hands = _parted(level_motion(points, level), p.hands)
-        done.append(replace(p, body=body, hands=hands, pose=level_camera(p.pose, level)))
+        body, hands = _parted(align_motion_to_ground(points, level), p.hands)
+        done.append(replace(p, body=body, hands=hands, pose=align_camera_to_ground(p.pose, level)))
     return done
 
 
@@ -128,7 +128,7 @@ def _performance(
     if hands is not None:
         track = HandTrack(hands.wrists, hands.fingers, hands.points_m, hands.seen > 0)
     pose = Extrinsics(camera.R, camera.t)
-    points = _with_points(Motion(video.theta, video.trans, video.joints), track)
+    points = _with_points(BodyMotion(video.theta, video.trans, video.joints), track)
     body, track = _parted(to_world(points, pose), track)
     turns, zoom = np.tile(np.eye(3), (count, 1, 1)), np.ones(count)
     if turned is not None and len(turned.R_first_from_frame) == count:
@@ -149,17 +149,17 @@ def _performance(
     )
 
 
-def _with_points(body: Motion, hands: HandTrack | None) -> Motion:
+def _with_points(body: BodyMotion, hands: HandTrack | None) -> BodyMotion:
     """The body and, after its joints, the points of its hands."""
     if hands is None:
         return body
     points = hands.points.reshape(len(body.joints), -1, 3)
-    return Motion(body.theta, body.trans, np.concatenate([body.joints, points], axis=1))
+    return BodyMotion(body.theta, body.trans, np.concatenate([body.joints, points], axis=1))
 
 
-def _parted(both: Motion, hands: HandTrack | None) -> tuple[Motion, HandTrack | None]:
+def _parted(both: BodyMotion, hands: HandTrack | None) -> tuple[BodyMotion, HandTrack | None]:
     """The reverse of `_with_points`."""
-    body = Motion(both.theta, both.trans, both.joints[:, :JOINTS])
+    body = BodyMotion(both.theta, both.trans, both.joints[:, :JOINTS])
     if hands is None:
         return body, None
     points = both.joints[:, JOINTS:].reshape(len(both.joints), 2, -1, 3)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imocap_core.artifacts.schemas import SyncSummary, VideoKeypoints
-from imocap_core.camera.world import Extrinsics, Motion
+from imocap_core.camera.world import BodyMotion, Extrinsics
 
 Array = NDArray[np.float64]
 Time = Literal["own", "common"]
@@ -33,14 +33,14 @@ class HandTrack:
 class Performance:
     """One video's result, body and camera in the world; hands' rotations are local.
 
-    body: see `Motion`, 24 joints. turns (T, 3, 3): camera's first frame from frame, all the
+    body: see `BodyMotion`, 24 joints. turns (T, 3, 3): camera's first frame from frame, all the
     identity when it stands still; zoom (T,): focal length over the first frame's. frames, inside,
     phase_s: as in `formats.take.MotionClip`.
     """
 
     seen: VideoKeypoints
     fps: float
-    body: Motion
+    body: BodyMotion
     betas: Array
     hands: HandTrack | None
     K: Array

@@ -14,7 +14,13 @@ from numpy.typing import NDArray
 from imocap_core.artifacts.schemas import VideoHands, VideoMotion
 from imocap_core.body import Model
 from imocap_core.body.conversions import pose_from_rotations, rotations_from_pose, smplh_from_smpl
-from imocap_core.camera.world import Extrinsics, Level, Motion, level_motion, to_world
+from imocap_core.camera.world import (
+    BodyMotion,
+    Extrinsics,
+    GroundAlignment,
+    align_motion_to_ground,
+    to_world,
+)
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.viewer.block import Block, Entry, quantised
 
@@ -36,14 +42,18 @@ class Take:
 
 
 def take_of(
-    motion: VideoMotion, camera: Extrinsics, level: Level, hands: VideoHands | None, fingers: bool
+    motion: VideoMotion,
+    camera: Extrinsics,
+    level: GroundAlignment,
+    hands: VideoHands | None,
+    fingers: bool,
 ) -> Take:
     """A video's motion in the level world; with `fingers` in SMPL+H's joints.
 
     Without hands of its own, its fingers turn as SMPL's hand joints do.
     """
-    own = Motion(motion.theta, motion.trans, motion.joints)
-    placed = level_motion(to_world(own, camera), level)
+    own = BodyMotion(motion.theta, motion.trans, motion.joints)
+    placed = align_motion_to_ground(to_world(own, camera), level)
     theta = placed.theta
     if fingers:
         R_local = smplh_from_smpl(rotations_from_pose(torch.as_tensor(theta)))

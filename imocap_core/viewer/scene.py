@@ -20,8 +20,13 @@ from imocap_core.artifacts.schemas import (
     SyncSummary,
 )
 from imocap_core.body import Model
-from imocap_core.camera.world import Extrinsics, Level, find_level, to_world
-from imocap_core.camera.world import Motion as Moved
+from imocap_core.camera.world import (
+    BodyMotion,
+    Extrinsics,
+    GroundAlignment,
+    find_ground_alignment,
+    to_world,
+)
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.viewer.block import Block
 from imocap_core.viewer.body import (
@@ -124,7 +129,7 @@ def scene(
     }
 
 
-def _takes(made: Artifacts, i: int, level: Level, fingers: bool) -> dict[str, Take]:
+def _takes(made: Artifacts, i: int, level: GroundAlignment, fingers: bool) -> dict[str, Take]:
     """What video i alone says, and the final answer, both by the final camera."""
     final, camera = made.refined.motion.videos[i], made.refined.motion.cameras[i]
     hands = made.hands.videos if made.hands is not None else []
@@ -136,7 +141,7 @@ def _takes(made: Artifacts, i: int, level: Level, fingers: bool) -> dict[str, Ta
     }
 
 
-def _seen_entry(block: Block, made: Artifacts, i: int, level: Level) -> dict[str, Any]:
+def _seen_entry(block: Block, made: Artifacts, i: int, level: GroundAlignment) -> dict[str, Any]:
     """Video i apart from its bodies and pictures."""
     own, turned = made.keypoints.videos[i], made.camera_motion.videos[i]
     final, camera = made.refined.motion.videos[i], made.refined.motion.cameras[i]
@@ -152,15 +157,17 @@ def _seen_entry(block: Block, made: Artifacts, i: int, level: Level) -> dict[str
     }
 
 
-def _level(made: Artifacts) -> Level:
+def _level(made: Artifacts) -> GroundAlignment:
     """The ground under all final performances, y up."""
     motion = made.refined.motion
     placed = [
-        to_world(Moved(v.theta, v.trans, v.joints), Extrinsics(camera.R, camera.t))
+        to_world(BodyMotion(v.theta, v.trans, v.joints), Extrinsics(camera.R, camera.t))
         for v, camera in zip(motion.videos, motion.cameras, strict=True)
         if v.id not in made.refined.sync.excluded
     ]
-    return find_level([m.joints[:, FEET] for m in placed], [m.joints[:, 0] for m in placed], "y")
+    return find_ground_alignment(
+        [m.joints[:, FEET] for m in placed], [m.joints[:, 0] for m in placed], "y"
+    )
 
 
 def _eye(takes: list[Take], centres: list[list[float]], sync: SyncSummary) -> dict[str, Any]:

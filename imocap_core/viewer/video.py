@@ -15,7 +15,7 @@ from imocap_core.artifacts.schemas import (
     VideoKeypoints,
 )
 from imocap_core.camera.projection import project_camera
-from imocap_core.camera.world import Extrinsics, Level, level_camera
+from imocap_core.camera.world import Extrinsics, GroundAlignment, align_camera_to_ground
 from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
 from imocap_core.figures.style import color_of
 from imocap_core.viewer.block import Block, Entry
@@ -79,10 +79,10 @@ def timeline_entry(keypoints: Keypoints, sync: SyncSummary) -> dict[str, float]:
 
 
 def camera_entry(
-    block: Block, camera: Camera, turned: VideoCameraMotion, level: Level
+    block: Block, camera: Camera, turned: VideoCameraMotion, level: GroundAlignment
 ) -> dict[str, Any]:
     """Its lens and place; its axes (right, down, ahead as columns) and zoom in every frame."""
-    pose = level_camera(Extrinsics(camera.R, camera.t), level)
+    pose = align_camera_to_ground(Extrinsics(camera.R, camera.t), level)
     axes = pose.R.T @ turned.R_first_from_frame
     still = np.allclose(axes, axes[:1], atol=1e-9)
     fx, fy, cx, cy = camera.K[0, 0], camera.K[1, 1], camera.K[0, 2], camera.K[1, 2]

@@ -19,9 +19,9 @@ def rng():
 
 def test_one_rotation_is_its_own_mean(rng):
     R = Rotation.random(rng=rng).as_matrix()
-    found = mean_rotation(R[None])
-    assert np.allclose(found.R, R)
-    assert found.status == "converged"
+    estimate = mean_rotation(R[None])
+    assert np.allclose(estimate.R, R)
+    assert estimate.status == "converged"
 
 
 def test_the_mean_turns_with_its_rotations(rng):
@@ -35,9 +35,9 @@ def test_a_third_of_flipped_rotations_does_not_move_the_mean(rng):
     truth = Rotation.random(rng=rng).as_matrix()
     R = noisy_rotations(rng, truth, 120, 6.0)
     R[:40] = noisy_rotations(rng, truth @ np.diag([-1.0, 1.0, -1.0]), 40, 15.0)
-    found = mean_rotation(R)
-    assert angle_deg(found.R, truth) < 2.5
-    assert found.weights[:40].max() < 0.01 * found.weights[40:].max()
+    estimate = mean_rotation(R)
+    assert angle_deg(estimate.R, truth) < 2.5
+    assert estimate.weights[:40].max() < 0.01 * estimate.weights[40:].max()
 
 
 def test_weights_count_like_repetitions(rng):
@@ -51,10 +51,10 @@ def test_missing_and_weightless_rotations_are_ignored(rng):
     R = noisy_rotations(rng, np.eye(3), 10, 3.0)
     dirty = np.concatenate([R, np.full((1, 3, 3), np.nan), R[:1] @ np.diag([-1.0, -1.0, 1.0])])
     weights = np.array([1.0] * 11 + [0.0])
-    found = mean_rotation(dirty, weights)
-    assert np.allclose(found.R, mean_rotation(R).R)
-    assert np.isnan(found.angles_deg[10])
-    assert np.isfinite(found.angles_deg[:10]).all()
+    estimate = mean_rotation(dirty, weights)
+    assert np.allclose(estimate.R, mean_rotation(R).R)
+    assert np.isnan(estimate.angles_deg[10])
+    assert np.isfinite(estimate.angles_deg[:10]).all()
 
 
 def test_nothing_to_average_is_said(rng):
@@ -65,9 +65,9 @@ def test_nothing_to_average_is_said(rng):
 def test_the_vector_mean_ignores_outliers_and_moves_with_its_vectors(rng):
     x = rng.normal(size=(100, 3)) * 0.1
     x[:30] += [5.0, -2.0, 9.0]
-    found = mean_vector(x, scale=0.2)
-    assert np.linalg.norm(found.mean) < 0.05
-    assert np.allclose(mean_vector(x + 7.0, scale=0.2).mean, found.mean + 7.0, atol=1e-6)
+    estimate = mean_vector(x, scale=0.2)
+    assert np.linalg.norm(estimate.mean) < 0.05
+    assert np.allclose(mean_vector(x + 7.0, scale=0.2).mean, estimate.mean + 7.0, atol=1e-6)
 
 
 def test_the_nearest_rotation_of_a_reflection_is_a_rotation(rng):

@@ -14,8 +14,8 @@ from imocap_core.camera.background import (
     rescaled,
     track_background,
 )
+from imocap_core.camera.motion import estimate_camera_motion, static_camera
 from imocap_core.camera.projection import intrinsics, warp
-from imocap_core.camera.turning import camera_turning, standing_still
 
 SIZE, FOCAL = (320, 180), 280.0
 K = intrinsics(FOCAL, SIZE)
@@ -35,7 +35,7 @@ def wall(rng):
     return (255 * (total - total.min()) / np.ptp(total)).astype(np.uint8)
 
 
-def seen(wall_picture, H_frame_from_wall, rng, noise=2.0):
+def view_of(wall_picture, H_frame_from_wall, rng, noise=2.0):
     picture = cv2.warpPerspective(wall_picture, H_frame_from_wall, SIZE, flags=cv2.INTER_CUBIC)
     return np.clip(picture + noise * rng.normal(size=picture.shape), 0, 255).astype(np.uint8)
 
@@ -56,14 +56,16 @@ def turning_clip(R_frame_from_first, seed=0):
     rng = np.random.default_rng(seed)
     texture = wall(rng)
     homographies = K @ R_frame_from_first @ np.linalg.inv(K_WALL)
-    pictures = [with_walker(seen(texture, H, rng), t) for t, H in enumerate(homographies)]
+    pictures = [with_walker(view_of(texture, H, rng), t) for t, H in enumerate(homographies)]
     return pictures, np.stack([walker(t) for t in range(len(pictures))])
 
 
 def look(pictures, boxes, focal_px=None):
     matches = track_background(pictures, boxes, max_features=200, min_inliers=20, threshold_px=1.5)
-    found = camera_turning(matches, SIZE, focal_px, assumed_focal_factor=1.0, threshold_px=1.5)
-    return found, matches
+    estimate = estimate_camera_motion(
+        matches, SIZE, focal_px, assumed_focal_factor=1.0, threshold_px=1.5
+    )
+    return estimate, matches
 
 
 def pan(degrees, tilt=0.0, frames=40):
@@ -73,57 +75,57 @@ def pan(degrees, tilt=0.0, frames=40):
     return Rotation.from_euler("yxz", angles, degrees=True).as_matrix()
 
 
-def errors_deg(found, R_frame_from_first):
-    return angle_deg(found.R_first_from_frame, np.swapaxes(R_frame_from_first, 1, 2))
+def errors_deg(estimate, R_frame_from_first):
+    return angle_deg(estimate.R_first_from_frame, np.swapaxes(R_frame_from_first, 1, 2))
 
 
 @pytest.mark.parametrize(("degrees", "tilt"), [(2.0, 1.0), (12.0, 3.0), (32.0, 4.0)])
 def test_rotations_are_within_a_tenth_of_a_degree_when_the_focal_length_is_given(degrees, tilt):
     R = pan(degrees, tilt)
-    found, _ = look(*turning_clip(R), focal_px=FOCAL)
-    assert found.motion == "rotating"
-    assert found.focal_source == "given"
-    assert np.median(errors_deg(found, R)) < 0.1
-    assert errors_deg(found, R).max() < 0.3
+    estimate, _ = look(*turning_clip(R), focal_px=FOCAL)
+    assert estimate.motion == "rotating"
+    assert estimate.focal_source == "given"
+    assert np.median(errors_deg(estimate, R)) < 0.1
+    assert errors_deg(estimate, R).max() < 0.3
 
 
 def test_the_focal_length_is_solved_when_the_camera_turns_enough():
     R = pan(14.0, 5.0)
-    found, _ = look(*turning_clip(R))
-    assert found.focal_source == "rotation"
-    assert abs(found.K[0, 0] / FOCAL - 1) < 0.04
-    assert np.median(errors_deg(found, R)) < 0.3
+    estimate, _ = look(*turning_clip(R))
+    assert estimate.focal_source == "rotation"
+    assert abs(estimate.K[0, 0] / FOCAL - 1) < 0.04
+    assert np.median(errors_deg(estimate, R)) < 0.3
 
 
 def test_a_slight_turn_says_nothing_about_the_focal_length():
-    found, _ = look(*turning_clip(pan(1.5)))
-    assert found.motion == "rotating"
-    assert found.focal_source == "assumed"
-    assert found.K[0, 0] == max(SIZE)
+    estimate, _ = look(*turning_clip(pan(1.5)))
+    assert estimate.motion == "rotating"
+    assert estimate.focal_source == "assumed"
+    assert estimate.K[0, 0] == max(SIZE)
 
 
 def test_keypoints_of_a_fixed_point_stay_in_place_after_warping():
     R = pan(12.0, 3.0)
-    found, _ = look(*turning_clip(R))
+    estimate, _ = look(*turning_clip(R))
     spot = np.array([200.0, 90.0])
     in_frames = warp(K @ R @ np.linalg.inv(K), spot)
-    back = warp(found.H_first_from_frame, in_frames)
+    back = warp(estimate.H_first_from_frame, in_frames)
     assert np.linalg.norm(back - spot, axis=1).max() < 0.5
 
 
 def test_drift_is_gone_when_the_camera_comes_back():
     R = pan(32.0)
-    found, matches = look(*turning_clip(R), focal_px=FOCAL)
+    estimate, matches = look(*turning_clip(R), focal_px=FOCAL)
     assert len({match.key for match in matches}) > 1
     assert matches[-1].key == 0
-    assert errors_deg(found, R)[-3:].max() < 0.05
+    assert errors_deg(estimate, R)[-3:].max() < 0.05
 
 
 def test_a_camera_that_stands_still_is_exactly_still():
-    found, _ = look(*turning_clip(np.tile(np.eye(3), (12, 1, 1))))
-    assert found.motion == "static"
-    assert np.array_equal(found.H_first_from_frame, np.tile(np.eye(3), (12, 1, 1)))
-    assert np.array_equal(found.R_first_from_frame, np.tile(np.eye(3), (12, 1, 1)))
+    estimate, _ = look(*turning_clip(np.tile(np.eye(3), (12, 1, 1))))
+    assert estimate.motion == "static"
+    assert np.array_equal(estimate.H_first_from_frame, np.tile(np.eye(3), (12, 1, 1)))
+    assert np.array_equal(estimate.R_first_from_frame, np.tile(np.eye(3), (12, 1, 1)))
 
 
 def test_a_camera_that_moves_past_a_near_and_a_far_wall_is_flagged():
@@ -133,42 +135,42 @@ def test_a_camera_that_moves_past_a_near_and_a_far_wall_is_flagged():
     for t in range(30):
         shift = np.array([[1.0, 0, -1.0 * t], [0, 1, 0], [0, 0, 1]])
         quick = np.array([[1.0, 0, -5.0 * t], [0, 1, 0], [0, 0, 1]])
-        picture = seen(far, shift, rng)
-        picture[100:] = seen(near, quick, rng)[100:]
+        picture = view_of(far, shift, rng)
+        picture[100:] = view_of(near, quick, rng)[100:]
         pictures.append(picture)
-    found, _ = look(pictures, np.full((30, 4), np.nan))
-    assert found.motion == "translating"
-    assert found.focal_source == "assumed"
-    assert "the camera moves" in found.note
+    estimate, _ = look(pictures, np.full((30, 4), np.nan))
+    assert estimate.motion == "translating"
+    assert estimate.focal_source == "assumed"
+    assert "the camera moves" in estimate.note
 
 
 def test_a_jump_is_found_again_by_its_features():
     R = pan(2.0, frames=12)
     jump = Rotation.from_euler("y", 13, degrees=True).as_matrix()
     R[6:] = jump @ R[6:]
-    found, _ = look(*turning_clip(R), focal_px=FOCAL)
-    assert (found.inliers > 0).all()
-    assert errors_deg(found, R).max() < 0.3
+    estimate, _ = look(*turning_clip(R), focal_px=FOCAL)
+    assert (estimate.inliers > 0).all()
+    assert errors_deg(estimate, R).max() < 0.3
 
 
 def test_a_black_clip_cannot_be_followed_and_says_so():
-    found, _ = look([np.zeros((180, 320), np.uint8)] * 5, np.full((5, 4), np.nan))
-    assert found.motion == "unknown"
-    assert "too little to follow" in found.note
+    estimate, _ = look([np.zeros((180, 320), np.uint8)] * 5, np.full((5, 4), np.nan))
+    assert estimate.motion == "unknown"
+    assert "too few features to track" in estimate.note
 
 
 def test_one_frame_is_a_clip():
-    found, matches = look(*turning_clip(np.eye(3)[None]))
+    estimate, matches = look(*turning_clip(np.eye(3)[None]))
     assert len(matches) == 1
-    assert found.motion == "static"
+    assert estimate.motion == "static"
 
 
 def test_without_a_video_the_camera_is_unknown_and_still():
-    found = standing_still(7, SIZE, None, 1.2)
-    assert found.motion == "unknown"
-    assert found.focal_source == "assumed"
-    assert found.K[0, 0] == pytest.approx(1.2 * 320)
-    assert standing_still(7, SIZE, 500.0, 1.2).focal_source == "given"
+    estimate = static_camera(7, SIZE, None, 1.2)
+    assert estimate.motion == "unknown"
+    assert estimate.focal_source == "assumed"
+    assert estimate.K[0, 0] == pytest.approx(1.2 * 320)
+    assert static_camera(7, SIZE, 500.0, 1.2).focal_source == "given"
 
 
 def test_smaller_pictures_give_the_same_answer_in_full_pixels():
@@ -178,14 +180,14 @@ def test_smaller_pictures_give_the_same_answer_in_full_pixels():
     small = track_background(
         halves, (boxes + 0.5) * 0.5 - 0.5, max_features=200, min_inliers=20, threshold_px=1.5
     )
-    found = camera_turning(
+    estimate = estimate_camera_motion(
         [rescaled(match, 0.5) for match in small],
         SIZE,
         FOCAL,
         assumed_focal_factor=1.0,
         threshold_px=3.0,
     )
-    assert np.median(errors_deg(found, R)) < 0.1
+    assert np.median(errors_deg(estimate, R)) < 0.1
 
 
 def test_chained_homographies_compose():

@@ -34,11 +34,11 @@ def test_without_noise_the_camera_is_exact_from_a_start_20_degrees_off(seed):
     x_world = walking_body(rng)
     R, t = true_camera(rng)
     xy_px = project(x_world, K, R, t)
-    found = pnp_over_frames(x_world, xy_px, np.ones(xy_px.shape[:2]), K, turned(R, 20.0, rng))
-    assert found.ok, found.status
-    assert angle_deg(found.R, R) < 1e-3
-    assert np.allclose(found.t, t, atol=1e-4)
-    assert found.inlier_share == 1.0
+    estimate = pnp_over_frames(x_world, xy_px, np.ones(xy_px.shape[:2]), K, turned(R, 20.0, rng))
+    assert estimate.ok, estimate.status
+    assert angle_deg(estimate.R, R) < 1e-3
+    assert np.allclose(estimate.t, t, atol=1e-4)
+    assert estimate.inlier_share == 1.0
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -50,10 +50,10 @@ def test_with_noise_and_a_third_of_the_frames_mismatched(seed):
     xy_px[:30] = xy_px[60:90] + rng.normal(size=(30, 1, 2)) * 60.0
     xy_px[rng.random((90, 17)) < 0.05] = np.nan
     confidence = rng.uniform(0.3, 1.0, size=(90, 17))
-    found = pnp_over_frames(x_world, xy_px, confidence, K, turned(R, 12.0, rng))
-    assert angle_deg(found.R, R) < 1.5
-    assert np.linalg.norm(found.t - t) < 0.12
-    assert found.median_px < 10.0
+    estimate = pnp_over_frames(x_world, xy_px, confidence, K, turned(R, 12.0, rng))
+    assert angle_deg(estimate.R, R) < 1.5
+    assert np.linalg.norm(estimate.t - t) < 0.12
+    assert estimate.median_px < 10.0
 
 
 def test_with_the_rotation_held_only_the_translation_moves():
@@ -61,9 +61,9 @@ def test_with_the_rotation_held_only_the_translation_moves():
     x_world = walking_body(rng)
     R, t = true_camera(rng)
     xy_px = project(x_world, K, R, t)
-    held = translation_given_rotation(x_world, xy_px, np.ones(xy_px.shape[:2]), K, R)
-    assert np.array_equal(held.R, R)
-    assert np.allclose(held.t, t, atol=1e-6)
+    fixed = translation_given_rotation(x_world, xy_px, np.ones(xy_px.shape[:2]), K, R)
+    assert np.array_equal(fixed.R, R)
+    assert np.allclose(fixed.t, t, atol=1e-6)
 
 
 def test_a_refinement_that_leaves_the_basin_is_refused():
@@ -72,9 +72,9 @@ def test_a_refinement_that_leaves_the_basin_is_refused():
     R, t = true_camera(rng)
     start = turned(R, 20.0, rng)
     xy_px = project(x_world, K, R, t)
-    found = pnp_over_frames(x_world, xy_px, np.ones(xy_px.shape[:2]), K, start, max_turn_deg=5.0)
-    assert np.array_equal(found.R, start)
-    assert "its start is kept" in found.status
+    estimate = pnp_over_frames(x_world, xy_px, np.ones(xy_px.shape[:2]), K, start, max_turn_deg=5.0)
+    assert np.array_equal(estimate.R, start)
+    assert "its start is returned" in estimate.status
 
 
 def test_the_camera_moves_with_the_world():

@@ -26,29 +26,29 @@ def pairs(noise_px: float, outliers: float, count: int = 1500) -> tuple[np.ndarr
 
 
 def test_exact_pairs_give_the_camera() -> None:
-    found = resect(*pairs(0.0, 0.0), np.random.default_rng(0))
-    assert found.ok
-    np.testing.assert_allclose(found.K, K, atol=1e-3)
-    np.testing.assert_allclose(found.R, R, atol=1e-6)
-    np.testing.assert_allclose(found.t, T, atol=1e-5)
+    estimate = resect(*pairs(0.0, 0.0), np.random.default_rng(0))
+    assert estimate.ok
+    np.testing.assert_allclose(estimate.K, K, atol=1e-3)
+    np.testing.assert_allclose(estimate.R, R, atol=1e-6)
+    np.testing.assert_allclose(estimate.t, T, atol=1e-5)
 
 
 def test_noise_and_outliers_move_it_little() -> None:
-    found = resect(*pairs(5.0, 0.1), np.random.default_rng(0))
-    assert found.ok
-    turn = Rotation.from_matrix(found.R @ R.T).magnitude()
+    estimate = resect(*pairs(5.0, 0.1), np.random.default_rng(0))
+    assert estimate.ok
+    turn = Rotation.from_matrix(estimate.R @ R.T).magnitude()
     assert 0 < np.degrees(turn) < 0.5
-    assert found.K[0, 0] == pytest.approx(1145, rel=0.02)
-    assert np.linalg.norm(found.R.T @ found.t - R.T @ T) < 0.08
-    assert found.median_px == pytest.approx(5 * np.sqrt(2 * np.log(2)), abs=1.0)
-    assert 0.85 < found.inlier_share < 0.95
+    assert estimate.K[0, 0] == pytest.approx(1145, rel=0.02)
+    assert np.linalg.norm(estimate.R.T @ estimate.t - R.T @ T) < 0.08
+    assert estimate.median_px == pytest.approx(5 * np.sqrt(2 * np.log(2)), abs=1.0)
+    assert 0.85 < estimate.inlier_share < 0.95
 
 
 def test_pairs_without_a_camera_are_said() -> None:
     world, xy = pairs(0.0, 0.0)
-    found = resect(world, np.random.default_rng(2).permutation(xy), np.random.default_rng(0))
-    assert not found.ok
-    assert "agree with one camera" in found.status
+    estimate = resect(world, np.random.default_rng(2).permutation(xy), np.random.default_rng(0))
+    assert not estimate.ok
+    assert "agree with one camera" in estimate.status
 
 
 def test_misuse_is_named() -> None:

@@ -1,4 +1,4 @@
-"""Into the world and level: the body stays one body, and its feet stand on 0."""
+"""World and ground alignment: parameters and joints stay one body, and its feet are at height 0."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from imocap_core.camera.world import (
+    BodyMotion,
     Extrinsics,
-    Level,
-    Motion,
-    find_level,
-    level_camera,
-    level_motion,
+    GroundAlignment,
+    align_camera_to_ground,
+    align_motion_to_ground,
+    find_ground_alignment,
     to_world,
 )
 
@@ -21,11 +21,11 @@ Array = NDArray[np.float64]
 REST_PELVIS = np.array([0.01, -0.2, 0.03])
 
 
-def simple_body(rng: np.random.Generator, frames: int = 7) -> Motion:
+def simple_body(rng: np.random.Generator, frames: int = 7) -> BodyMotion:
     """A pelvis and one bone of half a metre along the pelvis' own y."""
     theta = rng.normal(size=(frames, 72))
     trans = rng.normal(size=(frames, 3))
-    return Motion(theta, trans, joints_of(theta, trans))
+    return BodyMotion(theta, trans, joints_of(theta, trans))
 
 
 def joints_of(theta: Array, trans: Array) -> Array:
@@ -50,28 +50,33 @@ def test_a_body_that_turns_round_does_not_jump() -> None:
     turning[:, 1] = np.linspace(0.0, 3.0, 50)
     trans = np.zeros((50, 3))
     behind = Extrinsics(Rotation.from_rotvec([0.0, -1.0, 0.0]).as_matrix(), np.zeros(3))
-    world = to_world(Motion(turning, trans, joints_of(turning, trans)), behind)
+    world = to_world(BodyMotion(turning, trans, joints_of(turning, trans)), behind)
     np.testing.assert_allclose(world.theta[:, 1], turning[:, 1] + 1.0, atol=1e-12)
 
 
 def test_the_camera_sees_the_same_body() -> None:
     rng = np.random.default_rng(0)
-    own, camera = simple_body(rng), any_camera(rng)
-    world = to_world(own, camera)
-    np.testing.assert_allclose(world.joints @ camera.R.T + camera.t, own.joints, atol=1e-12)
-    np.testing.assert_array_equal(world.theta[:, 3:], own.theta[:, 3:])
+    motion, camera = simple_body(rng), any_camera(rng)
+    world = to_world(motion, camera)
+    np.testing.assert_allclose(world.joints @ camera.R.T + camera.t, motion.joints, atol=1e-12)
+    np.testing.assert_array_equal(world.theta[:, 3:], motion.theta[:, 3:])
 
 
-def test_levelling_changes_no_picture() -> None:
+def test_ground_alignment_changes_no_picture() -> None:
     rng = np.random.default_rng(0)
-    own, camera = simple_body(rng), any_camera(rng)
-    world = to_world(own, camera)
-    level = Level(Rotation.random(random_state=2).as_matrix(), rng.normal(size=3))
-    body, seen_from = level_motion(world, level), level_camera(camera, level)
-    np.testing.assert_allclose(
-        body.joints, world.joints @ level.R_level_from_world.T + level.t, atol=1e-12
+    motion, camera = simple_body(rng), any_camera(rng)
+    world = to_world(motion, camera)
+    ground = GroundAlignment(Rotation.random(random_state=2).as_matrix(), rng.normal(size=3))
+    body, aligned_camera = (
+        align_motion_to_ground(world, ground),
+        align_camera_to_ground(camera, ground),
     )
-    np.testing.assert_allclose(body.joints @ seen_from.R.T + seen_from.t, own.joints, atol=1e-12)
+    np.testing.assert_allclose(
+        body.joints, world.joints @ ground.R_upright_from_world.T + ground.t, atol=1e-12
+    )
+    np.testing.assert_allclose(
+        body.joints @ aligned_camera.R.T + aligned_camera.t, motion.joints, atol=1e-12
+    )
 
 
 def walk(rng: np.random.Generator, width_m: float) -> tuple[Array, Array]:
@@ -95,31 +100,31 @@ def test_a_tilted_ground_is_found(up: str, seed: int) -> None:
     feet, pelvis = walk(rng, width_m=0.3)
     tilt = Rotation.random(random_state=seed)
     shift = rng.normal(size=3)
-    level = find_level(
+    ground = find_ground_alignment(
         [tilt.apply(feet.reshape(-1, 3)).reshape(feet.shape) + shift],
         [tilt.apply(pelvis) + shift],
         up,
     )
     axis = {"y": 1, "z": 2}[up]
-    found = level.R_level_from_world @ tilt.apply([0.0, 1.0, 0.0])
-    assert np.degrees(np.arccos(found[axis])) < 3.0
+    upright = ground.R_upright_from_world @ tilt.apply([0.0, 1.0, 0.0])
+    assert np.degrees(np.arccos(upright[axis])) < 3.0
     stand = tilt.apply(feet[:, 0]) + shift
-    heights = (stand @ level.R_level_from_world.T + level.t)[:, axis]
+    heights = (stand @ ground.R_upright_from_world.T + ground.t)[:, axis]
     assert abs(np.quantile(heights, 0.3)) < 0.03
-    np.testing.assert_allclose(np.linalg.det(level.R_level_from_world), 1.0)
+    np.testing.assert_allclose(np.linalg.det(ground.R_upright_from_world), 1.0)
 
 
 def test_feet_on_one_spot_leave_it_to_the_posture() -> None:
     feet = np.zeros((30, 2, 3)) + np.random.default_rng(0).normal(scale=0.003, size=(30, 2, 3))
-    level = find_level([feet], [np.tile([0.0, 0.9, 0.0], (30, 1))], "y")
-    assert np.degrees(np.arccos(level.R_level_from_world[1, 1])) < 3.0
+    ground = find_ground_alignment([feet], [np.tile([0.0, 0.9, 0.0], (30, 1))], "y")
+    assert np.degrees(np.arccos(ground.R_upright_from_world[1, 1])) < 3.0
 
 
 def test_missing_frames_are_left_out() -> None:
     feet, pelvis = walk(np.random.default_rng(0), width_m=0.3)
     feet[::7] = np.nan
-    assert np.isfinite(find_level([feet], [pelvis], "z").R_level_from_world).all()
-    with pytest.raises(ValueError, match="no foot is seen"):
-        find_level([np.full((4, 2, 3), np.nan)], [pelvis[:4]], "z")
+    assert np.isfinite(find_ground_alignment([feet], [pelvis], "z").R_upright_from_world).all()
+    with pytest.raises(ValueError, match="no foot in two consecutive frames"):
+        find_ground_alignment([np.full((4, 2, 3), np.nan)], [pelvis[:4]], "z")
     with pytest.raises(ValueError, match="expected y or z, got 'x'"):
-        find_level([feet], [pelvis], "x")
+        find_ground_alignment([feet], [pelvis], "x")

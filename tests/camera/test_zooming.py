@@ -6,7 +6,7 @@ import pytest
 from imocap_core.camera.averaging import angle_deg
 from imocap_core.camera.background import Matches
 from imocap_core.camera.projection import project_camera, warp
-from imocap_core.camera.zooming import Zoomed, homographies, lens_of, zoom_and_turn
+from imocap_core.camera.zooming import RotationsAndZooms, homographies, lens_of, rotations_and_zooms
 from tests.camera.test_camera_motion import (
     FOCAL,
     K_WALL,
@@ -14,8 +14,8 @@ from tests.camera.test_camera_motion import (
     errors_deg,
     look,
     pan,
-    seen,
     turning_clip,
+    view_of,
     walker,
     wall,
     with_walker,
@@ -27,7 +27,7 @@ def zooming_clip(R_frame_from_first, zoom):
     texture = wall(rng)
     lenses = lens_of(K, zoom)
     pictures = [
-        with_walker(seen(texture, lens @ R @ np.linalg.inv(K_WALL), rng), t)
+        with_walker(view_of(texture, lens @ R @ np.linalg.inv(K_WALL), rng), t)
         for t, (lens, R) in enumerate(zip(lenses, R_frame_from_first, strict=True))
     ]
     return pictures, np.stack([walker(t) for t in range(len(pictures))])
@@ -37,25 +37,25 @@ def zooming_clip(R_frame_from_first, zoom):
 def test_a_camera_that_zooms_while_it_turns_is_followed(most):
     R = pan(10.0, 3.0)
     zoom = np.exp(np.log(most) * np.sin(np.linspace(0, np.pi, len(R))))
-    found, _ = look(*zooming_clip(R, zoom), focal_px=FOCAL)
-    assert found.motion == "zooming"
-    assert "zooms from" in found.note
-    np.testing.assert_allclose(found.zoom, zoom, rtol=0.01)
-    assert errors_deg(found, R).max() < 0.4
+    estimate, _ = look(*zooming_clip(R, zoom), focal_px=FOCAL)
+    assert estimate.motion == "zooming"
+    assert "zooms from" in estimate.note
+    np.testing.assert_allclose(estimate.zoom, zoom, rtol=0.01)
+    assert errors_deg(estimate, R).max() < 0.4
     spot = np.array([180.0, 80.0])
     in_frames = warp(lens_of(K, zoom) @ R @ np.linalg.inv(K), spot)
-    assert np.linalg.norm(warp(found.H_first_from_frame, in_frames) - spot, axis=1).max() < 1.0
+    assert np.linalg.norm(warp(estimate.H_first_from_frame, in_frames) - spot, axis=1).max() < 1.0
 
 
 def test_a_camera_that_only_turns_does_not_zoom():
-    found, _ = look(*turning_clip(pan(12.0)), focal_px=FOCAL)
-    assert found.motion == "rotating"
-    assert np.array_equal(found.zoom, np.ones(len(found.zoom)))
+    estimate, _ = look(*turning_clip(pan(12.0)), focal_px=FOCAL)
+    assert estimate.motion == "rotating"
+    assert np.array_equal(estimate.zoom, np.ones(len(estimate.zoom)))
 
 
 def test_a_point_is_seen_where_its_place_in_the_first_frame_is_warped_to():
     R, zoom = pan(9.0, 2.0, frames=4).swapaxes(1, 2), np.array([1.0, 1.2, 1.5, 0.9])
-    H = homographies(K, Zoomed(R, zoom))
+    H = homographies(K, RotationsAndZooms(R, zoom))
     x_first = np.array([[0.3, -0.2, 4.0], [-0.6, 0.4, 3.0]])
     there = warp(np.linalg.inv(H)[:, None], project_camera(x_first, K)[None])
     for t, lens in enumerate(lens_of(K, zoom)):
@@ -71,10 +71,10 @@ def test_zoom_and_turn_are_exact_on_exact_matches():
         xy = rng.uniform([40, 30], [280, 150], (60, 2))
         relative = np.linalg.inv(H[key]) @ H[t]
         matches.append(Matches(key, relative, warp(relative, xy), xy, np.ones(60, bool)))
-    found = zoom_and_turn(matches, K)
-    np.testing.assert_allclose(found.zoom, zoom, rtol=1e-3)
-    assert float(angle_deg(found.R, R.swapaxes(1, 2)).max()) < 0.02
+    estimate = rotations_and_zooms(matches, K)
+    np.testing.assert_allclose(estimate.zoom, zoom, rtol=1e-3)
+    assert float(angle_deg(estimate.R, R.swapaxes(1, 2)).max()) < 0.02
     np.testing.assert_allclose(
-        warp(homographies(K, found)[:, None], np.array([[150.0, 90.0]])),
+        warp(homographies(K, estimate)[:, None], np.array([[150.0, 90.0]])),
         warp(H[:, None], np.array([[150.0, 90.0]])), atol=0.1,
     )  # fmt: skip
