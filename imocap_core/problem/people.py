@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from imocap_core.io.detectors.by_name import format_and_layout, read_detections
-from imocap_core.io.detectors.openpose import DetectedPeople
+from imocap_core.io.detectors.people import DetectedPeople
 from imocap_core.io.video import VideoInfo, probe
 from imocap_core.pipeline.action import Declaration
 from imocap_core.problem.performers import Watched

@@ -95,7 +95,7 @@ def test_videopose3d_clips_are_chosen_by_the_videos_name(tmp_path: Path) -> None
     assert read(path, "cpn_npz", "coco17", "S9_Walking_1_1").people[0][0, 0, 0] == 1.0
     assert read(path, "cpn_npz", "coco17", "v1", "clip.mp4").people[0][0, 0, 0] == 3.0
     with pytest.raises(
-        ValueError, match=r"called like the video's id \(v1\), got 4: S9 Walking 1 0"
+        ValueError, match=r"named like the video's id \(v1\), got 4: S9 Walking 1 0"
     ):
         read(path, "cpn_npz", "coco17", "v1")
 

@@ -54,7 +54,7 @@ def test_the_number_of_points_tells_coco(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("people", "said"),
     [
-        ([np.ones((25, 3))], "fit both about as well; say which with --layout"),
+        ([np.ones((25, 3))], "fit both about equally; give --layout"),
         ([np.ones((16, 3))], "18 \\(coco18\\), 25 \\(body25 or body25b\\), 26 \\(halpe26\\)"),
         ([np.ones((18, 3)), np.ones((25, 3))], "got 18, 25; keep one detector's output"),
         ([np.zeros((0, 3))], "nobody was detected"),
@@ -86,6 +86,6 @@ def test_files_that_are_something_else(tmp_path: Path) -> None:
         guess_detections(tmp_path / "odd")
     results = tmp_path / "results.json"
     results.write_text(json.dumps([{"image_id": "1.jpg", "keypoints": [], "box": []}]))
-    with pytest.raises(ValueError, match="alphapose, but its layout is not told"):
+    with pytest.raises(ValueError, match="alphapose, but the file does not tell the layout"):
         guess_detections(results)
     assert guess_detections(results, layout="halpe26") == ("alphapose", "halpe26")

@@ -13,7 +13,8 @@ from imocap_core.io.detectors.guess import guess_detections
 from imocap_core.io.detectors.keypoints_npz import read_keypoints_npz
 from imocap_core.io.detectors.mediapipe import read_mediapipe
 from imocap_core.io.detectors.mmpose import read_mmpose
-from imocap_core.io.detectors.openpose import DetectedPeople, read_openpose
+from imocap_core.io.detectors.openpose import read_openpose
+from imocap_core.io.detectors.people import DetectedPeople
 from imocap_core.io.detectors.sleap import read_sleap
 
 READERS: dict[str, Callable[[Path, str], DetectedPeople]] = {
@@ -25,19 +26,21 @@ READERS: dict[str, Callable[[Path, str], DetectedPeople]] = {
     "deeplabcut": read_deeplabcut,
     "sleap": read_sleap,
 }
-# Names of layouts: RTMLib and others write them as OpenPose's JSON, COCO's results, or npz.
+# Layouts whose files may have any form: RTMLib and others write OpenPose's JSON, COCO's results
+# or npz.
 ANY_FILE = {"halpe26": "halpe26", "wholebody": "wholebody133"}
 FORMATS = (*READERS, "mediapipe", "cpn_npz", *ANY_FILE)
 
 
 def format_and_layout(path: Path, kind: str | None, layout: str | None) -> tuple[str, str]:
-    """(format, layout), what is not given told by the files. ValueError when they don't tell it."""
+    """(format, layout); what is not given is recognised from the files. ValueError when it cannot
+    be."""
     if kind in ANY_FILE:
         layout, kind = layout or ANY_FILE[kind], None
     if kind is not None and layout is not None:
         return kind, layout
-    found, fitting = guess_detections(path, layout=layout)
-    return kind or found, fitting
+    guessed_kind, guessed_layout = guess_detections(path, layout=layout)
+    return kind or guessed_kind, guessed_layout
 
 
 def read_detections(
@@ -46,9 +49,9 @@ def read_detections(
     """All people of all frames.
 
     Args:
-        kind, layout: as `format_and_layout` says.
-        size: width and height of the picture, for keypoints that are shares of it.
-        names: what the video is called, for files that hold several.
+        kind, layout: as `format_and_layout` returns them.
+        size: width and height of the picture, for keypoints in shares of them.
+        names: the video's id and file name, for files with several clips.
 
     Raises:
         ValueError: file, field, expected, got, what to do.

@@ -1,10 +1,10 @@
-"""DeepLabCut: the CSV of one video, with three or four rows of headings.
+"""DeepLabCut: the CSV of one video, with three or four heading rows.
 
-As its documentation describes: the rows ``scorer``, (``individuals`` of projects with several,)
-``bodyparts`` and ``coords`` (x, y, likelihood) name the columns; then one row a frame, the frame's
-number first, pixels. Body parts have the names their project gave them: they are sorted into the
-points of the declared layout by name (see `part_names`), those the layout does not have are left
-out, and points without a body part are missing.
+As its documentation describes: the rows ``scorer``, (``individuals`` in projects with several,)
+``bodyparts`` and ``coords`` (x, y, likelihood) name the columns; then one row per frame, the
+frame's number first, pixels. Body parts have the names that their project gave them: they are
+assigned to the points of the declared layout by name (see `part_names`), those that the layout
+lacks are ignored, and points without a body part are missing.
 """
 
 from __future__ import annotations
@@ -13,61 +13,63 @@ import csv
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from imocap_core.body.layouts import layout_names
-from imocap_core.io.detectors.openpose import DetectedPeople
-from imocap_core.io.detectors.part_names import LAYOUTS, known_columns
+from imocap_core.io.detectors.part_names import LAYOUTS, matched_columns
 from imocap_core.io.detectors.people import (
-    Array,
+    DetectedPeople,
     cleaned,
     detections,
     frame_number,
     must_be_file,
-    must_be_known,
+    must_have_layout,
 )
 
+HEADINGS = ("scorer", "individuals", "bodyparts", "coords")
+COORDS = ("x", "y", "likelihood")
 _H5 = (
-    "is HDF5, which is not read here; export the results as CSV (DeepLabCut's save_as_csv, SLEAP's "
+    "is HDF5, which cannot be read; export the results as CSV (DeepLabCut's save_as_csv, SLEAP's "
     "analysis CSV) and name that file"
 )
 
 
 def read_deeplabcut(path: Path, layout: str) -> DetectedPeople:
-    """All individuals of all frames. ValueError names file, row, what is wrong."""
-    must_be_known(layout, LAYOUTS, "a file of named body parts", path)
+    """All individuals of all frames. ValueError names file, row, expected and got."""
+    must_have_layout(LAYOUTS, layout, "a file of named body parts", path)
     rows = read_csv(path)
     headings = _headings(rows, path)
     parts = list(dict.fromkeys(headings["bodyparts"]))
-    columns = known_columns(parts, layout, f"{path}: bodyparts")
+    columns = matched_columns(parts, layout, f"{path}: bodyparts")
     people = headings.get("individuals", [""] * len(headings["bodyparts"]))
     heading = list(zip(people, headings["bodyparts"], headings["coords"], strict=True))
-    place = {(who, part, what): n + 1 for n, (who, part, what) in enumerate(heading)}
-    found: dict[int, list[Array]] = {}
+    column_of = {(who, part, what): n + 1 for n, (who, part, what) in enumerate(heading)}
+    frames: dict[int, list[Float[np.ndarray, "K 3"]]] = {}
     for number, row in enumerate(rows[len(headings) :], start=len(headings) + 1):
         where = f"{path}: row {number}"
         values = _numbers(row, len(heading) + 1, where)
         frame = frame_number(_as_number(row[0]), where)
-        found[frame] = []
+        frames[frame] = []
         for who in dict.fromkeys(people):
             person = np.full((len(layout_names(layout)), 3), np.nan)
             for column, part in columns.items():
-                at = [place.get((who, parts[part], what)) for what in ("x", "y", "likelihood")]
-                if at[0] is not None and at[1] is not None:
-                    likelihood = 1.0 if at[2] is None else values[at[2]]
-                    person[column] = values[at[0]], values[at[1]], likelihood
+                x, y, score = (column_of.get((who, parts[part], w)) for w in COORDS)
+                if x is not None and y is not None:
+                    likelihood = 1.0 if score is None else values[score]
+                    person[column] = values[x], values[y], likelihood
             person = cleaned(person)
             if (person[:, 2] > 0).any():
-                found[frame].append(person)
-    return detections(found, layout, path)
+                frames[frame].append(person)
+    return detections(frames, layout, path)
 
 
 def body_parts(path: Path) -> list[str]:
-    """The names of the body parts."""
+    """The names of the body parts, in the order of the columns."""
     return list(dict.fromkeys(_headings(read_csv(path), path)["bodyparts"]))
 
 
 def read_csv(path: Path) -> list[list[str]]:
-    """The rows of a CSV file that are not empty. ValueError says what is wrong."""
+    """The non-empty rows of a CSV file. ValueError when it cannot be read or is empty."""
     if path.suffix.lower() in (".h5", ".hdf5"):
         raise ValueError(f"{path}: {_H5}")
     must_be_file(path)
@@ -83,20 +85,20 @@ def read_csv(path: Path) -> list[list[str]]:
 
 def _headings(rows: list[list[str]], path: Path) -> dict[str, list[str]]:
     """Row name -> its columns, of the rows before the frames."""
-    known = ("scorer", "individuals", "bodyparts", "coords")
-    found = {row[0].strip().lower(): row[1:] for row in rows[:4] if row[0].strip().lower() in known}
-    missing = [name for name in known if name != "individuals" and name not in found]
-    if missing or len({len(columns) for columns in found.values()}) > 1:
+    named = {row[0].strip().lower(): row[1:] for row in rows[:4]}
+    headings = {name: named[name] for name in HEADINGS if name in named}
+    missing = [name for name in HEADINGS if name != "individuals" and name not in headings]
+    if missing or len({len(columns) for columns in headings.values()}) > 1:
         got = ", ".join(row[0] or "(empty)" for row in rows[:4])
         raise ValueError(
             f"{path}: expected the rows scorer, bodyparts, coords of the same length first, got "
             f"{got:.80}; give DeepLabCut's CSV as it wrote it"
         )
-    return {name: [cell.strip() for cell in columns] for name, columns in found.items()}
+    return {name: [cell.strip() for cell in columns] for name, columns in headings.items()}
 
 
-def _numbers(row: list[str], count: int, where: str) -> Array:
-    """A row's cells; the empty ones are NaN, the first (the frame) too."""
+def _numbers(row: list[str], count: int, where: str) -> Float[np.ndarray, " _"]:
+    """A row's cells as numbers; empty ones and the first (the frame) are NaN."""
     if len(row) != count:
         raise ValueError(f"{where}: expected {count} cells, got {len(row)}; the file is cut off?")
     try:

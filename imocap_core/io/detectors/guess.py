@@ -1,4 +1,4 @@
-"""Which detector wrote some keypoints, and which layout they have, by what is in the files."""
+"""Format and layout of keypoint files, recognised from their content."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float
 
 from imocap_core.body.layouts import layout_names
 from imocap_core.io.detectors.guess_file import guess_file
 from imocap_core.io.detectors.people import cleaned, read_json
 
-Array = NDArray[np.float64]
+Person = Float[np.ndarray, "K 3"]  # x, y (pixels), confidence
 
 FILES_LOOKED_AT = 60
-CLEARLY = 2.0  # one layout fits this many times better than the other
+MIN_MISFIT_RATIO = 2.0  # of the second best layout to the best, to accept the best
 COUNTS = {
     17: ("coco17",),
     18: ("coco18",),
@@ -39,24 +39,22 @@ MIDDLES: dict[str, tuple[tuple[str, str, str], ...]] = {
 def guess_detections(path: Path, *, layout: str | None = None) -> tuple[str, str]:
     """(format, layout) of a folder or file of keypoints.
 
-    layout: what the user says it is; then only the format is looked for.
+    layout: given by the user; then only the format is recognised.
 
     Raises:
-        ValueError: nothing known is found, or more than one layout fits; the sentence says what to
-            give by hand.
+        ValueError: the format is unknown, or more than one layout fits; the message says which
+            options to give.
     """
     if not path.is_dir():
-        kind, found, people = guess_file(path)
-        if kind is None or not (layout or found or people):
-            what = (
-                "not known" if kind is None else f"{kind}, but its layout is not told by the file"
-            )
+        kind, file_layout, people = guess_file(path)
+        if kind is None or not (layout or file_layout or people):
+            what = "unknown" if kind is None else f"{kind}, but the file does not tell the layout"
             raise ValueError(f"{path}: the format is {what}; give --format and --layout")
-        return kind, layout or found or layout_of(path, people)
+        return kind, layout or file_layout or layout_of(path, people)
     files = sorted(path.glob("*.json"))
     if not files:
         raise ValueError(
-            f"{path}: expected a folder with one JSON file a frame, as OpenPose writes it, found "
+            f"{path}: expected a folder with one JSON file per frame, as OpenPose writes it, found "
             "no .json file"
         )
     step = max(1, len(files) // FILES_LOOKED_AT)
@@ -64,56 +62,59 @@ def guess_detections(path: Path, *, layout: str | None = None) -> tuple[str, str
     if not all(isinstance(c, dict) and isinstance(c.get("people"), list) for c in contents):
         raise ValueError(
             f"{path}: expected OpenPose's JSON (a list `people` in every file), got something "
-            "else; say what it is with --format and --layout"
+            "else; give --format and --layout"
         )
     return "openpose", layout or layout_of(path, list(_people(contents)))
 
 
-def layout_of(path: Path, people: Sequence[Array]) -> str:
-    """The layout of some people (K, 3), by their number of points and where these are."""
+def layout_of(path: Path, people: Sequence[Person]) -> str:
+    """The layout of some people, by the number and the positions of their points.
+
+    ValueError when none fits, or several do.
+    """
     counts = sorted({len(person) for person in people})
     if not counts:
         raise ValueError(
-            f"{path}: nobody was detected in the {FILES_LOOKED_AT} frames looked at, so the layout "
-            "can't be told; give it with --layout"
+            f"{path}: nobody was detected in the {FILES_LOOKED_AT} frames read, so the layout is "
+            "unknown; give --layout"
         )
     if len(counts) > 1 or counts[0] not in COUNTS:
-        known = ", ".join(f"{n} ({' or '.join(ls)})" for n, ls in COUNTS.items())
+        expected = ", ".join(f"{n} ({' or '.join(ls)})" for n, ls in COUNTS.items())
         raise ValueError(
-            f"{path}: expected {known} points a person, got {', '.join(map(str, counts))}; keep "
-            "one detector's output in a folder, and say what it is with --format and --layout"
+            f"{path}: expected {expected} points per person, got {', '.join(map(str, counts))}; "
+            "keep one detector's output per folder, and give --format and --layout"
         )
     fitting = COUNTS[counts[0]]
     if len(fitting) == 1:
         return fitting[0]
     misfits = {name: _misfit(name, np.stack(people)) for name in fitting}
     best, second = sorted(misfits, key=lambda name: misfits[name])
-    if not misfits[best] * CLEARLY < misfits[second]:
+    if not misfits[best] * MIN_MISFIT_RATIO < misfits[second]:
         raise ValueError(
-            f"{path}: 25 points a person are BODY_25 or BODY_25B, and the detections fit both "
-            "about as well; say which with --layout body25 or --layout body25b"
+            f"{path}: 25 points per person are BODY_25 or BODY_25B, and the detections fit both "
+            "about equally; give --layout body25 or --layout body25b"
         )
     return best
 
 
-def _misfit(layout: str, people: Array) -> float:
-    """How far the points that should lie in the middle of two others are from there, share of the
-    person's size; `people` (P, K, 3); infinite where they were never seen together."""
+def _misfit(layout: str, people: Float[np.ndarray, "P K 3"]) -> float:
+    """Median distance of the layout's middle points from the middle of their neighbours, as a share
+    of the person's size; infinite when they were never detected together."""
     names = layout_names(layout)
-    seen = cleaned(people)[..., :2]
-    low, high = np.nanmin(seen, axis=1), np.nanmax(seen, axis=1)
+    xy = cleaned(people)[..., :2]
+    low, high = np.nanmin(xy, axis=1), np.nanmax(xy, axis=1)
     size = np.linalg.norm(high - low, axis=-1)
     far = []
     for point, a, b in MIDDLES[layout]:
-        at, one, other = (seen[:, names.index(name)] for name in (point, a, b))
-        far.append(np.linalg.norm(at - (one + other) / 2, axis=-1) / np.maximum(size, 1e-9))
-    known = np.concatenate(far)
-    known = known[np.isfinite(known)]
-    return float(np.median(known)) if len(known) else float("inf")
+        middle, left, right = (xy[:, names.index(name)] for name in (point, a, b))
+        far.append(np.linalg.norm(middle - (left + right) / 2, axis=-1) / np.maximum(size, 1e-9))
+    distances = np.concatenate(far)
+    distances = distances[np.isfinite(distances)]
+    return float(np.median(distances)) if len(distances) else float("inf")
 
 
-def _people(contents: Sequence[Any]) -> Iterator[Array]:
-    """Each person (K, 3) of some OpenPose files that has a seen point."""
+def _people(contents: Sequence[Any]) -> Iterator[Person]:
+    """Each person of some OpenPose files who has a detected point."""
     for content in contents:
         for person in content["people"]:
             values = person.get("pose_keypoints_2d") if isinstance(person, dict) else None

@@ -1,4 +1,4 @@
-"""What a file of keypoints of a whole clip is: its format, and what it tells of its layout."""
+"""Format and layout of one file with the keypoints of a whole clip."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float, Shaped
 
 from imocap_core.io.detectors.deeplabcut import body_parts, read_csv
 from imocap_core.io.detectors.mediapipe import PICTURE
@@ -17,16 +17,16 @@ from imocap_core.io.detectors.sleap import FRAME, nodes
 from imocap_core.io.npz import array_names, load_arrays
 from imocap_core.io.object_npz import read_object
 
-Array = NDArray[np.float64]
 PEOPLE_LOOKED_AT = 60
-_LAYOUT_NAMES = {"coco": "coco17", "h36m": "h36m17"}  # as VideoPose3D's metadata has them
+_LAYOUT_NAMES = {"coco": "coco17", "h36m": "h36m17"}  # in VideoPose3D's metadata
 
-Guess = tuple[str | None, str | None, list[Array]]
+Person = Float[np.ndarray, "K 3"]  # x, y (pixels), confidence
+Guess = tuple[str | None, str | None, list[Person]]
 
 
 def guess_file(path: Path) -> Guess:
-    """(format, layout, people): layout None where only the number of points tells it; people are
-    some (K, 3) that have a seen point. ValueError when the file can't be read or used."""
+    """(format, layout, people): layout None where only the number of points tells it; people: some
+    who have a detected point. ValueError when the file cannot be read or used."""
     suffix = path.suffix.lower()
     if suffix == ".npz":
         return _guess_npz(path)
@@ -41,7 +41,7 @@ def _guess_json(path: Path) -> Guess:
     content = read_json(path)
     if isinstance(content, dict) and "people" in content:
         raise ValueError(
-            f"{path}: is one frame of OpenPose's output; name the folder that holds all frames"
+            f"{path}: is one frame of OpenPose's output; name the folder with all frames"
         )
     if isinstance(content, dict) and "instance_info" in content:
         return "mmpose", None, list(_mmpose(content["instance_info"]))
@@ -50,9 +50,9 @@ def _guess_json(path: Path) -> Guess:
         listed = content.get("frames", content.get("annotations"))
     first = next((e for e in listed if isinstance(e, dict)), {}) if isinstance(listed, list) else {}
     if "image_id" in first:
-        own = "box" in first or "idx" in first or isinstance(first["image_id"], str)
+        alphapose = "box" in first or "idx" in first or isinstance(first["image_id"], str)
         layout = "wholebody133" if "foot_kpts" in first else None
-        return "alphapose" if own else "coco", layout, list(_coco(listed))
+        return "alphapose" if alphapose else "coco", layout, list(_coco(listed))
     if "instances" in first:
         return "mmpose", None, list(_mmpose(listed))
     if any(name in first for name in PICTURE):
@@ -60,24 +60,24 @@ def _guess_json(path: Path) -> Guess:
     return None, None, []
 
 
-def _coco(entries: list[Any]) -> Iterator[Array]:
+def _coco(entries: list[Any]) -> Iterator[Person]:
     for entry in entries[:PEOPLE_LOOKED_AT]:
         values = entry.get("keypoints") if isinstance(entry, dict) else None
         if isinstance(values, list) and values and len(values) % 3 == 0:
-            yield from _seen(np.reshape(values, (-1, 3)))
+            yield from _detected(np.reshape(values, (-1, 3)))
 
 
-def _mmpose(entries: Any) -> Iterator[Array]:
+def _mmpose(entries: Any) -> Iterator[Person]:
     for entry in entries[:PEOPLE_LOOKED_AT] if isinstance(entries, list) else []:
-        found = entry.get("instances") if isinstance(entry, dict) else None
-        for person in found if isinstance(found, list) else []:
+        people = entry.get("instances") if isinstance(entry, dict) else None
+        for person in people if isinstance(people, list) else []:
             xy = person.get("keypoints") if isinstance(person, dict) else None
             if isinstance(xy, list) and all(isinstance(p, list) and len(p) >= 2 for p in xy):
-                yield from _seen(np.array([[*p[:2], 1.0] for p in xy], dtype=object))
+                yield from _detected(np.array([[*p[:2], 1.0] for p in xy], dtype=object))
 
 
-def _seen(person: NDArray[Any]) -> Iterator[Array]:
-    """The person as numbers, if these are some and a point was seen."""
+def _detected(person: Shaped[np.ndarray, "K 3"]) -> Iterator[Person]:
+    """The person as floats, if the entries are numbers and a point was detected."""
     try:
         body = person.astype(np.float64)
     except (TypeError, ValueError):
@@ -90,8 +90,8 @@ def _guess_npz(path: Path) -> Guess:
     names = array_names(path)
     if "positions_2d" in names:
         metadata = read_object(path, "metadata") if "metadata" in names else {}
-        said = metadata.get("layout_name") if isinstance(metadata, dict) else None
-        return "cpn_npz", _LAYOUT_NAMES.get(str(said)), []
+        layout = metadata.get("layout_name") if isinstance(metadata, dict) else None
+        return "cpn_npz", _LAYOUT_NAMES.get(str(layout)), []
     if "keypoints" in names:
         table = load_arrays(path)["keypoints"]
         count = table.shape[-2] if table.ndim in (3, 4) else 0

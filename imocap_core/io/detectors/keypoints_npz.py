@@ -1,9 +1,9 @@
-"""npz: 2D keypoints of one clip as plain arrays, for whatever has no format of its own.
+"""npz: 2D keypoints of one clip as plain arrays, for detectors without a file format.
 
-RTMLib returns ``keypoints`` (P, K, 2) and ``scores`` (P, K) a frame and leaves saving to its user:
-stacked over frames they are read here (T, P, K, 2) and (T, P, K), those of one person also without
-P. ``keypoints`` (..., 3) holds its scores itself. ``frames`` (T,) are the frames' numbers; without
-it they count from 0. A person who is not in a frame is NaN, or has no score above 0.
+RTMLib returns ``keypoints`` (P, K, 2) and ``scores`` (P, K) per frame and leaves saving to its
+user. The file has them stacked over frames, (T, P, K, 2) and (T, P, K), with one person also
+without P. ``keypoints`` (..., 3) contains the scores. ``frames`` (T,) are the frame numbers;
+without it they count from 0. A person who is not in a frame is NaN, or has no score above 0.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from imocap_core.body.layouts import layout_names
-from imocap_core.io.detectors.openpose import DetectedPeople
-from imocap_core.io.detectors.people import LAYOUT_OF_COUNT, Array, cleaned, detections
+from imocap_core.io.detectors.people import LAYOUT_OF_COUNT, DetectedPeople, cleaned, detections
 from imocap_core.io.npz import load_arrays, numbers
 
 
 def read_keypoints_npz(path: Path, layout: str) -> DetectedPeople:
-    """All people of all frames. ValueError names file, field, what is wrong."""
+    """All people of all frames. ValueError names file, field, expected and got."""
     arrays = load_arrays(path)
     one_person = "keypoints" in arrays and arrays["keypoints"].ndim == 3
     dims = ("T", "K") if one_person else ("T", "P", "K")
@@ -37,7 +37,7 @@ def read_keypoints_npz(path: Path, layout: str) -> DetectedPeople:
         table = np.concatenate([table, scores[..., None]], axis=-1)
     if table.shape[-1] != 3:
         raise ValueError(
-            f"{path}: keypoints: expected x, y and perhaps a score of every point, got "
+            f"{path}: keypoints: expected x, y and optionally a score of every point, got "
             f"{table.shape[-1]} numbers"
         )
     frames = np.arange(len(table))
@@ -46,10 +46,10 @@ def read_keypoints_npz(path: Path, layout: str) -> DetectedPeople:
     if len(set(frames.tolist())) < len(frames) or (len(frames) and frames.min() < 0):
         raise ValueError(f"{path}: frames: expected different numbers from 0, got {frames}")
     people = cleaned(table if not one_person else table[:, None])
-    found = {int(n): _present(here) for n, here in zip(frames, people, strict=True)}
-    return detections(found, layout, path)
+    present = {int(n): _present(in_frame) for n, in_frame in zip(frames, people, strict=True)}
+    return detections(present, layout, path)
 
 
-def _present(people: Array) -> list[Array]:
-    """The people (K, 3) of one frame (P, K, 3) who have a point."""
+def _present(people: Float[np.ndarray, "P K 3"]) -> list[Float[np.ndarray, "K 3"]]:
+    """The people of one frame who have a point."""
     return [person for person in people if (person[:, 2] > 0).any()]

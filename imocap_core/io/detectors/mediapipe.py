@@ -1,10 +1,10 @@
 """MediaPipe Pose: its 33 landmarks of one clip, saved as JSON or npz.
 
-MediaPipe returns landmarks and leaves saving to its user. Read here: a JSON list (or ``frames``:
-list) with one entry a frame, in the names of its results: ``pose_landmarks`` (or ``landmarks``,
+MediaPipe returns landmarks and leaves saving to its user. Accepted: a JSON list (or ``frames``:
+list) with one entry per frame, in the names of its results: ``pose_landmarks`` (or ``landmarks``,
 ``poseLandmarks``) and ``pose_world_landmarks`` (``world_landmarks``, ``worldLandmarks``), each a
 list of 33 {x, y, z, visibility}, or a list of people with such a list each (as its newer tasks
-return); ``frame`` is the frame's number, without which frames count from 0. Or an npz with arrays
+return); ``frame`` is the frame number, without which frames count from 0. Or an npz with arrays
 of these names (T, 33, 3 to 5: x, y, z, visibility) and, optionally, ``frames`` (T,).
 
 As its guide says, landmarks are shares of the picture's width and height (numbers well above 1 are
@@ -19,98 +19,102 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from imocap_core.body.layouts import layout_names
-from imocap_core.io.detectors.openpose import DetectedPeople
 from imocap_core.io.detectors.people import (
     LARGEST,
-    Array,
+    DetectedPeople,
     cleaned,
     detections,
     frame_number,
-    kind,
     read_json,
     short,
+    type_name,
 )
 from imocap_core.io.estimators.estimates import Entries, PerformerBoxes, performer_rows, picked
 from imocap_core.io.estimators.joints_npz import JointsEstimate
 from imocap_core.io.npz import load_arrays, numbers
 
+Landmarks = Float[np.ndarray, "33 4"]  # x, y, z, visibility
+
 LAYOUT = "mediapipe33"
 PICTURE = ("pose_landmarks", "landmarks", "poseLandmarks")
 WORLD = ("pose_world_landmarks", "world_landmarks", "poseWorldLandmarks", "worldLandmarks")
 POINTS = 33
-NORMALISED = 3.0  # shares of the picture stay below this, even of people half outside it
+NORMALISED = 3.0  # shares of the picture stay below this, even for people half outside it
 
 
 def read_mediapipe(path: Path, layout: str, size: tuple[int, int]) -> DetectedPeople:
     """All people of all frames, pixels of a picture of `size` (width, height).
 
-    ValueError names file, field, what is wrong.
+    ValueError names file, field, expected and got.
     """
     if layout != LAYOUT:
         raise ValueError(
             f"{path}: layout: expected {LAYOUT}, the only one MediaPipe has, got {layout!r}; "
             "correct `layout` in action.yaml"
         )
-    seen = {
-        frame: [cleaned(person[:, [0, 1, 3]]) for person in found]
-        for frame, found in _in_pixels(path, size).items()
+    people = {
+        frame: [cleaned(person[:, [0, 1, 3]]) for person in in_frame]
+        for frame, in_frame in _in_pixels(path, size).items()
     }
-    return detections(seen, layout, path)
+    return detections(people, layout, path)
 
 
 def read_mediapipe_world(path: Path, performer: PerformerBoxes) -> JointsEstimate:
-    """World landmarks at the used frames (T,) as 3D joints, metres in camera axes.
+    """World landmarks at the used frames as 3D joints, metres in camera axes.
 
     Frames without them are NaN; of several people the performer is found by the picture landmarks.
-    ValueError names file, field, what is wrong, or says that no used frame has any.
+    ValueError names file, field, what is wrong, or says that no used frame has a person.
     """
     people = dict(_frames(path, WORLD))
-    found = [(frame, n, person) for frame, ps in people.items() for n, person in enumerate(ps)]
-    if not found:
+    persons = [(frame, n, person) for frame, ps in people.items() for n, person in enumerate(ps)]
+    if not persons:
         raise ValueError(f"{path}: {WORLD[0]}: expected a person in some frame, got none")
     places = None
-    if any(len(here) > 1 for here in people.values()):
-        seen = _in_pixels(path, performer.size)
-        if all(len(seen.get(frame, ())) == len(here) for frame, here in people.items()):
-            places = np.array([np.nanmean(seen[frame][n][:, :2], axis=0) for frame, n, _ in found])
-    frames, track = (np.array([entry[i] for entry in found]) for i in (0, 1))
+    if any(len(in_frame) > 1 for in_frame in people.values()):
+        pixels = _in_pixels(path, performer.size)
+        if all(len(pixels.get(frame, ())) == len(ps) for frame, ps in people.items()):
+            places = np.array(
+                [np.nanmean(pixels[frame][n][:, :2], axis=0) for frame, n, _ in persons]
+            )
+    frames, track = (np.array([entry[i] for entry in persons]) for i in (0, 1))
     rows = performer_rows(Entries(frames, track, places), performer, path)
-    joints = picked(np.stack([person[:, :3] for _, _, person in found]), rows)
+    joints = picked(np.stack([person[:, :3] for _, _, person in persons]), rows)
     return JointsEstimate(joints, layout_names(LAYOUT))
 
 
-def _in_pixels(path: Path, size: tuple[int, int]) -> dict[int, list[Array]]:
-    """Frame -> people (33, 4) whose x, y are pixels of a picture of `size`."""
+def _in_pixels(path: Path, size: tuple[int, int]) -> dict[int, list[Landmarks]]:
+    """Frame -> people, x and y in pixels of a picture of `size`."""
     people = dict(_frames(path, PICTURE))
-    every = [person[:, :2] for found in people.values() for person in found]
+    every = [person[:, :2] for in_frame in people.values() for person in in_frame]
     sizes = np.abs(np.concatenate(every)) if every else np.zeros((0, 2))
     sizes = sizes[np.isfinite(sizes)]
     if len(sizes) and np.median(sizes) < NORMALISED:
-        for found in people.values():
-            for person in found:
+        for in_frame in people.values():
+            for person in in_frame:
                 person[:, :2] = np.where(np.abs(person[:, :2]) < LARGEST, person[:, :2], np.nan)
                 person[:, :2] *= size
     return people
 
 
-def _frames(path: Path, names: tuple[str, ...]) -> Iterator[tuple[int, list[Array]]]:
-    """(frame number, people (33, 4): x, y, z, visibility)."""
+def _frames(path: Path, names: tuple[str, ...]) -> Iterator[tuple[int, list[Landmarks]]]:
+    """(frame number, people)."""
     if path.suffix == ".npz":
         yield from _frames_of_npz(path, names)
         return
     content = read_json(path)
     listed = content.get("frames") if isinstance(content, dict) else content
     if not isinstance(listed, list) or not listed:
-        got = "an empty list" if listed == [] else kind(listed)
-        raise ValueError(f"{path}: frames: expected a list with one entry a frame, got {got}")
+        got = "an empty list" if listed == [] else type_name(listed)
+        raise ValueError(f"{path}: frames: expected a list with one entry per frame, got {got}")
     for i, entry in enumerate(listed):
         where = f"{path}: [{i}]"
         if entry is None:
             continue
         if not isinstance(entry, dict):
-            raise ValueError(f"{where}: expected one frame's fields, got {kind(entry)}")
+            raise ValueError(f"{where}: expected one frame's fields, got {type_name(entry)}")
         number = next((entry[n] for n in ("frame", "frame_id", "frame_index") if n in entry), i)
         name = next((n for n in names if n in entry), None)
         if name is None:
@@ -119,13 +123,13 @@ def _frames(path: Path, names: tuple[str, ...]) -> Iterator[tuple[int, list[Arra
         yield frame_number(number, where), list(_people(entry[name], f"{where}.{name}"))
 
 
-def _people(listed: Any, where: str) -> Iterator[Array]:
+def _people(listed: Any, where: str) -> Iterator[Landmarks]:
     if listed is None or listed == []:
         return
-    if isinstance(listed, dict):  # as protobuf's JSON has it
+    if isinstance(listed, dict):  # protobuf's JSON
         listed = listed.get("landmark")
     if not isinstance(listed, list):
-        raise ValueError(f"{where}: expected a list of {POINTS} landmarks, got {kind(listed)}")
+        raise ValueError(f"{where}: expected a list of {POINTS} landmarks, got {type_name(listed)}")
     if listed and all(isinstance(item, list) and len(item) == POINTS for item in listed):
         for n, person in enumerate(listed):
             yield _person(person, f"{where}[{n}]")
@@ -133,7 +137,7 @@ def _people(listed: Any, where: str) -> Iterator[Array]:
         yield _person(listed, where)
 
 
-def _person(landmarks: list[Any], where: str) -> Array:
+def _person(landmarks: list[Any], where: str) -> Landmarks:
     if len(landmarks) != POINTS:
         raise ValueError(f"{where}: expected {POINTS} landmarks, got {len(landmarks)}")
     rows = [
@@ -151,7 +155,7 @@ def _person(landmarks: list[Any], where: str) -> Array:
         ) from None
 
 
-def _frames_of_npz(path: Path, names: tuple[str, ...]) -> Iterator[tuple[int, list[Array]]]:
+def _frames_of_npz(path: Path, names: tuple[str, ...]) -> Iterator[tuple[int, list[Landmarks]]]:
     arrays = load_arrays(path)
     name = next((n for n in names if n in arrays), names[0])
     table = numbers(arrays, name, ("T", POINTS, "3 to 5"), path)

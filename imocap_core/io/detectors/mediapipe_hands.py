@@ -5,30 +5,28 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float, Int
 
 from imocap_core.io.npz import array_names, load_arrays, numbers
 
 FIELDS = ("left_hand_landmarks", "right_hand_landmarks")
 POINTS = 21
-Array = NDArray[np.float64]
 
 
 def read_mediapipe_hands(
-    path: Path, frames: NDArray[np.int64], size: tuple[int, int]
-) -> tuple[Array, Array] | None:
-    """The hands of the one person that MediaPipe follows.
+    path: Path, frames: Int[np.ndarray, " T"], size: tuple[int, int]
+) -> tuple[Float[np.ndarray, "T 2 21 2"], Float[np.ndarray, "T 2 21"]] | None:
+    """The hands of the one person that MediaPipe tracks.
 
     Args:
-        path: what `read_mediapipe` has read; only an npz has hands: arrays (T, 21, 3), x and y as
-            shares of the picture, beside `frames` (T,).
-        frames: (T',) source frame numbers that are used.
+        path: the file that `read_mediapipe` read; only an npz has hands: arrays (N, 21, 3), x and
+            y as shares of the picture, beside `frames` (N,).
+        frames: the used source frame numbers.
         size: width and height of the picture.
 
     Returns:
-        Pixels (T', 2, 21, 2) and confidence (T', 2, 21), left hand first, NaN and 0 where there is
-        none. MediaPipe says nothing of how sure it is of a point: 1 where there is one. None when
-        the file has no hands.
+        Pixels and confidence, left hand first; NaN and 0 where a point is missing. MediaPipe gives
+        no confidence of a hand's points: 1 where there is one. None when the file has no hands.
 
     Raises:
         ValueError: file, field, expected, got.
@@ -36,18 +34,18 @@ def read_mediapipe_hands(
     if path.suffix != ".npz" or not set(FIELDS) & array_names(path):
         return None
     arrays = load_arrays(path)
-    found = np.full((len(frames), 2, POINTS, 2), np.nan)
+    xy_px = np.full((len(frames), 2, POINTS, 2), np.nan)
     for side, name in enumerate(FIELDS):
         if name not in arrays:
             continue
         table = numbers(arrays, name, ("T", POINTS, 3), path)
         rows = np.arange(len(table))
-        own = numbers(arrays, "frames", (len(table),), path) if "frames" in arrays else rows
-        row_of = {int(frame): row for row, frame in enumerate(own)}
+        listed = numbers(arrays, "frames", (len(table),), path) if "frames" in arrays else rows
+        row_of = {int(frame): row for row, frame in enumerate(listed)}
         for t, frame in enumerate(frames.tolist()):
             if frame in row_of:
-                found[t, side] = table[row_of[frame], :, :2] * size
-    seen = np.isfinite(found).all(axis=-1)
-    if not seen.any():
+                xy_px[t, side] = table[row_of[frame], :, :2] * size
+    visible = np.isfinite(xy_px).all(axis=-1)
+    if not visible.any():
         return None
-    return np.where(seen[..., None], found, np.nan), seen.astype(np.float64)
+    return np.where(visible[..., None], xy_px, np.nan), visible.astype(np.float64)

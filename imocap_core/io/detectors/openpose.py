@@ -1,45 +1,33 @@
-"""OpenPose: a folder with one JSON file a frame, each with any number of people."""
+"""OpenPose: a folder with one JSON file per frame, each with any number of people."""
 
 from __future__ import annotations
 
-import json
 import re
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float
 
-POINTS = {"body25": 25, "body25b": 25, "coco18": 18}  # points of each layout OpenPose writes,
-POINTS |= {"coco17": 17, "halpe26": 26, "wholebody133": 133}  # and other tools in its form
+from imocap_core.io.detectors.people import DetectedPeople, read_json, type_name
+
+POINTS = {"body25": 25, "body25b": 25, "coco18": 18}  # points of each layout of OpenPose,
+POINTS |= {"coco17": 17, "halpe26": 26, "wholebody133": 133}  # and of other tools in its format
 _FAULTS_SHOWN = 5
 
 
-@dataclass(frozen=True)
-class DetectedPeople:
-    """``people[i]`` (P, K, 3) are x, y (pixels) and confidence of the people of ``frames[i]``.
-
-    ``frames`` (N,) are increasing source frame numbers. A point that was not found is NaN with
-    confidence 0.
-    """
-
-    frames: NDArray[np.int64]
-    people: tuple[NDArray[np.float64], ...]
-
-
 def read_openpose(folder: Path, layout: str) -> DetectedPeople:
-    """All people of all frames. ValueError names the file, the field, what is wrong.
+    """All people of all frames. ValueError names file, field, expected and got.
 
     The frame number is the last number in a file's name (``clip_000000000012_keypoints.json`` and
     ``clip.0012.json`` are frame 12); a frame without a file is a frame without people.
     """
     if layout not in POINTS:
-        known = ", ".join(POINTS)
-        raise ValueError(f"{folder}: OpenPose layouts are {known}, got {layout!r} in action.yaml")
+        layouts = ", ".join(POINTS)
+        raise ValueError(f"{folder}: OpenPose layouts are {layouts}, got {layout!r} in action.yaml")
     if not folder.is_dir():
         raise ValueError(
-            f"{folder}: expected a folder with one OpenPose JSON file a frame, found none; "
+            f"{folder}: expected a folder with one OpenPose JSON file per frame, found none; "
             "check `keypoints` in action.yaml"
         )
     files = _numbered_files(folder)
@@ -70,33 +58,32 @@ def _numbered_files(folder: Path) -> dict[int, Path]:
         if number in files:
             raise ValueError(
                 f"{folder}: frame {number} has two files, {files[number].name} and {file.name}; "
-                "keep one clip in a folder"
+                "keep one clip per folder"
             )
         files[number] = file
     if not files:
-        raise ValueError(f"{folder}: expected one OpenPose JSON file a frame, found no .json file")
+        raise ValueError(
+            f"{folder}: expected one OpenPose JSON file per frame, found no .json file"
+        )
     return files
 
 
-def _read_frame(file: Path, layout: str) -> NDArray[np.float64]:
-    try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{file}: is not JSON ({error}); run the detector again") from None
-    found = content.get("people") if isinstance(content, dict) else None
-    if not isinstance(found, list):
-        raise ValueError(f"{file}: people: expected a list of people, got {_kind(found)}")
-    bodies = [_read_person(file, i, person, layout) for i, person in enumerate(found)]
+def _read_frame(file: Path, layout: str) -> Float[np.ndarray, "P K 3"]:
+    content = read_json(file)
+    people = content.get("people") if isinstance(content, dict) else None
+    if not isinstance(people, list):
+        raise ValueError(f"{file}: people: expected a list of people, got {type_name(people)}")
+    bodies = [_read_person(file, i, person, layout) for i, person in enumerate(people)]
     present = [body for body in bodies if body is not None]
     return np.stack(present) if present else np.zeros((0, POINTS[layout], 3))
 
 
-def _read_person(file: Path, i: int, person: Any, layout: str) -> NDArray[np.float64] | None:
-    """(K, 3), or None for a person without a body (OpenPose then writes an empty list)."""
+def _read_person(file: Path, i: int, person: Any, layout: str) -> Float[np.ndarray, "K 3"] | None:
+    """The points, or None for a person without a body (OpenPose then writes an empty list)."""
     where = f"{file}: people[{i}].pose_keypoints_2d"
     values = person.get("pose_keypoints_2d") if isinstance(person, dict) else None
     if not isinstance(values, list):
-        raise ValueError(f"{where}: expected a list of numbers, got {_kind(values)}")
+        raise ValueError(f"{where}: expected a list of numbers, got {type_name(values)}")
     if not values:
         return None
     expected = 3 * POINTS[layout]
@@ -114,7 +101,3 @@ def _read_person(file: Path, i: int, person: Any, layout: str) -> NDArray[np.flo
     missing = ~np.isfinite(body).all(axis=1) | (body[:, 2] <= 0)
     body[missing] = (np.nan, np.nan, 0.0)
     return body
-
-
-def _kind(value: Any) -> str:
-    return "nothing" if value is None else type(value).__name__

@@ -8,45 +8,44 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float, Int
 
 FIELDS = ("hand_left_keypoints_2d", "hand_right_keypoints_2d")
 POINTS = 21
-Array = NDArray[np.float64]
 
 
 def read_openpose_hands(
-    folder: Path, frames: NDArray[np.int64], body_xy_px: Array
-) -> tuple[Array, Array] | None:
-    """The hands of one person, told by the body: pixels (T, 2, 21, 2), confidence (T, 2, 21).
+    folder: Path, frames: Int[np.ndarray, " T"], body_xy_px: Float[np.ndarray, "T K 2"]
+) -> tuple[Float[np.ndarray, "T 2 21 2"], Float[np.ndarray, "T 2 21"]] | None:
+    """The hands of the person whose body is given: pixels and confidence.
 
     Args:
-        folder: one JSON file a frame, which `read_openpose` has read.
-        frames: (T,) source frame numbers.
-        body_xy_px: (T, K, 2) the person's body as `read_openpose` gave it, NaN where unseen.
+        folder: one JSON file per frame, the one that `read_openpose` read.
+        frames: source frame numbers.
+        body_xy_px: the person's body from `read_openpose`, NaN where missing.
 
     Returns:
-        Left hand first; NaN and 0 for what was not found. None when no frame has any hand.
+        Left hand first; NaN and 0 for missing points. None when no frame has a hand.
 
     Raises:
         ValueError: file, field, expected, got.
     """
     files = {int(re.findall(r"\d+", file.stem)[-1]): file for file in folder.glob("*.json")}
-    found = np.full((len(frames), 2, POINTS, 3), (np.nan, np.nan, 0.0))
+    hands = np.full((len(frames), 2, POINTS, 3), (np.nan, np.nan, 0.0))
     for t, frame in enumerate(frames.tolist()):
         if frame not in files or not np.isfinite(body_xy_px[t]).any():
             continue
         people = json.loads(files[frame].read_text(encoding="utf-8"))["people"]
         k = _nearest(people, body_xy_px[t])
         if k is not None:
-            found[t] = [_hand(files[frame], k, people[k], field) for field in FIELDS]
-    if not (found[..., 2] > 0).any():
+            hands[t] = [_hand(files[frame], k, people[k], field) for field in FIELDS]
+    if not (hands[..., 2] > 0).any():
         return None
-    return found[..., :2], found[..., 2]
+    return hands[..., :2], hands[..., 2]
 
 
-def _nearest(people: list[Any], body: Array) -> int | None:
-    """Whose body this is: the person whose points are nearest to it in the median."""
+def _nearest(people: list[Any], body: Float[np.ndarray, "K 2"]) -> int | None:
+    """Index of the person whose points have the smallest median distance to the body's."""
     best, least = None, np.inf
     for k, person in enumerate(people):
         values = person.get("pose_keypoints_2d") or []
@@ -61,8 +60,8 @@ def _nearest(people: list[Any], body: Array) -> int | None:
     return best
 
 
-def _hand(file: Path, k: int, person: dict[str, Any], field: str) -> Array:
-    """(21, 3); a person without the field, or with an empty list, has no such hand."""
+def _hand(file: Path, k: int, person: dict[str, Any], field: str) -> Float[np.ndarray, "21 3"]:
+    """One hand; a person without the field, or with an empty list, has no such hand."""
     values = person.get(field) or []
     where = f"{file}: people[{k}].{field}"
     nothing = np.full((POINTS, 3), (np.nan, np.nan, 0.0))
@@ -78,5 +77,5 @@ def _hand(file: Path, k: int, person: dict[str, Any], field: str) -> Array:
         hand = np.array(values, dtype=np.float64).reshape(POINTS, 3)
     except (TypeError, ValueError):
         raise ValueError(f"{where}: expected numbers only, got {values!r:.60}") from None
-    unseen = ~np.isfinite(hand).all(axis=1) | (hand[:, 2] <= 0)
-    return np.where(unseen[:, None], nothing, hand)
+    missing = ~np.isfinite(hand).all(axis=1) | (hand[:, 2] <= 0)
+    return np.where(missing[:, None], nothing, hand)

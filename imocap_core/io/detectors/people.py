@@ -1,21 +1,20 @@
-"""What the readers of 2D keypoints share: JSON, frame numbers, people checked at the door."""
+"""Shared by the readers of 2D keypoints: JSON files, frame numbers, people, all checked."""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float, Int, Shaped
 
 from imocap_core.body.layouts import layout_names
-from imocap_core.io.detectors.openpose import DetectedPeople
 
-Array = NDArray[np.float64]
-# What a number of points means, in the formats of one list of points a person.
+# Layout by number of points, in formats with one list of points per person.
 LAYOUT_OF_COUNT = {
     17: "coco17",
     18: "coco18",
@@ -27,11 +26,23 @@ LAYOUT_OF_COUNT = {
 }
 
 LAST_FRAME = 10_000_000
-LARGEST = 1e7  # pixels: no picture is larger, and squares of them stay numbers
+LARGEST = 1e7  # pixels: no picture is larger, and squares do not overflow
+
+
+@dataclass(frozen=True)
+class DetectedPeople:
+    """All people of all frames: x, y (pixels) and confidence of the K points of each.
+
+    frames: increasing source frame numbers. people: one array per frame. A missing point is NaN
+    with confidence 0.
+    """
+
+    frames: Int[np.ndarray, " N"]
+    people: tuple[Float[np.ndarray, "_ K 3"], ...]
 
 
 def read_json(path: Path) -> Any:
-    """A JSON file. ValueError says when it is missing or is none."""
+    """The content of a JSON file. ValueError when it is missing or not JSON."""
     must_be_file(path)
     try:
         return json.loads(path.read_text(encoding="utf-8"))
@@ -40,27 +51,25 @@ def read_json(path: Path) -> Any:
 
 
 def must_be_file(path: Path, field: str = "keypoints") -> None:
-    """ValueError when there is none at the path."""
+    """ValueError unless the path is a file."""
     if not path.is_file():
-        found = "a folder" if path.is_dir() else "no such file"
-        raise ValueError(
-            f"{path}: expected a file, found {found}; correct `{field}` in action.yaml"
-        )
+        got = "a folder" if path.is_dir() else "no such file"
+        raise ValueError(f"{path}: expected a file, found {got}; correct `{field}` in action.yaml")
 
 
-def kind(value: Any) -> str:
-    """What something is, for a sentence that says what was found instead."""
+def type_name(value: Any) -> str:
+    """Name of a value's type, for messages."""
     return "nothing" if value is None else type(value).__name__
 
 
 def short(value: Any) -> str:
-    """The beginning of what something is, in one line."""
+    """The beginning of a value's representation, in one line."""
     text = " ".join(repr(value).split())
     return text if len(text) <= 60 else text[:57] + "..."
 
 
 def frame_number(value: Any, where: str) -> int:
-    """A frame number given as such, or the last number in a picture's name."""
+    """A frame number, or the last number in a picture's name. ValueError when there is none."""
     number = -1
     if isinstance(value, (int, float)) and not isinstance(value, bool) and value == value // 1:
         number = int(value)
@@ -74,36 +83,42 @@ def frame_number(value: Any, where: str) -> int:
     return number
 
 
-def flat_points(values: Any, layout: str, where: str) -> Array:
-    """(K, 3) of a list x, y, confidence, x, y, confidence, ..., as the layout has them."""
+def flat_points(values: Any, layout: str, where: str) -> Float[np.ndarray, "K 3"]:
+    """Points of a list x, y, confidence, x, y, confidence, ... in the layout's order.
+
+    ValueError when the numbers do not fit the layout.
+    """
     if not isinstance(values, list):
-        raise ValueError(f"{where}: expected a list of numbers, got {kind(values)}")
+        raise ValueError(f"{where}: expected a list of numbers, got {type_name(values)}")
     return points(_numbers(values, where).reshape(-1, 1), layout, where, flat=True)
 
 
-def points(values: Any, layout: str, where: str, *, flat: bool = False) -> Array:
-    """(K, 3) of a table of points (K, 3); a point that was not found is NaN with confidence 0.
+def points(values: Any, layout: str, where: str, *, flat: bool = False) -> Float[np.ndarray, "K 3"]:
+    """Points of a table (K, 3), cleaned (see `cleaned`); flat: the table is one column.
 
-    flat: the table's entries are one column. Confidences above 1 count as 1.
+    ValueError when the numbers do not fit the layout.
     """
     count = len(layout_names(layout))
-    found = _numbers(values, where)
-    if flat and found.size == 3 * count:
-        found = found.reshape(count, 3)
-    if found.shape != (count, 3):
-        named = LAYOUT_OF_COUNT.get(found.size // 3 if flat else len(found))
-        size = f"{found.size} numbers" if flat else f"{found.shape}"
-        wanted = f"{3 * count} numbers" if flat else f"({count}, 3)"
-        advice = f"set layout: {named}" if named not in (None, layout) else "check `layout`"
+    table = _numbers(values, where)
+    if flat and table.size == 3 * count:
+        table = table.reshape(count, 3)
+    if table.shape != (count, 3):
+        fitting = LAYOUT_OF_COUNT.get(table.size // 3 if flat else len(table))
+        size = f"{table.size} numbers" if flat else f"{table.shape}"
+        expected = f"{3 * count} numbers" if flat else f"({count}, 3)"
+        advice = f"set layout: {fitting}" if fitting not in (None, layout) else "check `layout`"
         raise ValueError(
-            f"{where}: expected {wanted} (x, y, confidence of the {count} points of {layout}), "
+            f"{where}: expected {expected} (x, y, confidence of the {count} points of {layout}), "
             f"got {size}; {advice} in action.yaml"
         )
-    return cleaned(found)
+    return cleaned(table)
 
 
-def cleaned(people: Array) -> Array:
-    """Points (..., 3) whose missing ones are NaN with confidence 0, confidences at most 1."""
+def cleaned(people: Shaped[np.ndarray, "*any 3"]) -> Float[np.ndarray, "*any 3"]:
+    """Points with missing ones as NaN with confidence 0, and confidences of at most 1.
+
+    Missing: not finite, beyond `LARGEST`, or of confidence 0 or less.
+    """
     people = np.array(people, dtype=np.float64)
     missing = ~(np.abs(people) < LARGEST).all(axis=-1) | ~(people[..., 2] > 0)
     people[..., 2] = np.minimum(people[..., 2], 1.0)
@@ -111,7 +126,7 @@ def cleaned(people: Array) -> Array:
     return people
 
 
-def _numbers(values: Any, where: str) -> Array:
+def _numbers(values: Any, where: str) -> Float[np.ndarray, "..."]:
     """Numbers of any shape; JSON's null is NaN."""
     try:
         return np.asarray(values, dtype=np.float64)
@@ -120,26 +135,23 @@ def _numbers(values: Any, where: str) -> Array:
 
 
 def detections(
-    people: Mapping[int, Sequence[Array]], layout: str, path: Path, frames: Iterable[int] = ()
+    people: Mapping[int, Sequence[Float[np.ndarray, "K 3"]]], layout: str, path: Path
 ) -> DetectedPeople:
-    """DetectedPeople of frame number -> people (K, 3), and of `frames` that hold nobody.
-
-    ValueError when nobody is in any frame.
-    """
-    if not any(len(found) for found in people.values()):
+    """Detections of frame number -> people. ValueError when no frame has a person."""
+    if not any(len(in_frame) for in_frame in people.values()):
         raise ValueError(f"{path}: expected at least one person, got none; check the detector")
     nobody = np.zeros((0, len(layout_names(layout)), 3))
-    numbers = sorted({*people, *frames})
+    numbers = sorted(people)
     return DetectedPeople(
         np.array(numbers, dtype=np.int64),
         tuple(np.stack(people[n]) if people.get(n) else nobody for n in numbers),
     )
 
 
-def must_be_known(layout: str, known: Sequence[str], what: str, path: Path) -> None:
-    """ValueError unless the layout is one that the format has."""
-    if layout not in known:
+def must_have_layout(layouts: Sequence[str], layout: str, what: str, path: Path) -> None:
+    """ValueError unless the layout is one that the format `what` has."""
+    if layout not in layouts:
         raise ValueError(
-            f"{path}: layout: expected one that {what} has ({', '.join(known)}), got {layout!r}; "
+            f"{path}: layout: expected one that {what} has ({', '.join(layouts)}), got {layout!r}; "
             "correct `layout` in action.yaml"
         )

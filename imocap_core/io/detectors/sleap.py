@@ -1,9 +1,9 @@
-"""SLEAP: the analysis CSV of one video, one row a person a frame.
+"""SLEAP: the analysis CSV of one video, one row per person and frame.
 
 As SLEAP exports it: ``track``, ``frame_idx``, ``instance.score``, then ``NODE.x``, ``NODE.y`` (and
-``NODE.score``) of every node of the skeleton, pixels. Nodes are sorted into the points of the
-declared layout by name (see `part_names`). Tracks and scores of instances are not used: people are
-followed by their joints.
+``NODE.score``) of every node of the skeleton, pixels. Nodes are assigned to the points of
+the declared layout by name (see `part_names`). Tracks and scores of instances are not used: people
+are tracked by their joints.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from imocap_core.body.layouts import layout_names
 from imocap_core.io.detectors.deeplabcut import read_csv
-from imocap_core.io.detectors.openpose import DetectedPeople
-from imocap_core.io.detectors.part_names import LAYOUTS, known_columns
+from imocap_core.io.detectors.part_names import LAYOUTS, matched_columns
 from imocap_core.io.detectors.people import (
-    Array,
+    DetectedPeople,
     cleaned,
     detections,
     frame_number,
-    must_be_known,
+    must_have_layout,
     short,
 )
 
@@ -29,31 +29,31 @@ FRAME = "frame_idx"
 
 
 def read_sleap(path: Path, layout: str) -> DetectedPeople:
-    """All instances of all frames. ValueError names file, row, what is wrong."""
-    must_be_known(layout, LAYOUTS, "a file of named body parts", path)
+    """All instances of all frames. ValueError names file, row, expected and got."""
+    must_have_layout(LAYOUTS, layout, "a file of named body parts", path)
     rows = read_csv(path)
     heading, names = rows[0], _nodes(rows[0], path)
-    columns = known_columns(names, layout, f"{path}: nodes")
-    place = {name: n for n, name in enumerate(heading)}
-    found: dict[int, list[Array]] = {}
+    columns = matched_columns(names, layout, f"{path}: nodes")
+    column_of = {name: n for n, name in enumerate(heading)}
+    people: dict[int, list[Float[np.ndarray, "K 3"]]] = {}
     for number, row in enumerate(rows[1:], start=2):
         where = f"{path}: row {number}"
         if len(row) != len(heading):
             raise ValueError(
                 f"{where}: expected {len(heading)} cells, got {len(row)}; the file is cut off?"
             )
-        frame = frame_number(_number(row[place[FRAME]], where), f"{where}.{FRAME}")
+        frame = frame_number(_number(row[column_of[FRAME]], where), f"{where}.{FRAME}")
         person = np.full((len(layout_names(layout)), 3), np.nan)
         for column, node in columns.items():
-            x, y = (_number(row[place[f"{names[node]}.{axis}"]], where) for axis in "xy")
-            at = place.get(f"{names[node]}.score")
-            person[column] = x, y, 1.0 if at is None else _number(row[at], where)
-        found.setdefault(frame, []).append(cleaned(person))
-    return detections(found, layout, path)
+            x, y = (_number(row[column_of[f"{names[node]}.{axis}"]], where) for axis in "xy")
+            score = column_of.get(f"{names[node]}.score")
+            person[column] = x, y, 1.0 if score is None else _number(row[score], where)
+        people.setdefault(frame, []).append(cleaned(person))
+    return detections(people, layout, path)
 
 
 def nodes(path: Path) -> list[str]:
-    """The names of the skeleton's nodes."""
+    """The names of the skeleton's nodes, in the order of the columns."""
     return _nodes(read_csv(path)[0], path)
 
 

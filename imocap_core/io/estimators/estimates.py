@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from imocap_core.io.detectors.people import LARGEST, kind, short
+from imocap_core.io.detectors.people import LARGEST, short, type_name
 from imocap_core.rotations import exp
 
 Array = NDArray[np.float64]
@@ -113,7 +113,7 @@ def field(record: Any, name: str, shape: Sequence[int | str], where: str) -> Arr
     """
     wanted = "(" + ", ".join(map(str, shape)) + ")"
     if not isinstance(record, dict):
-        raise ValueError(f"{where}: expected a dictionary with {name}, got {kind(record)}")
+        raise ValueError(f"{where}: expected a dictionary with {name}, got {type_name(record)}")
     value = record.get(name)
     if isinstance(value, list):
         try:
@@ -123,7 +123,7 @@ def field(record: Any, name: str, shape: Sequence[int | str], where: str) -> Arr
     if not isinstance(value, np.ndarray):
         have = ", ".join(map(str, record)) or "nothing"
         raise ValueError(
-            f"{where}: {name}: expected numbers {wanted}, got {kind(value)}; has: {have:.80}"
+            f"{where}: {name}: expected numbers {wanted}, got {type_name(value)}; has: {have:.80}"
         )
     fits = value.ndim == len(shape) and all(
         isinstance(want, str) or got == want for got, want in zip(value.shape, shape, strict=True)
@@ -166,6 +166,6 @@ def frame_ids(values: Array, where: str) -> Rows:
 def people_of(content: Any, path: Path) -> dict[str, Any]:
     """Person -> fields, as VIBE and WHAM have them; ValueError when it is something else."""
     if not isinstance(content, dict) or not content:
-        got = "an empty one" if content == {} else kind(content)
+        got = "an empty one" if content == {} else type_name(content)
         raise ValueError(f"{path}: expected a dictionary of people, got {got}")
     return {str(name): fields for name, fields in content.items()}

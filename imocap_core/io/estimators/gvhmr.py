@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from imocap_core.io.detectors.people import kind
+from imocap_core.io.detectors.people import type_name
 from imocap_core.io.estimators.estimates import Array, PerformerBoxes, field, from_vectors
 from imocap_core.io.npz import rows_for_frames
 from imocap_core.io.pickles import read_results
@@ -24,7 +24,7 @@ def read_gvhmr(path: Path, performer: PerformerBoxes) -> Array:
     """The joint rotations (T, 24, 3, 3) in camera axes. ValueError names file and field."""
     content = read_results(path)
     if not isinstance(content, dict) or IN_CAMERA not in content:
-        got = ", ".join(map(str, content)) if isinstance(content, dict) else kind(content)
+        got = ", ".join(map(str, content)) if isinstance(content, dict) else type_name(content)
         raise ValueError(f"{path}: expected a dictionary with {IN_CAMERA}, got {got:.80}")
     where = f"{path}: {IN_CAMERA}"
     body = field(content[IN_CAMERA], "body_pose", ("N", 63), where)

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from imocap_core.io.detectors.people import frame_number, kind
+from imocap_core.io.detectors.people import frame_number, type_name
 from imocap_core.io.estimators.estimates import (
     JOINTS,
     Array,
@@ -36,7 +36,7 @@ def read_phalp(path: Path, performer: PerformerBoxes) -> Array:
     """
     content = read_results(path)
     if not isinstance(content, dict) or not content:
-        got = "an empty one" if content == {} else kind(content)
+        got = "an empty one" if content == {} else type_name(content)
         raise ValueError(f"{path}: expected a dictionary with one entry a frame, got {got}")
     frames, track, middle, poses = [], [], [], []
     for n, name in enumerate(sorted(content, key=str)):
@@ -71,7 +71,7 @@ def _listed(entry: Any, name: str, where: str) -> list[Any]:
     if isinstance(found, np.ndarray) and found.ndim:
         found = list(found)
     if not isinstance(found, list):
-        raise ValueError(f"{where}: {name}: expected a list of people, got {kind(found)}")
+        raise ValueError(f"{where}: {name}: expected a list of people, got {type_name(found)}")
     return found
 
 

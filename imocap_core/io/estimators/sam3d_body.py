@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from imocap_core.io.detectors.people import frame_number, kind, read_json
+from imocap_core.io.detectors.people import frame_number, read_json, type_name
 from imocap_core.io.estimators.estimates import (
     Array,
     Entries,
@@ -56,7 +56,7 @@ def read_sam3d_body(path: Path, performer: PerformerBoxes) -> JointsEstimate:
 def _of_frames(content: Any, performer: PerformerBoxes, path: Path) -> Array:
     listed = list(content) if isinstance(content, np.ndarray) else content
     if not isinstance(listed, list) or not listed:
-        got = "an empty one" if listed == [] else kind(listed)
+        got = "an empty one" if listed == [] else type_name(listed)
         raise ValueError(f"{path}: expected a list with one entry a frame, got {got}")
     frames, middle, joints = [], [], []
     for n, entry in enumerate(listed):
@@ -86,5 +86,5 @@ def _people(entry: Any, n: int, path: Path) -> list[tuple[dict[str, Any], int, s
     if isinstance(people, np.ndarray):
         people = list(people)
     if not isinstance(people, list) or not all(isinstance(person, dict) for person in people):
-        raise ValueError(f"{where}: expected a list of people with {NAME}, got {kind(people)}")
+        raise ValueError(f"{where}: expected a list of people with {NAME}, got {type_name(people)}")
     return [(person, frame, f"{where}[{i}]") for i, person in enumerate(people)]
