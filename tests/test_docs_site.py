@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 import subprocess
+import tomllib
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -36,16 +37,18 @@ def pages(nav: Any) -> list[str]:
     return [page for part in parts for page in pages(part)]
 
 
-def test_every_page_has_its_place_in_the_site() -> None:
+def test_every_page_has_its_place_in_the_site(hooks: ModuleType) -> None:
     listed = pages(yaml.safe_load((ROOT / "mkdocs.yml").read_text())["nav"])
     there = {p.relative_to(DOCS).as_posix() for p in DOCS.rglob("*.md")}
-    assert set(listed) == there | {"readme.md"}, "name every page in mkdocs.yml, under nav"
+    from_root = set(hooks.FROM_ROOT.values())
+    assert set(listed) == there | from_root, "name every page in mkdocs.yml, under nav"
     assert len(listed) == len(set(listed))
 
 
 def test_every_link_leads_to_a_file() -> None:
     broken = []
-    for file in [ROOT / "README.md", *DOCS.rglob("*.md")]:
+    at_the_top = [*ROOT.glob("*.md"), *ROOT.glob("actions/*.md"), *ROOT.glob("artifacts/*.md")]
+    for file in [*at_the_top, *DOCS.rglob("*.md")]:
         text = re.sub(r"```.*?```|`[^`]*`", "", file.read_text(encoding="utf-8"), flags=re.S)
         for target in re.findall(r"\]\(([^)\s]+)\)", text):
             path = target.partition("#")[0]
@@ -55,19 +58,34 @@ def test_every_link_leads_to_a_file() -> None:
 
 
 def test_links_out_of_the_pages_become_text(hooks: ModuleType) -> None:
-    said = "[a](../pipeline.yaml), [R](../README.md), [b](sync.md#x), [`c`](../stages/a.py)"
-    assert hooks.within_site(said, 0) == "a, [R](readme.md), [b](sync.md#x), `c`"
+    text = "[a](../pipeline.yaml), [R](../README.md#y), [b](sync.md#x), [`c`](../stages/a.py)"
+    assert hooks.within_site(text, 0) == "a, [R](readme.md#y), [b](sync.md#x), `c`"
     assert hooks.within_site("[a](../sync.md) [b](../../LICENSE)", 1) == "[a](../sync.md) b"
     assert hooks.within_site("[d](decisions/)", 0) == "[d](decisions/index.md)"
 
 
-def test_the_readme_s_links_hold_among_the_pages(hooks: ModuleType) -> None:
-    said = "![p](docs/images/a.png) [s](docs/sync.md) [l](LICENSE) [w](https://e.org) [x](#limits)"
-    moved = hooks.readme_page(said)
+def test_links_of_the_pages_at_the_top_work_among_the_others(hooks: ModuleType) -> None:
+    text = "![p](docs/images/a.png) [s](docs/sync.md) [l](LICENSE) [w](https://e.org) [x](#limits)"
+    moved = hooks.moved_into_docs(text)
     assert moved == (
         "![p](images/a.png) [s](sync.md) [l](../LICENSE) [w](https://e.org) [x](#limits)"
     )
     assert hooks.within_site(moved, 0).split()[2] == "l"
+    moved = hooks.moved_into_docs("[c](CONTRIBUTING.md) [d](docs/decisions/)")
+    assert hooks.within_site(moved, 0) == "[c](contributing.md) [d](decisions/index.md)"
+
+
+def test_the_citation_file_names_the_project_and_the_paper() -> None:
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert {"cff-version", "message", "title", "authors"} <= set(citation)  # what the format asks for
+    assert citation["cff-version"] == "1.2.0"
+    assert citation["version"] == project["version"]
+    assert citation["license"] == project["license"]
+    assert [a["name"] for a in citation["authors"]] == [a["name"] for a in project["authors"]]
+    (paper,) = citation["references"]
+    assert {"type", "title", "authors"} <= set(paper)
+    assert len(paper["authors"]) == 6
 
 
 @pytest.mark.skipif(MKDOCS is None, reason="no mkdocs; make docs installs it in .venv-docs")

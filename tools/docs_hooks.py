@@ -1,7 +1,8 @@
-"""What `mkdocs.yml` needs beyond its plugins: the README as a page, links that leave docs/.
+"""What `mkdocs.yml` needs beyond its plugins: pages from the repository's root, links out of docs/.
 
 The pages are written to be read in the repository, where a link may lead to any of its files. In
-the site the README's lead to the pages, and a link to a file that is no page becomes its text.
+the site, README.md and the others of `FROM_ROOT` are pages too, and a link to a file that is no
+page becomes its text.
 """
 
 from __future__ import annotations
@@ -11,49 +12,57 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-README = "readme.md"
+FROM_ROOT = {
+    "README.md": "readme.md",
+    "CONTRIBUTING.md": "contributing.md",
+    "CHANGELOG.md": "changelog.md",
+}
+FOLDERS = ("decisions", "measurements")  # links to them lead to their index pages
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
 
 
 def on_files(files: Any, config: Any) -> Any:
-    """Add the README as a page."""
+    """Add the pages from the repository's root."""
     from mkdocs.structure.files import File
 
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    files.append(File.generated(config, README, content=readme_page(text)))
+    for name, page in FROM_ROOT.items():
+        text = (ROOT / name).read_text(encoding="utf-8")
+        files.append(File.generated(config, page, content=moved_into_docs(text)))
     return files
 
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
-    """A page's text with links that hold in the site."""
+    """A page's text with links that work in the site."""
     return within_site(markdown, page.file.src_uri.count("/"))
 
 
-def readme_page(text: str) -> str:
-    """The README as if it lay in docs/."""
+def moved_into_docs(text: str) -> str:
+    """A page of the repository's root as if it lay in docs/."""
 
-    def moved(found: re.Match[str]) -> str:
-        picture, said, target = found.groups()
+    def moved(link: re.Match[str]) -> str:
+        picture, words, target = link.groups()
         if "://" in target or target.startswith("#"):
-            return found[0]
-        inside = target.removeprefix("docs/")
-        return f"{picture}[{said}]({inside if inside != target else '../' + target})"
+            return link[0]
+        if target.startswith("docs/"):
+            return f"{picture}[{words}]({target.removeprefix('docs/')})"
+        return f"{picture}[{words}](../{target})"
 
     return LINK.sub(moved, text)
 
 
 def within_site(text: str, depth: int) -> str:
-    """Links out of docs/ as plain text, those to the README to its page; `depth` folders below."""
+    """Links out of docs/ as plain text, except to pages of the site; `depth` folders below docs/."""
     up = "../" * depth
 
-    def kept(found: re.Match[str]) -> str:
-        picture, said, target = found.groups()
-        if target.rstrip("/") == "decisions":
-            return f"[{said}](decisions/index.md)"
+    def adapted(link: re.Match[str]) -> str:
+        picture, words, target = link.groups()
+        if target.rstrip("/") in FOLDERS:
+            return f"[{words}]({target.rstrip('/')}/index.md)"
         if not target.startswith(up + "../"):
-            return found[0]
-        if target == f"{up}../README.md":
-            return f"[{said}]({up}{README})"
-        return f"*{said}*" if picture else str(said)
+            return link[0]
+        name, hash_, anchor = target.removeprefix(up + "../").partition("#")
+        if name in FROM_ROOT:
+            return f"[{words}]({up}{FROM_ROOT[name]}{hash_}{anchor})"
+        return f"*{words}*" if picture else str(words)
 
-    return LINK.sub(kept, text)
+    return LINK.sub(adapted, text)
