@@ -78,7 +78,7 @@ def test_links_of_the_pages_at_the_top_work_among_the_others(hooks: ModuleType) 
 def test_the_citation_file_names_the_project_and_the_paper() -> None:
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert {"cff-version", "message", "title", "authors"} <= set(citation)  # what the format asks for
+    assert {"cff-version", "message", "title", "authors"} <= set(citation)  # required
     assert citation["cff-version"] == "1.2.0"
     assert citation["version"] == project["version"]
     assert citation["license"] == project["license"]

@@ -51,7 +51,7 @@ def moved_into_docs(text: str) -> str:
 
 
 def within_site(text: str, depth: int) -> str:
-    """Links out of docs/ as plain text, except to pages of the site; `depth` folders below docs/."""
+    """Links out of docs/ as plain text, unless to a page; the text lies `depth` folders below."""
     up = "../" * depth
 
     def adapted(link: re.Match[str]) -> str:
