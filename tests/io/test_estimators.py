@@ -17,7 +17,7 @@ import torch
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.estimators.by_name import JOINTS, ROTATIONS
 from imocap_core.io.estimators.estimates import PerformerBoxes
-from imocap_core.io.estimators.sam3d_body import PLACES
+from imocap_core.io.estimators.sam3d_body import INDICES
 from tests.io import made_estimates as made
 
 WRITERS: dict[str, Callable[..., Path]] = {
@@ -58,7 +58,7 @@ def read(kind: str, path: Path, what: PerformerBoxes | None = None) -> Any:
 
 def expected(kind: str, who: made.Truth = made.PERFORMER) -> np.ndarray:
     if kind == "sam3d_body":
-        return made.joints_of(who)[1:-1][:, list(PLACES)]
+        return made.joints_of(who)[1:-1][:, list(INDICES)]
     if kind == "mediapipe_world":
         return made.joints_of(who, 33)[1:-1]
     R = who.R[1:-1].copy()
@@ -102,7 +102,7 @@ def test_frames_without_an_estimate_are_nan(kind: str, tmp_path: Path) -> None:
 def test_people_elsewhere_are_not_the_performer(kind: str, tmp_path: Path) -> None:
     path = WRITERS[kind](tmp_path)
     far = PerformerBoxes(wanted().frames, wanted().box_px + 150, made.SIZE)
-    with pytest.raises(ValueError, match="where the keypoints have the performer"):
+    with pytest.raises(ValueError, match="at the performer's keypoints"):
         read(kind, path, far)
 
 
@@ -230,5 +230,5 @@ def test_tracks_of_tram_without_places_are_chosen_by_length(tmp_path: Path) -> N
 
 
 def test_joints_are_called_as_smpl_does() -> None:
-    assert set(PLACES.values()) <= set(SMPL_JOINTS)
-    assert len(PLACES) == 13
+    assert set(INDICES.values()) <= set(SMPL_JOINTS)
+    assert len(INDICES) == 13

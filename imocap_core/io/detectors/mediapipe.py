@@ -32,7 +32,7 @@ from imocap_core.io.detectors.people import (
     short,
     type_name,
 )
-from imocap_core.io.estimators.estimates import Entries, PerformerBoxes, performer_rows, picked
+from imocap_core.io.estimators.estimates import Entries, PerformerBoxes, performer_rows, select_rows
 from imocap_core.io.estimators.joints_npz import JointsEstimate
 from imocap_core.io.npz import load_arrays, numbers
 
@@ -81,7 +81,7 @@ def read_mediapipe_world(path: Path, performer: PerformerBoxes) -> JointsEstimat
             )
     frames, track = (np.array([entry[i] for entry in persons]) for i in (0, 1))
     rows = performer_rows(Entries(frames, track, places), performer, path)
-    joints = picked(np.stack([person[:, :3] for _, _, person in persons]), rows)
+    joints = select_rows(np.stack([person[:, :3] for _, _, person in persons]), rows)
     return JointsEstimate(joints, layout_names(LAYOUT))
 
 

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+from jaxtyping import Float
+
 from imocap_core.io.detectors.mediapipe import read_mediapipe_world
-from imocap_core.io.estimators.estimates import Array, PerformerBoxes
+from imocap_core.io.estimators.estimates import PerformerBoxes
 from imocap_core.io.estimators.gvhmr import read_gvhmr
 from imocap_core.io.estimators.hmmr import read_hmmr
 from imocap_core.io.estimators.joints_npz import JointsEstimate, read_joints_npz
@@ -21,8 +24,8 @@ def _joints_npz(path: Path, performer: PerformerBoxes) -> JointsEstimate:
     return read_joints_npz(path, performer.frames)
 
 
-# Joint rotations (T, 24, 3, 3) in camera axes, NaN where there is no estimate.
-ROTATIONS: dict[str, Callable[[Path, PerformerBoxes], Array]] = {
+# Joint rotations in camera axes, NaN where there is no estimate.
+ROTATIONS: dict[str, Callable[[Path, PerformerBoxes], Float[np.ndarray, "T 24 3 3"]]] = {
     "hmr2": read_phalp,
     "wham": read_wham,
     "gvhmr": read_gvhmr,

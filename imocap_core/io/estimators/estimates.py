@@ -1,8 +1,8 @@
-"""What the readers of monocular 3D estimates share: fields checked, the performer's rows found.
+"""Shared by the readers of monocular 3D estimates: checked fields, and the performer's rows.
 
-Of a monocular estimator's result the joint rotations (or the joints) are used, in camera axes
-(x right, y down, z forward). Its translation is not: how far away it puts the body depends on the
-focal length each tool assumes, so the body is placed where the keypoints are.
+Of a monocular estimate the joint rotations (or the joints) are used, in camera axes (x right,
+y down, z forward). Its translation is not: its depth depends on the focal length that each tool
+assumes, so the body is placed by the keypoints.
 """
 
 from __future__ import annotations
@@ -14,75 +14,75 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float, Int
 
 from imocap_core.io.detectors.people import LARGEST, short, type_name
 from imocap_core.rotations import exp
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.int64]
 JOINTS = 24  # SMPL's
-REACH = 0.75  # of the performer's larger side: further away it is somebody else
-_LOOSE = 0.05  # how far R Rᵀ of a rotation matrix may be from 1
+REACH = 0.75  # of the larger side of the performer's box: further away it is somebody else
+_TOLERANCE = 0.05  # of R Rᵀ - 1 of a rotation matrix
 
 
 @dataclass(frozen=True)
 class PerformerBoxes:
-    """The used source frames (T,), the performer's box (T, 4) x0 y0 x1 y1 in each (pixels, NaN
-    where unseen) and the picture's size (width, height)."""
+    """Where the keypoints have the performer: boxes x0 y0 x1 y1 at the used source frames, NaN
+    where undetected, and the picture's size (width, height)."""
 
-    frames: Rows
-    box_px: Array
+    frames: Int[np.ndarray, " T"]
+    box_px: Float[np.ndarray, "T 4"]
     size: tuple[int, int]
 
 
 @dataclass(frozen=True)
 class Entries:
-    """Everything a file holds: the frame of each estimate (N,), whose it is (N,), where in the
-    picture that person is (N, 2) pixels, or None when the file does not say."""
+    """All estimates of a file: the source frame and the track of each, and the middle of the person
+    in the picture, None when the file has no positions."""
 
-    frames: Rows
-    track: Rows
-    middle_px: Array | None
+    frames: Int[np.ndarray, " N"]
+    track: Int[np.ndarray, " N"]
+    middle_px: Float[np.ndarray, "N 2"] | None
 
 
-def performer_rows(entries: Entries, performer: PerformerBoxes, path: Path) -> Rows:
-    """For each used frame (T,) the performer's estimate, -1 where there is none.
+def performer_rows(
+    entries: Entries, performer: PerformerBoxes, path: Path
+) -> Int[np.ndarray, " T"]:
+    """Index of the performer's estimate at each used frame, -1 where there is none.
 
-    The performer is who the keypoints say: of several people in a frame the one nearest to the
-    performer's box. Where a file tells no places, the track that is in most of the used frames.
+    Of several people in a frame the one nearest to the performer's box is used; without positions
+    in the file, the track that is in most of the used frames.
 
-    ValueError when no used frame has any.
+    ValueError when no used frame has an estimate.
     """
     used = {int(frame): row for row, frame in enumerate(performer.frames)}
     rows = np.full(len(performer.frames), -1, dtype=np.int64)
-    here = np.array([int(frame) in used for frame in entries.frames], dtype=bool)
-    alone = len(set(entries.frames[here].tolist())) == int(here.sum())
-    keep = here
+    in_used = np.array([int(frame) in used for frame in entries.frames], dtype=bool)
+    alone = len(set(entries.frames[in_used].tolist())) == int(in_used.sum())
+    keep = in_used
     if not alone and entries.middle_px is None:
-        tracks, counts = np.unique(entries.track[here], return_counts=True)
-        keep = here & (entries.track == tracks[counts.argmax()])
+        tracks, counts = np.unique(entries.track[in_used], return_counts=True)
+        keep = in_used & (entries.track == tracks[counts.argmax()])
     if not alone and entries.middle_px is not None:
-        keep = here & _nearest(entries, performer, used)
+        keep = in_used & _nearest(entries, performer, used)
     for n in np.flatnonzero(keep):
         rows[used[int(entries.frames[n])]] = n
     if (rows < 0).all():
         have = (
             f"{entries.frames.min()} to {entries.frames.max()}" if len(entries.frames) else "none"
         )
-        where = " where the keypoints have the performer" if here.any() else ""
+        where = " at the performer's keypoints" if in_used.any() else ""
         first, last = performer.frames[0], performer.frames[-1]
         raise ValueError(
             f"{path}: expected an estimate in frames {first} to {last}{where}, got frames {have}; "
-            "give the estimate of this very video"
+            "give the estimate of this video"
         )
     return rows
 
 
 def _nearest(
     entries: Entries, performer: PerformerBoxes, used: dict[int, int]
-) -> NDArray[np.bool_]:
-    """Which entries (N,) are the nearest to the performer's box in their frames."""
+) -> Bool[np.ndarray, " N"]:
+    """Which entries are the nearest to the performer's box in their frames."""
     assert entries.middle_px is not None
     places = np.where(np.abs(entries.middle_px) < LARGEST, entries.middle_px, np.nan)
     best: dict[int, tuple[float, int]] = {}
@@ -99,19 +99,23 @@ def _nearest(
     return keep
 
 
-def picked(values: Array, rows: Rows) -> Array:
-    """values (N, ...) at rows (T,), NaN where the row is -1."""
-    found = values[np.maximum(rows, 0)].astype(np.float64)
-    found[rows < 0] = np.nan
-    return found
+def select_rows(
+    values: Float[np.ndarray, "N *rest"], rows: Int[np.ndarray, " T"]
+) -> Float[np.ndarray, "T *rest"]:
+    """Values at some rows, NaN where the row is -1."""
+    selected = values[np.maximum(rows, 0)].astype(np.float64)
+    selected[rows < 0] = np.nan
+    return selected
 
 
-def field(record: Any, name: str, shape: Sequence[int | str], where: str) -> Array:
+def field(
+    record: Any, name: str, shape: Sequence[int | str], where: str
+) -> Float[np.ndarray, "..."]:
     """Numbers ``name`` of a dictionary, float64; ValueError unless their shape matches.
 
     Text in `shape` matches any length.
     """
-    wanted = "(" + ", ".join(map(str, shape)) + ")"
+    expected = "(" + ", ".join(map(str, shape)) + ")"
     if not isinstance(record, dict):
         raise ValueError(f"{where}: expected a dictionary with {name}, got {type_name(record)}")
     value = record.get(name)
@@ -119,35 +123,37 @@ def field(record: Any, name: str, shape: Sequence[int | str], where: str) -> Arr
         try:
             value = np.asarray(value, dtype=np.float64)
         except (TypeError, ValueError):
-            raise ValueError(f"{where}: {name}: expected numbers {wanted}, got a list") from None
+            raise ValueError(f"{where}: {name}: expected numbers {expected}, got a list") from None
     if not isinstance(value, np.ndarray):
         have = ", ".join(map(str, record)) or "nothing"
         raise ValueError(
-            f"{where}: {name}: expected numbers {wanted}, got {type_name(value)}; has: {have:.80}"
+            f"{where}: {name}: expected numbers {expected}, got {type_name(value)}; has: {have:.80}"
         )
     fits = value.ndim == len(shape) and all(
         isinstance(want, str) or got == want for got, want in zip(value.shape, shape, strict=True)
     )
     if not fits or value.dtype.kind not in "fiu":
         raise ValueError(
-            f"{where}: {name}: expected numbers {wanted}, got {value.dtype} {value.shape}"
+            f"{where}: {name}: expected numbers {expected}, got {value.dtype} {value.shape}"
         )
     return value.astype(np.float64)
 
 
-def from_vectors(vectors: Array) -> Array:
-    """Rotations (N, 24, 3, 3) of axis-angle vectors (N, 72 or fewer); the rest is at rest."""
+def from_vectors(vectors: Float[np.ndarray, "N D"]) -> Float[np.ndarray, "N 24 3 3"]:
+    """Joint rotations of axis-angle vectors (72 numbers or fewer); missing joints are at rest."""
     full = np.zeros((len(vectors), 3 * JOINTS))
     full[:, : vectors.shape[1]] = vectors
     return exp(torch.as_tensor(full.reshape(-1, JOINTS, 3))).numpy()
 
 
-def checked_rotations(matrices: Array, where: str) -> Array:
-    """The matrices (N, 24, 3, 3); ValueError unless they are rotations (or NaN)."""
-    known = np.where(np.abs(matrices) < 2, matrices, 2.0)  # no rotation, but finite
-    known[np.isnan(matrices).any(axis=(-1, -2))] = np.eye(3)
-    off = np.abs(known @ np.swapaxes(known, -1, -2) - np.eye(3)).max(axis=(-1, -2))
-    wrong = (off > _LOOSE) | (np.linalg.det(known) < 0)
+def checked_rotations(
+    matrices: Float[np.ndarray, "N 24 3 3"], where: str
+) -> Float[np.ndarray, "N 24 3 3"]:
+    """The same matrices; ValueError unless they are rotations (or NaN)."""
+    bounded = np.where(np.abs(matrices) < 2, matrices, 2.0)  # not a rotation, but finite
+    bounded[np.isnan(matrices).any(axis=(-1, -2))] = np.eye(3)
+    off = np.abs(bounded @ np.swapaxes(bounded, -1, -2) - np.eye(3)).max(axis=(-1, -2))
+    wrong = (off > _TOLERANCE) | (np.linalg.det(bounded) < 0)
     if wrong.any():
         n, joint = np.argwhere(wrong)[0]
         raise ValueError(
@@ -156,15 +162,15 @@ def checked_rotations(matrices: Array, where: str) -> Array:
     return matrices
 
 
-def frame_ids(values: Array, where: str) -> Rows:
-    """Frame numbers (N,); ValueError unless they are some."""
+def frame_ids(values: Float[np.ndarray, " N"], where: str) -> Int[np.ndarray, " N"]:
+    """Frame numbers as integers; ValueError unless all are whole and at least 0."""
     if not (np.isfinite(values).all() and (values >= 0).all() and (values % 1 == 0).all()):
         raise ValueError(f"{where}: expected frame numbers from 0, got {short(values)}")
     return values.astype(np.int64)
 
 
 def people_of(content: Any, path: Path) -> dict[str, Any]:
-    """Person -> fields, as VIBE and WHAM have them; ValueError when it is something else."""
+    """Person -> fields, as VIBE and WHAM write them. ValueError for other content."""
     if not isinstance(content, dict) or not content:
         got = "an empty one" if content == {} else type_name(content)
         raise ValueError(f"{path}: expected a dictionary of people, got {got}")

@@ -6,24 +6,24 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float, Int
 
 from imocap_core.io.npz import load_arrays, names, numbers, rows_for_frames
 
 
 @dataclass(frozen=True)
 class JointsEstimate:
-    """``joints`` (T, J, 3) metres in camera axes, root-relative or not; NaN where missing."""
+    """Joints in metres, camera axes, root-relative or not; NaN where missing."""
 
-    joints: NDArray[np.float64]
+    joints: Float[np.ndarray, "T J 3"]
     joint_names: tuple[str, ...]
 
 
-def read_joints_npz(path: Path, used_frames: NDArray[np.int64]) -> JointsEstimate:
-    """The estimate at the used source frames (T,).
+def read_joints_npz(path: Path, used_frames: Int[np.ndarray, " T"]) -> JointsEstimate:
+    """The estimate at the used source frames.
 
-    The file holds ``joints`` (N, J, 3), ``joint_names`` (J,) and, optionally, ``frames`` (N,);
-    see `rows_for_frames` for files without.
+    The file has ``joints`` (N, J, 3), ``joint_names`` (J,) and, optionally, ``frames`` (N,);
+    see `rows_for_frames` for files without. ValueError names file, array, expected and got.
     """
     arrays = load_arrays(path)
     joints = numbers(arrays, "joints", ("T", "J", 3), path)

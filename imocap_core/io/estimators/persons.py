@@ -1,4 +1,4 @@
-"""Results of video estimators that hold one dictionary a person: VIBE, WHAM and their kin."""
+"""Results with one dictionary per person: VIBE, WHAM and tools in their format."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from imocap_core.io.estimators.estimates import (
-    Array,
     Entries,
     PerformerBoxes,
     field,
@@ -17,17 +17,21 @@ from imocap_core.io.estimators.estimates import (
     from_vectors,
     people_of,
     performer_rows,
-    picked,
+    select_rows,
 )
 from imocap_core.io.pickles import read_results
 
-MiddleOf = Callable[[dict[str, Any], int, str], Array]  # person, count, place -> (N, 2) pixels
+MiddleOf = Callable[
+    [dict[str, Any], int, str], Float[np.ndarray, "N 2"]
+]  # person, number of frames, place in the file -> middle in pixels
 
 
-def performer_of(path: Path, performer: PerformerBoxes, middle_px: MiddleOf) -> Array:
-    """The performer's joint rotations (T, 24, 3, 3) in camera axes, NaN where there are none.
+def performer_of(
+    path: Path, performer: PerformerBoxes, middle_px: MiddleOf
+) -> Float[np.ndarray, "T 24 3 3"]:
+    """The performer's joint rotations in camera axes, NaN where missing.
 
-    ValueError names file, person, field, what is wrong.
+    ValueError names file, person, field, expected and got.
     """
     frames, track, middle, poses = [], [], [], []
     for number, (name, person) in enumerate(people_of(read_results(path), path).items()):
@@ -39,4 +43,4 @@ def performer_of(path: Path, performer: PerformerBoxes, middle_px: MiddleOf) -> 
         poses.append(pose)
     entries = Entries(np.concatenate(frames), np.concatenate(track), np.concatenate(middle))
     rows = performer_rows(entries, performer, path)
-    return picked(from_vectors(np.concatenate(poses)), rows)
+    return select_rows(from_vectors(np.concatenate(poses)), rows)

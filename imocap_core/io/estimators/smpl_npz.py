@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float, Int, Shaped
 
 from imocap_core.io.npz import load_arrays, numbers, rows_for_frames
 
@@ -15,23 +15,26 @@ _BODY = 66  # pelvis and the 21 joints that SMPL, SMPL-H and SMPL-X share, three
 
 @dataclass(frozen=True)
 class SmplEstimate:
-    """``theta`` (T, 72) radians, ``betas`` (10,), ``trans`` (T, 3) metres (as in smplx), in the
-    axes of a world that ``R`` (3, 3) and ``t`` (3,) take to the camera (identity and 0 when the
-    file has none: it then already speaks in camera axes)."""
+    """SMPL parameters in a world, and the camera from that world.
 
-    theta: NDArray[np.float64]
-    betas: NDArray[np.float64]
-    trans: NDArray[np.float64]
-    R: NDArray[np.float64]
-    t: NDArray[np.float64]
+    theta: axis-angle, radians. trans: metres, as in smplx. R, t: identity and 0 when the file has
+    none; its world is then the camera's axes.
+    """
+
+    theta: Float[np.ndarray, "T 72"]
+    betas: Float[np.ndarray, "10"]
+    trans: Float[np.ndarray, "T 3"]
+    R: Float[np.ndarray, "3 3"]
+    t: Float[np.ndarray, "3"]
 
 
-def read_smpl_npz(path: Path, used_frames: NDArray[np.int64]) -> SmplEstimate:
-    """The estimate at the used source frames (T,).
+def read_smpl_npz(path: Path, used_frames: Int[np.ndarray, " T"]) -> SmplEstimate:
+    """The estimate at the used source frames.
 
-    The file holds ``poses`` (N, 72 or 156), ``trans`` (N, 3) and optionally ``betas`` (10,) or
-    (N, 10), ``R``, ``t`` and ``frames`` (N,). The hands of 156 numbers are left out: SMPL's hand
-    joints are then at rest. Betas that change over time are averaged.
+    The file has ``poses`` (N, 72 or 156), ``trans`` (N, 3) and optionally ``betas`` (10,) or
+    (N, 10), ``R``, ``t`` and ``frames`` (N,). The hands of 156 numbers are ignored: SMPL's hand
+    joints are then at rest. Betas that change over time are averaged. ValueError names file, array,
+    expected and got.
     """
     arrays = load_arrays(path)
     poses = numbers(arrays, "poses", ("T", "72 or 156"), path)
@@ -52,7 +55,7 @@ def read_smpl_npz(path: Path, used_frames: NDArray[np.int64]) -> SmplEstimate:
     )
 
 
-def _betas(arrays: dict[str, NDArray], path: Path) -> NDArray[np.float64]:
+def _betas(arrays: dict[str, Shaped[np.ndarray, "..."]], path: Path) -> Float[np.ndarray, "10"]:
     """Ten numbers: cut or filled with zeros, averaged over time."""
     if "betas" not in arrays:
         return np.zeros(10)

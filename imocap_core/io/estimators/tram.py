@@ -1,9 +1,9 @@
-"""TRAM: `hps/hps_track_0.npy` (and further tracks), one person each, as its script saves them.
+"""TRAM: `hps/hps_track_0.npy` (and further tracks), one person each, saved by its script.
 
-``pred_rotmat`` (N, 24, 3, 3) are rotation matrices in camera axes and ``frame`` (N,) the frames'
+``pred_rotmat`` (N, 24, 3, 3) are rotation matrices in camera axes and ``frame`` (N,) the frame
 numbers, torch tensors in a pickled dictionary; ``pred_trans`` (N, 1, 3) with ``img_focal`` and
-``img_center``, where they are there, tell where the person is. A folder is all its tracks, a file
-that person alone. Shape and weak-perspective camera are not used.
+``img_center``, which are optional, give the person's position. A folder stands for all its tracks,
+a file for that person alone. Shape and weak-perspective camera are not used.
 """
 
 from __future__ import annotations
@@ -12,25 +12,25 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from imocap_core.io.estimators.estimates import (
     JOINTS,
-    Array,
     Entries,
     PerformerBoxes,
     checked_rotations,
     field,
     frame_ids,
     performer_rows,
-    picked,
+    select_rows,
 )
 from imocap_core.io.pickles import read_results
 
 
-def read_tram(path: Path, performer: PerformerBoxes) -> Array:
-    """The performer's joint rotations (T, 24, 3, 3) in camera axes, NaN where there are none.
+def read_tram(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24 3 3"]:
+    """The performer's joint rotations in camera axes, NaN where missing.
 
-    ValueError names file, field, what is wrong.
+    ValueError names file, field, expected and got.
     """
     files = sorted(path.glob("hps_track_*.npy")) if path.is_dir() else [path]
     if not files:
@@ -50,11 +50,11 @@ def read_tram(path: Path, performer: PerformerBoxes) -> Array:
         else np.concatenate([m for m in middle if m is not None])
     )
     entries = Entries(np.concatenate(frames), np.concatenate(track), places)
-    return picked(np.concatenate(poses), performer_rows(entries, performer, path))
+    return select_rows(np.concatenate(poses), performer_rows(entries, performer, path))
 
 
-def _middle(content: Any, count: int) -> Array | None:
-    """Where the person is (N, 2), or None when the file does not tell."""
+def _middle(content: Any, count: int) -> Float[np.ndarray, "N 2"] | None:
+    """The person's position in pixels, or None when the file has none."""
     given = [content.get(name) for name in ("pred_trans", "img_focal", "img_center")]
     if any(value is None for value in given):
         return None
@@ -63,6 +63,6 @@ def _middle(content: Any, count: int) -> Array | None:
         return None
     if trans.size != 3 * count or center.size < 2 or focal.size < 1:
         return None
-    at = trans.astype(np.float64).reshape(count, 3)
-    depth = np.where(at[:, 2:] > 0, at[:, 2:], np.nan)
-    return float(focal.ravel()[0]) * at[:, :2] / depth + center.ravel()[:2]
+    xyz = trans.astype(np.float64).reshape(count, 3)
+    depth = np.where(xyz[:, 2:] > 0, xyz[:, 2:], np.nan)
+    return float(focal.ravel()[0]) * xyz[:, :2] / depth + center.ravel()[:2]
