@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, minimize
 from torch import Tensor
 
-from imocap_core.motion.solver.gauss_newton import Solution, objective
+from imocap_core.motion.solver.gauss_newton import Solution
+from imocap_core.motion.solver.objective import objective
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms.base import Term
 

@@ -28,8 +28,9 @@ from imocap_core.motion.multiview.coupled import consensus_motion
 from imocap_core.motion.multiview.joint import one_body
 from imocap_core.motion.multiview.rigid_offsets import first_strays
 from imocap_core.motion.multiview.shared import gather, shared_problem
-from imocap_core.motion.solver.gauss_newton import Solution, gauss_newton, objective
+from imocap_core.motion.solver.gauss_newton import Solution, gauss_newton
 from imocap_core.motion.solver.normal import NormalEquations
+from imocap_core.motion.solver.objective import objective
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import Term
 from imocap_core.params import MotionParams

@@ -1,11 +1,13 @@
-"""Damped Gauss-Newton for a batch of hands, each accepted or rejected by itself."""
+"""The fit of a batch of hands as least-squares problems for the common descent."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from imocap_core.hands.problem import CommonHand, HandState, HandViews
@@ -17,12 +19,13 @@ from imocap_core.hands.terms import (
     prior_cost,
     smooth_cost,
 )
+from imocap_core.motion.solver.descent import descend
 from imocap_core.motion.solver.normal import NormalEquations, solve_globals
 from imocap_core.params import HandsParams
 
-FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-7, 1e6
 TOLERANCE = 1e-4  # a step that lowers the objective by a smaller share is the last
 SIZE_RANGE = (0.7, 1.4)
+LARGEST_GROWTH = 0.2  # of the logarithm of the size in one step
 
 
 @dataclass(frozen=True)
@@ -47,56 +50,20 @@ class HandProblem:
 
 
 def solve_hands(problem: HandProblem, state: HandState, max_steps: int) -> tuple[HandState, Tensor]:
-    """Hands of known size: the state of lowest objective that was found, and the objective (B,).
+    """Hands of known size: the state of lowest objective, and the objective (B,).
 
     Every hand of the batch is accepted or rejected by itself, so no objective ever rises.
     """
-    cost = problem.cost(state)
-    damping = torch.full_like(cost, FIRST_DAMPING)
-    for _ in range(max_steps):
-        normal = linearise(problem, state)
-        trial = state.retract(_step_of_frames(normal, damping))
-        trial_cost = problem.cost(trial)
-        better = trial_cost < cost  # NaN is never better
-        settled = torch.where(better, cost - trial_cost <= TOLERANCE * cost, damping >= 1.0)
-        state, cost = trial.where(better, state), torch.where(better, trial_cost, cost)
-        damping = torch.where(better, damping / 5, damping * 10).clamp(LEAST_DAMPING, MOST_DAMPING)
-        if settled.all():
-            break
-    return state, cost
+    descent = descend(_EachHand(problem), state, max_steps=max_steps, tolerance=TOLERANCE)
+    return descent.state, torch.as_tensor(descent.costs[-1]).to(state.angles)
 
 
 def solve_hands_and_size(
     problem: HandProblem, state: HandState, max_steps: int, size_spread: float
 ) -> HandState:
     """Hands and the one size of all of them; size_spread: of its logarithm about 0."""
-
-    def total(at: HandState) -> float:
-        return float(problem.cost(at).sum()) + (math.log(at.size) / size_spread) ** 2
-
-    cost, damping = total(state), FIRST_DAMPING
-    for _ in range(max_steps):
-        normal = linearise(problem, state)
-        normal.corner[0] += 1 / size_spread**2
-        normal.corner_gradient[0] += math.log(state.size) / size_spread**2
-        while damping <= MOST_DAMPING:
-            reduced = normal.reduce(damping)
-            grown = solve_globals([reduced], damping)
-            step = reduced.frames(grown.expand(len(problem.fps), 1)).nan_to_num()
-            size = state.size * math.exp(min(max(float(grown), -0.2), 0.2))
-            size = min(max(size, SIZE_RANGE[0]), SIZE_RANGE[1])
-            trial = replace(state.retract(step), size=size)
-            trial_cost = total(trial)
-            if trial_cost < cost:
-                break
-            damping *= 8
-        else:
-            break
-        settled = cost - trial_cost <= TOLERANCE * cost
-        state, cost, damping = trial, trial_cost, max(damping / 5, LEAST_DAMPING)
-        if settled:
-            break
-    return state
+    together = _OneSize(problem, size_spread)
+    return descend(together, state, max_steps=max_steps, tolerance=TOLERANCE).state
 
 
 def linearise(problem: HandProblem, state: HandState) -> NormalEquations:
@@ -110,11 +77,71 @@ def linearise(problem: HandProblem, state: HandState) -> NormalEquations:
     return normal
 
 
-def _step_of_frames(normal: NormalEquations, damping: Tensor) -> Tensor:
-    """(B, T, n) increments with the size held; damping (B,) by Marquardt's scaling."""
-    diagonal = torch.diagonal(normal.diagonal, dim1=-2, dim2=-1)
-    diagonal.add_(damping[:, None, None] * diagonal)
-    if normal.diagonal.shape[1] == 1:
-        return -torch.linalg.solve(normal.diagonal, normal.gradient)
-    held = normal.gradient.new_zeros(len(damping), 1)
-    return normal.reduce(0.0).frames(held).nan_to_num()
+@dataclass(frozen=True)
+class _EachHand:
+    """Hands of known size, a row of the descent each."""
+
+    problem: HandProblem
+
+    def cost(self, state: HandState) -> Float[np.ndarray, " B"]:
+        """The objective of each hand."""
+        return self.problem.cost(state).cpu().numpy()
+
+    def linearise(self, state: HandState) -> NormalEquations:
+        """The normal equations of all hands."""
+        return linearise(self.problem, state)
+
+    def trial(
+        self, state: HandState, equations: NormalEquations, damping: Float[np.ndarray, " B"]
+    ) -> HandState:
+        """The hands after the damped step of their frames, the size held."""
+        factor = torch.as_tensor(damping).to(state.angles)[:, None, None]
+        if equations.diagonal.shape[1] == 1:  # single frames: all in one product
+            damped = equations.diagonal.clone()
+            diagonal = torch.diagonal(damped, dim1=-2, dim2=-1)
+            diagonal.add_(factor * diagonal)
+            return state.retract(-torch.linalg.solve(damped, equations.gradient))
+        held = equations.gradient.new_zeros(len(damping), 1)
+        return state.retract(equations.reduce(factor).frames(held).nan_to_num())
+
+    def choose(
+        self, better: Bool[np.ndarray, " B"], trial: HandState, state: HandState
+    ) -> HandState:
+        """The hands that came down, the others as they were."""
+        return trial.where(torch.as_tensor(better, device=state.angles.device), state)
+
+
+@dataclass(frozen=True)
+class _OneSize:
+    """All hands and their common size, as the one row of a descent."""
+
+    problem: HandProblem
+    size_spread: float
+
+    def cost(self, state: HandState) -> Float[np.ndarray, 1]:
+        """Sum of the hands' objectives and what the size costs."""
+        of_size = (math.log(state.size) / self.size_spread) ** 2
+        return np.array([float(self.problem.cost(state).sum()) + of_size])
+
+    def linearise(self, state: HandState) -> NormalEquations:
+        """The normal equations of all hands, the size's prior among them."""
+        normal = linearise(self.problem, state)
+        normal.corner[0] += 1 / self.size_spread**2
+        normal.corner_gradient[0] += math.log(state.size) / self.size_spread**2
+        return normal
+
+    def trial(
+        self, state: HandState, equations: NormalEquations, damping: Float[np.ndarray, 1]
+    ) -> HandState:
+        """All hands and the size after the damped step."""
+        factor = float(damping[0])
+        reduced = equations.reduce(factor)
+        growth = solve_globals([reduced], factor)
+        step = reduced.frames(growth.expand(len(self.problem.fps), 1)).nan_to_num()
+        log_factor = float(growth.clamp(-LARGEST_GROWTH, LARGEST_GROWTH))
+        size = min(max(state.size * math.exp(log_factor), SIZE_RANGE[0]), SIZE_RANGE[1])
+        return replace(state.retract(step), size=size)
+
+    def choose(self, better: Bool[np.ndarray, 1], trial: HandState, state: HandState) -> HandState:
+        """All hands are accepted or rejected together."""
+        return trial if better[0] else state

@@ -15,13 +15,9 @@ from benchmarks.solver.adam import adam
 from benchmarks.solver.lbfgs import lbfgs
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular.fit import monocular_terms
-from imocap_core.motion.solver.gauss_newton import (
-    gauss_newton,
-    linearise,
-    linearise_halves,
-    objective,
-)
+from imocap_core.motion.solver.gauss_newton import gauss_newton
 from imocap_core.motion.solver.normal import solve_globals
+from imocap_core.motion.solver.objective import linearise, linearise_halves, objective
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import Term
 from imocap_core.workers import in_turn

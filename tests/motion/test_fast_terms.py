@@ -6,8 +6,8 @@ import torch
 from torch import Tensor
 
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.solver.gauss_newton import linearise
 from imocap_core.motion.solver.normal import NormalEquations
+from imocap_core.motion.solver.objective import linearise
 from imocap_core.motion.state import FRAME_UNKNOWNS, POSE, MotionState
 from imocap_core.motion.terms import JointEvidence, PoseSmoothness, Reprojection, StandingFeet, Term
 from imocap_core.motion.terms.inner_solve import INNER_STEPS, SETTLED, settle

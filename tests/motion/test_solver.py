@@ -19,12 +19,8 @@ from imocap_core.motion.monocular.starts import (
 )
 from imocap_core.motion.observations import Observation, person_size_px, without_jumps
 from imocap_core.motion.prior import load_pose_prior
-from imocap_core.motion.solver.gauss_newton import (
-    gauss_newton,
-    linearise,
-    linearise_halves,
-    objective,
-)
+from imocap_core.motion.solver.gauss_newton import gauss_newton
+from imocap_core.motion.solver.objective import linearise, linearise_halves, objective
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms import PathCoupling, PoseCoupling, Term
 from imocap_core.params import InitialSmplParams

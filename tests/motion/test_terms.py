@@ -10,7 +10,7 @@ import torch
 from imocap_core.body import load_free_body
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.prior import mixture
-from imocap_core.motion.solver.gauss_newton import linearise, objective
+from imocap_core.motion.solver.objective import linearise, objective
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms import (
     FocalPrior,

@@ -18,8 +18,8 @@ from imocap_core.motion.posterior.joint_covariance import joint_claim, joint_jac
 from imocap_core.motion.posterior.noise import Noise
 from imocap_core.motion.posterior.per_video_posterior import own_fits, own_posterior
 from imocap_core.motion.posterior.uncertainty import nearest_reference, uncertainty
-from imocap_core.motion.solver.gauss_newton import linearise
 from imocap_core.motion.solver.normal import NormalEquations
+from imocap_core.motion.solver.objective import linearise
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms import Reprojection
 from imocap_core.motion.terms.tempered import Tempered

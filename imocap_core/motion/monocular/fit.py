@@ -18,7 +18,8 @@ from imocap_core.motion.monocular.starts import Start, interpolate_rotations
 from imocap_core.motion.multiview.timeline import sample
 from imocap_core.motion.observations import Observation, every, own_view, padded, validity
 from imocap_core.motion.prior import PosePrior
-from imocap_core.motion.solver.gauss_newton import gauss_newton, objective
+from imocap_core.motion.solver.gauss_newton import gauss_newton
+from imocap_core.motion.solver.objective import objective
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import (
     HingeLimits,

@@ -19,7 +19,8 @@ from imocap_core.motion.multiview.focal_lengths import NO_LENSES, Lenses
 from imocap_core.motion.multiview.scene import solve
 from imocap_core.motion.multiview.timeline import Timeline, sample_keypoints
 from imocap_core.motion.observations import Observation
-from imocap_core.motion.solver.gauss_newton import HALVES, Solution
+from imocap_core.motion.solver.gauss_newton import Solution
+from imocap_core.motion.solver.objective import HALVES
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import JointEvidence, Reprojection, Term, View
 from imocap_core.motion.terms.view import project

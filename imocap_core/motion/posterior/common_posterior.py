@@ -20,8 +20,8 @@ from imocap_core.motion.multiview.shared import (
     views_of,
 )
 from imocap_core.motion.posterior.noise import Noise
-from imocap_core.motion.solver.gauss_newton import linearise
 from imocap_core.motion.solver.normal import NormalEquations
+from imocap_core.motion.solver.objective import linearise
 from imocap_core.motion.solver.selected import factorise
 from imocap_core.motion.state import FRAME_UNKNOWNS, POSE, MotionState
 from imocap_core.motion.terms import Reprojection, Term

@@ -15,8 +15,9 @@ from imocap_core.motion.multiview.per_video import (
 from imocap_core.motion.multiview.scene import Scene, own_terms
 from imocap_core.motion.posterior.common_posterior import Common
 from imocap_core.motion.posterior.noise import Noise
-from imocap_core.motion.solver.gauss_newton import linearise, take_apart
+from imocap_core.motion.solver.gauss_newton import take_apart
 from imocap_core.motion.solver.normal import NormalEquations
+from imocap_core.motion.solver.objective import linearise
 from imocap_core.motion.solver.selected import factorise
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms import PathCoupling, PoseCoupling, Term

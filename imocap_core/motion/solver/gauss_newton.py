@@ -11,18 +11,17 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
 import torch
+from jaxtyping import Bool, Float
 from torch import Tensor
 
+from imocap_core.motion.solver.descent import Descent, descend
 from imocap_core.motion.solver.normal import NormalEquations, Reduced, solve_globals
-from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
+from imocap_core.motion.solver.objective import HALVES, linearise, linearise_halves
+from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms.base import Term
 from imocap_core.workers import Each, cores, in_turn, on
-
-FIRST_DAMPING = 1e-3
-LEAST_DAMPING = 1e-9
-LARGEST_DAMPING = 1e6
-HALVES = 2  # of a motion alone
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,7 @@ class Solution:
 
 
 @dataclass(frozen=True)
-class Motion:
+class SolverMotion:
     """One motion of a batch (batch of 1, without padding) and its part of every term."""
 
     terms: list[Term]
@@ -52,52 +51,6 @@ class Motion:
         """Its objective; ``each`` does the terms."""
         costs = each(partial(_cost_of, state=self.state), self.terms)
         return float(torch.stack(costs).sum())
-
-
-@dataclass(frozen=True)
-class Descent:
-    """How one group of motions came down."""
-
-    motions: list[Motion]
-    costs: list[float]
-    converged: bool
-
-
-def objective(terms: Sequence[Term], state: MotionState) -> Tensor:
-    """(B,) sum of all terms."""
-    return torch.stack([term.cost(state) for term in terms]).sum(0)
-
-
-def linearise(terms: Sequence[Term], state: MotionState) -> NormalEquations:
-    """The normal equations of all terms at ``state``; padded frames get the identity."""
-    return _with_padding(_of_terms(terms, state), state)
-
-
-def _of_terms(terms: Sequence[Term], state: MotionState) -> NormalEquations:
-    batch, frames = state.valid.shape
-    normal = NormalEquations.zeros(
-        batch, frames, FRAME_UNKNOWNS, state.unknown_globals, state.trans
-    )
-    for term in terms:
-        term.add_to(normal, state)
-    return normal
-
-
-def _with_padding(normal: NormalEquations, state: MotionState) -> NormalEquations:
-    torch.diagonal(normal.diagonal, dim1=-2, dim2=-1).add_(
-        (~state.valid)[..., None].to(state.trans)
-    )
-    return normal
-
-
-def linearise_halves(terms: Sequence[Term], state: MotionState, each: Each) -> NormalEquations:
-    """`linearise`, every second term by itself."""
-    halves = [terms[k::HALVES] for k in range(min(HALVES, len(terms)))]
-    first, *others = each(lambda half: _of_terms(half, state), halves)
-    normal: NormalEquations = first
-    for other in others:
-        normal = normal.plus(other)
-    return _with_padding(normal, state)
 
 
 def gauss_newton(
@@ -128,32 +81,35 @@ def gauss_newton(
     workers = 1 if state.trans.is_cuda else min(most, cores())
     with ThreadPoolExecutor(workers) as pool:
 
-        def descend(group: list[Motion], each: Each) -> Descent:
-            return _descend(group, each, max_steps, relative_tolerance, free_shape)
+        def bring_down(group: list[SolverMotion], each: Each) -> Descent[list[SolverMotion]]:
+            problem = _OneBody.of(group, each, free_shape)
+            return descend(problem, group, max_steps=max_steps, tolerance=relative_tolerance)
 
         if shared_globals or alone:
-            descents = [descend(motions, on(pool))]
+            descents = [bring_down(motions, on(pool))]
         else:
             groups = [[motion] for motion in motions]
-            descents = on(pool)(lambda group: descend(group, in_turn), groups)
-    found = [motion.state for descent in descents for motion in descent.motions]
+            descents = on(pool)(lambda group: bring_down(group, in_turn), groups)
+    minima = [motion.state for descent in descents for motion in descent.state]
     steps = max(len(d.costs) for d in descents)
-    costs = [sum(d.costs[min(k, len(d.costs) - 1)] for d in descents) for k in range(steps)]
-    settled = [d.converged for d in descents for _ in d.motions]
+    costs = [
+        float(sum(d.costs[min(k, len(d.costs) - 1)][0] for d in descents)) for k in range(steps)
+    ]
+    settled = [bool(d.converged[0]) for d in descents for _ in d.state]
     status = (
         f"converged after {steps - 1} steps"
         if all(settled)
         else f"stopped after {max_steps} steps before every motion settled"
     )
     converged = torch.tensor(settled, device=state.valid.device)
-    return Solution(put_together(state, found), costs, converged, status)
+    return Solution(put_together(state, minima), costs, converged, status)
 
 
-def take_apart(terms: Sequence[Term], state: MotionState) -> list[Motion]:
+def take_apart(terms: Sequence[Term], state: MotionState) -> list[SolverMotion]:
     """The motions of a batch, each without its padding."""
     lengths = state.valid.sum(1).tolist()
     return [
-        Motion([term.of(v, n) for term in terms], state.of_motion(v, n))
+        SolverMotion([term.of(v, n) for term in terms], state.of_motion(v, n))
         for v, n in enumerate(lengths)
     ]
 
@@ -175,49 +131,59 @@ def put_together(batch: MotionState, motions: Sequence[MotionState]) -> MotionSt
     )
 
 
-def _descend(
-    motions: list[Motion], each: Each, max_steps: int, tolerance: float, free_shape: bool
-) -> Descent:
-    """Bring down the sum of the motions' objectives; their globals move as one.
+@dataclass(frozen=True)
+class _OneBody:
+    """Motions whose globals move as one, as the one row of a descent.
 
-    ``each`` does the motions, or the halves of one alone.
+    Attributes:
+        each: does the motions; within: the halves of one alone.
     """
-    each, within = (in_turn, each) if len(motions) == 1 else (each, in_turn)
-    cost = float(sum(each(partial(Motion.cost, each=within), motions)))
-    damping, costs, converged = FIRST_DAMPING, [cost], False
-    for _ in range(max_steps):
-        motions, lower, damping = _stepped_down(motions, cost, damping, free_shape, each, within)
-        converged = not cost - lower > tolerance * cost  # NaN has nowhere to go
-        cost = lower
-        costs.append(cost)
-        if converged:
-            break
-    return Descent(motions, costs, converged)
 
+    each: Each
+    within: Each
+    free_shape: bool
 
-def _stepped_down(
-    motions: list[Motion], cost: float, damping: float, free_shape: bool, each: Each, within: Each
-) -> tuple[list[Motion], float, float]:
-    """Motions after one step that lowers their objective, or as they were, it, and the damping to
-    go on with. The normal equations, most of the memory in use, end here."""
-    systems = each(partial(_system, free_shape=free_shape, each=within), motions)
-    while damping <= LARGEST_DAMPING:
-        reduced = each(partial(NormalEquations.reduce, damping=damping, each=within), systems)
-        d_globals = solve_globals(reduced, damping).nan_to_num()
-        pairs = list(zip(motions, reduced, strict=True))
-        trial = each(partial(_moved, d_globals=d_globals), pairs)
-        trial_cost = float(sum(each(partial(Motion.cost, each=within), trial)))
-        if trial_cost < cost:  # NaN is never better
-            return trial, trial_cost, max(damping / 5, LEAST_DAMPING)
-        damping *= 8
-    return motions, cost, damping
+    @classmethod
+    def of(cls, motions: Sequence[SolverMotion], each: Each, free_shape: bool) -> "_OneBody":
+        """For a single motion ``each`` does its halves."""
+        alone = len(motions) == 1
+        return cls(in_turn, each, free_shape) if alone else cls(each, in_turn, free_shape)
+
+    def cost(self, state: list[SolverMotion]) -> Float[np.ndarray, "1"]:
+        """Sum of the motions' objectives."""
+        return np.array([sum(self.each(partial(SolverMotion.cost, each=self.within), state))])
+
+    def linearise(self, state: list[SolverMotion]) -> list[NormalEquations]:
+        """The normal equations of every motion."""
+        return self.each(partial(_system, free_shape=self.free_shape, each=self.within), state)
+
+    def trial(
+        self,
+        state: list[SolverMotion],
+        equations: list[NormalEquations],
+        damping: Float[np.ndarray, "1"],
+    ) -> list[SolverMotion]:
+        """Every motion moved, the globals by one and the same step."""
+        factor = float(damping[0])
+        reduce = partial(NormalEquations.reduce, damping=factor, each=self.within)
+        reduced = self.each(reduce, equations)
+        d_globals = solve_globals(reduced, factor).nan_to_num()
+        return self.each(
+            partial(_moved, d_globals=d_globals), list(zip(state, reduced, strict=True))
+        )
+
+    def choose(
+        self, better: Bool[np.ndarray, "1"], trial: list[SolverMotion], state: list[SolverMotion]
+    ) -> list[SolverMotion]:
+        """All motions are accepted or rejected together."""
+        return trial if better[0] else state
 
 
 def _cost_of(term: Term, state: MotionState) -> Tensor:
     return term.cost(state)
 
 
-def _system(motion: Motion, free_shape: bool, each: Each) -> NormalEquations:
+def _system(motion: SolverMotion, free_shape: bool, each: Each) -> NormalEquations:
     if each is in_turn:
         normal = linearise(motion.terms, motion.state)
     else:
@@ -230,7 +196,7 @@ def _system(motion: Motion, free_shape: bool, each: Each) -> NormalEquations:
     return normal
 
 
-def _moved(pair: tuple[Motion, Reduced], d_globals: Tensor) -> Motion:
+def _moved(pair: tuple[SolverMotion, Reduced], d_globals: Tensor) -> SolverMotion:
     motion, reduced = pair
     d_frames = reduced.frames(d_globals[None]).nan_to_num()
     return replace(motion, state=motion.state.retract(d_frames, d_globals[None]))

@@ -82,8 +82,10 @@ class NormalEquations:
             getattr(self, field.name).add_(getattr(other, field.name))
         return self
 
-    def reduce(self, damping: float, each: Each = in_turn) -> Reduced:
-        """Eliminate the frames; ``damping`` is the Levenberg-Marquardt factor on the diagonal.
+    def reduce(self, damping: float | Tensor, each: Each = in_turn) -> Reduced:
+        """Eliminate the frames.
+
+        ``damping`` is the Levenberg-Marquardt factor on the diagonal, one or (B, 1, 1).
 
         ``each`` does the two halves of a motion.
         """
@@ -107,7 +109,7 @@ def add_product(target: Tensor, left: Tensor, right: Tensor, share: float = 1.0)
         own.baddbmm_(a.mT, b, alpha=share)
 
 
-def _damped(blocks: Tensor, damping: float) -> Tensor:
+def _damped(blocks: Tensor, damping: float | Tensor) -> Tensor:
     """Marquardt's scaling: the diagonal grows by ``damping`` times itself, and a floor."""
     diagonal = blocks.diagonal(dim1=-2, dim2=-1)
     floor = 1e-9 * diagonal.amax(dim=-1, keepdim=True) + 1e-9
