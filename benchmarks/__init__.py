@@ -1,1 +1,1 @@
-"""Measurements behind `imocap benchmark NAME`, one module each, returning rows for a table."""
+"""Measurements behind `imocap benchmark NAME`; README.md lists them."""

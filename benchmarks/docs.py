@@ -47,6 +47,11 @@ def put_into_docs(root: Path, name: str, table: str, summary: str) -> list[Path]
     return written
 
 
+def docs_sentences(root: Path, name: str, table: str, summary: str) -> list[str]:
+    """Put the table into the documentation; one sentence for each file written."""
+    return [f"Put into {file}" for file in put_into_docs(root, name, table, summary)]
+
+
 def replaced(page: str, name: str, text: str) -> str | None:
     """The page with the block of `name` replaced; None when it has no such block."""
     block = _block(name)

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import torch
 
-from benchmarks.rendered.action import seen_points
+from benchmarks.rendered.action import true_points
 from benchmarks.sync.training_scenes import CAPTURED_FPS, training_clip
 from imocap_core.body import load_free_body
 from imocap_core.conventions import OTHER
@@ -44,7 +44,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def measure(train: Path, clip: str, view: int, python: Path) -> dict[str, np.ndarray]:
-    """One film: what is true of it (`seen_points`), where its points were found (T, 33, 2), NaN
+    """One film: what is true of it (`true_points`), where its points were found (T, 33, 2), NaN
     where nobody was, and the detector's own trust (T, 33)."""
     joints = training_clip(train, clip)
     first = max(0, (len(joints) - FRAMES) // 2)
@@ -60,7 +60,7 @@ def measure(train: Path, clip: str, view: int, python: Path) -> dict[str, np.nda
         detect_video(video, found, detector, python, lambda share, what: None)
         with np.load(found) as stored:
             landmarks = stored["pose_landmarks"]
-    seen = seen_points(shooting, shaped)
+    seen = true_points(shooting, shaped)
     found_px, trust = landmarks[:, seen["columns"], :2] * SIZE, landmarks[:, seen["columns"], 3]
     return seen | {"found_px": found_px, "trust": trust}
 

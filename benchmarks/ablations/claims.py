@@ -1,4 +1,4 @@
-"""What the paper claims, held against paired differences of the same actions."""
+"""The paper's claims, tested by paired differences over the same actions."""
 
 from __future__ import annotations
 
@@ -7,22 +7,25 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from benchmarks.ablations.variants import VARIANTS
-from benchmarks.motion.tables import PA, SCALED, SYNC, mean_and_error
 from benchmarks.scoring.score_file import ActionScore, first_videos
+from benchmarks.tables import PA, SCALED, SYNC, mean_and_error
 
 DECIDED = 2.0  # standard errors that a mean difference must exceed
 UNITS = {SCALED: ("scaled MPJPE", "mm", 1), PA: ("P-MPJPE", "mm", 1), SYNC: ("sync error", "%", 2)}
 POSE, ALL = (SCALED, PA), (SCALED, PA, SYNC)
 
-Found = Mapping[str, Mapping[str, ActionScore]]  # variant -> action -> score
+VariantScores = Mapping[str, Mapping[str, ActionScore]]  # variant -> action -> score
 
 
 @dataclass(frozen=True)
 class Claim:
-    """That one variant has lower errors than another. `common`: the first videos, which alone are
-    compared (all when 0), where one of the two has fewer."""
+    """That one variant has lower errors than another.
 
-    says: str
+    common: the number of first videos that are compared, where one of the two has fewer videos; 0
+    for all.
+    """
+
+    title: str
     better: str
     worse: str
     metrics: tuple[str, ...]
@@ -57,13 +60,13 @@ OUR_CLAIMS = (
 )  # fmt: skip
 
 
-def differences(claim: Claim, metric: str, found: Found) -> list[float]:
-    """Error of the worse minus error of the better, one an action that both were scored on."""
+def differences(claim: Claim, metric: str, scores: VariantScores) -> list[float]:
+    """Error of the worse minus error of the better, for each action that both were scored on."""
     result = {v.name: v.result for v in VARIANTS}
-    better, worse = found.get(claim.better, {}), found.get(claim.worse, {})
-    kept = first_videos(claim.common) if claim.common else result[claim.better]
+    better, worse = scores.get(claim.better, {}), scores.get(claim.worse, {})
+    compared = first_videos(claim.common) if claim.common else result[claim.better]
     pairs = [
-        (worse[a].of(result[claim.worse], metric), better[a].of(kept, metric))
+        (worse[a].of(result[claim.worse], metric), better[a].of(compared, metric))
         for a in better
         if a in worse
     ]
@@ -78,18 +81,18 @@ def verdict(values: Sequence[float]) -> str:
     return "confirmed" if mean > 0 else "refuted"
 
 
-def sentences(claims: Sequence[Claim], found: Found) -> list[str]:
-    """One sentence a claim that was measured."""
-    told = []
+def sentences(claims: Sequence[Claim], scores: VariantScores) -> list[str]:
+    """One sentence for each claim that was measured."""
+    lines = []
     for claim in claims:
         parts = [
             _part(metric, values)
             for metric in claim.metrics
-            if (values := differences(claim, metric, found))
+            if (values := differences(claim, metric, scores))
         ]
         if parts:
-            told.append(f"{claim.says}: {'; '.join(parts)}.")
-    return told
+            lines.append(f"{claim.title}: {'; '.join(parts)}.")
+    return lines
 
 
 def _part(metric: str, values: Sequence[float]) -> str:

@@ -1,4 +1,4 @@
-"""Rows that only synchronise: TCC, and the clips stretched to equal length, nothing looked at."""
+"""Rows that only synchronise: TCC, and clips stretched to equal length whatever they show."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.ablations.tcc_sync import tcc_sync
 from benchmarks.scoring.costs import Cost, Meter
 from benchmarks.scoring.score import score_key, truth_of
-from benchmarks.scoring.score_file import LAST, ActionScore, keep_score, read_score
+from benchmarks.scoring.score_file import LAST, ActionScore, read_score, write_score
 from imocap_core.artifacts.schemas import InitialSmpl, Keypoints, RefineSync, SyncMap
 from imocap_core.artifacts.schemas.sync import SyncSummary
 from imocap_core.artifacts.store import Stored
@@ -19,32 +19,34 @@ from imocap_core.metrics.scoring import SYNC_METRICS
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.runner import Display, Job
 
-TCC_SEEDS = (0, 1, 2)  # one run says little: the row is the mean of these
+TCC_SEEDS = (0, 1, 2)  # runs differ much: the row is the mean of these
 
 
-def score_rival(kind: str, job: Job, display: Display, kept: Path, costs: Path) -> ActionScore:
+def score_rival(
+    kind: str, job: Job, display: Display, score_file: Path, costs: Path
+) -> ActionScore:
     """Synchronise with `kind` (tcc or stretch) to the reference that the default run has chosen."""
     meter = Meter(display, costs)
     done = {o.stage: o.stored for o in runner.run(job, meter, job.pipeline.upstream(LAST))}
     key = score_key(job, done, Path(__file__))
-    before = read_score(kept)
+    before = read_score(score_file)
     if before is not None and before.key == key:
         return before
     keypoints = done["keypoints"].decode(Keypoints)
     spent: dict[str, Cost] = {}
     with meter.measuring(kind, spent):
-        found = _answers(kind, job, keypoints, done)
+        syncs = _synchronised(kind, job, keypoints, done)
     truth = truth_of(job, keypoints)
-    rows = [_sync_numbers(sync, done, keypoints, truth) for sync in found]
+    rows = [_sync_numbers(sync, done, keypoints, truth) for sync in syncs]
     score = ActionScore(
         action=job.action.name,
         videos=len(keypoints.videos),
         frames=sum(len(video.frames) for video in keypoints.videos),
         numbers={kind: {name: float(np.mean([row[name] for row in rows])) for name in rows[0]}},
-        costs={kind: Cost(spent[kind].seconds / len(found), spent[kind].peak_gb)},
+        costs={kind: Cost(spent[kind].seconds / len(syncs), spent[kind].peak_gb)},
         key=key,
     )
-    keep_score(score, kept)
+    write_score(score, score_file)
     return score
 
 
@@ -67,19 +69,19 @@ def stretched(keypoints: Keypoints, reference: str) -> SyncSummary:
     )
 
 
-def _answers(
+def _synchronised(
     kind: str, job: Job, keypoints: Keypoints, done: dict[str, Stored]
 ) -> list[SyncSummary]:
     reference = done[LAST].decode(RefineSync).sync.reference
     if kind == "stretch":
         return [stretched(keypoints, reference)]
-    filmed = all(video.video is not None for video in keypoints.videos)
+    have_videos = all(video.video is not None for video in keypoints.videos)
     return [
         tcc_sync(
             keypoints,
             reference=reference,
             seed=seed,
-            source="frames" if filmed else "poses",
+            source="frames" if have_videos else "poses",
             folder=job.action.folder,
         )
         for seed in TCC_SEEDS

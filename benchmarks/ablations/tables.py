@@ -1,4 +1,4 @@
-"""The tables of the ablations, and what they say about the paper's claims."""
+"""The tables of the ablations, and the sentences on the paper's claims."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from dataclasses import asdict, dataclass
 
 from benchmarks.ablations.claims import OUR_CLAIMS, PAPER_CLAIMS, sentences
 from benchmarks.ablations.variants import VARIANTS, Variant
-from benchmarks.motion.tables import (
+from benchmarks.scoring.costs import Cost
+from benchmarks.scoring.score_file import ActionScore
+from benchmarks.tables import (
     ABSENT,
     CAMERA,
     PA,
@@ -19,19 +21,17 @@ from benchmarks.motion.tables import (
     cell,
     cost_sentence,
     gap_closed,
+    markdown_table,
     mean_and_error,
     mean_cell,
-    table_of,
 )
-from benchmarks.scoring.costs import Cost
-from benchmarks.scoring.score_file import ActionScore
 
 COLUMNS = ((SCALED, "mpjpe_mm", 1), (PA, "pa_mpjpe_mm", 1), (SYNC, "sync_pct", 2))
 
 
 @dataclass(frozen=True)
 class Ablations:
-    """What was run: title, command, data, the data's actions, and scores[variant][action]."""
+    """scores[variant][action] of an action set; `actions` are all of its data, scored or not."""
 
     title: str
     command: str
@@ -40,9 +40,9 @@ class Ablations:
     scores: Mapping[str, Mapping[str, ActionScore]]
 
     def values(self, variant: Variant, metric: str) -> list[float]:
-        """One number an action, of those that have it."""
-        found = self.scores.get(variant.name, {}).values()
-        return [value for s in found if (value := s.of(variant.result, metric)) is not None]
+        """One number for each action that has it."""
+        scores = self.scores.get(variant.name, {}).values()
+        return [value for s in scores if (value := s.of(variant.result, metric)) is not None]
 
     @property
     def rows(self) -> list[Variant]:
@@ -81,8 +81,8 @@ def markdown(table: Ablations) -> str:
 
 def summary(table: Ablations) -> str:
     """The sentences alone, for the front page."""
-    told = f"`{table.command}`, paired over actions, mean ± standard error; data: {table.data}."
-    return f"{told}{_missing(table)}\n\n" + _list(sentences(PAPER_CLAIMS, table.scores))
+    caption = f"`{table.command}`, paired over actions, mean ± standard error; data: {table.data}."
+    return f"{caption}{_missing(table)}\n\n" + _list(sentences(PAPER_CLAIMS, table.scores))
 
 
 def csv_text(table: Ablations) -> str:
@@ -111,30 +111,30 @@ def json_text(table: Ablations) -> str:
         }
         for variant in table.rows
     }
-    told = {
+    parts = {
         **asdict(table),
         "means": means,
         "claims": sentences((*PAPER_CLAIMS, *OUR_CLAIMS), table.scores),
     }
-    return json.dumps(told, indent=1).replace("NaN", "null") + "\n"
+    return json.dumps(parts, indent=1).replace("NaN", "null") + "\n"
 
 
 def _variants(table: Ablations) -> str:
     rows = []
     for variant in table.rows:
-        cells = [variant.says, variant.switches, str(len(table.scores[variant.name]))]
+        cells = [variant.title, variant.switches, str(len(table.scores[variant.name]))]
         for metric, paper, digits in COLUMNS:
-            said: float | None = getattr(variant.paper, paper)
-            cells += [cell(said, 2), mean_cell(table.values(variant, metric), digits)]
+            paper_value: float | None = getattr(variant.paper, paper)
+            cells += [cell(paper_value, 2), mean_cell(table.values(variant, metric), digits)]
         cells += [mean_cell(table.values(variant, CAMERA), 1), cell(_gap(table, variant), 0)]
         rows.append([*cells, *_cost(table, variant)])
     head = ["variant", "switches", "actions", "MPJPE, paper", "here", "P-MPJPE, paper", "here"]
     head += ["sync %, paper", "here", "camera °", "gap closed %", "s", "GB"]
-    return table_of(head, rows)
+    return markdown_table(head, rows)
 
 
 def _gap(table: Ablations, variant: Variant) -> float:
-    """The share of the way from the monocular fit to the oracle, over the actions of all three."""
+    """Share of the way from the monocular fit to the oracle, over the actions that all have."""
     by_name = {v.name: v for v in VARIANTS}
     three = [by_name["monocular"], variant, by_name["oracle"]]
     scores = [table.scores.get(v.name, {}) for v in three]
@@ -147,12 +147,12 @@ def _gap(table: Ablations, variant: Variant) -> float:
 
 
 def _cost(table: Ablations, variant: Variant) -> list[str]:
-    found = [s.cost(variant.result) for s in table.scores[variant.name].values()]
-    known = [cost for cost in found if cost is not None]
-    if not known:
+    costs = [s.cost(variant.result) for s in table.scores[variant.name].values()]
+    measured = [cost for cost in costs if cost is not None]
+    if not measured:
         return [ABSENT, ABSENT]
-    peak = max(c.peak_gb for c in known)
-    return [cell(sum(c.seconds for c in known) / len(known), 0), cell(peak, 1)]
+    peak = max(c.peak_gb for c in measured)
+    return [cell(sum(c.seconds for c in measured) / len(measured), 0), cell(peak, 1)]
 
 
 def _by_action(table: Ablations, metric: str, digits: int) -> str:
@@ -163,11 +163,11 @@ def _by_action(table: Ablations, metric: str, digits: int) -> str:
                   table.actions]  # fmt: skip
         if any(value is not None for value in values):
             rows.append([variant.name, *(cell(value, digits) for value in values)])
-    return table_of(["variant", *table.actions], rows)
+    return markdown_table(["variant", *table.actions], rows)
 
 
 def _all_costs(table: Ablations) -> list[Mapping[str, Cost]]:
-    """Every artifact's cost once: variants share artifacts, and with them their measured cost."""
+    """Every artifact's cost once: variants share artifacts, and with them the measured cost."""
     every = [s.costs for scores in table.scores.values() for s in scores.values()]
     once = dict.fromkeys(item for costs in every for item in costs.items())
     return [{stage: cost} for stage, cost in once]
@@ -175,10 +175,10 @@ def _all_costs(table: Ablations) -> list[Mapping[str, Cost]]:
 
 def _missing(table: Ablations) -> str:
     lacks = {v: [a for a in table.actions if a not in s] for v, s in table.scores.items()}
-    told = [f"{v} ({', '.join(a)})" for v, a in lacks.items() if a]
     whole = [v for v, a in lacks.items() if a and len(a) == len(table.actions)]
-    told = [*whole, *(t for t in told if t.split(" (")[0] not in whole)]
-    return f" **Missing (not measured on this code): {'; '.join(told)}.**" if told else ""
+    partly = [f"{v} ({', '.join(a)})" for v, a in lacks.items() if a and v not in whole]
+    missing = [*whole, *partly]
+    return f" **Missing (not measured on this code): {'; '.join(missing)}.**" if missing else ""
 
 
 def _list(lines: Sequence[str]) -> str:

@@ -1,4 +1,4 @@
-"""TCC as a rival in the benchmarks: keypoints of an action in, the same summary as `sync` out."""
+"""TCC on an action: keypoints in, the same summary as that of the `sync` stage out."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from benchmarks.tcc import (
     person_crop,
     pose_clip,
 )
-from benchmarks.tcc.clips import Clip, person_squares
+from benchmarks.tcc.clips import TccClip, person_squares
 from imocap_core.artifacts.schemas import Keypoints, SyncMap, VideoKeypoints
 from imocap_core.artifacts.schemas.sync import SyncSummary
 from imocap_core.body.layouts import layout_names
 from imocap_core.io.video import read_gray
 
-Source = Literal["poses", "frames"]
+TccSource = Literal["poses", "frames"]
 
 
 def tcc_sync(
@@ -30,22 +30,22 @@ def tcc_sync(
     *,
     reference: str,
     seed: int,
-    source: Source = "poses",
+    source: TccSource = "poses",
     folder: Path | None = None,
     settings: TccSettings | None = None,
     device: str = "cpu",
 ) -> SyncSummary:
     """Train TCC on an action's clips and align them to the reference video (an id).
 
-    `source`: 2D poses, or the pictures themselves, whose files lie below the action's `folder`.
-    `settings`: those of the source when None. ValueError when a clip cannot be had from the source.
+    `source`: 2D poses, or the video frames, whose files lie below the action's `folder`.
+    `settings`: those of the source when None. ValueError when the source gives no clip of a video.
     """
     ids = [video.id for video in keypoints.videos]
     if reference not in ids:
         raise ValueError(f"reference: expected one of {', '.join(ids)}, got {reference!r}")
     clips = [clip_of(video, source, folder) for video in keypoints.videos]
     chosen = settings or (POSES if source == "poses" else FRAMES)
-    found = align_by_tcc(
+    alignment = align_by_tcc(
         clips,
         [video.fps for video in keypoints.videos],
         chosen,
@@ -53,22 +53,25 @@ def tcc_sync(
         seed=seed,
         device=device,
     )
+    first, last = alignment.losses[0], alignment.losses[-1]
     return SyncSummary(
         reference=reference,
         ids=ids,
         lengths=[len(clip) for clip in clips],
         maps=[
-            SyncMap(id=i, reference_frame=frame, confidence=trust)
-            for i, frame, trust in zip(ids, found.reference_frame, found.confidence, strict=True)
+            SyncMap(id=i, reference_frame=frame, confidence=confidence)
+            for i, frame, confidence in zip(
+                ids, alignment.reference_frame, alignment.confidence, strict=True
+            )
         ],
         method=f"TCC on {source}",
         centrality=np.array([float(i == reference) for i in ids]),
-        status=f"{chosen.steps} steps, loss {found.losses[0]:.3f} to {found.losses[-1]:.3f}",
+        status=f"{chosen.steps} steps, loss {first:.3f} to {last:.3f}",
     )
 
 
-def clip_of(video: VideoKeypoints, source: Source, folder: Path | None = None) -> Clip:
-    """What the encoder sees of one video."""
+def clip_of(video: VideoKeypoints, source: TccSource, folder: Path | None = None) -> TccClip:
+    """The encoder's input of one video."""
     if source == "poses":
         return pose_clip(video.xy_px, video.confidence, hip_columns(video.layout))
     if folder is None or video.video is None:
@@ -80,7 +83,7 @@ def clip_of(video: VideoKeypoints, source: Source, folder: Path | None = None) -
 
 
 def hip_columns(layout: str) -> list[int]:
-    """The columns of a layout's hips."""
+    """The columns of a layout's hips; ValueError when it has none."""
     names = layout_names(layout)
     columns = [names.index(name) for name in ("left_hip", "right_hip") if name in names]
     if not columns:

@@ -1,4 +1,4 @@
-"""Captured motion as the videos of an action: who moves how, and which frames a video keeps."""
+"""Captured motion as the videos of an action: joints, phases, and the frames that a video shows."""
 
 from __future__ import annotations
 
@@ -8,15 +8,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float, Int
 
 from imocap_core.conventions import EVAL_14
 from imocap_core.errors import WorkFailed
 from imocap_core.synthetic.captured import VIEWPOINTS, to_stage
 from imocap_core.synthetic.samplings import sample_frames
 from imocap_core.synthetic.trials import on_one_stage
-
-Floats = NDArray[np.float64]
 
 DATA_VARIABLE = "IMOCAP_DATA"
 SIZE = (1000, 1000)
@@ -27,45 +25,54 @@ RESAMPLED_MAX_RATE = 30.0
 
 
 @dataclass(frozen=True)
-class Filmed:
-    """A real video's camera (from the stage) and 2D detections: xy_px (T, 18, 2) in COCO's order
-    (NaN where nothing is marked)."""
+class RecordedView:
+    """The camera (from the stage) and the 2D detections of a real video: xy_px in COCO's order,
+    NaN where a keypoint is missing."""
 
-    K: Floats
-    R: Floats
-    t: Floats
-    xy_px: Floats
+    K: Float[np.ndarray, "3 3"]
+    R: Float[np.ndarray, "3 3"]
+    t: Float[np.ndarray, " 3"]
+    xy_px: Float[np.ndarray, "T 18 2"]
     size: tuple[int, int]
 
 
 @dataclass(frozen=True)
-class Shot:
-    """One video to be: joints (T, 14, 3) on the stage where it is filmed, phase (T,), and the
-    frames that the video keeps. The truth speaks of a common world that may lie elsewhere.
+class CapturedVideo:
+    """Captured motion of T frames, of which one video of an action shows some.
 
-    A stranger shows another action: the truth does not speak of it. `filmed`: what a real camera
-    and detector gave, where nothing of it has to be simulated. `scored_m`: what the truth holds, in
-    the order of `names`, where that is more than the 14 joints."""
+    joints_m lie on the stage where the motion is filmed; the truth is given in a common world,
+    which `R_common_from_stage` and `t_common` (metres) lead to.
 
-    joints_m: Floats
-    phase: Floats
-    kept: NDArray[np.int64]
-    fps: float  # of joints_m
-    R_common_from_stage: Floats = field(default_factory=lambda: np.eye(3))
-    t_common: Floats = field(default_factory=lambda: np.zeros(3))
-    stranger: bool = False
-    filmed: Filmed | None = None
-    scored_m: Floats | None = None  # (T, J, 3)
-    names: tuple[str, ...] = EVAL_14
+    phase: when two videos correspond. frames: indices of the motion's frames that the video shows.
+    fps: of joints_m. is_outlier: the video shows another action, which the truth leaves out.
+    recorded: a real camera and its detections, where these need not be simulated. truth_joints_m:
+    the joints that the truth gives, in the order of `truth_names`, where they are more than the 14.
+    """
 
-    def truth(self, video: str, K: Floats, R: Floats, t: Floats) -> dict[str, Floats]:
-        """What truth.npz holds of it; R, t is the camera from the stage."""
+    joints_m: Float[np.ndarray, "T 14 3"]
+    phase: Float[np.ndarray, " T"]
+    frames: Int[np.ndarray, " N"]
+    fps: float
+    R_common_from_stage: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
+    t_common: Float[np.ndarray, " 3"] = field(default_factory=lambda: np.zeros(3))
+    is_outlier: bool = False
+    recorded: RecordedView | None = None
+    truth_joints_m: Float[np.ndarray, "T J 3"] | None = None
+    truth_names: tuple[str, ...] = EVAL_14
+
+    def truth(
+        self,
+        video: str,
+        K: Float[np.ndarray, "3 3"],
+        R: Float[np.ndarray, "3 3"],
+        t: Float[np.ndarray, " 3"],
+    ) -> dict[str, Float[np.ndarray, "..."]]:
+        """The arrays of `video` in truth.npz; R, t is the camera from the stage."""
         R_cam_from_common = R @ self.R_common_from_stage.T
-        scored = self.joints_m if self.scored_m is None else self.scored_m
-        joints = scored[self.kept] @ self.R_common_from_stage.T + self.t_common
+        joints = self.joints_m if self.truth_joints_m is None else self.truth_joints_m
         parts = {
-            "joints": joints,
-            "phase": self.phase[self.kept],
+            "joints": joints[self.frames] @ self.R_common_from_stage.T + self.t_common,
+            "phase": self.phase[self.frames],
             "K": K,
             "R": R_cam_from_common,
             "t": t - R_cam_from_common @ self.t_common,
@@ -74,10 +81,9 @@ class Shot:
 
 
 def data_folder(root: Path, kind: str) -> Path:
-    """The folder of captured motion `kind` (protocol, trials); WorkFailed says where it was looked
-    for."""
-    named = os.environ.get(DATA_VARIABLE)
-    base = Path(named) if named else root.resolve().parent / "shared" / "data"
+    """The folder of captured motion `kind` (protocol, trials); WorkFailed when it has no files."""
+    configured = os.environ.get(DATA_VARIABLE)
+    base = Path(configured) if configured else root.resolve().parent / "shared" / "data"
     folder = base / kind
     if not any(folder.glob("*.npz")):
         raise WorkFailed(
@@ -88,7 +94,7 @@ def data_folder(root: Path, kind: str) -> Path:
     return folder
 
 
-def protocol_shots(file: Path, sampling: str, videos: int) -> list[Shot]:
+def protocol_videos(file: Path, sampling: str, videos: int) -> list[CapturedVideo]:
     """One motion, resampled for each video."""
     with np.load(file) as stored:
         joints = stored["joints"][:, stored["common14_idx"]].astype(np.float64)
@@ -97,30 +103,34 @@ def protocol_shots(file: Path, sampling: str, videos: int) -> list[Shot]:
     world = turn.apply(joints.reshape(-1, 3)).reshape(joints.shape) + shift
     phase = np.arange(len(world), dtype=np.float64)
     return [
-        Shot(world, phase, sample_frames(sampling, len(world), v, drawn(file.stem, v, 0)), fps)
+        CapturedVideo(
+            world, phase, sample_frames(sampling, len(world), v, video_rng(file.stem, v, 0)), fps
+        )
         for v in range(videos)
     ]
 
 
-def trial_shots(file: Path, videos: int) -> list[Shot]:
-    """Another performance for each video, the file's first ones."""
+def trial_videos(file: Path, videos: int) -> list[CapturedVideo]:
+    """Another performance for each video: the first ones of the file."""
     with np.load(file) as stored:
         index, fps = stored["common14_idx"], float(stored["fps"])
         count = min(videos, len(stored["trial_ids"]))
         trials = [stored[f"trial_{v:02d}"][:, index].astype(np.float64) for v in range(count)]
     return [
-        Shot(p.joints_m, p.phase, np.arange(len(p.phase)), fps, p.R_common_from_stage, p.t_common)
+        CapturedVideo(
+            p.joints_m, p.phase, np.arange(len(p.phase)), fps, p.R_common_from_stage, p.t_common
+        )
         for p in on_one_stage(trials)
     ]
 
 
-def outlier_shot(file: Path, kind: str, sampling: str) -> Shot:
-    """A video of another action's file, about which nothing is known."""
-    shot = trial_shots(file, 1)[0] if kind == "trials" else protocol_shots(file, sampling, 2)[1]
-    return replace(shot, stranger=True)
+def outlier_video(file: Path, kind: str, sampling: str) -> CapturedVideo:
+    """A video of another action's file, left out of the truth."""
+    videos = trial_videos(file, 1) if kind == "trials" else protocol_videos(file, sampling, 2)
+    return replace(videos[-1], is_outlier=True)
 
 
-def drawn(name: str, video: int, purpose: int) -> np.random.Generator:
-    """The generator of one action's video, one for each purpose."""
+def video_rng(name: str, video: int, purpose: int) -> np.random.Generator:
+    """The random generator of one video of an action, one for each purpose."""
     digest = hashlib.sha256(name.encode()).digest()
     return np.random.default_rng([SEED, int.from_bytes(digest[:4], "big"), video, purpose])

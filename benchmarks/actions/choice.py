@@ -1,4 +1,4 @@
-"""What a benchmark is to run, checked: its name, the simulated inputs, the actions."""
+"""What a benchmark runs, checked: its name, the simulated inputs, the actions."""
 
 from __future__ import annotations
 
@@ -29,9 +29,12 @@ RESAMPLED = ("protocol", "h36m")
 
 @dataclass(frozen=True)
 class Choice:
-    """What to run: detector level, sampling (where one motion is resampled), most videos an action,
-    the actions (all when empty), whether a video of another action is among them, and the folder of
-    Human3.6M."""
+    """What to run.
+
+    detector: level of the simulated 2D detector. sampling: how one motion is resampled (protocol
+    and h36m). videos: at most, per action. only: the actions (all when empty). outlier: whether a
+    video of another action is added. data: folder with the files of Human3.6M.
+    """
 
     name: str
     detector: str = "fine_tuned"
@@ -42,13 +45,13 @@ class Choice:
     data: Path | None = None
 
     def __post_init__(self) -> None:
-        for field, value, known in (
+        for field, value, allowed in (
             ("benchmark", self.name, NAMES),
             ("--detector", self.detector, tuple(DETECTORS)),
             ("--sampling", self.sampling, SAMPLINGS),
         ):
-            if value not in known:
-                raise WrongUse(f"{field}: expected one of {', '.join(known)}, got {value!r}")
+            if value not in allowed:
+                raise WrongUse(f"{field}: expected one of {', '.join(allowed)}, got {value!r}")
         if not 1 <= self.videos <= MAX_VIDEOS:
             raise WrongUse(f"--videos: expected 1 to {MAX_VIDEOS}, got {self.videos}")
         if self.name == "h36m" and self.data is None:
@@ -56,7 +59,7 @@ class Choice:
 
     @property
     def label(self) -> str:
-        """A name for this choice's folder and table."""
+        """The name of this choice's folder and table."""
         parts = [self.set_label]
         if self.name in ("protocol", "trials"):
             parts.append(self.detector)
@@ -66,12 +69,12 @@ class Choice:
 
     @property
     def set_label(self) -> str:
-        """A name for its data alone, whatever the detector and the number of videos."""
+        """The name of its data, without the detector and the number of videos."""
         return f"{self.name}-{self.sampling}" if self.name in RESAMPLED else self.name
 
     @property
     def command(self) -> str:
-        """The command that makes it, all actions of the choice."""
+        """The command that measures all actions of this choice."""
         words = [f"imocap benchmark {self.name}"]
         if self.name in ("protocol", "trials"):
             words.append(f"--detector {self.detector}")
@@ -84,5 +87,5 @@ class Choice:
         return " ".join(words)
 
     def folder(self, root: Path) -> Path:
-        """Where its actions, artifacts, scores and tables lie."""
+        """The folder of its actions, artifacts, scores and tables."""
         return root / "artifacts" / "benchmark" / self.label

@@ -9,11 +9,11 @@ from typing import Any
 from benchmarks.actions.action_folder import action_key, is_made, make_action
 from benchmarks.actions.captured import (
     RESAMPLED_MAX_RATE,
-    Shot,
+    CapturedVideo,
     data_folder,
-    outlier_shot,
-    protocol_shots,
-    trial_shots,
+    outlier_video,
+    protocol_videos,
+    trial_videos,
 )
 from benchmarks.actions.choice import RESAMPLED, Choice
 from imocap_core.errors import WrongUse
@@ -23,42 +23,42 @@ from imocap_core.workspace import Workspace
 
 
 def action_names(root: Path, choice: Choice) -> list[str]:
-    """Every action that the choice's data hold, whatever its `only`."""
+    """Every action of the choice's data, whatever its `only`."""
     if choice.name == "yoga":
         return ["yoga"]
     if choice.name == "h36m":
-        from benchmarks.actions.h36m import action_names as of_h36m
+        from benchmarks.actions.h36m import h36m_actions
 
-        return of_h36m(choice)
+        return h36m_actions(choice)
     return [file.stem for file in _files(root, choice)]
 
 
 def chosen_names(root: Path, choice: Choice) -> list[str]:
-    """The actions to run; WrongUse names one of `only` that there is not."""
-    known = action_names(root, choice)
-    unknown = [name for name in choice.only if name not in known]
+    """The actions to run; WrongUse when `only` names an action that does not exist."""
+    available = action_names(root, choice)
+    unknown = [name for name in choice.only if name not in available]
     if unknown:
-        raise WrongUse(f"--only {unknown[0]}: there are {', '.join(known)}")
-    return [name for name in known if not choice.only or name in choice.only]
+        raise WrongUse(f"--only {unknown[0]}: expected one of {', '.join(available)}")
+    return [name for name in available if not choice.only or name in choice.only]
 
 
 def ready_job(
     workspace: Workspace, choice: Choice, name: str, sets: Sequence[str], display: Display
 ) -> Job:
-    """A job of an action; its folder is made first unless today's code made what is there."""
+    """A job of an action; its folder is made first unless the same code and data made it."""
     if choice.name == "yoga":
         return workspace.ready_job("yoga", list(sets), display)
-    folder, shots = _folder(workspace, choice, name), _shots(workspace.root, choice, name)
+    folder, videos = _folder(workspace, choice, name), _videos(workspace.root, choice, name)
     make_action(
-        folder, name, shots, choice.detector, _params(choice), _key(workspace, choice, name)
+        folder, name, videos, choice.detector, _params(choice), _key(workspace, choice, name)
     )
     return Workspace(choice.folder(workspace.root)).ready_job(str(folder), list(sets), display)
 
 
-def standing_job(
+def existing_job(
     workspace: Workspace, choice: Choice, name: str, sets: Sequence[str]
 ) -> Job | None:
-    """The same without making anything; None when there is nothing or what is there is stale."""
+    """A job of an action without making anything; None when its folder is missing or stale."""
     if choice.name == "yoga":
         made = (workspace.root / "actions" / "yoga").exists()
         return workspace.job("yoga", list(sets)) if made else None
@@ -78,42 +78,42 @@ def _params(choice: Choice) -> dict[str, Any]:
 
 def _key(workspace: Workspace, choice: Choice, name: str) -> str:
     files = _inputs(workspace.root, choice, name)
-    told = [choice.detector, choice.sampling, choice.videos, choice.outlier, _params(choice)]
-    return action_key([closure(Path(__file__)), name, *told], files)
+    inputs = [choice.detector, choice.sampling, choice.videos, choice.outlier, _params(choice)]
+    return action_key([closure(Path(__file__)), name, *inputs], files)
 
 
 def _inputs(root: Path, choice: Choice, name: str) -> list[Path]:
     """The files that the action is made of."""
     if choice.name == "h36m":
-        from benchmarks.actions.h36m import files_of
+        from benchmarks.actions.h36m import h36m_files
 
-        return files_of(choice)
-    own = data_folder(root, choice.name) / f"{name}.npz"
-    return [own, _stranger(root, choice, name)] if choice.outlier else [own]
+        return h36m_files(choice)
+    file = data_folder(root, choice.name) / f"{name}.npz"
+    return [file, _outlier_file(root, choice, name)] if choice.outlier else [file]
 
 
-def _shots(root: Path, choice: Choice, name: str) -> Callable[[], Sequence[Shot]]:
+def _videos(root: Path, choice: Choice, name: str) -> Callable[[], Sequence[CapturedVideo]]:
     if choice.name == "h36m":
-        from benchmarks.actions.h36m import shots_of
+        from benchmarks.actions.h36m import h36m_videos
 
-        return lambda: shots_of(choice, name)
+        return lambda: h36m_videos(choice, name)
 
-    def made() -> list[Shot]:
-        file, *strangers = _inputs(root, choice, name)
+    def made() -> list[CapturedVideo]:
+        file, *outliers = _inputs(root, choice, name)
         if choice.name == "trials":
-            shots = trial_shots(file, choice.videos)
+            videos = trial_videos(file, choice.videos)
         else:
-            shots = protocol_shots(file, choice.sampling, choice.videos)
-        return [*shots, *(outlier_shot(f, choice.name, choice.sampling) for f in strangers)]
+            videos = protocol_videos(file, choice.sampling, choice.videos)
+        return [*videos, *(outlier_video(f, choice.name, choice.sampling) for f in outliers)]
 
     return made
 
 
-def _stranger(root: Path, choice: Choice, name: str) -> Path:
-    """Whose video the outlier is: the action half the list away, which is of another kind."""
+def _outlier_file(root: Path, choice: Choice, name: str) -> Path:
+    """The action half the list away, which is of another kind; the outlier is a video of it."""
     files = _files(root, choice)
-    at = [file.stem for file in files].index(name)
-    return files[(at + len(files) // 2) % len(files)]
+    index = [file.stem for file in files].index(name)
+    return files[(index + len(files) // 2) % len(files)]
 
 
 def _files(root: Path, choice: Choice) -> list[Path]:

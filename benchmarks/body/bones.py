@@ -1,4 +1,4 @@
-"""How far the free body's bones are from measured skeletons once its betas are fitted to them."""
+"""Differences in bone length between measured skeletons and the free body fitted to them."""
 
 from __future__ import annotations
 
@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float
 
 from imocap_core.body import Model, load_free_body
 
-Floats = NDArray[np.float64]
-
-PRIOR_MM = 1.5  # what one standard deviation of one beta costs, in millimetres of one bone
+PRIOR_MM = 1.5  # one standard deviation of one beta costs as much as this error of one bone
 STEPS = 30
 
 _LIMBS = (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
@@ -24,8 +22,9 @@ BONES: tuple[tuple[str, str], ...] = (
 
 
 @dataclass(frozen=True)
-class Row:
-    """One skeleton: mean and largest miss over its bones in mm, and the betas' own length."""
+class BoneRow:
+    """One skeleton: mean and largest error over its bones, the mean of the unfitted body, and the
+    root mean square of the betas."""
 
     skeleton: str
     mean_mm: float
@@ -34,32 +33,34 @@ class Row:
     betas_rms: float
 
 
-def measure(trials: Path) -> list[Row]:
-    """One row per .npz in a folder of trials (`common14` names the joints of `trial_00`)."""
+def measure(trials: Path) -> list[BoneRow]:
+    """One row for each .npz in a folder of trials (`common14` names the joints of `trial_00`)."""
     model = load_free_body()
     rows = []
     for path in sorted(trials.glob("*.npz")):
-        wanted = _measured(path)
-        betas = fit_betas(model, wanted)
-        missed = 1e3 * np.abs(bone_lengths(model, betas)[0] - wanted)
-        before = 1e3 * np.abs(bone_lengths(model, np.zeros(model.num_betas))[0] - wanted)
-        figures = missed.mean(), missed.max(), before.mean(), np.sqrt((betas**2).mean())
-        rows.append(Row(path.stem, *(float(figure) for figure in figures)))
+        lengths = _measured_lengths(path)
+        betas = fit_betas(model, lengths)
+        errors = 1e3 * np.abs(bone_lengths(model, betas)[0] - lengths)
+        before = 1e3 * np.abs(bone_lengths(model, np.zeros(model.num_betas))[0] - lengths)
+        figures = errors.mean(), errors.max(), before.mean(), np.sqrt((betas**2).mean())
+        rows.append(BoneRow(path.stem, *(float(figure) for figure in figures)))
     return rows
 
 
-def _measured(path: Path) -> Floats:
+def _measured_lengths(path: Path) -> Float[np.ndarray, " 10"]:
     """Median bone lengths, metres, over a skeleton's first trial."""
     with np.load(path) as data:
         names = [str(name) for name in data["common14"]]
         xyz = data["trial_00"][:, data["common14_idx"]].astype(np.float64)
     spelled = {"l_": "left_", "r_": "right_"}
-    at = {spelled.get(n[:2], n[:2]) + n[2:]: xyz[:, i] for i, n in enumerate(names)}
-    return np.array([np.median(np.linalg.norm(at[a] - at[b], axis=1)) for a, b in BONES])
+    joints = {spelled.get(n[:2], n[:2]) + n[2:]: xyz[:, i] for i, n in enumerate(names)}
+    return np.array([np.median(np.linalg.norm(joints[a] - joints[b], axis=1)) for a, b in BONES])
 
 
-def bone_lengths(model: Model, betas: Floats) -> tuple[Floats, Floats]:
-    """Lengths (10,) in metres and their derivatives (10, B) by the betas."""
+def bone_lengths(
+    model: Model, betas: Float[np.ndarray, " B"]
+) -> tuple[Float[np.ndarray, " 10"], Float[np.ndarray, "10 B"]]:
+    """Bone lengths in metres, and their derivatives by the betas."""
     index = [[model.joint_names.index(name) for name in bone] for bone in BONES]
     first, second = np.array(index).T
     rest, directions = model.joints_template.numpy(), model.joints_shapedirs.numpy()
@@ -70,13 +71,14 @@ def bone_lengths(model: Model, betas: Floats) -> tuple[Floats, Floats]:
     return length, slope
 
 
-def fit_betas(model: Model, wanted: Floats) -> Floats:
-    """Gauss-Newton on bone lengths with a weak pull towards the mean body."""
+def fit_betas(model: Model, lengths: Float[np.ndarray, " 10"]) -> Float[np.ndarray, " B"]:
+    """Betas of a body with these bone lengths (metres): Gauss-Newton with a weak prior on the
+    mean body."""
     betas = np.zeros(model.num_betas)
     prior = 1e-3 * PRIOR_MM * np.eye(len(betas))
     for _ in range(STEPS):
-        length, slope = bone_lengths(model, betas)
+        fitted, slope = bone_lengths(model, betas)
         system = np.concatenate([slope, prior])
-        residual = np.concatenate([wanted - length, -prior @ betas])
+        residual = np.concatenate([lengths - fitted, -prior @ betas])
         betas = betas + np.linalg.lstsq(system, residual, rcond=None)[0]
     return betas

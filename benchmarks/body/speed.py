@@ -1,4 +1,4 @@
-"""How fast the body is, against automatic differentiation of the same function in the same run."""
+"""Speed of the body model, beside automatic differentiation of the same function."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ REPEATS = 40
 
 
 @dataclass(frozen=True)
-class Row:
-    """One measurement: best of several runs, and the peak of memory it added."""
+class BodySpeedRow:
+    """One measurement: the best of several runs, and the peak of memory it added."""
 
     what: str
     dtype: str
     milliseconds: float
-    megabytes: float  # NaN where the system does not tell
+    megabytes: float  # NaN where the system has no figure
     note: str = ""
 
 
 def measure(
     threads: int = 2, bodies: int = 800, meshes: int = 200, seconds: float = 1.5, seed: int = 0
-) -> list[Row]:
-    """All rows, in float32 and float64, on `threads` threads, about `seconds` for each row."""
+) -> list[BodySpeedRow]:
+    """All rows, in float32 and float64, on `threads` threads; about `seconds` for each row."""
     before = torch.get_num_threads()
     torch.set_num_threads(threads)
     try:
@@ -47,7 +47,9 @@ def measure(
         torch.set_num_threads(before)
 
 
-def _rows(dtype: torch.dtype, bodies: int, meshes: int, seconds: float, seed: int) -> list[Row]:
+def _rows(
+    dtype: torch.dtype, bodies: int, meshes: int, seconds: float, seed: int
+) -> list[BodySpeedRow]:
     rng = np.random.default_rng(seed)
 
     def normal(*shape: int) -> Tensor:
@@ -57,12 +59,12 @@ def _rows(dtype: torch.dtype, bodies: int, meshes: int, seconds: float, seed: in
     points = model.points(LAYOUT)
     theta, transl, betas = 0.4 * normal(bodies, 24, 3), normal(bodies, 3), normal(10)
     R_local = exp(theta)
-    each_own = normal(bodies, 10)
+    own_betas = normal(bodies, 10)
     name = str(dtype).removeprefix("torch.")
 
-    def row(what: str, work: Callable[[], object], note: str = "") -> Row:
+    def row(what: str, work: Callable[[], object], note: str = "") -> BodySpeedRow:
         milliseconds, megabytes = _best(work, seconds)
-        return Row(what, name, milliseconds, megabytes, note)
+        return BodySpeedRow(what, name, milliseconds, megabytes, note)
 
     automatic = _automatic(model, points)
     jacobian = row(
@@ -74,10 +76,12 @@ def _rows(dtype: torch.dtype, bodies: int, meshes: int, seconds: float, seed: in
     ratio = forward.milliseconds / jacobian.milliseconds
     return [
         jacobian,
-        Row(forward.what, name, forward.milliseconds, forward.megabytes, f"{ratio:.0f} x slower"),
+        BodySpeedRow(
+            forward.what, name, forward.milliseconds, forward.megabytes, f"{ratio:.0f} x slower"
+        ),
         row(
             "the same, every body its own shape",
-            lambda: keypoints_with_jacobian(model.shape(each_own), points, R_local, transl),
+            lambda: keypoints_with_jacobian(model.shape(own_betas), points, R_local, transl),
         ),
         row(
             f"{bodies} bodies, joints only",
@@ -106,7 +110,7 @@ def _automatic(model: Model, points: PointSet) -> Callable[[Tensor, Tensor, Tens
 
 
 def _best(work: Callable[[], object], seconds: float) -> tuple[float, float]:
-    """Shortest wall time in milliseconds after a warm-up, and the peak it added in megabytes."""
+    """Shortest wall time in milliseconds after a warm-up, and the peak of memory it added, MB."""
     best = float("inf")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # torch.func warns of its own internals

@@ -1,6 +1,6 @@
-"""`imocap benchmark lifter`: the lifter alone, on motions it was not trained on.
+"""Errors and time of the lifter alone, on motions it was not trained on.
 
-The actions of `trials` and `protocol` as both detectors see them; their simulated monocular
+The actions of `trials` and `protocol` with every simulated detector; their simulated monocular
 estimates are not read, the focal length is the pipeline's assumption.
 """
 
@@ -35,8 +35,11 @@ BEST = "best of both"
 
 @dataclass(frozen=True)
 class LifterRow:
-    """One action, or the mean of a benchmark's: errors of the answer, P-MPJPE of the better of it
-    and its alternative (chosen by the truth, a video as a whole), processor time a frame."""
+    """One action, or the mean over a benchmark.
+
+    numbers: errors of the lifter's result. best_pa_mpjpe_mm: P-MPJPE of the better of result and
+    alternative (chosen by the truth, per video). latency_ms: processor time per frame.
+    """
 
     benchmark: str
     detector: str
@@ -47,18 +50,18 @@ class LifterRow:
 
 
 def measure(workspace: Workspace, only: Sequence[str], display: Display) -> list[LifterRow]:
-    """Every action, then the mean, of each benchmark and detector; WrongUse for unknown ones."""
-    known = {kind: action_names(workspace.root, Choice(kind)) for kind in KINDS}
-    every = list(chain(*known.values()))
+    """Every action and their mean for each benchmark and detector; WrongUse for unknown actions."""
+    available = {kind: action_names(workspace.root, Choice(kind)) for kind in KINDS}
+    every = list(chain(*available.values()))
     for name in only:
         if name not in every:
-            raise WrongUse(f"--only {name}: there are {', '.join(every)}")
+            raise WrongUse(f"--only {name}: expected one of {', '.join(every)}")
     rows = []
     for kind, level in product(KINDS, LEVELS):
         choice = Choice(kind, level)
-        wanted = [name for name in known[kind] if not only or name in only]
-        own = [_row(workspace, choice, name, display) for name in wanted]
-        rows += [*own, *([_mean(own)] if own else [])]
+        chosen = [name for name in available[kind] if not only or name in only]
+        of_choice = [_row(workspace, choice, name, display) for name in chosen]
+        rows += [*of_choice, *([_mean(of_choice)] if of_choice else [])]
     return rows
 
 
@@ -71,14 +74,14 @@ def markdown(rows: Sequence[LifterRow]) -> str:
     ]
     for row in rows:
         values = [row.numbers[name] for name in METRICS] + [row.best_pa_mpjpe_mm]
-        told = " | ".join(f"{value:.1f}" for value in values)
+        cells = " | ".join(f"{value:.1f}" for value in values)
         head = f"| {row.benchmark} | {row.detector} | {row.action} |"
-        lines.append(f"{head} {told} | {row.latency_ms:.2f} |")
+        lines.append(f"{head} {cells} | {row.latency_ms:.2f} |")
     return "\n".join(lines) + "\n"
 
 
 def write_table(rows: Sequence[LifterRow], folder: Path) -> Path:
-    """The table as a file of a folder."""
+    """Write the table into a folder; its file."""
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / "table.md"
     file.write_text(markdown(rows), encoding="utf-8")
@@ -102,7 +105,7 @@ def row_of(
     cameras: CameraMotion,
     truth: Truth,
 ) -> LifterRow:
-    """Lift every video of an action and score what comes."""
+    """Lift every video of an action and score the results."""
     rows: list[ScoreRow] = []
     best, seconds, frames = [], 0.0, 0
     for video, camera in zip(keypoints.videos, cameras.videos, strict=True):

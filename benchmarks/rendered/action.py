@@ -1,7 +1,7 @@
-"""Action folders of films: captured performances put on the free body and rendered.
+"""Action folders of rendered videos: captured performances put on the free body.
 
-The stages see videos that say `keypoints: detect`, and nothing else. A folder appears complete or
-not at all, and is made again when what it is made of has changed.
+The stages get videos with `keypoints: detect`, and nothing else. A folder appears complete or not
+at all, and is made again when its code or data have changed.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import torch
 import yaml
 
 from benchmarks.actions.action_folder import MADE, action_key, is_made
-from benchmarks.actions.captured import SEED, Shot, trial_shots
+from benchmarks.actions.captured import SEED, CapturedVideo, trial_videos
 from imocap_core.body import Shaped, load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.video import write_h264
@@ -30,11 +30,11 @@ from imocap_core.synthetic.embodied import embody
 from imocap_core.synthetic.rendered import Shooting, film_frames, seen_from, shoot, true_points_px
 
 LAYOUT = "mediapipe33"
-BODY_LAYOUT = "body33"  # the same keypoints where they are on the body, to measure against
+BODY_LAYOUT = "body33"  # the same keypoints at their true places on the body
 SIZES = {False: (640, 480), True: (320, 240)}
-POINTS = "points.npz"  # where the points truly are: for the detector's errors alone
+POINTS = "points.npz"  # true positions of the points, for measuring the detector's errors only
 CRF = 20  # H.264 quality, about that of a video from the Internet
-Say = Callable[[float, str], None]
+Report = Callable[[float, str], None]  # progress: share of the work, what is done
 
 
 def key_of(name: str, file: Path, videos: int, small: bool) -> str:
@@ -42,8 +42,10 @@ def key_of(name: str, file: Path, videos: int, small: bool) -> str:
     return action_key([closure(Path(__file__)), name, videos, small], [file])
 
 
-def make_rendered(folder: Path, name: str, file: Path, videos: int, small: bool, say: Say) -> None:
-    """Write the action `name` of a file of trials into `folder` unless it is there already."""
+def make_rendered(
+    folder: Path, name: str, file: Path, videos: int, small: bool, report: Report
+) -> None:
+    """Write the action `name` of a file of trials into `folder` unless it was made already."""
     key = key_of(name, file, videos, small)
     if is_made(folder, key):
         return
@@ -53,33 +55,37 @@ def make_rendered(folder: Path, name: str, file: Path, videos: int, small: bool,
     with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as draft:
         new = Path(draft) / "new"
         (new / "videos").mkdir(parents=True)
-        _write(new, name, trial_shots(file, videos), SIZES[small], say)
+        _write(new, name, trial_videos(file, videos), SIZES[small], report)
         (new / MADE).write_text(key)
         if folder.exists():
             rmtree(folder)
         new.rename(folder)
 
 
-def _write(folder: Path, name: str, shots: list[Shot], size: tuple[int, int], say: Say) -> None:
+def _write(
+    folder: Path, name: str, videos: list[CapturedVideo], size: tuple[int, int], report: Report
+) -> None:
     model = load_free_body(dtype=torch.float64)
-    say(0.0, "putting the performances on a body")
-    betas, motions = embody(model, [shot.joints_m for shot in shots])
+    report(0.0, "putting the performances on a body")
+    betas, motions = embody(model, [video.joints_m for video in videos])
     shaped = model.shape(torch.as_tensor(betas))
     truth: dict[str, Any] = {
         "joint_names": np.array(SMPL_JOINTS),
-        "phase_end": max(float(shots[0].phase[-1]), 1.0),
+        "phase_end": max(float(videos[0].phase[-1]), 1.0),
     }
     points: dict[str, Any] = {}
     declared = []
-    for v, (shot, motion) in enumerate(zip(shots, motions, strict=True)):
+    for v, (captured, motion) in enumerate(zip(videos, motions, strict=True)):
         video = f"v{v + 1}"
-        say((v + 1) / (len(shots) + 1), f"filming {video}")
+        report((v + 1) / (len(videos) + 1), f"rendering {video}")
         shooting = shoot(motion, shaped, VIEWPOINTS[v], size)
         file = folder / "videos" / f"{video}.mp4"
-        write_h264(file, film_frames(shooting, shaped, v, SEED), shot.fps, crf=CRF)
-        truth |= _scored(shot, shooting).truth(video, shooting.K, shooting.R, shooting.t)
-        seen = seen_points(shooting, shaped)
-        points |= {f"{video}/{part}": value for part, value in seen.items()}
+        write_h264(file, film_frames(shooting, shaped, v, SEED), captured.fps, crf=CRF)
+        truth |= _with_body_joints(captured, shooting).truth(
+            video, shooting.K, shooting.R, shooting.t
+        )
+        visible = true_points(shooting, shaped)
+        points |= {f"{video}/{part}": value for part, value in visible.items()}
         declared.append({"id": video, "video": f"videos/{video}.mp4", "keypoints": "detect"})
     np.savez(folder / "truth.npz", **truth)
     np.savez(folder / POINTS, **points)
@@ -87,16 +93,19 @@ def _write(folder: Path, name: str, shots: list[Shot], size: tuple[int, int], sa
     (folder / "action.yaml").write_text(yaml.safe_dump(action, sort_keys=False))
 
 
-def _scored(shot: Shot, shooting: Shooting) -> Shot:
-    """What the truth holds of it: the filmed body's joints, the floor where it lay before."""
-    lifted = shot.R_common_from_stage @ np.array([0.0, 0.0, shooting.floor_m])
+def _with_body_joints(captured: CapturedVideo, shooting: Shooting) -> CapturedVideo:
+    """The video with the rendered body's joints as truth, on the floor of the captured motion."""
+    lifted = captured.R_common_from_stage @ np.array([0.0, 0.0, shooting.floor_m])
     return replace(
-        shot, scored_m=shooting.joints, names=SMPL_JOINTS, t_common=shot.t_common + lifted
+        captured,
+        truth_joints_m=shooting.joints,
+        truth_names=SMPL_JOINTS,
+        t_common=captured.t_common + lifted,
     )
 
 
-def seen_points(shooting: Shooting, shaped: Shaped) -> dict[str, Any]:
-    """Where the layout's points are seen, how tall the person is in the picture, and from where."""
+def true_points(shooting: Shooting, shaped: Shaped) -> dict[str, Any]:
+    """True pixels of the layout's points, the person's height in pixels, and the side of view."""
     xy_px, depth_m = true_points_px(shooting, shaped, BODY_LAYOUT)
     return {
         "xy_px": xy_px,

@@ -1,4 +1,4 @@
-"""The tables of `imocap benchmark rendered`: how good the motion is, and how the detector errs."""
+"""The tables of `imocap benchmark rendered`: errors of the motion, and of the detector."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from benchmarks.motion.tables import (
+from benchmarks.scoring.score_file import RESULTS, ActionScore
+from benchmarks.tables import (
     CAMERA,
     PA,
     SCALED,
@@ -14,11 +15,10 @@ from benchmarks.motion.tables import (
     cell,
     cost_sentence,
     gap_closed,
+    markdown_table,
     mean_cell,
     missing_sentence,
-    table_of,
 )
-from benchmarks.scoring.score_file import RESULTS, ActionScore
 from imocap_core.metrics.detections import DetectedClip, PointErrors, exchanged_share, point_errors
 
 BODY = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
@@ -34,7 +34,7 @@ def markdown(
     command: str,
 ) -> str:
     """The whole report."""
-    found = point_errors(films, names)
+    errors = point_errors(films, names)
     parts = [
         "# From pixels: captured performances rendered, found by a real detector",
         f"Made by `{command}`: performances of `trials` on the free body, each in its own scene "
@@ -47,16 +47,16 @@ def markdown(
         "of the person's standing height in the picture (1.7 cm on a person of 1.7 m). `spread`: "
         "an axis, about the film's own bias, without outliers. `lasts`: share and time constant of "
         "what persists. An outlier is further than 5 spreads from the middle of its point.",
-        points_table(found),
+        points_table(errors),
         sides_table(films, names),
         "## What the simulated detector would need",
-        proposal(films, found, names),
+        proposal(films, errors, names),
     ]
     return "\n\n".join(parts) + "\n"
 
 
 def motion_table(scores: Sequence[ActionScore]) -> str:
-    """An action a row, and their mean."""
+    """One row for each action, and their mean."""
     columns: list[tuple[str, int, Value]] = [
         *((result, 1, _of(result, SCALED)) for result in RESULTS),
         ("gap closed %", 0, _gap),
@@ -73,13 +73,13 @@ def motion_table(scores: Sequence[ActionScore]) -> str:
         for _, digits, of in columns
     ]
     rows.append(["**mean**", "", "", *means])
-    return "MPJPE, scaled, mm on 12 joints, where nothing else is said.\n\n" + table_of(
+    return "MPJPE, scaled, mm on 12 joints, where nothing else is said.\n\n" + markdown_table(
         ["action", "videos", "frames", *(name for name, _, _ in columns)], rows
     )
 
 
-def points_table(found: Sequence[PointErrors]) -> str:
-    """A point a row."""
+def points_table(errors: Sequence[PointErrors]) -> str:
+    """One row for each point."""
     rows = [
         [
             p.point,
@@ -90,40 +90,42 @@ def points_table(found: Sequence[PointErrors]) -> str:
             f"{100 * p.outlier_size:.1f}",
             f"{100 * p.miss_rate:.1f}",
         ]
-        for p in found
+        for p in errors
     ]
     head = ["point", "bias x, y", "spread", "lasts", "outliers %", "their size", "missed %"]
-    return table_of(head, rows)
+    return markdown_table(head, rows)
 
 
 def sides_table(films: Sequence[DetectedClip], names: Sequence[str]) -> str:
-    """What the camera sees a row: all body points together."""
+    """One row for each side of view: all body points together."""
     body = _body(names)
     rows = []
     for side in SIDES:
-        seen = [film for film in films if film.side == side]
-        if not seen:
+        of_side = [film for film in films if film.side == side]
+        if not of_side:
             continue
-        errors = np.concatenate([np.linalg.norm(f.error[:, body], axis=-1).ravel() for f in seen])
+        errors = np.concatenate(
+            [np.linalg.norm(f.error[:, body], axis=-1).ravel() for f in of_side]
+        )
         errors = errors[np.isfinite(errors)]
-        exchanged = [_mean([exchanged_share(f, names, p) for f in seen]) for p in ("arm", "leg")]
+        exchanged = [_mean([exchanged_share(f, names, p) for f in of_side]) for p in ("arm", "leg")]
         rows.append(
             [
                 side,
-                str(len(seen)),
+                str(len(of_side)),
                 *(f"{100 * np.quantile(errors, q):.2f}" for q in (0.5, 0.9)),
                 *(cell(100 * share, 1) for share in exchanged),
             ]
         )
     head = ["seen from", "films", "median error", "90 % below", "arms exchanged %"]
-    return table_of([*head, "legs exchanged %"], rows)
+    return markdown_table([*head, "legs exchanged %"], rows)
 
 
 def proposal(
-    films: Sequence[DetectedClip], found: Sequence[PointErrors], names: Sequence[str]
+    films: Sequence[DetectedClip], errors: Sequence[PointErrors], names: Sequence[str]
 ) -> str:
-    """Values for imocap_core/synthetic/detector.py that are like what was measured."""
-    body = [found[k] for k in _body(names)]
+    """Parameters of imocap_core/synthetic/detector.py that agree with the measured errors."""
+    body = [errors[k] for k in _body(names)]
     swaps = [exchanged_share(film, names, part) for film in films for part in ("arm", "leg")]
     values = [
         ("noise", float(np.sqrt(_mean([p.spread**2 for p in body]))), 4),
@@ -138,7 +140,7 @@ def proposal(
     rows = [[name, cell(value, digits)] for name, value, digits in values]
     return (
         "Over shoulders, elbows, wrists, hips, knees and ankles; a proposal, not in force.\n\n"
-        + table_of(["DetectorErrors", "measured"], rows)
+        + markdown_table(["DetectorErrors", "measured"], rows)
     )
 
 
@@ -156,13 +158,13 @@ def _body(names: Sequence[str]) -> list[int]:
 
 
 def _mean(values: Sequence[float]) -> float:
-    known = [value for value in values if np.isfinite(value)]
-    return float(np.mean(known)) if known else float("nan")
+    finite = [value for value in values if np.isfinite(value)]
+    return float(np.mean(finite)) if finite else float("nan")
 
 
 def _median(values: Sequence[float]) -> float:
-    known = [value for value in values if np.isfinite(value)]
-    return float(np.median(known)) if known else float("nan")
+    finite = [value for value in values if np.isfinite(value)]
+    return float(np.median(finite)) if finite else float("nan")
 
 
 def _bias(body: Sequence[PointErrors]) -> float:

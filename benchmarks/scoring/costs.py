@@ -1,6 +1,6 @@
-"""What each stage's artifact cost when it was made, kept so that a cached run still tells it.
+"""The cost of each stage's artifact when it was made, stored so that a cached run can report it.
 
-Measured in this process; a figure is of the machine and the load at that time.
+Measured in this process; a figure depends on the machine and its load at that time.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ STATUS, CLEAR = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 
 @dataclass(frozen=True)
 class Cost:
-    """Wall time and the most memory the process held meanwhile."""
+    """Wall time, and the peak of the process's memory in that time."""
 
     seconds: float
     peak_gb: float
@@ -29,7 +29,7 @@ class Cost:
 
 @dataclass
 class Meter:
-    """A display that also writes down what each stage cost; `folder` keeps the figures."""
+    """A display that also stores the cost of each stage in `folder`, a file an artifact."""
 
     display: Display
     folder: Path
@@ -45,7 +45,7 @@ class Meter:
 
     def finished(self, outcome: Outcome) -> None:
         if outcome.how == "made":
-            self.keep(outcome.stored.key, Cost(time.perf_counter() - self._began, peak_gb()))
+            self.record(outcome.stored.key, Cost(time.perf_counter() - self._began, peak_gb()))
         self.display.finished(outcome)
 
     def made_demo(self, name: str, folder: Path) -> None:
@@ -55,36 +55,36 @@ class Meter:
         self.display.waiting()
 
     @contextmanager
-    def measuring(self, name: str, found: dict[str, Cost]) -> Iterator[None]:
-        """Add to `found` what the body costs."""
+    def measuring(self, name: str, costs: dict[str, Cost]) -> Iterator[None]:
+        """Measure the body of the `with` statement; its cost becomes `costs[name]`."""
         reset_peak()
         began = time.perf_counter()
         yield
-        found[name] = Cost(time.perf_counter() - began, peak_gb())
+        costs[name] = Cost(time.perf_counter() - began, peak_gb())
 
-    def keep(self, key: str, cost: Cost) -> None:
-        """Write down what the artifact of a stage key cost."""
+    def record(self, key: str, cost: Cost) -> None:
+        """Store the cost of the artifact with a stage key."""
         self.folder.mkdir(parents=True, exist_ok=True)
         (self.folder / key).write_text(json.dumps([cost.seconds, cost.peak_gb]))
 
     def costs(self, outcomes: Sequence[Outcome]) -> dict[str, Cost]:
-        """Stage -> cost, of those that were measured when they were made."""
-        found = {}
+        """Stage -> cost, of the artifacts that were measured when they were made."""
+        costs = {}
         for outcome in outcomes:
             with suppress(OSError, ValueError, TypeError):
                 written = (self.folder / outcome.stored.key).read_text()
-                found[outcome.stage] = Cost(*json.loads(written))
-        return found
+                costs[outcome.stage] = Cost(*json.loads(written))
+        return costs
 
 
 def reset_peak() -> None:
-    """Forget the most memory held so far, where the system can."""
+    """Start the peak of memory again from what is in use now, where the system can."""
     with suppress(OSError):
         CLEAR.write_text("5")
 
 
 def peak_gb() -> float:
-    """Most memory held since `reset_peak`, or since the process began where that can't be reset."""
+    """Peak of memory since `reset_peak`, or since the process began where it can't be reset."""
     with suppress(OSError, StopIteration):
         lines = STATUS.read_text().splitlines()
         return int(next(x for x in lines if x.startswith("VmHWM")).split()[1]) / 2**20

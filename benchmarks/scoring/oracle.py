@@ -1,12 +1,13 @@
-"""What the same fitter makes of the same detections when correspondences and cameras are known.
+"""The oracle: the same fitter on the same detections with true correspondences and cameras.
 
-The bound of every table: a synchronised, calibrated studio with this detector. Nothing but the
-correspondences and the cameras is taken from the truth.
+It is the bound of every table: a synchronised, calibrated studio with this detector. Only
+correspondences and cameras are taken from the truth.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -31,22 +32,26 @@ from imocap_core.problem.motion import (
     state_of,
 )
 
+Value = TypeVar("Value")
+
 
 def oracle(
     keypoints: Keypoints,
     camera_motion: CameraMotion,
     initial: InitialSmpl,
-    found: SyncSummary,
+    estimated_sync: SyncSummary,
     truth: Truth,
     params: Params,
 ) -> tuple[SmplBa, SyncSummary]:
-    """The oracle's motion and its correspondences, with the reference video that was `found`."""
-    sync = true_sync(found, truth)
+    """The oracle's motion and its correspondences, to the reference video of `estimated_sync`."""
+    sync = true_sync(estimated_sync, truth)
     body = body_for(keypoints)
-    seen = observations_of(body, keypoints, camera_motion, params.fit, evidence_joints(initial))
+    estimated = observations_of(
+        body, keypoints, camera_motion, params.fit, evidence_joints(initial)
+    )
     observations = [
-        replace(o, K=_known(truth.videos[v.id].K, v.id))
-        for o, v in zip(seen, keypoints.videos, strict=True)
+        replace(o, K=_required(truth.videos[v.id].K, v.id))
+        for o, v in zip(estimated, keypoints.videos, strict=True)
     ]
     scene = scene_of(body, observations, sync, params.fit)
     cameras = true_cameras(sync, truth)
@@ -57,37 +62,38 @@ def oracle(
 def fit_with_cameras(
     scene: Scene, start: MotionState, cameras: Cameras, options: MotionParams
 ) -> JointMotion:
-    """What `recover_motion` does once it has cameras, with cameras that stay as they are."""
+    """The steps of `recover_motion` after its first cameras, with cameras that stay fixed."""
     if len(scene.observations) == 1:
         return recover_motion(scene, start, options)
     return common_then_own(scene, one_body(start), cameras, options, cameras_known=True)
 
 
-def true_sync(found: SyncSummary, truth: Truth) -> SyncSummary:
-    """The true correspondences to the reference that was found; frames without any are NaN."""
-    reference = _known(truth.videos[found.reference].phase, found.reference)
-    used = np.arange(len(reference), dtype=np.float64)
+def true_sync(estimated: SyncSummary, truth: Truth) -> SyncSummary:
+    """The true correspondences to the estimate's reference video; NaN for frames without any."""
+    reference = _required(truth.videos[estimated.reference].phase, estimated.reference)
+    frames = np.arange(len(reference), dtype=np.float64)
     maps = []
-    for video in found.ids:
-        at = true_reference_frame(_known(truth.videos[video].phase, video), used, reference)
-        trust = np.isfinite(at).astype(np.float64)
-        maps.append(SyncMap(id=video, reference_frame=at, confidence=trust))
-    told = {"maps": maps, "method": "none", "status": "true"}
+    for video in estimated.ids:
+        phase = _required(truth.videos[video].phase, video)
+        reference_frame = true_reference_frame(phase, frames, reference)
+        confidence = np.isfinite(reference_frame).astype(np.float64)
+        maps.append(SyncMap(id=video, reference_frame=reference_frame, confidence=confidence))
+    true = {"maps": maps, "method": "none", "status": "true"}
     nothing: dict[str, object] = {"excluded": [], "mirrored": [], "notes": [], "trust": None}
-    return found.model_copy(update=told | nothing)
+    return estimated.model_copy(update=true | nothing)
 
 
 def true_cameras(sync: SyncSummary, truth: Truth) -> Cameras:
-    """The true cameras from the axes of the reference's."""
-    at = truth.videos[sync.reference]
-    R_ref, t_ref = _known(at.R, sync.reference), _known(at.t, sync.reference)
-    R = [_known(truth.videos[v].R, v) @ R_ref.T for v in sync.ids]
-    t = [_known(truth.videos[v].t, v) - turn @ t_ref for v, turn in zip(sync.ids, R, strict=True)]
-    K = [_known(truth.videos[v].K, v) for v in sync.ids]
+    """The true cameras from the axes of the reference camera."""
+    reference = truth.videos[sync.reference]
+    R_ref, t_ref = _required(reference.R, sync.reference), _required(reference.t, sync.reference)
+    R = [_required(truth.videos[v].R, v) @ R_ref.T for v in sync.ids]
+    t = [_required(truth.videos[v].t, v) - R_v @ t_ref for v, R_v in zip(sync.ids, R, strict=True)]
+    K = [_required(truth.videos[v].K, v) for v in sync.ids]
     return Cameras(*(torch.as_tensor(np.stack(x)).to(LIKE) for x in (R, t, K)))
 
 
-def _known(value: np.ndarray | None, video: str) -> np.ndarray:
+def _required(value: Value | None, video: str) -> Value:
     if value is None:
-        raise ValueError(f"truth: the oracle needs joints, K, R, t and phase of {video}")
+        raise ValueError(f"truth of {video}: the oracle needs joints, K, R, t and phase")
     return value

@@ -1,4 +1,4 @@
-"""One action of a benchmark: run its stages, score every answer, keep the numbers."""
+"""One action of a benchmark: run its stages, score every result, store the numbers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.scoring.costs import Cost, Meter
-from benchmarks.scoring.score_file import LAST, ActionScore, first_videos, keep_score, read_score
+from benchmarks.scoring.score_file import LAST, ActionScore, first_videos, read_score, write_score
 from imocap_core.artifacts.schemas import (
     CameraMotion,
     InitialSmpl,
@@ -34,18 +34,18 @@ from imocap_core.pipeline.source import closure
 
 
 def score_action(
-    job: Job, display: Display, kept: Path, costs: Path, *, with_oracle: bool = True
+    job: Job, display: Display, score_file: Path, costs: Path, *, with_oracle: bool = True
 ) -> ActionScore:
-    """Bring the action up to date and score it; numbers kept of the same artifacts stand.
+    """Bring the action up to date and score it, unless its stored numbers are of these artifacts.
 
     Args:
-        kept: the file of the action's numbers. costs: the folder where costs of stages are kept.
+        score_file: the file of the action's numbers. costs: the folder of the stages' costs.
     """
     meter = Meter(display, costs)
     outcomes = runner.run(job, meter, job.pipeline.upstream(LAST))
     done = {outcome.stage: outcome.stored for outcome in outcomes}
     key = score_key(job, done)
-    before = read_score(kept)
+    before = read_score(score_file)
     if before is not None and before.key == key:
         return before
     keypoints = done["keypoints"].decode(Keypoints)
@@ -58,21 +58,21 @@ def score_action(
         costs=spent,
         key=key,
     )
-    keep_score(score, kept)
+    write_score(score, score_file)
     return score
 
 
-def standing_score(job: Job | None, kept: Path, *code: Path) -> ActionScore | None:
-    """The numbers kept, if running the job now would change none of its artifacts; else None."""
-    before = read_score(kept)
+def cached_score(job: Job | None, score_file: Path, *code: Path) -> ActionScore | None:
+    """The stored numbers, if running the job now would change none of its artifacts; else None."""
+    before = read_score(score_file)
     if job is None or before is None:
         return None
     done: dict[str, Stored] = {}
-    for standing in runner.standings(job):
-        if standing.stage in job.pipeline.upstream(LAST):
-            if standing.stored is None:
+    for state in runner.standings(job):
+        if state.stage in job.pipeline.upstream(LAST):
+            if state.stored is None:
                 return None
-            done[standing.stage] = standing.stored
+            done[state.stage] = state.stored
     return before if before.key == score_key(job, done, *code) else None
 
 
@@ -88,7 +88,7 @@ def _numbers(
     camera_motion = done["camera_motion"].decode(CameraMotion)
     initial, sync = done["initial_smpl"].decode(InitialSmpl), done["sync"].decode(Sync)
     single, refined = done["smpl_ba"].decode(SmplBa), done[LAST].decode(RefineSync)
-    answers = [
+    results = [
         StageResult("monocular", initial.videos),
         StageResult("single pass", single.videos, single.cameras, sync),
         StageResult("after loop", refined.motion.videos, refined.motion.cameras, refined.sync),
@@ -96,49 +96,49 @@ def _numbers(
     if with_oracle:
         from benchmarks.scoring.oracle import oracle
 
-        given = (keypoints, camera_motion, initial, refined.sync, truth, job.settings.params)
+        inputs = (keypoints, camera_motion, initial, refined.sync, truth, job.settings.params)
         with meter.measuring("oracle", spent):
-            best, best_sync = oracle(*given)
-        answers.append(StageResult("oracle", best.videos, best.cameras, best_sync))
-    numbers = {answer.name: _scored(answer, keypoints, truth) for answer in answers}
+            best, best_sync = oracle(*inputs)
+        results.append(StageResult("oracle", best.videos, best.cameras, best_sync))
+    numbers = {result.name: _scored(result, keypoints, truth) for result in results}
     for count in range(1, len(truth.videos)):
-        seen = Keypoints(videos=keypoints.videos[:count])
+        first = Keypoints(videos=keypoints.videos[:count])
         fewer = StageResult(first_videos(count), refined.motion.videos[:count])
-        numbers[fewer.name] = _scored(fewer, seen, truth)
-    started = _estimator(job.action, keypoints, truth)
-    return {"estimator": started, **numbers} if started else numbers
+        numbers[fewer.name] = _scored(fewer, first, truth)
+    estimator = _estimator(job.action, keypoints, truth)
+    return {"estimator": estimator, **numbers} if estimator else numbers
 
 
-def _scored(answer: StageResult, keypoints: Keypoints, truth: Truth) -> dict[str, float]:
-    """All metrics, the nose posed with the body where the truth knows noses; and how much of the
-    videos that the truth does not know was matched all the same."""
+def _scored(result: StageResult, keypoints: Keypoints, truth: Truth) -> dict[str, float]:
+    """All metrics, with the body's nose where the truth has noses; and the matched share of the
+    videos of another action, which the truth leaves out."""
     noses = {}
     if any("nose" in video.joint_names for video in truth.videos.values()):
         model = load_free_body()
-        noses = {m.id: body_points(model, m, "coco17", np.eye(3)).nose_m for m in answer.motions}
-    numbers = against_truth(answer, keypoints, truth, noses)
-    maps = [] if answer.sync is None else answer.sync.maps
-    strangers = [m.reference_frame for m in maps if truth.videos[m.id].joints is None]
-    if strangers:
-        numbers["stranger_matched_share"] = float(np.isfinite(np.concatenate(strangers)).mean())
+        noses = {m.id: body_points(model, m, "coco17", np.eye(3)).nose_m for m in result.motions}
+    numbers = against_truth(result, keypoints, truth, noses)
+    maps = [] if result.sync is None else result.sync.maps
+    outliers = [m.reference_frame for m in maps if truth.videos[m.id].joints is None]
+    if outliers:
+        numbers["stranger_matched_share"] = float(np.isfinite(np.concatenate(outliers)).mean())
     return numbers
 
 
 def _estimator(action: Action, keypoints: Keypoints, truth: Truth) -> dict[str, float]:
-    """What the monocular estimator said before any fit, where there was one."""
+    """Errors of the monocular estimator before any fit; empty where there is no estimate."""
     rows = []
     for video in keypoints.videos:
         true = true_motion(truth.videos[video.id], video.frames)
         if video.initial is None or video.initial_format != "joints_npz" or true is None:
             continue
-        found = read_joints_npz(action.folder / video.initial, video.frames)
-        motion = CameraJoints(found.joints, found.joint_names, video.frames)
+        estimate = read_joints_npz(action.folder / video.initial, video.frames)
+        motion = CameraJoints(estimate.joints, estimate.joint_names, video.frames)
         rows += pose_rows("estimator", video.id, motion, true, video.fps)
     return {row.metric: row.value for row in over_videos(rows) if row.value is not None}
 
 
 def truth_of(job: Job, keypoints: Keypoints) -> Truth:
-    """The truth of the action's used frames; WorkFailed when it has none."""
+    """The truth of the action's used frames; WorkFailed when the action has none."""
     if job.action.truth is None:
         raise WorkFailed(f"{job.action.file}: a benchmark needs truth")
     used = {video.id: video.frames for video in keypoints.videos}
@@ -146,11 +146,12 @@ def truth_of(job: Job, keypoints: Keypoints) -> Truth:
 
 
 def score_key(job: Job, done: Mapping[str, Stored], *code: Path) -> str:
-    """Digest of all that an action's numbers depend on; `code` besides the scoring's own."""
+    """Digest of all that an action's numbers depend on: artifacts, truth, seed, the code of scoring
+    and the files of `code`."""
     truth = b""
     if job.action.truth is not None:
         truth = (job.action.folder / job.action.truth).read_bytes()
     files = [closure(file) for file in (Path(__file__), *code)]
     artifacts = {name: stored.digest for name, stored in done.items()}
-    told = json.dumps([files, artifacts, job.settings.seed])
-    return hashlib.sha256(told.encode() + truth).hexdigest()
+    parts = json.dumps([files, artifacts, job.settings.seed])
+    return hashlib.sha256(parts.encode() + truth).hexdigest()

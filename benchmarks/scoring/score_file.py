@@ -1,4 +1,4 @@
-"""The numbers of one action, and the file that keeps them."""
+"""The numbers of one action, and their file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STAGES_OF = {
 
 
 def first_videos(count: int) -> str:
-    """The name of the loop's result, scored on the first videos alone."""
+    """The name of the loop's result when only the first videos are scored."""
     return f"after loop, first {count}"
 
 
@@ -41,16 +41,16 @@ class ActionScore:
         return self.numbers.get(result, {}).get(metric)
 
     def cost(self, result: str) -> Cost | None:
-        """What a result cost with all that it is made from; None when a part was not measured."""
+        """Cost of a result and all that it is made from; None when a part was not measured."""
         parts = [self.costs.get(stage) for stage in STAGES_OF.get(result, (result,))]
-        known = [part for part in parts if part is not None]
-        if len(known) < len(parts):
+        measured = [part for part in parts if part is not None]
+        if len(measured) < len(parts):
             return None
-        return Cost(sum(c.seconds for c in known), max(c.peak_gb for c in known))
+        return Cost(sum(c.seconds for c in measured), max(c.peak_gb for c in measured))
 
 
-def keep_score(score: ActionScore, file: Path) -> None:
-    """Write an action's numbers, whole or not at all."""
+def write_score(score: ActionScore, file: Path) -> None:
+    """Store an action's numbers, whole or not at all."""
     file.parent.mkdir(parents=True, exist_ok=True)
     draft = file.with_suffix(".part")
     draft.write_text(json.dumps(asdict(score), indent=1))
@@ -58,10 +58,10 @@ def keep_score(score: ActionScore, file: Path) -> None:
 
 
 def read_score(file: Path) -> ActionScore | None:
-    """An action's numbers as kept; None when there are none that can be read."""
+    """An action's stored numbers; None when there are none that can be read."""
     try:
-        told = json.loads(file.read_text())
-        costs = {stage: Cost(**cost) for stage, cost in told.pop("costs").items()}
-        return ActionScore(**told, costs=costs)
+        fields = json.loads(file.read_text())
+        costs = {stage: Cost(**cost) for stage, cost in fields.pop("costs").items()}
+        return ActionScore(**fields, costs=costs)
     except (FileNotFoundError, ValueError, TypeError, KeyError, AttributeError):
         return None

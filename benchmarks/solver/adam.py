@@ -1,4 +1,6 @@
-"""Gradient descent, which the paper names, for comparison with Gauss-Newton."""
+"""Adam, the gradient descent that the paper names, for comparison with Gauss-Newton."""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 
@@ -20,19 +22,25 @@ def adam(
     learning_rate: float = 0.01,
     shared_globals: bool = False,
 ) -> Solution:
-    """Adam (Kingma & Ba, 2015) on local increments; the best state seen is returned.
+    """Adam (Kingma & Ba, 2015) on local increments; the best of all states is returned.
 
-    The increments are taken anew about the current state at every step, so rotations stay on
-    their manifold; the moments live in the joints' own axes.
+    The increments start again from the current state at every step, so rotations stay on their
+    manifold; the moments are in the axes of each joint.
+
+    Args:
+        terms: the objective; state: the start.
+        max_steps: steps, each with one gradient.
+        learning_rate: of the increments, radians and metres.
+        shared_globals: one body for the batch.
     """
     batch, frames = state.valid.shape
-    like = state.trans
+    trans = state.trans
     sizes = ((batch, frames, FRAME_UNKNOWNS), (batch, state.unknown_globals))
-    first = [like.new_zeros(size) for size in sizes]
-    second = [like.new_zeros(size) for size in sizes]
+    first = [trans.new_zeros(size) for size in sizes]
+    second = [trans.new_zeros(size) for size in sizes]
     best, best_cost, costs = state, float("inf"), []
     for step in range(1, max_steps + 2):
-        zero = [like.new_zeros(size).requires_grad_() for size in sizes]
+        zero = [trans.new_zeros(size).requires_grad_() for size in sizes]
         cost = objective(terms, state.retract(*zero)).sum()
         costs.append(float(cost.detach()))
         if costs[-1] < best_cost:
@@ -51,5 +59,5 @@ def adam(
             moves.append(-learning_rate * mean / (spread + TINY))
         state = state.retract(*moves)
     status = f"Adam stopped after {max_steps} steps at its lowest objective"
-    done = torch.zeros(batch, dtype=torch.bool, device=like.device)
+    done = torch.zeros(batch, dtype=torch.bool, device=trans.device)
     return Solution(best, costs, done, status)

@@ -1,4 +1,4 @@
-"""How SMPL-BA grows with the number of frames: time and memory, every size in its own process."""
+"""Time and memory of SMPL-BA by number of frames, every size in its own process."""
 
 from __future__ import annotations
 
@@ -20,9 +20,12 @@ SIZES = ((4, 150), (4, 300), (8, 500), (8, 1000))
 
 @dataclass(frozen=True)
 class GrowthRow:
-    """SMPL-BA on one made scene. seconds on the clock and of the processor (all cores together);
-    growth: exponent of the processor's seconds by frames since the size before; load: processes
-    that wanted the processor, mean of the minute before."""
+    """SMPL-BA on one made scene.
+
+    seconds: on the clock; processor_s: of all cores together. growth: exponent of the processor's
+    seconds by frames since the size before. load: mean number of processes that wanted the
+    processor in the minute before.
+    """
 
     videos: int
     frames: int
@@ -42,13 +45,15 @@ def grow(
     spawn = multiprocessing.get_context("spawn")
     for videos, frames in sizes:
         with ProcessPoolExecutor(1, mp_context=spawn) as pool:
-            row = pool.submit(grown, fit, motion, seed, videos, frames).result()
+            row = pool.submit(measure_size, fit, motion, seed, videos, frames).result()
         rows.append(_with_growth(row, rows))
     return rows
 
 
-def grown(fit: FitParams, motion: MotionParams, seed: int, videos: int, frames: int) -> GrowthRow:
-    """One size, in this process."""
+def measure_size(
+    fit: FitParams, motion: MotionParams, seed: int, videos: int, frames: int
+) -> GrowthRow:
+    """The row of one size, measured in this process."""
     load = os.getloadavg()[0]
     made = made_scene(videos, frames, fit, seed)
     began, began_processor = time.perf_counter(), time.process_time()

@@ -1,11 +1,13 @@
 """L-BFGS, a general quasi-Newton method, for comparison with Gauss-Newton."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from jaxtyping import Float
 from scipy.optimize import OptimizeResult, minimize
 from torch import Tensor
 
@@ -14,9 +16,8 @@ from imocap_core.motion.solver.objective import objective
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms.base import Term
 
-Array = NDArray[np.float64]
-MEMORY = 20  # pairs of steps and gradients that stand for the curvature
-STEPS_A_CENTRE = 100  # before the increments are taken anew
+MEMORY = 20  # pairs of steps and gradients that approximate the curvature
+STEPS_A_CENTRE = 100  # before the increments start again from the current state
 SETTLED, MORE, STUCK = 0, 1, 2  # how SciPy's L-BFGS-B ends
 
 
@@ -28,12 +29,13 @@ def lbfgs(
     relative_tolerance: float = 1e-6,
     shared_globals: bool = False,
 ) -> Solution:
-    """L-BFGS (Liu & Nocedal, 1989) on local increments, its line search strong Wolfe.
+    """L-BFGS (Liu & Nocedal, 1989) on local increments, with a strong Wolfe line search.
 
     Only points that lower the objective are taken, so it never rises. The increments are about
     one state for `STEPS_A_CENTRE` steps, then about the state reached: rotations stay far from the
-    end of their chart, and the memory of the curvature starts anew. So it does when a line search
-    fails, as it can where a term's gradient is not exact (what a term minimises out is held).
+    end of their chart, and the memory of the curvature starts again. It also starts again when a
+    line search fails, as it can where a term's gradient is not exact (unknowns that a term
+    minimises out are held constant in it).
 
     Args:
         terms: the objective; state: the start.
@@ -52,7 +54,7 @@ def lbfgs(
     steps = len(costs) - 1
     status = {
         SETTLED: f"L-BFGS converged after {steps} steps",
-        MORE: f"L-BFGS stopped after {steps} steps before it settled",
+        MORE: f"L-BFGS stopped after {steps} steps before it converged",
         STUCK: f"L-BFGS stopped after {steps} steps, where its line search found nothing lower",
     }[ended]
     converged = torch.full_like(state.valid[:, 0], ended == SETTLED)
@@ -69,37 +71,38 @@ class _Chart:
 
     @property
     def sizes(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """Of the frames' unknowns and of the globals."""
+        """Shapes of the frames' unknowns and of the globals."""
         batch, frames = self.centre.valid.shape
         rows = 1 if self.shared_globals else batch
         return (batch, frames, FRAME_UNKNOWNS), (rows, self.centre.unknown_globals)
 
-    def state(self, x: Tensor) -> MotionState:
+    def state(self, x: Float[Tensor, " n"]) -> MotionState:
         """The centre after increments."""
         of_frames, of_globals = self.sizes
         count = int(np.prod(of_frames))
         d_globals = x[count:].reshape(of_globals).expand(len(self.centre.valid), -1)
         return self.centre.retract(x[:count].reshape(of_frames), d_globals)
 
-    def tensor(self, x: Array) -> Tensor:
+    def tensor(self, x: Float[np.ndarray, " n"]) -> Float[Tensor, " n"]:
         """On the centre's device, in its dtype."""
         return torch.as_tensor(x).to(self.centre.trans)
 
-    def value(self, x: Array) -> tuple[float, Array]:
-        """The objective and its gradient; where it is not finite, a very high flat place."""
-        at = self.tensor(x).requires_grad_()
-        cost = objective(self.terms, self.state(at)).sum()
-        (slope,) = torch.autograd.grad(cost, at)
-        if not (bool(cost.isfinite()) and bool(slope.isfinite().all())):
+    def value(self, x: Float[np.ndarray, " n"]) -> tuple[float, Float[np.ndarray, " n"]]:
+        """The objective and its gradient; a very high value without slope where it is not
+        finite."""
+        point = self.tensor(x).requires_grad_()
+        cost = objective(self.terms, self.state(point)).sum()
+        (gradient,) = torch.autograd.grad(cost, point)
+        if not (bool(cost.isfinite()) and bool(gradient.isfinite().all())):
             return float(np.finfo(np.float32).max), np.zeros_like(x)
-        return float(cost.detach()), slope.cpu().numpy().astype(np.float64)
+        return float(cost.detach()), gradient.cpu().numpy().astype(np.float64)
 
 
 def _run(
     chart: _Chart, start_cost: float, most: int, tolerance: float
 ) -> tuple[MotionState, list[float], int]:
-    """The lowest state of up to ``most`` steps about one centre, the objective after each, and how
-    SciPy ended."""
+    """The lowest state of up to ``most`` steps about one centre, the objective after each, and
+    SciPy's exit code."""
     best = np.zeros(sum(int(np.prod(size)) for size in chart.sizes))
     costs = [start_cost]
 

@@ -1,10 +1,10 @@
-"""`imocap benchmark solver`: how long the motion takes, against what, and how it grows.
+"""The speed of the solver: by stage, against rivals, and by number of frames.
 
-Everything is made by the project. Three parts (`--only`), whose rows are kept, so that the table
+All data are made by the project. Three parts (`--only`), whose rows are stored, so that the table
 always shows the last measurement of each:
 
 * stages: the demo action from its keypoints to the final motion, stage by stage;
-* race: Gauss-Newton against L-BFGS and Adam to one objective;
+* race: Gauss-Newton against L-BFGS and Adam on one objective;
 * growth: SMPL-BA on 4 x 150 to 8 x 1000 frames.
 """
 
@@ -21,15 +21,16 @@ from typing import Any
 from benchmarks.solver.growth import grow
 from benchmarks.solver.race import race
 from benchmarks.solver.scene import made_scene
+from benchmarks.tables import markdown_table
 from imocap_core.errors import WrongUse
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.runner import Display, Outcome
 from imocap_core.workspace import Workspace
 
 STAGES = ("keypoints", "camera_motion", "initial_smpl", "sync", "smpl_ba", "refine_sync")
-FROM_KEYPOINTS = tuple(stage for stage in STAGES if stage != "camera_motion")  # it reads the videos
+FROM_KEYPOINTS = tuple(stage for stage in STAGES if stage != "camera_motion")  # reads the videos
 RACE_SIZE = (4, 40)  # videos, frames
-MOST_TIMES = 25.0  # Gauss-Newton's time that a rival is given
+MOST_TIMES = 25.0  # a rival may take this many times Gauss-Newton's time
 HEADS = {
     "stages": "From keypoints to the final motion: yoga, four videos of 146 to 186 frames",
     "race": f"To the same objective: the common motion of {RACE_SIZE[0]} x {RACE_SIZE[1]} frames "
@@ -49,8 +50,8 @@ NOTES = {
 
 
 @dataclass(frozen=True)
-class StageRow:
-    """What one stage took."""
+class StageTimeRow:
+    """The time of one stage."""
 
     stage: str
     seconds: float
@@ -59,40 +60,41 @@ class StageRow:
 
 
 @dataclass
-class Clock:
-    """A display that also notes what every stage took, threads and all."""
+class StageTimer:
+    """A display that also records the time of every stage, of all its threads."""
 
     display: Display
-    rows: list[StageRow] = field(default_factory=list)
+    rows: list[StageTimeRow] = field(default_factory=list)
     _began: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def started(self, stage: str, why: list[str]) -> None:
-        """Look at the clocks."""
+        """Start the clocks."""
         self.display.started(stage, why)
         self._began = time.perf_counter(), time.process_time(), os.getloadavg()[0]
 
     def progress(self, share: float, what: str) -> None:
-        """As it is."""
+        """Passed on."""
         self.display.progress(share, what)
 
     def finished(self, outcome: Outcome) -> None:
-        """Note what it took."""
+        """Record the time."""
         began, processor, load = self._began
         seconds, processor_s = time.perf_counter() - began, time.process_time() - processor
-        self.rows.append(StageRow(outcome.stage, seconds, processor_s, load))
+        self.rows.append(StageTimeRow(outcome.stage, seconds, processor_s, load))
         self.display.finished(outcome)
 
     def made_demo(self, name: str, folder: Path) -> None:
-        """As it is."""
+        """Passed on."""
         self.display.made_demo(name, folder)
 
     def waiting(self) -> None:
-        """As it is."""
+        """Passed on."""
         self.display.waiting()
 
 
 def measure(workspace: Workspace, only: Sequence[str], display: Display, folder: Path) -> str:
-    """Measure the chosen parts (all when none is named), keep their rows; the table of all kept."""
+    """Measure the chosen parts (all when none is named) and store their rows; the table of all
+    stored rows."""
     if unknown := sorted(set(only) - set(HEADS)):
         raise WrongUse(f"--only {unknown[0]}: expected some of {', '.join(HEADS)}")
     folder.mkdir(parents=True, exist_ok=True)
@@ -110,29 +112,35 @@ def measure(workspace: Workspace, only: Sequence[str], display: Display, folder:
     return text
 
 
-def stage_rows(workspace: Workspace, display: Display) -> list[StageRow]:
-    """Every stage made anew, and the sum from keypoints to the final motion."""
+def stage_rows(workspace: Workspace, display: Display) -> list[StageTimeRow]:
+    """Every stage, run again; and the sum from keypoints to the final motion."""
     job = workspace.ready_job("yoga", [], display)
-    clock = Clock(display)
-    runner.run(job, clock, list(STAGES), frozenset(STAGES))
-    counted = [row for row in clock.rows if row.stage in FROM_KEYPOINTS]
+    timer = StageTimer(display)
+    runner.run(job, timer, list(STAGES), frozenset(STAGES))
+    counted = [row for row in timer.rows if row.stage in FROM_KEYPOINTS]
     seconds, processor_s = (sum(getattr(r, f) for r in counted) for f in ("seconds", "processor_s"))
-    return [*clock.rows, StageRow("**sum**", seconds, processor_s, counted[0].load)]
+    return [*timer.rows, StageTimeRow("**sum**", seconds, processor_s, counted[0].load)]
 
 
 def markdown(folder: Path) -> str:
-    """The kept rows of every part that was measured."""
-    told = [
+    """The stored rows of every part that was measured."""
+    parts = [
         "## Speed of the solver",
         "Made by `imocap benchmark solver`. Data: made by the project.",
     ]
     for part, head in HEADS.items():
         file = folder / f"{part}.json"
         if file.is_file():
-            told += [f"### {head}", NOTES[part], _table(json.loads(file.read_text()))]
+            parts += [f"### {head}", NOTES[part], _table(json.loads(file.read_text()))]
         else:
-            told.append(f"**Not measured: {part}.**")
-    return "\n\n".join(told)
+            parts.append(f"**Not measured: {part}.**")
+    return "\n\n".join(parts)
+
+
+def _race(workspace: Workspace) -> Sequence[Any]:
+    pipeline = workspace.pipeline()
+    scene = made_scene(*RACE_SIZE, pipeline.params.fit, pipeline.seed)
+    return race(scene, pipeline.params.motion, MOST_TIMES)
 
 
 def _growth(workspace: Workspace) -> Sequence[Any]:
@@ -140,16 +148,8 @@ def _growth(workspace: Workspace) -> Sequence[Any]:
     return grow(pipeline.params.fit, pipeline.params.motion, pipeline.seed)
 
 
-def _race(workspace: Workspace) -> Sequence[Any]:
-    pipeline = workspace.pipeline()
-    made = made_scene(*RACE_SIZE, pipeline.params.fit, pipeline.seed)
-    return race(made, pipeline.params.motion, MOST_TIMES)
-
-
 def _table(rows: list[dict[str, Any]]) -> str:
-    lines = [list(rows[0]), ["---"] * len(rows[0])]
-    lines += [[_cell(value) for value in row.values()] for row in rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    return markdown_table(list(rows[0]), [[_cell(value) for value in row.values()] for row in rows])
 
 
 def _cell(value: object) -> str:

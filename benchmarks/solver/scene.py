@@ -1,8 +1,8 @@
-"""A made action of any length, in the core's own terms: what the solver's speed is measured on.
+"""A synthetic action of any length, as the solver takes it, for measuring the solver's speed.
 
-Poses are drawn from the pose prior and joined smoothly; every video shows a performance of its own
-that strays from them, filmed by a camera of its own on a circle, seen with a detector's noise.
-Correspondences are the true ones, frame to frame, and every start is a smooth way off.
+Poses are drawn from the pose prior and joined smoothly; every video shows another performance that
+deviates from them, before another camera on a circle, with a detector's noise. Correspondences are
+the true ones, frame to frame, and every start has a smooth error.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from jaxtyping import Float
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
@@ -24,8 +24,6 @@ from imocap_core.motion.prior import load_pose_prior
 from imocap_core.motion.state import MotionState
 from imocap_core.params import FitParams
 from imocap_core.rotations import exp
-
-Floats = NDArray[np.float64]
 
 FPS = 30.0
 LAYOUT = "body25"
@@ -40,27 +38,33 @@ SMOOTH_FRAMES = 10.0
 
 @dataclass(frozen=True)
 class MadeScene:
-    """What `recover_motion` takes."""
+    """The input of `recover_motion`."""
 
     scene: Scene
     start: MotionState
 
 
 def made_scene(videos: int, frames: int, weights: FitParams, seed: int) -> MadeScene:
-    """`videos` performances of one made motion, `frames` frames each."""
+    """`videos` performances of one synthetic motion, `frames` frames each."""
     rng = np.random.default_rng([seed, videos, frames])
     body = Body.of(load_free_body(), LAYOUT)
     theta, path = _motion(frames, rng)
     observations, starts = [], []
     for turn_rad in 2 * np.pi * np.arange(videos) / videos:
-        own = _own(body, theta, path, float(turn_rad), rng)
-        observations.append(_seen(body, own, rng))
-        away = _smooth((frames, 75), rng) * np.array([ERROR_RAD] * 72 + [ERROR_M] * 3)
-        starts.append(own.retract(torch.as_tensor(away)[None], torch.zeros_like(own.betas)))
+        state = _performance(body, theta, path, float(turn_rad), rng)
+        observations.append(_observed(body, state, rng))
+        error = _smooth((frames, 75), rng) * np.array([ERROR_RAD] * 72 + [ERROR_M] * 3)
+        starts.append(state.retract(torch.as_tensor(error)[None], torch.zeros_like(state.betas)))
     maps = [np.arange(frames, dtype=np.float64) for _ in range(videos)]
-    trust = [np.ones(frames) for _ in range(videos)]
+    confidence = [np.ones(frames) for _ in range(videos)]
     scene = Scene(
-        body, load_pose_prior(), observations, make_timeline(maps, trust, frames), trust, 0, weights
+        body,
+        load_pose_prior(),
+        observations,
+        make_timeline(maps, confidence, frames),
+        confidence,
+        0,
+        weights,
     )
     parts = (torch.cat([getattr(s, name) for s in starts]) for name in ("R_local", "trans"))
     R_local, trans = parts
@@ -68,42 +72,49 @@ def made_scene(videos: int, frames: int, weights: FitParams, seed: int) -> MadeS
     return MadeScene(scene, MotionState.of(R_local, trans, trans.new_zeros(videos, 10), valid))
 
 
-def _motion(frames: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Axis angles (frames, 24, 3), upright and slowly turning in y-up axes, and the path (frames,
-    3) of the root about the origin."""
+def _motion(
+    frames: int, rng: np.random.Generator
+) -> tuple[Float[np.ndarray, "T 24 3"], Float[np.ndarray, "T 3"]]:
+    """Axis angles, upright and slowly turning in y-up axes, and the path of the root about the
+    origin, metres."""
     keys = -(-frames // KEY_FRAMES) + 1
     poses = load_pose_prior().sample(keys, rng, spread=0.5)
-    at = np.arange(frames) / KEY_FRAMES
-    articulation = CubicSpline(np.arange(keys), poses)(at).reshape(frames, 23, 3)
+    times = np.arange(frames) / KEY_FRAMES
+    articulation = CubicSpline(np.arange(keys), poses)(times).reshape(frames, 23, 3)
     turn = np.zeros((frames, 1, 3))
     turn[:, 0, 1] = 0.5 * _smooth((frames, 1), rng)[:, 0]
     return np.concatenate([turn, articulation], axis=1), 0.2 * _smooth((frames, 3), rng)
 
 
-def _own(
-    body: Body, theta: Floats, path: Floats, turn_rad: float, rng: np.random.Generator
+def _performance(
+    body: Body,
+    theta: Float[np.ndarray, "T 24 3"],
+    path: Float[np.ndarray, "T 3"],
+    turn_rad: float,
+    rng: np.random.Generator,
 ) -> MotionState:
     """One performance (batch of 1) in the axes of a camera at `turn_rad` on the circle."""
     frames = len(theta)
-    strayed = exp(torch.as_tensor(theta + DEVIATION_RAD * _smooth((frames, 24, 3), rng)))
+    R_local = exp(torch.as_tensor(theta + DEVIATION_RAD * _smooth((frames, 24, 3), rng)))
     c, s = np.cos(turn_rad), np.sin(turn_rad)
     R_cam_from_world = np.diag([1.0, -1.0, -1.0]) @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
-    strayed[:, 0] = torch.as_tensor(R_cam_from_world) @ strayed[:, 0]
+    R_local[:, 0] = torch.as_tensor(R_cam_from_world) @ R_local[:, 0]
     root = (path + DEVIATION_M * _smooth((frames, 3), rng)) @ R_cam_from_world.T
     root = root + np.array([0.0, 0.0, DISTANCE_M])
     trans = torch.as_tensor(root) - body.model.joints_template[0]
     valid = torch.ones(1, frames, dtype=torch.bool)
-    return MotionState.of(strayed[None], trans[None], trans.new_zeros(1, 10), valid)
+    return MotionState.of(R_local[None], trans[None], trans.new_zeros(1, 10), valid)
 
 
-def _seen(body: Body, own: MotionState, rng: np.random.Generator) -> Observation:
-    xyz = body.positions(body.keypoints, own).xyz[0].numpy()
+def _observed(body: Body, state: MotionState, rng: np.random.Generator) -> Observation:
+    """Keypoints of one performance with a detector's noise."""
+    xyz = body.positions(body.keypoints, state).xyz[0].numpy()
     xy = xyz[..., :2] / xyz[..., 2:] * K[0, 0] + K[:2, 2]
     xy = xy + rng.normal(0.0, NOISE_PX, xy.shape)
     return Observation(xy, np.ones(xy.shape[:2]), K, FPS, noise_share=NOISE_SHARE)
 
 
-def _smooth(shape: tuple[int, ...], rng: np.random.Generator) -> Floats:
+def _smooth(shape: tuple[int, ...], rng: np.random.Generator) -> Float[np.ndarray, "T ..."]:
     """Noise of unit variance along the first axis, smooth over about a third of a second."""
     noise = gaussian_filter1d(rng.normal(size=shape), SMOOTH_FRAMES, axis=0, mode="reflect")
     return noise * np.sqrt(2 * SMOOTH_FRAMES * np.sqrt(np.pi))

@@ -1,4 +1,4 @@
-"""`imocap benchmark sync`: synchronisation alone, its accuracy by method and warp, events, speed.
+"""Accuracy of the synchronisation alone, by method and warp, and its errors at events.
 
 Poses of the simulated estimator go straight into `synchronise`; no stage is run.
 """
@@ -33,7 +33,7 @@ WARPS = ("posterior", "dtw")
 
 @dataclass(frozen=True)
 class AccuracyRow:
-    """One clip: error in % of the pairwise maps and of the maps to the reference."""
+    """One clip: errors of the pairwise maps and of the maps to the reference, % of the motion."""
 
     clip: str
     warp: str
@@ -48,7 +48,7 @@ class AccuracyRow:
 
 @dataclass(frozen=True)
 class EventRow:
-    """One action: |event - event of the reference| in frames."""
+    """One action: |event - event of the reference| in frames, over its videos."""
 
     action: str
     median_frames: float
@@ -58,7 +58,7 @@ class EventRow:
 def accuracy(
     folder: Path, sampling: str, settings: SyncParams, methods: Sequence[str], only: Sequence[str]
 ) -> list[AccuracyRow]:
-    """Every clip with every method and warp, before the loop, rivals, and the means."""
+    """Every clip with every method and warp (no loop), the rivals, and the means over the clips."""
     rows = []
     for file in sorted(folder.glob("*.npz")):
         if only and file.stem not in only:
@@ -66,7 +66,7 @@ def accuracy(
         scene = protocol_scene(file, sampling)
         for warp in WARPS:
             rows += [_accuracy(scene, settings, warp, method) for method in methods]
-        reference = _synchronised(scene, _fit_for(scene, settings)).reference
+        reference = _synchronised(scene, _settings_for(scene, settings)).reference
         rows += [_rival(scene, kind, reference) for kind in RIVALS]
     return rows + _means(rows)
 
@@ -74,35 +74,33 @@ def accuracy(
 def calibrated(
     folder: Path, sampling: str, settings: SyncParams, only: Sequence[str]
 ) -> list[CalibrationRow]:
-    """The confidence of every clip's frames against their errors, with the default settings."""
+    """The confidence of the frames of all clips against their errors, with the default settings."""
     pairs = []
     for file in sorted(folder.glob("*.npz")):
         if not only or file.stem in only:
             scene = protocol_scene(file, sampling)
-            found = _synchronised(scene, _fit_for(scene, settings))
+            sync = _synchronised(scene, _settings_for(scene, settings))
             pairs.append(
-                confidences_and_errors(
-                    scene, found.reference, found.reference_frame, found.confidence
-                )
+                confidences_and_errors(scene, sync.reference, sync.reference_frame, sync.confidence)
             )
     return calibration(np.concatenate(pairs), settings.confidence_reach_s) if pairs else []
 
 
 def _accuracy(scene: SyncScene, settings: SyncParams, warp: str, method: str) -> AccuracyRow:
     choice = replace(
-        _fit_for(scene, settings), warp=cast(Warp, warp), method=cast(CycleMethod, method)
+        _settings_for(scene, settings), warp=cast(Warp, warp), method=cast(CycleMethod, method)
     )
-    found = _synchronised(scene, choice)
-    score = score_maps(scene, found.reference, found.reference_frame, found.confidence)
+    sync = _synchronised(scene, choice)
+    score = score_maps(scene, sync.reference, sync.reference_frame, sync.confidence)
     blocks, M = Blocks(tuple(map(len, scene.poses))), len(scene.poses)
     errors = []
     for i, j in ((i, j) for i in range(M) for j in range(M) if i != j):
-        block = np.asarray(blocks.block(found.relaxed, i, j), dtype=float)
+        block = np.asarray(blocks.block(sync.relaxed, i, j), dtype=float)
         if warp == "dtw":
-            at = positions_of_rows(dtw(-block)[0], len(block))
+            positions = positions_of_rows(dtw(-block)[0], len(block))
         else:
-            at = median_positions(block)
-        errors.append(pair_error_pct(scene, i, j, at))
+            positions = median_positions(block)
+        errors.append(pair_error_pct(scene, i, j, positions))
     return AccuracyRow(
         scene.name, warp, method, float(np.mean(errors)), score.error_pct, score.error_frames,
         score.matched, score.within_one, score.confidence,
@@ -111,15 +109,15 @@ def _accuracy(scene: SyncScene, settings: SyncParams, warp: str, method: str) ->
 
 def _rival(scene: SyncScene, kind: str, reference: int) -> AccuracyRow:
     """A rival's maps to the reference; it has none between other videos."""
-    frames, trust = rival(kind, scene, reference)
-    score = score_maps(scene, reference, frames, trust)
+    frames, confidence = rival(kind, scene, reference)
+    score = score_maps(scene, reference, frames, confidence)
     return AccuracyRow(
         scene.name, "-", kind, float("nan"), score.error_pct, score.error_frames,
         score.matched, score.within_one, score.confidence,
     )  # fmt: skip
 
 
-def _fit_for(scene: SyncScene, settings: SyncParams) -> SyncParams:
+def _settings_for(scene: SyncScene, settings: SyncParams) -> SyncParams:
     return settings if scene.max_rate is None else replace(settings, max_rate=scene.max_rate)
 
 
@@ -128,7 +126,7 @@ def _synchronised(scene: SyncScene, settings: SyncParams) -> SyncResult:
 
 
 def _means(rows: Sequence[AccuracyRow]) -> list[AccuracyRow]:
-    """One row a way to synchronise: the mean over the clips."""
+    """One row for each pair of warp and method: the mean over the clips."""
     means = []
     for warp, method in dict.fromkeys((r.warp, r.method) for r in rows):
         same = [list(asdict(r).values())[3:] for r in rows if (r.warp, r.method) == (warp, method)]
@@ -137,7 +135,7 @@ def _means(rows: Sequence[AccuracyRow]) -> list[AccuracyRow]:
 
 
 def events(folder: Path, settings: SyncParams, only: Sequence[str]) -> list[EventRow]:
-    """Every action of the trials whose data name an event."""
+    """Every action of the trials whose data give the frame of an event."""
     rows = []
     for file in sorted(folder.glob("*.npz")):
         if only and file.stem not in only:
@@ -145,7 +143,7 @@ def events(folder: Path, settings: SyncParams, only: Sequence[str]) -> list[Even
         scene = trial_scene(file)
         if scene.events is None:
             continue
-        found = _synchronised(scene, settings)
-        errors = event_errors_frames(scene, found.reference, found.reference_frame)
+        sync = _synchronised(scene, settings)
+        errors = event_errors_frames(scene, sync.reference, sync.reference_frame)
         rows.append(EventRow(scene.name, float(np.median(errors)), float(errors.max())))
     return rows

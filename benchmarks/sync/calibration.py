@@ -1,4 +1,4 @@
-"""Is the confidence what it says: the probability of a match within `sync.confidence_reach_s`?"""
+"""Calibration of the confidence: the probability of a match within `sync.confidence_reach_s`."""
 
 from __future__ import annotations
 
@@ -7,24 +7,22 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float
 
 from benchmarks.sync.scenes import SyncScene
 from imocap_core.metrics.sync import sync_errors
-
-Floats = NDArray[np.float64]
 
 EDGES = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 1.0)
 
 
 @dataclass(frozen=True)
 class CalibrationRow:
-    """Matched frames of a range of confidences: how many, the mean confidence, and the share that
-    is within the reach; `median_s` the median error."""
+    """Matched frames in a range of confidences: their number, mean confidence, the share within the
+    reach, and the median error."""
 
     confidence: str
     frames: int
-    said: float
+    mean_confidence: float
     within: float
     median_s: float
 
@@ -32,40 +30,44 @@ class CalibrationRow:
 def confidences_and_errors(
     scene: SyncScene,
     reference: int,
-    reference_frame: Sequence[Floats],
-    confidence: Sequence[Floats],
-) -> Floats:
-    """Confidence and error in seconds of the reference, (n, 2), of all matched frames whose truth
-    is known, the reference's own left out."""
-    at = np.arange(len(scene.phases[reference]), dtype=float)
-    found = [np.zeros((0, 2))]
+    reference_frame: Sequence[Float[np.ndarray, " T"]],
+    confidence: Sequence[Float[np.ndarray, " T"]],
+) -> Float[np.ndarray, "n 2"]:
+    """Confidence and error (seconds of the reference) of all matched frames that have a truth, the
+    reference's frames left out."""
+    reference_frames = np.arange(len(scene.phases[reference]), dtype=float)
+    pairs = [np.zeros((0, 2))]
     for v, frames in enumerate(reference_frame):
         if v != reference:
             errors = sync_errors(
-                frames, scene.phases[v], at, scene.phases[reference], scene.phase_end
+                frames,
+                scene.phases[v],
+                reference_frames,
+                scene.phases[reference],
+                scene.phase_end,
             )
             both = errors.matched & errors.has_truth
-            off = errors.frames[both] / scene.fps[reference]
-            found.append(np.column_stack([confidence[v][both], off]))
-    return np.concatenate(found)
+            error_s = errors.frames[both] / scene.fps[reference]
+            pairs.append(np.column_stack([confidence[v][both], error_s]))
+    return np.concatenate(pairs)
 
 
-def calibration(pairs: Floats, reach_s: float) -> list[CalibrationRow]:
-    """One row a range of confidences, and one of all; `pairs` (n, 2) as above."""
+def calibration(pairs: Float[np.ndarray, "n 2"], reach_s: float) -> list[CalibrationRow]:
+    """One row for each range of confidences, and one for all; `pairs` as above."""
     rows = []
     ranges = [*pairwise(EDGES), (EDGES[0], EDGES[-1])]
     for low, high in ranges:
-        # the last range holds its upper end
+        # the last range includes its upper end
         inside = (pairs[:, 0] >= low) & ((pairs[:, 0] < high) | (high == EDGES[-1]))
-        own = pairs[inside]
-        if len(own):
+        in_range = pairs[inside]
+        if len(in_range):
             rows.append(
                 CalibrationRow(
                     f"{low:.1f} to {high:.1f}",
-                    len(own),
-                    float(own[:, 0].mean()),
-                    float(np.mean(own[:, 1] <= reach_s)),
-                    float(np.median(own[:, 1])),
+                    len(in_range),
+                    float(in_range[:, 0].mean()),
+                    float(np.mean(in_range[:, 1] <= reach_s)),
+                    float(np.median(in_range[:, 1])),
                 )
             )
     return rows

@@ -1,7 +1,7 @@
-"""Scenes for measuring synchronisation alone: poses as a monocular estimator gives them, and truth.
+"""Scenes for measuring synchronisation alone: poses of a simulated estimator, and the truth.
 
-No file is written and no stage is run: captured motion, seen by four virtual cameras, goes through
-the simulated estimator straight into `synchronise`.
+No file is written and no stage is run: captured motion before four virtual cameras goes through the
+simulated monocular estimator straight into `synchronise`.
 """
 
 from __future__ import annotations
@@ -12,24 +12,32 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float, Int
 
-from benchmarks.actions.captured import RESAMPLED_MAX_RATE, SIZE, Shot, protocol_shots, trial_shots
+from benchmarks.actions.captured import (
+    RESAMPLED_MAX_RATE,
+    SIZE,
+    CapturedVideo,
+    protocol_videos,
+    trial_videos,
+)
 from imocap_core.synthetic.captured import VIEWPOINTS, place_camera
 from imocap_core.synthetic.estimator import estimate
 
-Floats = NDArray[np.float64]
 SEED = 11
 
 
 @dataclass(frozen=True)
 class SyncScene:
-    """Per video: poses (T, 14, 3) in camera axes, phase (T,) rising, fps; `events` (M,) frames of
-    one moment of the action, or None; `max_rate` as `sync.max_rate`, None = the default."""
+    """Videos of one action: per video poses in camera axes (metres), rising phases, and fps.
+
+    events: the frame of one moment of the action in each video. max_rate: as `sync.max_rate`, None
+    for the default.
+    """
 
     name: str
-    poses: list[Floats]
-    phases: list[Floats]
+    poses: list[Float[np.ndarray, "T 14 3"]]
+    phases: list[Float[np.ndarray, " T"]]
     fps: list[float]
     phase_end: float
     events: list[int] | None = None
@@ -37,51 +45,53 @@ class SyncScene:
 
     @property
     def frames(self) -> int:
-        """N_a, the frames of all videos."""
+        """Number of frames of all videos."""
         return sum(map(len, self.poses))
 
 
-def seen_by_cameras(
+def filmed_scene(
     name: str,
-    joints_m: Sequence[Floats],
-    phases: Sequence[Floats],
-    kept: Sequence[NDArray[np.int64]],
+    joints_m: Sequence[Float[np.ndarray, "T 14 3"]],
+    phases: Sequence[Float[np.ndarray, " T"]],
+    frames: Sequence[Int[np.ndarray, " N"]],
     fps: float,
     *,
     seed: int = SEED,
-    **told: object,
+    **more: object,
 ) -> SyncScene:
-    """A scene of performances (T_v, 14, 3) on the stage, z up, at `fps`, of which videos keep some
-    frames; video v is filmed from viewpoint v."""
+    """A scene of performances on the stage, z up, at `fps`; video v is filmed from viewpoint v and
+    shows some frames of its performance. `more`: further fields of the scene."""
     poses = []
     for v, joints in enumerate(joints_m):
         view = VIEWPOINTS[v % len(VIEWPOINTS)]
         _, R, t = place_camera(view, joints, SIZE)
         rng = np.random.default_rng([seed, _number(name), v])
-        poses.append(estimate(joints @ R.T + t, fps, rng)[kept[v]])
-    own = [np.asarray(p)[k] for p, k in zip(phases, kept, strict=True)]
-    rates = [fps * len(k) / len(p) for k, p in zip(kept, phases, strict=True)]
-    end = max(float(own[0][-1]), 1.0)
-    return SyncScene(name, poses, own, rates, end, **told)  # type: ignore[arg-type]
+        poses.append(estimate(joints @ R.T + t, fps, rng)[frames[v]])
+    shown = [np.asarray(p)[f] for p, f in zip(phases, frames, strict=True)]
+    rates = [fps * len(f) / len(p) for f, p in zip(frames, phases, strict=True)]
+    end = max(float(shown[0][-1]), 1.0)
+    return SyncScene(name, poses, shown, rates, end, **more)  # type: ignore[arg-type]
 
 
 def protocol_scene(file: Path, sampling: str, videos: int = 4, seed: int = SEED) -> SyncScene:
     """The paper's protocol: one motion, resampled for each video."""
-    shots = protocol_shots(file, sampling, videos)
-    return _of_shots(file.stem, shots, seed, max_rate=RESAMPLED_MAX_RATE)
+    captured = protocol_videos(file, sampling, videos)
+    return _of_videos(file.stem, captured, seed, max_rate=RESAMPLED_MAX_RATE)
 
 
 def trial_scene(file: Path, videos: int = 4, seed: int = SEED) -> SyncScene:
-    """Several performances; phases by time warping of true joints, events as the data tell them."""
-    shots = trial_shots(file, videos)
+    """Several performances; phases by time warping of the true joints, events from the data."""
+    captured = trial_videos(file, videos)
     with np.load(file) as stored:
-        events = [int(e) for e in stored["event_frame"][: len(shots)]]
-    return _of_shots(file.stem, shots, seed, events=events if min(events) >= 0 else None)
+        events = [int(e) for e in stored["event_frame"][: len(captured)]]
+    return _of_videos(file.stem, captured, seed, events=events if min(events) >= 0 else None)
 
 
-def _of_shots(name: str, shots: Sequence[Shot], seed: int, **told: object) -> SyncScene:
-    joints, phases, kept = ([getattr(s, f) for s in shots] for f in ("joints_m", "phase", "kept"))
-    return seen_by_cameras(name, joints, phases, kept, shots[0].fps, seed=seed, **told)
+def _of_videos(name: str, videos: Sequence[CapturedVideo], seed: int, **more: object) -> SyncScene:
+    joints, phases, frames = (
+        [getattr(v, f) for v in videos] for f in ("joints_m", "phase", "frames")
+    )
+    return filmed_scene(name, joints, phases, frames, videos[0].fps, seed=seed, **more)
 
 
 def _number(name: str) -> int:

@@ -1,4 +1,4 @@
-"""How long each part of the synchronisation takes, and how much memory, at several sizes."""
+"""Time and memory of each part of the synchronisation at several sizes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 
 from imocap_core.params import SyncParams
@@ -19,8 +19,6 @@ from imocap_core.sync.cycle.methods import relax, symmetric_affinity
 from imocap_core.sync.pairwise.distance_matrix import compare
 from imocap_core.sync.warp.posterior import directed_maps
 
-Floats = NDArray[np.float64]
-
 SIZES = (600, 1200, 1550, 4000)
 LARGEST = {"als": 1550, "svt": 1200}  # beyond it a method is not measured
 VIDEOS, JOINTS, FPS = 4, 24, 30.0
@@ -28,18 +26,18 @@ VIDEOS, JOINTS, FPS = 4, 24, 30.0
 
 @dataclass(frozen=True)
 class SpeedRow:
-    """One part at one size; growth: exponent of the seconds since the size before."""
+    """One part at one size; growth: exponent of the seconds by frames since the size before."""
 
     part: str
     frames: int
     seconds: float
     peak_mb: float
     growth: float
-    said: str
+    status: str
 
 
-def made_poses(frames: int, rng: np.random.Generator) -> list[Floats]:
-    """Four noisy views (frames / 4, 24, 3) of one smooth motion, metres."""
+def made_poses(frames: int, rng: np.random.Generator) -> list[Float[np.ndarray, "T 24 3"]]:
+    """Four noisy copies of one smooth motion, frames / 4 frames each, metres."""
     T = frames // VIDEOS
     motion = 0.3 * gaussian_filter1d(rng.normal(size=(T, JOINTS, 3)), 8.0, axis=0) * 5.0
     return [motion + 0.05 * rng.normal(size=motion.shape) for _ in range(VIDEOS)]
@@ -63,17 +61,17 @@ def speed(settings: SyncParams) -> list[SpeedRow]:
     return rows
 
 
-def _relaxed(method: str, soft: NDArray[np.floating], blocks: Blocks, rounds: int) -> str:
+def _relaxed(method: str, soft: np.ndarray, blocks: Blocks, rounds: int) -> str:
     return relax(method, soft, blocks, rounds=rounds, rng=np.random.default_rng(0))[1].status
 
 
-def _whole(poses: list[Floats], fps: list[float], settings: SyncParams) -> None:
+def _whole(poses: list[np.ndarray], fps: list[float], settings: SyncParams) -> None:
     synchronise(poses, fps=fps, settings=settings, rng=np.random.default_rng(0))
 
 
 def _row(rows: list[SpeedRow], part: str, size: int, work: Callable[[], object]) -> SpeedRow:
     began = time.perf_counter()
-    said = work()
+    result = work()
     seconds = time.perf_counter() - began
     tracemalloc.start()
     work()
@@ -85,4 +83,4 @@ def _row(rows: list[SpeedRow], part: str, size: int, work: Callable[[], object])
         if before
         else float("nan")
     )
-    return SpeedRow(part, size, seconds, peak, growth, said if isinstance(said, str) else "")
+    return SpeedRow(part, size, seconds, peak, growth, result if isinstance(result, str) else "")

@@ -1,9 +1,8 @@
-"""Scenes made of the training clips: what every choice of the synchronisation was made on.
+"""Scenes made of the training clips, on which every setting of the synchronisation was chosen.
 
 * `resampled`: one motion, brought to 120 frames/s and resampled as in the paper's protocol;
-* `performed`: four performances of a clip, each at its own pace, from its own start to its own end,
-  with its own departures;
-* `periodic`: windows of a walk that hold different numbers of cycles, each at its own pace.
+* `performed`: four performances of a clip, with pace, start, end and departures of each its own;
+* `periodic`: windows of a walk that show different numbers of cycles, each at its own pace.
 """
 
 from __future__ import annotations
@@ -11,18 +10,16 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float
 from scipy.interpolate import CubicSpline
 
 from benchmarks.actions.captured import RESAMPLED_MAX_RATE
-from benchmarks.sync.scenes import SyncScene, seen_by_cameras
+from benchmarks.sync.scenes import SyncScene, filmed_scene
 from imocap_core.conventions import EVAL_14
 from imocap_core.synthetic.captured import hip_middle, to_stage
 from imocap_core.synthetic.estimator import EstimatorErrors, estimate
 from imocap_core.synthetic.samplings import sample_frames
 from imocap_core.synthetic.variation import Clip, pace
-
-Floats = NDArray[np.float64]
 
 CAPTURED_FPS, PROTOCOL_FPS, PROTOCOL_FRAMES = 30.0, 120.0, 2000
 RESAMPLED = ("01_01", "02_05", "02_10", "05_18", "13_01", "13_10", "13_15", "13_30")
@@ -51,14 +48,16 @@ _NAMES = {
 }
 
 
-def training_clip(file: Path, clip: str) -> Floats:
-    """Joints (T, 14, 3) of a clip on the stage, 30 frames/s, z up."""
+def training_clip(file: Path, clip: str) -> Float[np.ndarray, "T 14 3"]:
+    """Joints of a clip on the stage, 30 frames/s, metres, z up."""
     with np.load(file) as stored:
         names = [str(name) for name in stored["names"]]
         joints = stored[f"clip_{clip}"].astype(np.float64)
     joints = joints[:, [names.index(_NAMES[name]) for name in EVAL_14]]
     turn, shift = to_stage(joints)
-    placed: Floats = turn.apply(joints.reshape(-1, 3)).reshape(joints.shape) + shift
+    placed: Float[np.ndarray, "T 14 3"] = (
+        turn.apply(joints.reshape(-1, 3)).reshape(joints.shape) + shift
+    )
     return placed
 
 
@@ -66,17 +65,17 @@ def resampled(file: Path, clip: str, sampling: str, seed: int, videos: int = 4) 
     """A clip at 120 frames/s, at most 2000 of them, resampled for each video."""
     joints = training_clip(file, clip)
     ratio = PROTOCOL_FPS / CAPTURED_FPS
-    at = np.arange(0, len(joints) - 1, 1 / ratio)[:PROTOCOL_FRAMES]
-    fine = CubicSpline(np.arange(len(joints)), joints)(at)
-    kept = [
+    times = np.arange(0, len(joints) - 1, 1 / ratio)[:PROTOCOL_FRAMES]
+    fine = CubicSpline(np.arange(len(joints)), joints)(times)
+    frames = [
         sample_frames(sampling, len(fine), v, np.random.default_rng([seed, v]))
         for v in range(videos)
     ]
-    return seen_by_cameras(
+    return filmed_scene(
         f"{sampling} {clip}",
         [fine] * videos,
         [np.arange(len(fine), dtype=float)] * videos,
-        kept,
+        frames,
         PROTOCOL_FPS,
         seed=seed,
         max_rate=RESAMPLED_MAX_RATE,
@@ -86,8 +85,8 @@ def resampled(file: Path, clip: str, sampling: str, seed: int, videos: int = 4) 
 def performed(
     file: Path, clip: str, seed: int, *, ends: float = 0.08, videos: int = 4, kind: str = ""
 ) -> SyncScene:
-    """Performances of a clip; each shows it from and to its own moment, up to the share `ends`
-    inside it."""
+    """Performances of a clip; each starts and ends at its own moment, at most the share `ends` of
+    the clip from its start and end."""
     joints = training_clip(file, clip)
     T = len(joints)
     spline = CubicSpline(np.arange(T), joints)
@@ -95,21 +94,20 @@ def performed(
     for v in range(videos):
         rng = np.random.default_rng([seed, v, 3])
         first, last = rng.uniform(0, ends) * T, T - 1 - rng.uniform(0, ends) * T
-        frames = max(30, round((last - first) * rng.uniform(0.8, 1.25)))
-        phase = pace(Clip(frames, first, last, CAPTURED_FPS), rng)
+        count = max(30, round((last - first) * rng.uniform(0.8, 1.25)))
+        phase = pace(Clip(count, first, last, CAPTURED_FPS), rng)
         shown.append(_departed(spline(phase), rng))
         phases.append(phase)
-    kept = [np.arange(len(p)) for p in phases]
-    return seen_by_cameras(
-        f"{kind or 'performed'} {clip}", shown, phases, kept, CAPTURED_FPS, seed=seed
+    frames = [np.arange(len(p)) for p in phases]
+    return filmed_scene(
+        f"{kind or 'performed'} {clip}", shown, phases, frames, CAPTURED_FPS, seed=seed
     )
 
 
-def _departed(joints_m: Floats, rng: np.random.Generator) -> Floats:
-    """The same performer's other performance: slow departures, bones kept."""
+def _departed(joints_m: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Another performance of the same performer: slow departures at constant bone lengths."""
     middle = hip_middle(joints_m)[:, None]
-    departed: Floats = estimate(joints_m, CAPTURED_FPS, rng, DEPARTURE) + middle
-    return departed
+    return np.asarray(estimate(joints_m, CAPTURED_FPS, rng, DEPARTURE) + middle)
 
 
 def training_scenes(file: Path, kind: str, seed: int = 1) -> list[SyncScene]:

@@ -1,6 +1,6 @@
-"""Temporal Cycle-Consistency Learning (Dwibedi et al., CVPR 2019), trained on the clips at hand.
+"""Temporal Cycle-Consistency Learning (Dwibedi et al., CVPR 2019), trained on the clips to align.
 
-A network embeds every frame; it learns from nothing but cycle consistency between the clips. The
+A network embeds every frame; cycle consistency between the clips is all that it learns from. The
 clips are then aligned by DTW on distances between embeddings. See docs/tcc.md.
 """
 
@@ -9,7 +9,7 @@ from benchmarks.tcc.clips import FRAME_SIZE, frame_clip, person_crop, pose_clip
 from benchmarks.tcc.encoders import FrameEncoder, PoseEncoder
 from benchmarks.tcc.loss import cycle_back_regression
 from benchmarks.tcc.settings import FRAMES, POSES, TccSettings
-from benchmarks.tcc.training import Trained, train
+from benchmarks.tcc.training import TccTraining, train
 
 __all__ = [
     "FRAMES",
@@ -19,7 +19,7 @@ __all__ = [
     "PoseEncoder",
     "TccAlignment",
     "TccSettings",
-    "Trained",
+    "TccTraining",
     "align",
     "align_by_tcc",
     "cycle_back_regression",

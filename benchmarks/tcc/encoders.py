@@ -1,17 +1,20 @@
 """Embeddings of a moment: a few neighbouring frames in, one vector out.
 
-Windows, not whole clips, go in: a network that sees the clip's ends could count frames from there,
-which satisfies every cycle and means nothing.
+The input is a window, not the whole clip: a network that sees the ends of the clip could count
+frames from there, which satisfies every cycle and is meaningless.
 """
 
+from __future__ import annotations
+
 import torch
+from jaxtyping import Float
 from torch import Tensor, nn
 
 _HIDDEN = 128
 
 
 class PoseEncoder(nn.Module):
-    """Windows of 2D poses (N, W, K, 3) to embeddings (N, D) by 1D convolutions over time; W odd."""
+    """Windows of 2D poses to embeddings by 1D convolutions over time; window length W odd."""
 
     def __init__(self, points: int, taps: int, embedding: int) -> None:
         super().__init__()
@@ -20,15 +23,15 @@ class PoseEncoder(nn.Module):
             layers += [nn.ReLU(), nn.Conv1d(_HIDDEN, _HIDDEN, 3)]
         self.over_time = nn.Sequential(*layers, nn.ReLU(), nn.Conv1d(_HIDDEN, embedding, 1))
 
-    def forward(self, windows: Tensor) -> Tensor:
-        """(N, W, K, 3) -> (N, D)."""
+    def forward(self, windows: Float[Tensor, "N W K 3"]) -> Float[Tensor, "N D"]:
+        """One embedding for each window."""
         out: Tensor = self.over_time(windows.flatten(2).transpose(1, 2))
         return out[..., 0]
 
 
 class FrameEncoder(nn.Module):
-    """Windows of small pictures (N, W, channels, S, S) to embeddings (N, D): one small CNN on each
-    picture, then a convolution over all W of them."""
+    """Windows of small pictures to embeddings: one small CNN on each picture, then a convolution
+    over all W of them."""
 
     def __init__(self, channels: int, size: int, taps: int, embedding: int) -> None:
         super().__init__()
@@ -45,8 +48,8 @@ class FrameEncoder(nn.Module):
             nn.Conv1d(_HIDDEN, _HIDDEN, taps), nn.ReLU(), nn.Conv1d(_HIDDEN, embedding, 1)
         )
 
-    def forward(self, windows: Tensor) -> Tensor:
-        """(N, W, channels, S, S) -> (N, D)."""
+    def forward(self, windows: Float[Tensor, "N W C S S"]) -> Float[Tensor, "N D"]:
+        """One embedding for each window."""
         n, taps = windows.shape[:2]
         features = self.picture(windows.flatten(0, 1)).reshape(n, taps, -1)
         out: Tensor = self.over_time(features.transpose(1, 2))
@@ -54,7 +57,8 @@ class FrameEncoder(nn.Module):
 
 
 def encoder_for(item: torch.Size, taps: int, embedding: int) -> nn.Module:
-    """The encoder for items of one frame: poses (K, 3) or square pictures (channels, S, S)."""
+    """The encoder for the items of a clip: poses (K, 3) or square pictures (channels, S, S).
+    ValueError for other shapes."""
     if len(item) == 2 and item[1] == 3:
         return PoseEncoder(item[0], taps, embedding)
     if len(item) == 3 and item[1] == item[2]:
@@ -64,10 +68,11 @@ def encoder_for(item: torch.Size, taps: int, embedding: int) -> nn.Module:
     )
 
 
-def mirrored(windows: Tensor) -> Tensor:
-    """Poses (..., K, 3) or pictures (..., channels, S, S) with left and right of the image swapped.
+def mirrored(windows: Float[Tensor, "N W ..."]) -> Float[Tensor, "N W ..."]:
+    """Windows of poses (K, 3) or pictures (channels, S, S) with the image's left and right swapped.
 
-    The names of the joints stay: from the opposite side a pose looks so, perspective aside.
+    The names of the joints stay: but for perspective, this is the pose as seen from the opposite
+    side.
     """
     if windows.ndim == 5:
         return windows.flip(-1)

@@ -1,4 +1,6 @@
-"""Every choice of the baseline in one value, and the two that are used."""
+"""Every setting of the baseline in one value, and the two values in use."""
+
+from __future__ import annotations
 
 from dataclasses import dataclass
 
@@ -7,16 +9,16 @@ import numpy as np
 
 @dataclass(frozen=True)
 class TccSettings:
-    """Temperature and variance weight are those of the paper's released code; the schedule is
-    short, as it learns one action at a time (docs/tcc.md)."""
+    """Temperature and variance weight are those of the paper's released code; the schedule is short
+    because each training sees one action only (docs/tcc.md)."""
 
     embedding: int  # channels D of the embedding
-    taps: int  # frames that a frame is embedded from, itself in the middle; odd
-    spacing_s: float  # time between two of them
+    taps: int  # frames of the window that is embedded, centred on its frame; odd
+    spacing_s: float  # time between two frames of the window
     steps: int  # of Adam
     sampled: int  # frames of each video in one step
     noise: float  # standard deviation added to the inputs in training
-    mirrored: float = 0.5  # how often a clip is mirrored in training
+    mirrored: float = 0.5  # probability that a clip is mirrored in a step of training
     learning_rate: float = 1e-3
     weight_decay: float = 1e-5
     temperature: float = 0.1  # similarity = -squared distance / (D * temperature)

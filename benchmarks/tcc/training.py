@@ -1,14 +1,16 @@
-"""Training on the clips that are to be aligned, all pairs of them at once."""
+"""Training on the clips that are to be aligned, on all pairs of them at once."""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from jaxtyping import Float, Int
 from torch import Tensor, nn
 
-from benchmarks.tcc.clips import Clip
+from benchmarks.tcc.clips import TccClip
 from benchmarks.tcc.encoders import encoder_for, mirrored
 from benchmarks.tcc.loss import cycle_back_regression
 from benchmarks.tcc.settings import TccSettings
@@ -17,26 +19,26 @@ _CHUNK = 128  # windows embedded at a time
 
 
 @dataclass(frozen=True)
-class Trained:
-    """What training leaves: an embedding of every frame of every clip."""
+class TccTraining:
+    """The result of a training: an embedding of every frame of every clip."""
 
-    embeddings: list[NDArray[np.float64]]  # per video (T, D)
+    embeddings: list[Float[np.ndarray, "T D"]]  # per video
     losses: list[float]  # one a step
 
 
 def train(
-    clips: Sequence[Clip],
+    clips: Sequence[TccClip],
     fps: Sequence[float],
     settings: TccSettings,
     *,
     seed: int,
     device: str = "cpu",
-) -> Trained:
+) -> TccTraining:
     """Learn an embedding by cycle-back regression between all ordered pairs of clips.
 
-    `clips`: per video (T, K, 3) poses or (T, channels, S, S) pictures; `fps` per video. The same
+    `clips`: per video poses (T, K, 3) or pictures (T, channels, S, S); `fps` per video. The same
     seed gives the same result on one machine. ValueError for fewer than two clips, or shapes that
-    do not fit.
+    do not fit together.
     """
     _check(clips, fps, settings)
     data = [torch.as_tensor(clip, device=device) for clip in clips]
@@ -53,13 +55,15 @@ def train(
     first, second = np.nonzero(~np.eye(len(clips), dtype=bool))
     losses = []
     for _ in range(settings.steps):
-        at = [_sample(len(clip), sampled, rng, device) for clip in clips]
-        seen = [windows_at(x, i, o) for x, i, o in zip(data, at, offsets, strict=True)]
+        frames = [_sample(len(clip), sampled, rng, device) for clip in clips]
+        originals = [windows_at(x, i, o) for x, i, o in zip(data, frames, offsets, strict=True)]
         flips = rng.random(len(clips)) < settings.mirrored
-        windows = torch.cat([mirrored(w) if f else w for w, f in zip(seen, flips, strict=True)])
+        windows = torch.cat(
+            [mirrored(w) if f else w for w, f in zip(originals, flips, strict=True)]
+        )
         noise = torch.randn(windows.shape, generator=generator, device=device)
         z = encoder(windows + settings.noise * noise).reshape(len(clips), sampled, -1)
-        times = torch.stack([i / max(len(x) - 1, 1) for x, i in zip(data, at, strict=True)])
+        times = torch.stack([i / max(len(x) - 1, 1) for x, i in zip(data, frames, strict=True)])
         loss = cycle_back_regression(
             z[first],
             z[second],
@@ -71,36 +75,40 @@ def train(
         loss.backward()
         adam.step()
         losses.append(float(loss.detach()))
-    return Trained([embed(encoder, x, o) for x, o in zip(data, offsets, strict=True)], losses)
+    return TccTraining([embed(encoder, x, o) for x, o in zip(data, offsets, strict=True)], losses)
 
 
 @torch.no_grad()
-def embed(encoder: nn.Module, clip: Tensor, offsets: Tensor) -> NDArray[np.float64]:
-    """The embedding of every frame (T, D) of a clip (T, ...)."""
-    at = torch.arange(len(clip), device=clip.device)
-    parts = [encoder(windows_at(clip, part, offsets)) for part in at.split(_CHUNK)]
+def embed(
+    encoder: nn.Module, clip: Float[Tensor, "T ..."], offsets: Int[Tensor, " W"]
+) -> Float[np.ndarray, "T D"]:
+    """The embedding of every frame of a clip."""
+    frames = torch.arange(len(clip), device=clip.device)
+    parts = [encoder(windows_at(clip, part, offsets)) for part in frames.split(_CHUNK)]
     return np.asarray(torch.cat(parts).cpu().numpy(), np.float64)
 
 
-def window_offsets(fps: float, settings: TccSettings, device: str = "cpu") -> Tensor:
-    """Frames (taps,) that a window holds, counted from its middle."""
+def window_offsets(fps: float, settings: TccSettings, device: str = "cpu") -> Int[Tensor, " W"]:
+    """The frames of a window, counted from its middle."""
     steps = np.arange(settings.taps) - settings.taps // 2
     frames = np.rint(steps * settings.spacing_s * fps).astype(np.int64)
     return torch.as_tensor(frames, device=device)
 
 
-def windows_at(clip: Tensor, at: Tensor, offsets: Tensor) -> Tensor:
-    """Windows (N, W, ...) about frames `at` (N,) of a clip (T, ...); its ends are repeated."""
-    return clip[(at[:, None] + offsets).clamp(0, len(clip) - 1)]
+def windows_at(
+    clip: Float[Tensor, "T ..."], frames: Int[Tensor, " N"], offsets: Int[Tensor, " W"]
+) -> Float[Tensor, "N W ..."]:
+    """Windows around some frames of a clip; its first and last frame are repeated."""
+    return clip[(frames[:, None] + offsets).clamp(0, len(clip) - 1)]
 
 
 def _sample(length: int, count: int, rng: np.random.Generator, device: str) -> Tensor:
     """Frames of a clip drawn without repetition, in order."""
-    drawn = np.sort(rng.choice(length, size=count, replace=False))
-    return torch.as_tensor(drawn, device=device)
+    frames = np.sort(rng.choice(length, size=count, replace=False))
+    return torch.as_tensor(frames, device=device)
 
 
-def _check(clips: Sequence[Clip], fps: Sequence[float], settings: TccSettings) -> None:
+def _check(clips: Sequence[TccClip], fps: Sequence[float], settings: TccSettings) -> None:
     faults = []
     if len(clips) < 2:
         faults.append(f"clips: cycles need two or more, got {len(clips)}")

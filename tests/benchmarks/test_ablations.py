@@ -11,11 +11,11 @@ import pytest
 from benchmarks.ablations import claims, sync_only
 from benchmarks.ablations import measure as ablations
 from benchmarks.ablations import tables as ablation_tables
-from benchmarks.ablations.variants import VARIANTS, Run, chosen_variants
+from benchmarks.ablations.variants import VARIANTS, VariantRun, chosen_variants
 from benchmarks.actions.choice import Choice
-from benchmarks.motion.tables import PA, SCALED, SYNC
 from benchmarks.scoring.costs import Cost
 from benchmarks.scoring.score_file import ActionScore
+from benchmarks.tables import PA, SCALED, SYNC
 from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.pipeline.graph import read_pipeline, settings
@@ -32,7 +32,7 @@ def made_score(variant: str, action: str, value: float) -> ActionScore:
     return ActionScore(action, 4, 300, numbers, dict.fromkeys(stages, Cost(10.0, 1.0)), variant)
 
 
-def found(**values: list[float]) -> claims.Found:
+def found(**values: list[float]) -> claims.VariantScores:
     return {
         name: {f"a{k}": made_score(name, f"a{k}", v) for k, v in enumerate(row)}
         for name, row in values.items()
@@ -64,10 +64,10 @@ def test_variants_are_chosen_by_name_and_by_what_the_data_allow() -> None:
 
 def test_runs_share_a_folder_when_their_inputs_agree() -> None:
     base = Choice("trials", only=("x",))
-    plain = ablations.choice_of(base, Run())
-    assert plain == ablations.choice_of(base, Run(("motion.rank=2",)))
+    plain = ablations.choice_of(base, VariantRun())
+    assert plain == ablations.choice_of(base, VariantRun(("motion.rank=2",)))
     assert plain.folder(Path()) == Choice("trials").folder(Path())  # the plain benchmark's
-    others = [Run(videos=2), Run(detector="generic"), Run(outlier=True)]
+    others = [VariantRun(videos=2), VariantRun(detector="generic"), VariantRun(outlier=True)]
     assert len({ablations.choice_of(base, r).label for r in others} | {plain.label}) == 4
     labels = [v.run.label for v in VARIANTS if v.run.sets]
     assert all("/" not in label and label for label in labels)

@@ -52,24 +52,24 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_only_the_paper_s_actions_are_used(folder: Path) -> None:
     choice = Choice("h36m", data=folder)
     assert chosen_names(folder, choice) == ["S9_Photo_1"]
-    with pytest.raises(WrongUse, match="--only S9_Walking: there are S9_Photo_1"):
+    with pytest.raises(WrongUse, match="--only S9_Walking: expected one of S9_Photo_1"):
         chosen_names(folder, Choice("h36m", only=("S9_Walking",), data=folder))
 
 
 def test_cameras_are_found_from_the_pairs(folder: Path) -> None:
-    shots = h36m.shots_of(Choice("h36m", data=folder, videos=2), "S9_Photo_1")
+    shots = h36m.h36m_videos(Choice("h36m", data=folder, videos=2), "S9_Photo_1")
     joints = walking()[:, [H36M_17.index(n) for n in EVAL_14]]
     for view, shot in zip(VIEWPOINTS, shots, strict=False):
         K, R, _ = place_camera(view, joints, (1000, 1002))
-        assert shot.filmed is not None
-        assert shot.filmed.K[0, 0] == pytest.approx(K[0, 0], rel=0.02)
-        assert np.arccos((np.trace(shot.filmed.R @ R.T) - 1) / 2) < np.radians(0.7)
-        assert shot.filmed.xy_px.shape == (FRAMES, 18, 2)
+        assert shot.recorded is not None
+        assert shot.recorded.K[0, 0] == pytest.approx(K[0, 0], rel=0.02)
+        assert np.arccos((np.trace(shot.recorded.R @ R.T) - 1) / 2) < np.radians(0.7)
+        assert shot.recorded.xy_px.shape == (FRAMES, 18, 2)
         assert (shot.joints_m, shot.fps) == (pytest.approx(joints, abs=1e-5), 50.0)
-    assert len(shots[0].kept) == 150
+    assert len(shots[0].frames) == 150
     truth = shots[0].truth("v1", np.eye(3), np.eye(3), np.zeros(3))
     assert truth["v1/joints"].shape == (150, 17, 3)
-    assert set(EVAL_17) <= set(shots[0].names)
+    assert set(EVAL_17) <= set(shots[0].truth_names)
 
 
 def test_detections_are_named_as_coco_names_them() -> None:
@@ -90,4 +90,4 @@ def test_files_that_do_not_belong_together_are_refused(tmp_path: Path) -> None:
     views = [rng.uniform(0, 1000, (FRAMES, 17, 2)) for _ in range(4)]
     write_h36m(tmp_path, {"S9": {"Photo": walking()}}, {"S9": {"Photo": views}})
     with pytest.raises(WorkFailed, match="S9, camera 1: only"):
-        h36m.shots_of(Choice("h36m", data=tmp_path), "S9_Photo")
+        h36m.h36m_videos(Choice("h36m", data=tmp_path), "S9_Photo")

@@ -26,10 +26,10 @@ from tests.synthetic.test_captured import figure
 SWING = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
 
 
-def shots() -> list[inputs.Shot]:
+def shots() -> list[inputs.CapturedVideo]:
     joints, phase = figure(40), np.arange(40.0)
     kept = [np.arange(40), np.arange(0, 40, 2)]
-    return [inputs.Shot(joints, phase, k, 30.0) for k in kept]
+    return [inputs.CapturedVideo(joints, phase, k, 30.0) for k in kept]
 
 
 def test_an_action_is_made_of_files_that_the_stages_read(tmp_path: Path) -> None:
@@ -87,8 +87,8 @@ def test_two_makings_are_the_same(tmp_path: Path) -> None:
 
 
 def test_the_truth_is_silent_about_a_stranger(tmp_path: Path) -> None:
-    def with_stranger() -> list[inputs.Shot]:
-        return [*shots(), replace(shots()[0], stranger=True)]
+    def with_stranger() -> list[inputs.CapturedVideo]:
+        return [*shots(), replace(shots()[0], is_outlier=True)]
 
     make_action(tmp_path / "sway", "sway", with_stranger, "fine_tuned", {}, "key")
     assert [v.id for v in read_action(tmp_path / "sway").videos] == ["v1", "v2", "v3"]
@@ -99,9 +99,9 @@ def test_the_truth_is_silent_about_a_stranger(tmp_path: Path) -> None:
 def test_a_filmed_video_keeps_its_camera_and_detections(tmp_path: Path) -> None:
     xy = np.full((40, 18, 2), np.nan)
     xy[:, 2] = [300.0, 200.0]
-    shown = inputs.Filmed(np.eye(3), np.eye(3), np.array([0, 0, 5.0]), xy, (640, 480))
+    shown = inputs.RecordedView(np.eye(3), np.eye(3), np.array([0, 0, 5.0]), xy, (640, 480))
     make_action(
-        tmp_path / "sway", "sway", lambda: [replace(shots()[0], filmed=shown)], "generic", {}, "k"
+        tmp_path / "sway", "sway", lambda: [replace(shots()[0], recorded=shown)], "generic", {}, "k"
     )
     assert read_action(tmp_path / "sway").videos[0].size == (640, 480)
     people = read_openpose(tmp_path / "sway" / "keypoints" / "v1", "coco18").people
@@ -194,10 +194,10 @@ def test_a_finished_action_is_not_scored_again_until_an_artifact_changes(
     assert first.costs["keypoints"].peak_gb > 0
     how[0] = "cached"
     assert score.score_action(job, Silent(), kept, costs) == first
-    assert score.standing_score(job, kept) == first
+    assert score.cached_score(job, kept) == first
     assert scored == ["one"]
     digest[0] = "two"
-    assert score.standing_score(job, kept) is None
+    assert score.cached_score(job, kept) is None
     again = score.score_action(job, Silent(), kept, costs)
     assert again.costs == first.costs  # what it cost when it was made
     kept.write_text("{ half a file")
@@ -214,11 +214,11 @@ def test_a_run_of_one_action_keeps_the_table_of_the_others(
     valid = {"walk": scored("walk"), "jump": None}
     monkeypatch.setattr(motion, "action_names", lambda root, choice: ["jump", "kick", "walk"])
     monkeypatch.setattr(motion, "chosen_names", lambda root, choice: ["kick"])
-    monkeypatch.setattr(motion, "standing_job", lambda w, choice, name, sets: name)
-    monkeypatch.setattr(motion, "standing_score", lambda job, kept: valid[job])
+    monkeypatch.setattr(motion, "existing_job", lambda w, choice, name, sets: name)
+    monkeypatch.setattr(motion, "cached_score", lambda job, kept: valid[job])
     monkeypatch.setattr(motion, "one_action", lambda display, root, choice, name: scored(name))
     for name in valid:
-        file = motion.kept_file(Choice("trials").folder(tmp_path), name)
+        file = motion.score_path(Choice("trials").folder(tmp_path), name)
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text("{}")
     found, folder = motion.measure(Workspace(tmp_path), Choice("trials", only=("kick",)), Silent())
@@ -234,12 +234,12 @@ def test_a_run_of_one_action_keeps_the_table_of_the_others(
         (["benchmark", "trials", "--videos", "9"], 2, "--videos: expected 1 to 4, got 9"),
         (["benchmark", "trials"], 1, "the benchmark trials needs captured motion"),
         (["benchmark", "bones"], 1, "needs captured motion"),
-        (["benchmark", "trials", "--docs"], 2, "has no place for this table"),
+        (["benchmark", "trials", "--docs"], 2, "has a place for this table"),
         (["benchmark", "trials", "--variants", "tcc"], 2, "only for `imocap benchmark ablations`"),
         (["benchmark", "ablations", "--videos", "2"], 2, "ablations set --detector and --videos"),
         (["benchmark", "ablations", "--jobs", "0"], 2, "--jobs"),
         (["benchmark", "h36m"], 2, "--data: the benchmark h36m needs the folder"),
-        (["benchmark", "h36m", "--data", "."], 1, "there is no data_3d_h36m.npz"),
+        (["benchmark", "h36m", "--data", "."], 1, "data_3d_h36m.npz does not exist"),
     ],
 )
 def test_exit_codes(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.parallel import Named, each
+from benchmarks.parallel import ActionDisplay, each
 from benchmarks.scoring.costs import Meter, peak_gb, reset_peak
 from imocap_core.artifacts.store import Stored
 from imocap_core.errors import WorkFailed
@@ -46,9 +46,9 @@ def halve(display: object, number: int) -> tuple[int, str, int]:
 def test_every_task_ends_and_a_fault_stops_no_other(jobs: int) -> None:
     tasks = [(f"t{n}", (n,)) for n in (2, 3, 4)]
     ended = {e.name: e for e in each(halve, tasks, jobs, Recording())}
-    assert ended["t3"].made is None
+    assert ended["t3"].result is None
     assert ended["t3"].fault == "3 is odd"
-    made = [ended[name].made for name in ("t2", "t4")]
+    made = [ended[name].result for name in ("t2", "t4")]
     assert [m[0] for m in made if m is not None] == [1, 2]
     if jobs == 2:
         assert all(m is not None and m[1] == "1" and m[2] != os.getpid() for m in made)
@@ -77,7 +77,7 @@ def outcome(how: str) -> Outcome:
 
 def test_a_named_display_says_whose_stage_it_is_and_leaves_out_what_is_cached() -> None:
     display = Recording()
-    named = Named(display, "walk, rank_2")
+    named = ActionDisplay(display, "walk, rank_2")
     named.started("sync", ["never run", "other"])
     named.finished(outcome("cached"))
     named.finished(outcome("made"))

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.actions.captured import Shot
+from benchmarks.actions.captured import CapturedVideo
 from benchmarks.rendered import action as rendered_action
-from benchmarks.rendered.action import _scored, key_of
-from benchmarks.rendered.measure import Rendering, measure
+from benchmarks.rendered.action import _with_body_joints, key_of
+from benchmarks.rendered.measure import RenderedChoice, measure
 from benchmarks.rendered.tables import markdown, motion_table, proposal, sides_table
 from benchmarks.scoring.score_file import ActionScore
 from imocap_core.errors import WrongUse
@@ -76,7 +76,7 @@ def test_the_truth_speaks_of_the_common_world_whatever_the_floor() -> None:
     captured = rng.normal(size=(5, 24, 3))
     turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     shift = np.array([1.0, 2.0, 0.3])
-    shot = Shot(captured[:, :14], np.arange(5.0), np.arange(5), 30.0, turn, shift)
+    shot = CapturedVideo(captured[:, :14], np.arange(5.0), np.arange(5), 30.0, turn, shift)
     floor = 0.12
     shooting = rendered_action.Shooting(
         Embodied(np.zeros((5, 24, 3, 3)), np.zeros((5, 3))),
@@ -88,7 +88,7 @@ def test_the_truth_speaks_of_the_common_world_whatever_the_floor() -> None:
         0.0,
         floor,
     )
-    told = _scored(shot, shooting).truth("v1", shooting.K, shooting.R, shooting.t)
+    told = _with_body_joints(shot, shooting).truth("v1", shooting.K, shooting.R, shooting.t)
     assert np.allclose(told["v1/joints"], captured @ turn.T + shift)
     seen = told["v1/joints"] @ told["v1/R"].T + told["v1/t"]
     assert np.allclose(seen, shooting.joints + shooting.t)
@@ -96,13 +96,13 @@ def test_the_truth_speaks_of_the_common_world_whatever_the_floor() -> None:
 
 def test_names_and_numbers_are_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(WrongUse, match="--videos: expected 1 to 4, got 5"):
-        Rendering(videos=5)
+        RenderedChoice(videos=5)
     folder = tmp_path / "trials"
     folder.mkdir()
     (folder / "one.npz").write_bytes(b"x")
     monkeypatch.setenv("IMOCAP_DATA", str(tmp_path))
-    with pytest.raises(WrongUse, match="--only two: there are one"):
-        measure(Workspace(tmp_path), Rendering(only=("two",)), None)  # type: ignore[arg-type]
+    with pytest.raises(WrongUse, match="--only two: expected one of one"):
+        measure(Workspace(tmp_path), RenderedChoice(only=("two",)), None)  # type: ignore[arg-type]
 
 
 def test_an_action_is_named_by_what_it_is_made_of(tmp_path: Path) -> None:

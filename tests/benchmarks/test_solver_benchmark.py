@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import torch
 
-from benchmarks.solver.growth import grown
+from benchmarks.solver.growth import measure_size
 from benchmarks.solver.measure import HEADS, markdown, measure
-from benchmarks.solver.race import NEWTON, common_problem, newton, race, watched
+from benchmarks.solver.race import NEWTON, common_problem, newton, race, timed
 from benchmarks.solver.scene import DISTANCE_M, NOISE_PX, K, made_scene
 from imocap_core.errors import WrongUse
 from imocap_core.motion.solver.gauss_newton import gauss_newton
@@ -48,12 +48,12 @@ def test_a_race_ends_for_everybody_and_gauss_newton_is_its_measure() -> None:
 
 def test_a_rival_out_of_time_is_said_not_to_have_got_there() -> None:
     made = made_scene(2, 6, FIT, 0)
-    terms, start = common_problem(made, MOTION, strays=False)
-    row = watched("p", "s", gauss_newton_once, terms, start, mark=1e-3, limit_s=1e-9)
+    terms, start = common_problem(made, MOTION, rigid_offsets=False)
+    row = timed("p", "s", gauss_newton_once, terms, start, target=1e-3, limit_s=1e-9)
     assert not row.reached
     assert row.evaluations == 1
     lowest = newton(terms, start).costs[-1]
-    there = watched("p", "s", newton, terms, start, mark=1.001 * lowest, limit_s=1e9)
+    there = timed("p", "s", newton, terms, start, target=1.001 * lowest, limit_s=1e9)
     assert there.reached
     assert there.above_pct <= 0.1
 
@@ -63,7 +63,7 @@ def gauss_newton_once(terms, start):  # type: ignore[no-untyped-def]
 
 
 def test_growth_counts_time_and_memory() -> None:
-    row = grown(FIT, MOTION, 0, 2, 8)
+    row = measure_size(FIT, MOTION, 0, 2, 8)
     assert row.processor_s > 0
     assert row.processor_ms_per_frame == pytest.approx(1e3 * row.processor_s / 16)
     assert 0.1 < row.peak_gb < 16

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.row_tables import markdown, write_tables
 from benchmarks.sync.accuracy import EventRow
 from benchmarks.sync.calibration import calibration, confidences_and_errors
 from benchmarks.sync.map_scores import event_errors_frames, pair_error_pct, score_maps
 from benchmarks.sync.rivals import rival, rooted
 from benchmarks.sync.scenes import SyncScene
+from benchmarks.tables import markdown_of_rows, write_rows
 from benchmarks.tcc import POSES
 
 
@@ -44,8 +44,8 @@ def test_an_unmatched_event_is_infinitely_far() -> None:
 
 def test_tables_are_written_for_people_and_programs(tmp_path: Path) -> None:
     rows = [EventRow("serve", 0.25, float("inf"))]
-    write_tables(tmp_path, "events", rows)
-    assert "| serve | 0.25 | inf |" in markdown(rows)
+    write_rows(tmp_path, "events", rows)
+    assert "| serve | 0.25 | inf |" in markdown_of_rows(rows)
     assert json.loads((tmp_path / "events.json").read_text())[0]["largest_frames"] is None
     assert (tmp_path / "events.csv").read_text().startswith("action,median_frames")
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 
-from benchmarks import docs
-from benchmarks import names as cli
-from benchmarks.motion import tables
+from benchmarks import docs, tables
+from benchmarks.ablations import report as ablations_report
+from benchmarks.motion import tables as motion_tables
+from benchmarks.names import MEASUREMENTS, BenchmarkName, report_of
 from benchmarks.scoring.costs import Cost
 from benchmarks.scoring.score_file import RESULTS, ActionScore
 from imocap_core.cli import main
@@ -43,30 +45,36 @@ def test_mean_and_standard_error() -> None:
 
 def test_the_tables_hold_every_action_its_means_and_the_paper() -> None:
     scores = [made_score("jump", 50.0), made_score("walk", 40.0)]
-    benchmark = tables.Benchmark("Title", "imocap benchmark x", "data", "fine_tuned", scores)
-    text = tables.markdown(benchmark)
+    benchmark = motion_tables.MotionBenchmark(
+        "Title", "imocap benchmark x", "data", "fine_tuned", scores
+    )
+    text = motion_tables.markdown(benchmark)
     assert "| jump | 110.0 | 70.0 | 50.0 | 50.0 | 30.0 | 50 |" in text
     assert "| 4 videos | after loop | 66.53 | 45.0 ± 5.0 | 50.33 | 22.5 ± 2.5 |" in text
     assert "`imocap benchmark x`" in text
-    assert "jump,after loop,mpjpe_scaled_mm,50.0" in tables.csv_text(benchmark)
-    kept = json.loads(tables.json_text(benchmark))
+    assert "jump,after loop,mpjpe_scaled_mm,50.0" in motion_tables.csv_text(benchmark)
+    kept = json.loads(motion_tables.json_text(benchmark))
     assert kept["means"]["after loop"]["mpjpe_scaled_mm"]["mean"] == 45.0
 
 
 def test_generic_detections_stand_beside_the_paper_s_generic_row() -> None:
-    benchmark = tables.Benchmark("T", "c", "d", "generic", [made_score("jump", 50.0)])
-    assert "| 4 videos, generic 2D | after loop | 76.48 | 50.0 |" in tables.markdown(benchmark)
+    benchmark = motion_tables.MotionBenchmark("T", "c", "d", "generic", [made_score("jump", 50.0)])
+    assert "| 4 videos, generic 2D | after loop | 76.48 | 50.0 |" in motion_tables.markdown(
+        benchmark
+    )
 
 
 def test_fewer_videos_stand_beside_the_paper_s_row_of_as_many() -> None:
     scores = [replace(made_score("jump", 50.0), videos=2)]
-    benchmark = tables.Benchmark("T", "c", "d", "fine_tuned", scores)
-    assert "| 2 videos | after loop | 78.45 | 50.0 |" in tables.markdown(benchmark)
+    benchmark = motion_tables.MotionBenchmark("T", "c", "d", "fine_tuned", scores)
+    assert "| 2 videos | after loop | 78.45 | 50.0 |" in motion_tables.markdown(benchmark)
 
 
 def test_the_tables_say_what_it_cost_and_what_is_missing() -> None:
     scores = [made_score("jump", 50.0), made_score("walk", 40.0)]
-    text = tables.markdown(tables.Benchmark("T", "c", "d", "fine_tuned", scores, ["kick"]))
+    text = motion_tables.markdown(
+        motion_tables.MotionBenchmark("T", "c", "d", "fine_tuned", scores, ["kick"])
+    )
     assert "took 120 s when it was made, at most 1.0 GB" in text
     assert "**Missing (not measured on this code): kick.**" in text
 
@@ -170,10 +178,21 @@ def test_the_command_puts_its_table_into_the_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     page = made_page(tmp_path, "<!-- table ablations-trials -->\n<!-- end -->\n")
-    monkeypatch.setattr(cli, "_measured", lambda *_: ("# Found\n\n| [a] |\n", "short", tmp_path))
+    monkeypatch.setattr(ablations_report, "measure", lambda *_: (None, tmp_path))
+    monkeypatch.setattr(ablations_report, "markdown", lambda _: "# Found\n\n| [a] |\n")
+    monkeypatch.setattr(ablations_report, "summary", lambda _: "short")
     monkeypatch.setattr("sys.argv", ["imocap"])
     assert (
         main(["--root", str(tmp_path), "benchmark", "ablations", "--on", "trials", "--docs"]) == 0
     )
     assert "## Found\n\n| [a] |" in page.read_text()
     assert "| [a] |" in capsys.readouterr().out
+
+
+def test_every_name_has_its_measurement() -> None:
+    assert set(MEASUREMENTS) == set(get_args(BenchmarkName))
+    for name in MEASUREMENTS:
+        assert callable(report_of(name))
+    readme = (ROOT / "benchmarks" / "README.md").read_text()
+    rows = {line.split("`")[1]: line for line in readme.splitlines() if line.startswith("| `")}
+    assert all(f"`{folder}/`" in rows[name] for name, folder in MEASUREMENTS.items())

@@ -217,5 +217,5 @@ def test_clips_that_do_not_fit_are_refused(
         train(clips, [FPS] * len(clips), replace(POSES, **change), seed=0)
     with pytest.raises(ValueError, match="reference"):
         align([np.zeros((4, 2))], [FPS], POSES, reference=1)
-    with pytest.raises(ValueError, match="root is never seen"):
+    with pytest.raises(ValueError, match="root is missing in every frame"):
         pose_clip(np.full((4, 3, 2), np.nan), np.ones((4, 3)), HIPS)

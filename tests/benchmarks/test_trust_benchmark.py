@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.trust.screened import Seen, TrustRow, among_decidable, measure, totals
+from benchmarks.trust.screened import PoseVideos, TrustRow, among_decidable, measure, totals
 from imocap_core.conventions import EVAL_14, mirror_indices
 
 REST = {
@@ -14,7 +14,7 @@ REST = {
 }  # fmt: skip
 
 
-def made_action(moved: tuple[str, ...], rng: np.random.Generator) -> Seen:
+def made_action(moved: tuple[str, ...], rng: np.random.Generator) -> PoseVideos:
     """Four performances of 90 frames in which some joints swing widely and not back."""
     phase = np.linspace(0.0, 3.0, 90)
     rest = np.array([REST[n.split("_")[-1]] for n in EVAL_14])
@@ -25,7 +25,7 @@ def made_action(moved: tuple[str, ...], rng: np.random.Generator) -> Seen:
         at = phase + 0.1 * np.sin(phase + v)
         joints = rest + swing[0] * np.sin(at)[:, None, None] + swing[1] * at[:, None, None] / 2
         poses.append(joints + 0.01 * rng.normal(size=joints.shape))
-    return Seen(poses, [30.0] * 4, tuple(mirror_indices(EVAL_14)))
+    return PoseVideos(poses, [30.0] * 4, tuple(mirror_indices(EVAL_14)))
 
 
 def test_planted_faults_of_very_different_actions_are_found() -> None:

@@ -1,4 +1,4 @@
-"""What the detector said of rendered films, beside what is true of them."""
+"""Detections of rendered videos beside their true points, and errors of the detector's own 3D."""
 
 from __future__ import annotations
 
@@ -15,28 +15,28 @@ from imocap_core.metrics.scoring import CameraJoints, over_videos, pose_rows
 from imocap_core.pipeline.runner import Job
 
 
-def films_of(job: Job) -> tuple[list[DetectedClip], tuple[str, ...]]:
-    """The action's films, and the names of their points; every video must have been detected."""
-    films = []
+def detected_clips(job: Job) -> tuple[list[DetectedClip], tuple[str, ...]]:
+    """Detections of the action's videos, and the names of their points; all must be detected."""
+    clips = []
     names: tuple[str, ...] = ()
     with np.load(job.action.folder / POINTS) as stored:
         for video in job.action.videos:
             assert video.video is not None
             info = probe(job.action.folder / video.video)
-            found = read_mediapipe(job.action.detected[video.id], LAYOUT, info.size)
+            detections = read_mediapipe(job.action.detected[video.id], LAYOUT, info.size)
             true, columns = stored[f"{video.id}/xy_px"], stored[f"{video.id}/columns"]
             names = tuple(str(name) for name in stored[f"{video.id}/names"])
             xy_px = np.full(true.shape, np.nan)
-            for frame, people in zip(found.frames.tolist(), found.people, strict=True):
+            for frame, people in zip(detections.frames.tolist(), detections.people, strict=True):
                 if len(people) and frame < len(true):
                     xy_px[frame] = people[0][columns, :2]
             height, side = stored[f"{video.id}/height_px"], str(stored[f"{video.id}/side"])
-            films.append(DetectedClip(xy_px, true, height, side, info.fps))
-    return films, names
+            clips.append(DetectedClip(xy_px, true, height, side, info.fps))
+    return clips, names
 
 
-def own_estimate(job: Job) -> dict[str, float]:
-    """How good the detector's own 3D is by itself, mean over the videos."""
+def detector_3d_errors(job: Job) -> dict[str, float]:
+    """Errors of the detector's own 3D landmarks: metric -> mean over the videos."""
     assert job.action.truth is not None
     rows = []
     infos = {v.id: probe(job.action.folder / str(v.video)) for v in job.action.videos}
@@ -47,8 +47,8 @@ def own_estimate(job: Job) -> dict[str, float]:
         if true is None:
             continue
         everywhere = np.tile([0.0, 0.0, *info.size], (len(used[name]), 1))
-        wanted = PerformerBoxes(used[name], everywhere, info.size)
-        found = read_mediapipe_world(job.action.detected[name], wanted)
-        motion = CameraJoints(found.joints, found.joint_names, used[name])
+        boxes = PerformerBoxes(used[name], everywhere, info.size)
+        landmarks = read_mediapipe_world(job.action.detected[name], boxes)
+        motion = CameraJoints(landmarks.joints, landmarks.joint_names, used[name])
         rows += pose_rows("estimator", name, motion, true, info.fps)
     return {row.metric: row.value for row in over_videos(rows) if row.value is not None}

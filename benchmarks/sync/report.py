@@ -1,0 +1,39 @@
+"""`imocap benchmark sync`: accuracy by method and warp, calibration, events, speed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rich.table import Table
+
+from benchmarks.actions.captured import data_folder
+from benchmarks.names import BenchmarkOptions
+from benchmarks.sync.accuracy import METHODS, accuracy, calibrated, events
+from benchmarks.sync.speed import speed
+from benchmarks.tables import markdown_of_rows, write_rows
+from imocap_core.errors import WrongUse
+from imocap_core.pipeline.runner import Display
+from imocap_core.workspace import Workspace
+
+
+def report(options: BenchmarkOptions, workspace: Workspace, display: Display) -> list[Table | str]:
+    """The tables as Markdown, and where they were written."""
+    methods, only, sampling = options.variants or METHODS, options.only, options.sampling
+    if unknown := set(methods) - set(METHODS):
+        raise WrongUse(f"--variants: expected some of {', '.join(METHODS)}, got {unknown.pop()}")
+    settings = workspace.pipeline().params.sync
+    protocol, trials = (data_folder(workspace.root, kind) for kind in ("protocol", "trials"))
+    tables: dict[str, Sequence[Any]] = {
+        f"accuracy-{sampling}": accuracy(protocol, sampling, settings, methods, only),
+        f"calibration-{sampling}": calibrated(protocol, sampling, settings, only),
+        "events": events(trials, settings, only),
+        "speed": speed(settings) if not only else [],
+    }
+    folder = workspace.root / "artifacts" / "benchmark" / "sync"
+    parts = []
+    for name, rows in tables.items():
+        if rows:
+            write_rows(folder, name, rows)
+            parts += [f"## {name}", markdown_of_rows(rows)]
+    return ["\n\n".join([*parts, f"Written to {folder}"])]
