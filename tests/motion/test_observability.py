@@ -55,7 +55,10 @@ def posterior(made: Made, seen: Scene) -> tuple[Uncertainty, Open]:
     state = in_own_axes(made)
     found = uncertainty(seen, state, cameras, OPTIONS, NOISE)
     share = NOISE.evidence_share(FPS)
-    return found, observe(seen, state, cameras, found, near_limit_deg=20, evidence_share=share)
+    left_open = observe(
+        seen, state, cameras, found, OPTIONS, near_limit_deg=20, evidence_share=share
+    )
+    return found, left_open
 
 
 @pytest.mark.parametrize(("turns", "across"), [([0.0, 8.0], False), ([0.0, 8.0, 90.0], True)])

@@ -171,7 +171,7 @@ def test_claims_are_honest_on_a_made_scene(made: Made, given: tuple[Scene, Joint
 
 def test_persistent_errors_count_less(given: tuple[Scene, JointMotion]) -> None:
     all_, result = given
-    slow = replace(WHITE, correlation_s=0.3)
+    slow = Noise(replace(WHITE.params, correlation_s=0.3))
     pairs = [
         uncertainty(all_, result.state, result.cameras, OPTIONS, noise).covariances_m2[0]
         for noise in (WHITE, slow)
