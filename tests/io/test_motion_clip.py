@@ -47,7 +47,8 @@ def test_tips_go_on_to_the_ends_of_the_body() -> None:
     assert 0.01 < np.linalg.norm(names["left_index3"]) < 0.04
 
 
-def test_what_does_not_belong_together_is_said() -> None:
+@pytest.mark.usefixtures("unchecked_shapes")
+def test_arrays_of_different_lengths_are_refused() -> None:
     clip = made_clip().clip
     with pytest.raises(ValueError, match=r"clip v1: pelvis: expected \(12, 3\), got \(11, 3\)"):
         replace(clip, pelvis=clip.pelvis[1:])

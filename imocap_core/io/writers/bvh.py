@@ -1,8 +1,8 @@
-"""Biovision hierarchy (BVH): a joint tree, its offsets at rest, and one line of channels a frame.
+"""Biovision hierarchy (BVH): a joint tree, its offsets at rest, one line of channels per frame.
 
 Metres and degrees. The root has six channels, XYZ position (the pelvis in the world) and rotation;
-every other joint three rotations. Channels are Z, Y, X: R = R_z R_y R_x. Angles go on from frame to
-frame without jumps, so that programs may interpolate them.
+every other joint three rotations. Channels are Z, Y, X: R = R_z R_y R_x. Angles are continuous from
+frame to frame, so that programs may interpolate them.
 """
 
 from __future__ import annotations
@@ -10,40 +10,38 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from imocap_core.io.writers.motion_clip import MotionClip
 
-Array = NDArray[np.float64]
-
 ROTATIONS = "Zrotation Yrotation Xrotation"
 POSITIONS = "Xposition Yposition Zposition"
-METRES, DEGREES = "{:.6f}", "{:.5f}"  # a thousandth of a millimetre; far less at a bone's end
+METRES, DEGREES = "{:.6f}", "{:.5f}"  # 0.001 mm; less at a bone's end
 
 
 def write_bvh(file: Path, clip: MotionClip) -> None:
-    """Write one clip."""
+    """Write one motion clip."""
     file.write_text(bvh_text(clip), encoding="ascii", newline="\n")
 
 
 def bvh_text(clip: MotionClip) -> str:
-    """The whole file."""
+    """The content of the file."""
     order: list[int] = []
     lines = ["HIERARCHY", *_joint(clip, 0, 0, order)]
     lines += ["MOTION", f"Frames: {len(clip.R_local)}", f"Frame Time: {1.0 / clip.fps:.9f}"]
     angles = euler_zyx_deg(clip.R_local[:, order])
-    for place, row in zip(clip.pelvis, angles, strict=True):
-        numbers = [METRES.format(x) for x in place] + [DEGREES.format(a) for a in row.ravel()]
+    for pelvis, row in zip(clip.pelvis, angles, strict=True):
+        numbers = [METRES.format(x) for x in pelvis] + [DEGREES.format(a) for a in row.ravel()]
         lines.append(" ".join(numbers))
     return "\n".join(lines) + "\n"
 
 
-def euler_zyx_deg(R: Array) -> Array:
-    """Angles (T, J, 3) about z, y, x, degrees, of R (T, J, 3, 3) = R_z R_y R_x.
+def euler_zyx_deg(R: Float[np.ndarray, "T J 3 3"]) -> Float[np.ndarray, "T J 3"]:
+    """Euler angles about z, y, x, degrees, of R = R_z R_y R_x, continuous over time.
 
-    A rotation has two such triples, (z, y, x) and (z + 180, 180 - y, x + 180), each up to whole
-    turns: each frame takes the one nearest to the frame before.
+    A rotation has two such triples, (z, y, x) and (z + 180, 180 - y, x + 180), each up to full
+    turns: each frame gets the one nearest to the frame before.
     """
     flat = Rotation.from_matrix(R.reshape(-1, 3, 3)).as_euler("ZYX", degrees=True)
     angles = flat.reshape(*R.shape[:2], 3)
@@ -57,7 +55,7 @@ def euler_zyx_deg(R: Array) -> Array:
 
 
 def _joint(clip: MotionClip, joint: int, depth: int, order: list[int]) -> list[str]:
-    """The block of a joint and all below it; `order` collects joints as they are written."""
+    """The lines of a joint and its descendants; `order` collects joints in the order written."""
     order.append(joint)
     pad, inside = "  " * depth, "  " * (depth + 1)
     kind = "JOINT" if depth else "ROOT"
@@ -76,5 +74,5 @@ def _joint(clip: MotionClip, joint: int, depth: int, order: list[int]) -> list[s
     return [*lines, f"{pad}}}"]
 
 
-def _metres(vector: Array) -> str:
+def _metres(vector: Float[np.ndarray, "3"]) -> str:
     return " ".join(METRES.format(x) for x in vector)

@@ -1,8 +1,8 @@
-"""`imocap export --format npz`: one npz a video, sync.csv and cameras.json.
+"""`imocap export --format npz`: one npz per video, sync.csv and cameras.json.
 
 SMPL's own convention (global orientation about the pelvis, trans as in smplx), metres, radians.
-`trans`, `poses`, `betas`, `gender` and `mocap_framerate` are named as in AMASS. The files hold the
-same bytes whenever they hold the same values.
+`trans`, `poses`, `betas`, `gender` and `mocap_framerate` are named as in AMASS. The same
+values give the same bytes.
 """
 
 from __future__ import annotations
@@ -15,41 +15,40 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
+from jaxtyping import Bool, Float, Int
 
 
 @dataclass(frozen=True)
 class ExportedHands:
-    """What `<id>.npz` holds besides where keypoints had hands; left, right."""
+    """Additional arrays of `<id>.npz` where keypoints have hands; left, right."""
 
-    poses_smplh: Array  # (T, 156) axis-angle radians: 22 joints of the body, 15 a hand
-    points: Array  # (T, 2, 21, 3) metres, OpenPose's points
-    seen: NDArray[np.bool_]  # (T, 2)
+    poses_smplh: Float[np.ndarray, "T 156"]  # axis-angle radians: 22 joints of the body, 15 a hand
+    points: Float[np.ndarray, "T 2 21 3"]  # metres, OpenPose's points
+    visible: Bool[np.ndarray, "T 2"]  # keypoints of the hand were used; in the file: hand_seen
 
 
 @dataclass(frozen=True)
 class ExportedVideo:
-    """What `<id>.npz` holds, all in one world."""
+    """The arrays of `<id>.npz`, all in one world."""
 
     id: str
-    poses: Array  # (T, 72) axis-angle radians
-    betas: Array  # (10,)
-    trans: Array  # (T, 3) metres
-    joints: Array  # (T, 24, 3) metres
+    poses: Float[np.ndarray, "T 72"]  # axis-angle radians
+    betas: Float[np.ndarray, "10"]
+    trans: Float[np.ndarray, "T 3"]  # metres
+    joints: Float[np.ndarray, "T J 3"]  # metres; 24, or 52 with hands
     joint_names: tuple[str, ...]
     fps: float
     size: tuple[int, int]
-    frames: NDArray[np.int64] | Array  # source frame numbers; fractional on the common timeline
-    K: Array
-    R: Array  # camera from world
-    t: Array  # metres
+    # source frame numbers, fractional on the common timeline
+    frames: Int[np.ndarray, " T"] | Float[np.ndarray, " T"]
+    K: Float[np.ndarray, "3 3"]
+    R: Float[np.ndarray, "3 3"]  # camera from world
+    t: Float[np.ndarray, "3"]  # metres
     model: str  # name and digest of the body model
     up_axis: str
     hands: ExportedHands | None = None
-    inside: NDArray[np.bool_] | None = None  # (T,) on the common timeline: the video shows it
-    phase_s: Array | None = None  # (T,) on the common timeline: seconds of the reference
+    inside: Bool[np.ndarray, " T"] | None = None  # on the common timeline: the video shows it
+    phase_s: Float[np.ndarray, " T"] | None = None  # on the common timeline: reference seconds
 
 
 def write_video(folder: Path, video: ExportedVideo) -> Path:
@@ -60,7 +59,7 @@ def write_video(folder: Path, video: ExportedVideo) -> Path:
         more = {
             "poses_smplh": video.hands.poses_smplh,
             "hand_points": video.hands.points,
-            "hand_seen": video.hands.seen,
+            "hand_seen": video.hands.visible,
         }
     if video.inside is not None and video.phase_s is not None:
         more |= {"inside": video.inside, "phase_s": video.phase_s}
@@ -103,20 +102,20 @@ def write_cameras(folder: Path, videos: list[ExportedVideo], reference: str) -> 
 
 def write_sync(
     folder: Path,
-    frames: Mapping[str, NDArray[np.int64]],
-    maps: Mapping[str, tuple[Array, Array]],
+    frames: Mapping[str, Int[np.ndarray, " _"]],
+    maps: Mapping[str, tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]],
     reference: str,
-    phases: Mapping[str, Array] | None = None,
+    phases: Mapping[str, Float[np.ndarray, " _"]] | None = None,
 ) -> Path:
     """Write folder/sync.csv and return its path.
 
     Args:
         frames: per video, the source frame numbers (T,) of its used frames.
-        maps: per video, the index (T,) into the reference's used frames (fractional, NaN where
-            unmatched) and the confidence (T,).
+        maps: per video, the matched position (T,) in the reference's used frames (fractional index,
+            NaN where unmatched) and the confidence (T,).
         reference: the video that the others are matched to; it gets no rows.
         phases: per video, its frames (T,) on the common time axis, seconds of the reference, NaN
-            where they have no place on it; the column phase_s.
+            where unknown; the column phase_s.
     """
     file = folder / "sync.csv"
     positions = np.arange(len(frames[reference]), dtype=np.float64)
@@ -129,8 +128,10 @@ def write_sync(
             matched = np.interp(index, positions, frames[reference])
             phase = np.full(len(index), np.nan) if phases is None else phases[video]
             for row in zip(frames[video], matched, confidence, phase, strict=True):
-                frame, at, sure, phase_s = row
-                rows.writerow([video, frame, _number(at, 3), _number(sure, 3), _number(phase_s, 4)])
+                frame, match, sure, phase_s = row
+                rows.writerow(
+                    [video, frame, _number(match, 3), _number(sure, 3), _number(phase_s, 4)]
+                )
     return file
 
 

@@ -1,4 +1,4 @@
-"""The container of binary glTF 2.0 (GLB): a JSON tree and one block of numbers it points into."""
+"""Binary glTF 2.0 (GLB) container: a JSON tree and one block of numbers that it refers to."""
 
 from __future__ import annotations
 
@@ -8,27 +8,30 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Shaped
 
 MAGIC, VERSION = b"glTF", 2
 JSON_CHUNK, BINARY_CHUNK = b"JSON", b"BIN\0"
 COMPONENTS = {"float32": 5126, "uint32": 5125, "uint16": 5123, "uint8": 5121}
 KINDS = {(): "SCALAR", (2,): "VEC2", (3,): "VEC3", (4,): "VEC4", (4, 4): "MAT4"}
-VERTICES, INDICES = 34962, 34963  # what a view is for
+VERTICES, INDICES = 34962, 34963  # purpose of a buffer view
 
 
 class Numbers:
-    """The binary block as it grows: every array becomes an accessor, named by its index."""
+    """The binary block, to which arrays are appended; each is an accessor, named by its index."""
 
     def __init__(self) -> None:
         self.data = bytearray()
         self.views: list[dict[str, Any]] = []
         self.accessors: list[dict[str, Any]] = []
 
-    def add(self, array: NDArray, *, bounds: bool = False, target: int | None = None) -> int:
-        """Append (N,), (N, 2|3|4) or (N, 4, 4), matrices row by column; its accessor's index.
+    def add(
+        self, array: Shaped[np.ndarray, "N ..."], *, bounds: bool = False, target: int | None = None
+    ) -> int:
+        """Append (N,), (N, 2|3|4) or (N, 4, 4) (row-major matrices); returns the accessor's index.
 
-        bounds: write least and greatest values, as glTF asks of positions and of times.
+        bounds: write minimum and maximum, which glTF requires for positions and times. ValueError
+        for another type or shape.
         """
         name, shape = array.dtype.name, array.shape[1:]
         if name not in COMPONENTS or shape not in KINDS or not len(array):

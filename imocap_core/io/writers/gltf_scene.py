@@ -1,9 +1,9 @@
-"""A glTF 2.0 scene of performances: skinned bodies that move, and the cameras that saw them.
+"""A glTF 2.0 scene of motion clips: animated skinned bodies and their cameras.
 
-glTF is right-handed, metres, y up, cameras look along -z with y up: clips and cameras must come in
-a world of y up. Every video has its own nodes; the animation `all` moves them all, and with several
-videos each also has one of its own. Frames are keys in seconds, linear (rotations spherical)
-between them.
+glTF is right-handed, metres, y up, cameras look along -z with y up: clips and cameras must be
+in a world with y up. Every video has separate nodes; the animation `all` moves them all, and with
+several videos each also has a separate one. Frames are keys in seconds, with linear (rotations:
+spherical linear) interpolation.
 """
 
 from __future__ import annotations
@@ -14,18 +14,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from imocap_core.io.writers.clip_body import ClipCamera, Skin, vertex_normals
 from imocap_core.io.writers.glb import INDICES, VERTICES, Numbers, glb_bytes
 from imocap_core.io.writers.motion_clip import MotionClip
 
-Array = NDArray[np.float64]
 Colour = tuple[float, float, float]  # linear light, 0 to 1
 Tree = dict[str, Any]
 
-GLTF_FROM_CV = np.diag([1.0, -1.0, -1.0])  # a camera's axes: y and z the other way round
+GLTF_FROM_CV = np.diag([1.0, -1.0, -1.0])  # camera axes: y and z reversed
 NEAR_M = 0.01
 ROUGHNESS = 0.9
 
@@ -46,7 +45,7 @@ def write_glb(file: Path, actors: Sequence[Actor], notes: Mapping[str, Any]) -> 
 
 
 def scene_bytes(actors: Sequence[Actor], notes: Mapping[str, Any]) -> bytes:
-    """The whole file."""
+    """The content of the file."""
     numbers = Numbers()
     tree: Tree = {
         "asset": {"version": "2.0", "generator": "imocap", "extras": dict(notes)},
@@ -54,59 +53,60 @@ def scene_bytes(actors: Sequence[Actor], notes: Mapping[str, Any]) -> bytes:
         "scenes": [{"name": "imocap", "nodes": []}],
         **{name: [] for name in ("nodes", "meshes", "skins", "materials", "cameras")},
     }
-    moves: list[tuple[str, Tree]] = []
+    animations: list[tuple[str, Tree]] = []
     for actor in actors:
-        own = _Moves(numbers, actor.clip.times_s)
-        joints = _add_joints(tree, own, actor.clip)
+        animation = _Animation(numbers, actor.clip.times_s)
+        joints = _add_joints(tree, animation, actor.clip)
         _add_body(tree, numbers, actor, joints)
-        _add_camera(tree, own, actor.camera)
-        moves.append((actor.clip.id, own.animation))
-    tree["animations"] = _animations(moves)
+        _add_camera(tree, animation, actor.camera)
+        animations.append((actor.clip.id, animation.tree))
+    tree["animations"] = _animations(animations)
     return glb_bytes(tree, numbers)
 
 
-def quaternions(R: Array) -> Array:
-    """(T, 4) x, y, z, w of rotations (T, 3, 3), each on the side of the one before."""
+def quaternions(R: Float[np.ndarray, "T 3 3"]) -> Float[np.ndarray, "T 4"]:
+    """Quaternions x, y, z, w, with signs such that neighbours have a positive dot product."""
     q = Rotation.from_matrix(R).as_quat()
     flips = np.where((q[1:] * q[:-1]).sum(1) < 0, -1.0, 1.0)
     return np.concatenate([q[:1], q[1:] * np.cumprod(flips)[:, None]])
 
 
-class _Moves:
-    """The samplers and channels of one video, all on its own times."""
+class _Animation:
+    """The samplers and channels of one video, all at the video's frame times."""
 
-    def __init__(self, numbers: Numbers, times_s: Array) -> None:
+    def __init__(self, numbers: Numbers, times_s: Float[np.ndarray, " T"]) -> None:
         self.numbers = numbers
         self.times = numbers.add(times_s.astype(np.float32), bounds=True)
-        self.animation: Tree = {"samplers": [], "channels": []}
+        self.tree: Tree = {"samplers": [], "channels": []}
 
-    def add(self, node: int, path: str, values: Array) -> None:
+    def add(self, node: int, path: str, values: Float[np.ndarray, "T _"]) -> None:
         output = self.numbers.add(values.astype(np.float32))
-        samplers, channels = self.animation["samplers"], self.animation["channels"]
+        samplers, channels = self.tree["samplers"], self.tree["channels"]
         channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
         samplers.append({"input": self.times, "output": output, "interpolation": "LINEAR"})
 
 
-def _add_joints(tree: Tree, moves: _Moves, clip: MotionClip) -> list[int]:
-    """A node named by the video, the joints below it; the joints' node indices."""
+def _add_joints(tree: Tree, animation: _Animation, clip: MotionClip) -> list[int]:
+    """Add a node named by the video with the joints below it; returns the joints' node indices."""
     nodes = tree["nodes"]
     top = len(nodes)
     joints = [top + 1 + j for j in range(len(clip.parents))]
-    turns = [quaternions(clip.R_local[:, j]) for j in range(len(joints))]
+    rotations = [quaternions(clip.R_local[:, j]) for j in range(len(joints))]
     nodes.append({"name": clip.id, "children": [joints[0]]})
     for j, name in enumerate(clip.joint_names):
-        place = clip.pelvis[0] if j == 0 else clip.offsets[j]
-        node = {"name": name, "translation": place.tolist(), "rotation": turns[j][0].tolist()}
+        position = clip.pelvis[0] if j == 0 else clip.offsets[j]
+        rotation = rotations[j][0].tolist()
+        node = {"name": name, "translation": position.tolist(), "rotation": rotation}
         children = [joints[c] for c, parent in enumerate(clip.parents) if parent == j]
         nodes.append({**node, "children": children} if children else node)
-        moves.add(joints[j], "rotation", turns[j])
-    moves.add(joints[0], "translation", clip.pelvis)
+        animation.add(joints[j], "rotation", rotations[j])
+    animation.add(joints[0], "translation", clip.pelvis)
     tree["scenes"][0]["nodes"].append(top)
     return joints
 
 
 def _add_body(tree: Tree, numbers: Numbers, actor: Actor, joints: list[int]) -> None:
-    """The mesh at rest, its skin, its material, and the node that shows them."""
+    """Add the mesh at rest, its skin, its material, and the node that shows them."""
     skin, clip = actor.skin, actor.clip
     bind = np.tile(np.eye(4, dtype=np.float32), (len(joints), 1, 1))
     bind[:, :3, 3] = -clip.rest
@@ -130,46 +130,46 @@ def _add_body(tree: Tree, numbers: Numbers, actor: Actor, joints: list[int]) -> 
     skinned = {"joints": joints, "inverseBindMatrices": numbers.add(bind), "skeleton": joints[0]}
     tree["skins"].append({"name": clip.id, **skinned})
     tree["meshes"].append({"name": f"{clip.id}_body", "primitives": [primitive]})
-    at = {"mesh": len(tree["meshes"]) - 1, "skin": len(tree["skins"]) - 1}
+    body = {"mesh": len(tree["meshes"]) - 1, "skin": len(tree["skins"]) - 1}
     tree["scenes"][0]["nodes"].append(len(tree["nodes"]))
-    tree["nodes"].append({"name": f"{clip.id}_body", **at})
+    tree["nodes"].append({"name": f"{clip.id}_body", **body})
 
 
-def _add_camera(tree: Tree, moves: _Moves, camera: ClipCamera) -> None:
-    """A perspective camera; extras hold what glTF has no place for: principal point and zoom."""
+def _add_camera(tree: Tree, animation: _Animation, camera: ClipCamera) -> None:
+    """Add a perspective camera; its extras have the principal point and zoom, which glTF lacks."""
     width, height = camera.size
     perspective = {
         "yfov": 2.0 * float(np.arctan(0.5 * height / camera.K[1, 1])),
         "aspectRatio": width / height,
         "znear": NEAR_M,
     }
-    known = {"K": camera.K.tolist(), "size_px": [width, height]}
+    extras = {"K": camera.K.tolist(), "size_px": [width, height]}
     if len(camera.zoom) > 1:
-        known["zoom"] = camera.zoom.tolist()
-    turns = quaternions(camera.R_cam_from_world.swapaxes(1, 2) @ GLTF_FROM_CV)
+        extras["zoom"] = camera.zoom.tolist()
+    rotations = quaternions(camera.R_cam_from_world.swapaxes(1, 2) @ GLTF_FROM_CV)
     name = f"{camera.id}_camera"
     node = len(tree["nodes"])
-    if len(turns) > 1:
-        moves.add(node, "rotation", turns)
+    if len(rotations) > 1:
+        animation.add(node, "rotation", rotations)
     tree["scenes"][0]["nodes"].append(node)
     tree["nodes"].append(
         {
             "name": name,
             "camera": len(tree["cameras"]),
             "translation": camera.centre.tolist(),
-            "rotation": turns[0].tolist(),
+            "rotation": rotations[0].tolist(),
         }
     )
     optics = {"type": "perspective", "perspective": perspective}
-    tree["cameras"].append({"name": name, **optics, "extras": known})
+    tree["cameras"].append({"name": name, **optics, "extras": extras})
 
 
-def _animations(moves: Sequence[tuple[str, Tree]]) -> list[Tree]:
-    """One of all videos, then one of each; they share their numbers."""
+def _animations(per_video: Sequence[tuple[str, Tree]]) -> list[Tree]:
+    """One animation of all videos, then one of each; they share the same numbers."""
     together: Tree = {"name": "all", "samplers": [], "channels": []}
-    for _, own in moves:
+    for _, one in per_video:
         first = len(together["samplers"])
-        together["samplers"] += own["samplers"]
-        together["channels"] += [{**c, "sampler": c["sampler"] + first} for c in own["channels"]]
-    each = [{"name": name, **own} for name, own in moves]
-    return [together, *each] if len(each) > 1 else [{**together, "name": moves[0][0]}]
+        together["samplers"] += one["samplers"]
+        together["channels"] += [{**c, "sampler": c["sampler"] + first} for c in one["channels"]]
+    each = [{"name": name, **one} for name, one in per_video]
+    return [together, *each] if len(each) > 1 else [{**together, "name": per_video[0][0]}]

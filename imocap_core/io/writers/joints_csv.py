@@ -1,4 +1,4 @@
-"""Joints as comma-separated values: one row a frame, three columns a joint, units in the names."""
+"""Joints as comma-separated values: one row per frame, three columns per joint."""
 
 from __future__ import annotations
 
@@ -13,9 +13,12 @@ FIRST = ("time_s", "frame", "phase_s", "inside")
 
 
 def write_joints_csv(file: Path, clip: MotionClip) -> None:
-    """Write one clip: `time_s` from its first row, `frame` of the source video (fractional between
-    two), `phase_s` on the common axis (empty where unknown), `inside` 0 where the video shows
-    nothing of the moment, then `<joint>_x_m`, `_y_m`, `_z_m`."""
+    """Write one motion clip.
+
+    Columns: `time_s` from the first row, `frame` of the source video (fractional between two),
+    `phase_s` on the common axis (empty where unknown), `inside` (0 where the video does not show
+    the moment), then `<joint>_x_m`, `_y_m`, `_z_m`.
+    """
     columns = [f"{joint}_{axis}_m" for joint in clip.joint_names for axis in "xyz"]
     with file.open("w", newline="", encoding="utf-8") as stream:
         rows = csv.writer(stream, lineterminator="\n")

@@ -1,7 +1,7 @@
-"""One performance as every exported format wants it: a joint tree, its turns, its path, a camera.
+"""One video's motion as exported: a joint tree, its rotations, its root path.
 
-World axes are right-handed; which of them points up is said beside the files (export.json). At rest
-every joint's axes are the body's (y up, facing +z), so a bone is the vector from joint to joint.
+World axes are right-handed; export.json names the one that points up. At rest every joint's axes
+are the body's (y up, facing +z), so a bone is the vector from joint to joint.
 """
 
 from __future__ import annotations
@@ -11,42 +11,40 @@ from functools import cached_property
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float
 
 from imocap_core.body.kinematics import joint_positions, world_rotations
 from imocap_core.body.model import Shaped
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True, eq=False)
 class MotionClip:
-    """One video's performance on one timeline, in one world.
+    """One video's motion on one timeline, in one world.
 
     Attributes:
-        id: the video. joint_names (J,), parents (J,): a parent comes before its children.
-        rest (J, 3): joints at rest, metres, the pelvis at the origin.
-        tips: per joint without a child, the end (3,) of its bone from the joint, metres.
-        R_local (T, J, 3, 3): against the parent; joint 0 world from body. pelvis (T, 3) metres.
-        fps: frames of this clip per second. frames (T,): source frame numbers, fractional between
-            two. inside (T,): False where the video shows nothing of the moment and stands still.
-        phase_s (T,): seconds of the reference; NaN where unknown.
+        id: the video. joint_names, parents: a parent comes before its children.
+        rest: joints at rest, metres, the pelvis at the origin.
+        tips: per joint without a child, the end of its bone from the joint, metres.
+        R_local: relative to the parent; of joint 0 world from body. pelvis: metres.
+        fps: frames of this clip per second. frames: source frame numbers, fractional between two.
+        inside: False where the video does not show the moment and the body is frozen.
+        phase_s: seconds of the reference; NaN where unknown.
     """
 
     id: str
     joint_names: tuple[str, ...]
     parents: tuple[int, ...]
-    rest: Array
-    tips: dict[int, Array]
-    R_local: Array
-    pelvis: Array
+    rest: Float[np.ndarray, "J 3"]
+    tips: dict[int, Float[np.ndarray, "3"]]
+    R_local: Float[np.ndarray, "T J 3 3"]
+    pelvis: Float[np.ndarray, "T 3"]
     fps: float
-    frames: Array
-    inside: NDArray[np.bool_]
-    phase_s: Array
+    frames: Float[np.ndarray, " T"]
+    inside: Bool[np.ndarray, " T"]
+    phase_s: Float[np.ndarray, " T"]
 
     def __post_init__(self) -> None:
-        """Check that the arrays belong together; ValueError names every one that does not."""
+        """ValueError names every array whose shape does not match the others."""
         joints, length = len(self.parents), len(self.R_local)
         expected: dict[str, tuple[int, ...]] = {
             "rest": (joints, 3),
@@ -69,29 +67,30 @@ class MotionClip:
             raise ValueError(f"clip {self.id}: " + "; ".join(wrong))
 
     @property
-    def times_s(self) -> Array:
-        """(T,) seconds from the clip's first frame."""
+    def times_s(self) -> Float[np.ndarray, " T"]:
+        """Seconds from the clip's first frame."""
         return np.arange(len(self.R_local)) / self.fps
 
     @property
-    def offsets(self) -> Array:
-        """(J, 3) every joint from its parent at rest, metres; the pelvis has none."""
+    def offsets(self) -> Float[np.ndarray, "J 3"]:
+        """Every joint from its parent at rest, metres; 0 for the pelvis."""
         above = [max(parent, 0) for parent in self.parents]
         return self.rest - self.rest[above]
 
     @cached_property
-    def joints(self) -> Array:
-        """(T, J, 3) metres, world: forward kinematics."""
+    def joints(self) -> Float[np.ndarray, "T J 3"]:
+        """Joint positions by forward kinematics, metres, world."""
         R_world = world_rotations(torch.as_tensor(self.R_local), self.parents)
         rest, path = torch.as_tensor(self.rest), torch.as_tensor(self.pelvis)
         return joint_positions(R_world, rest, path, self.parents).numpy()
 
 
 def upright_rest(clip: MotionClip, up: str) -> MotionClip:
-    """The same motion of a tree whose rest pose stands on the world's ground.
+    """The same motion of a tree whose rest pose is upright in the world.
 
-    Programs show the rest pose in world axes: with z up, a rest pose of y up would lie on its back.
-    The tree at rest is turned by C (y to z), and every rotation with it: C R C^T, the root R C^T.
+    Programs show the rest pose in world axes: with z up, a rest pose with y up would lie on its
+    back. The tree at rest is turned by C (y to z), and every rotation with it: C R C^T, the root R
+    C^T. ValueError unless `up` is y or z.
     """
     if up not in ("y", "z"):
         raise ValueError(f"up: expected y or z, got {up!r}")
@@ -104,11 +103,11 @@ def upright_rest(clip: MotionClip, up: str) -> MotionClip:
     return replace(clip, rest=clip.rest @ C.T, tips=tips, R_local=turned)
 
 
-def bone_tips(shaped: Shaped) -> dict[int, Array]:
-    """For every joint without a child the end of its bone (3,), metres, from the joint at rest.
+def bone_tips(shaped: Shaped) -> dict[int, Float[np.ndarray, "3"]]:
+    """For every joint without a child the end of its bone, metres, from the joint at rest.
 
-    A bone goes on in its own direction as far as the surface that it moves the most of reaches
-    (the head to its top, a foot to its toes, a finger to its tip), 1 cm at least.
+    The last bone is extended along its direction to the end of the surface that it moves most (the
+    top of the head, the toes, a finger's tip), by 1 cm at least.
     """
     parents = shaped.model.parents
     rest = shaped.joints_rest.numpy()

@@ -6,16 +6,19 @@ from pathlib import Path
 
 from imocap_core.io.writers.motion_clip import MotionClip
 
-DECIMALS = 3  # thousandths of a millimetre
+DECIMALS = 3  # 0.001 mm
 
 
 def write_trc(file: Path, clip: MotionClip) -> None:
-    """Write one clip; the file names itself in its first line, as the format wants it."""
+    """Write one motion clip; its first line contains the file name, as the format requires."""
     file.write_text(trc_text(clip, file.name), encoding="utf-8", newline="\n")
 
 
 def trc_text(clip: MotionClip, name: str) -> str:
-    """The whole file. Frames count from 1; the first source frame is OrigDataStartFrame."""
+    """The content of the file.
+
+    Frames count from 1; OrigDataStartFrame is the first source frame.
+    """
     count, markers = clip.joints.shape[:2]
     rate, start = f"{clip.fps:.6g}", round(float(clip.frames[0]))
     head = "DataRate CameraRate NumFrames NumMarkers Units OrigDataRate OrigDataStartFrame"
