@@ -10,18 +10,18 @@ import grimp
 import pytest
 
 from tools import make_architecture_picture as tool
-from tools.make_architecture_picture import ROOT, TARGET, Room, Stage, names_in
+from tools.make_architecture_picture import ROOT, TARGET, RoomBox, StageBox, names_in
 
 ADVICE = "run: python -m tools.make_architecture_picture"
 
 
 @pytest.fixture(scope="module")
-def bands() -> list[list[Room]]:
+def bands() -> list[list[RoomBox]]:
     return tool.rooms_of_code()
 
 
 @pytest.fixture(scope="module")
-def stages() -> list[Stage]:
+def stages() -> list[StageBox]:
     return tool.stages_of_code()
 
 
@@ -30,7 +30,9 @@ def lines_in(drawing: str) -> int:
     return int(total.replace(",", ""))
 
 
-def test_the_committed_picture_shows_the_code(stages: list[Stage], bands: list[list[Room]]) -> None:
+def test_the_committed_picture_shows_the_code(
+    stages: list[StageBox], bands: list[list[RoomBox]]
+) -> None:
     committed = TARGET.read_text(encoding="utf-8")
     assert names_in(committed, "stage") == [stage.name for stage in stages], ADVICE
     assert names_in(committed, "artifact") == [stage.artifact for stage in stages], ADVICE
@@ -39,12 +41,14 @@ def test_the_committed_picture_shows_the_code(stages: list[Stage], bands: list[l
     assert lines_in(committed) == pytest.approx(total, rel=0.1), ADVICE
 
 
-def test_the_same_code_gives_the_same_bytes(stages: list[Stage], bands: list[list[Room]]) -> None:
+def test_the_same_code_gives_the_same_bytes(
+    stages: list[StageBox], bands: list[list[RoomBox]]
+) -> None:
     drawing = tool.picture(stages, bands)
     assert drawing == tool.picture(tool.stages_of_code(), tool.rooms_of_code())
 
 
-def test_every_import_leads_to_a_later_room(bands: list[list[Room]]) -> None:
+def test_every_import_leads_to_a_later_room(bands: list[list[RoomBox]]) -> None:
     contract = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
     order = {room.name: place for place, room in enumerate(chain(*bands))}
     graph = grimp.build_graph(*contract["root_packages"], cache_dir=None)

@@ -35,7 +35,7 @@ FLOW = ("#3b6ea5", "#3f86a8", "#3f9a94", "#c98a2d", "#c2613f", "#b0405a", "#8a5a
 
 
 @dataclass(frozen=True)
-class Stage:
+class StageBox:
     """One stage: its place in the flow, what it reads of the action, what it makes."""
 
     name: str
@@ -48,7 +48,7 @@ class Stage:
 
 
 @dataclass(frozen=True)
-class Room:
+class RoomBox:
     """One package or module: its docstring's first line and its number of lines."""
 
     name: str
@@ -56,7 +56,7 @@ class Room:
     lines: int
 
 
-def stages_of_code() -> list[Stage]:
+def stages_of_code() -> list[StageBox]:
     """The stages of pipeline.yaml; a stage's column is its longest way from the first one."""
     graph = yaml.safe_load((ROOT / "pipeline.yaml").read_text(encoding="utf-8"))["stages"]
     columns: dict[str, int] = {}
@@ -68,11 +68,11 @@ def stages_of_code() -> list[Stage]:
         says, _, paper = first_line(tree).removeprefix(f"{name}: ").partition(" (")
         artifact = ast.unparse(run.returns)
         inputs, reads = tuple(spec["inputs"]), tuple(spec["reads"])
-        made.append(Stage(name, columns[name], says, paper.rstrip(")"), inputs, reads, artifact))
+        made.append(StageBox(name, columns[name], says, paper.rstrip(")"), inputs, reads, artifact))
     return made
 
 
-def rooms_of_code() -> list[list[Room]]:
+def rooms_of_code() -> list[list[RoomBox]]:
     """The rooms of every band, top layer first, as the import contract orders them."""
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     contract = settings["tool"]["importlinter"]
@@ -86,14 +86,14 @@ def rooms_of_code() -> list[list[Room]]:
     return [rooms[a:b] for a, b in zip(starts, [*starts[1:], len(rooms)], strict=True)]
 
 
-def room_of_code(module: str) -> Room:
+def room_of_code(module: str) -> RoomBox:
     """A package with all that is in it, or a single module."""
     path = ROOT.joinpath(*module.split("."))
     files = sorted(path.rglob("*.py")) if path.is_dir() else [path.with_suffix(".py")]
     top = path / "__init__.py" if path.is_dir() else files[0]
     says = first_line(ast.parse(top.read_text(encoding="utf-8")))
     count = sum(len(file.read_text(encoding="utf-8").splitlines()) for file in files)
-    return Room(module.removeprefix("imocap_core."), says, count)
+    return RoomBox(module.removeprefix("imocap_core."), says, count)
 
 
 def first_line(tree: ast.Module) -> str:
@@ -101,7 +101,7 @@ def first_line(tree: ast.Module) -> str:
     return (ast.get_docstring(tree) or "").partition("\n")[0].replace("`", "").rstrip(".")
 
 
-def picture(stages: list[Stage], bands: list[list[Room]]) -> str:
+def picture(stages: list[StageBox], bands: list[list[RoomBox]]) -> str:
     """The whole drawing."""
     flow, below = drawn_flow(stages, 96)
     walls, end = drawn_rooms(bands, below + 74)
@@ -126,7 +126,7 @@ def picture(stages: list[Stage], bands: list[list[Room]]) -> str:
     ])  # fmt: skip
 
 
-def drawn_flow(stages: list[Stage], top: float) -> tuple[list[str], float]:
+def drawn_flow(stages: list[StageBox], top: float) -> tuple[list[str], float]:
     """The stages in columns, those of one column below each other; the y where they end."""
     columns = max(stage.column for stage in stages) + 1
     pitch = (WIDTH - 2 * MARGIN + 22) / columns
@@ -149,7 +149,7 @@ def drawn_flow(stages: list[Stage], top: float) -> tuple[list[str], float]:
     return parts, top + tall + 40
 
 
-def drawn_stage(stage: Stage, x: float, y: float, wide: float, high: float) -> list[str]:
+def drawn_stage(stage: StageBox, x: float, y: float, wide: float, high: float) -> list[str]:
     """What it reads of the action, the script with its description, the artifact."""
     color = FLOW[stage.column % len(FLOW)]
     centre = x + wide / 2
@@ -179,7 +179,7 @@ def drawn_stage(stage: Stage, x: float, y: float, wide: float, high: float) -> l
     return parts
 
 
-def drawn_rooms(bands: list[list[Room]], top: float) -> tuple[list[str], float]:
+def drawn_rooms(bands: list[list[RoomBox]], top: float) -> tuple[list[str], float]:
     """A band a kind of room, boxes in reading order; the y where they end."""
     most = max(room.lines for band in bands for room in band)
     left, high, gap, columns = MARGIN + GUTTER, 66, 10, 6
@@ -203,7 +203,7 @@ def drawn_rooms(bands: list[list[Room]], top: float) -> tuple[list[str], float]:
 
 
 def drawn_room(
-    room: Room, x: float, y: float, wide: float, high: float, edge: str, most: int
+    room: RoomBox, x: float, y: float, wide: float, high: float, edge: str, most: int
 ) -> list[str]:
     """Name, lines, description, and a bar as long as the room is large."""
     parts = [

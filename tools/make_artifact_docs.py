@@ -1,6 +1,6 @@
 """Write docs/artifacts.md from the schemas: `python tools/make_artifact_docs.py`.
 
-Every field with its type, its shape, and the comment that stands beside it in the source.
+Every field with its type, its shape, and the comment beside it in the source.
 """
 
 from __future__ import annotations
@@ -32,49 +32,49 @@ HEAD = """\
 
 *Made by `python tools/make_artifact_docs.py` from `imocap_core/artifacts/schemas/`; don't edit.*
 
-One MCAP file a stage: a JSON header on `/header` (with its JSON schema), one protobuf
-`imocap.NdArray {name, dtype, shape, data}` an array on the topic of its path in the header
-(`/videos/0/theta`), how it was made as metadata, and files for the report as attachments.
-Letters in a shape are sizes shared by the fields of one value; `*` is any size. Missing is NaN.
-How files are written, checked and found again: [decisions/store.md](decisions/store.md).
+One MCAP file for each stage: a JSON header on `/header` (with its JSON schema); for each array one protobuf message
+`imocap.NdArray {name, dtype, shape, data}` on the topic of the array's path in the header (`/videos/0/theta`); how it
+was made, as metadata; and files for the report, as attachments. Letters in a shape are sizes shared by the
+fields of one value; `*` is any size. Missing values are NaN.
+How files are written, checked and identified: [decisions/store.md](decisions/store.md).
 """
 
 
 def document() -> str:
     """The whole page."""
-    told: set[type[Value]] = set()
+    described: set[type[Value]] = set()
     parts = [HEAD]
     for stage, artifact in BY_STAGE.items():
         parts.append(f"\n## {stage}: `{artifact.__name__}`\n")
-        for kind in _with_parts(artifact, told):
+        for kind in _with_parts(artifact, described):
             if kind is not artifact:
                 parts.append(f"\n### `{kind.__name__}`\n")
             parts.append(f"\n{inspect.cleandoc(kind.__doc__ or '')}\n\n{_table(kind)}")
     return "".join(parts)
 
 
-def _with_parts(kind: type[Value], told: set[type[Value]]) -> list[type[Value]]:
-    """A value's class and those of the values inside it, each told once in the whole page."""
-    if kind in told:
+def _with_parts(kind: type[Value], described: set[type[Value]]) -> list[type[Value]]:
+    """A value's class and those of the values inside it, each once in the whole page."""
+    if kind in described:
         return []
-    told.add(kind)
-    found = [kind]
+    described.add(kind)
+    kinds = [kind]
     for field in kind.model_fields.values():
         for inner in _classes(field.annotation):
-            found += _with_parts(inner, told)
-    return found
+            kinds += _with_parts(inner, described)
+    return kinds
 
 
 def _classes(annotation: Any) -> list[type[Value]]:
     if isinstance(annotation, type) and issubclass(annotation, Value):
         return [annotation]
-    return [found for part in get_args(annotation) for found in _classes(part)]
+    return [kind for part in get_args(annotation) for kind in _classes(part)]
 
 
 def _table(kind: type[Value]) -> str:
-    said = _comments(kind)
+    comments = _comments(kind)
     rows = [
-        f"| `{name}` | {_type(field)} | {said.get(name, '')} |\n"
+        f"| `{name}` | {_type(field)} | {comments.get(name, '')} |\n"
         for name, field in kind.model_fields.items()
     ]
     return "| field | type | |\n|---|---|---|\n" + "".join(rows)
@@ -92,13 +92,13 @@ def _type(field: FieldInfo) -> str:
 
 def _comments(kind: type[Value]) -> dict[str, str]:
     """Field name -> the comment on its line, of this class and those it extends."""
-    found: dict[str, str] = {}
+    comments: dict[str, str] = {}
     for parent in reversed(kind.__mro__):
         if issubclass(parent, Value) and parent is not Value:
             for line in inspect.getsource(parent).splitlines():
                 if match := re.match(r"\s+(\w+): .*?  # (.*)", line):
-                    found[match[1]] = match[2].replace("|", "or")
-    return found
+                    comments[match[1]] = match[2].replace("|", "or")
+    return comments
 
 
 if __name__ == "__main__":
