@@ -32,10 +32,11 @@ HEAD = """\
 
 *Made by `python tools/make_artifact_docs.py` from `imocap_core/artifacts/schemas/`; don't edit.*
 
-One MCAP file for each stage: a JSON header on `/header` (with its JSON schema); for each array one protobuf message
-`imocap.NdArray {name, dtype, shape, data}` on the topic of the array's path in the header (`/videos/0/theta`); how it
-was made, as metadata; and files for the report, as attachments. Letters in a shape are sizes shared by the
-fields of one value; `*` is any size. Missing values are NaN.
+One MCAP file for each stage: a JSON header on `/header` (with its JSON schema); for each array
+one protobuf message `imocap.NdArray {name, dtype, shape, data}` on the topic of the array's path
+in the header (`/videos/0/theta`); how it was made, as metadata; and files for the report, as
+attachments. Letters in a shape are sizes shared by the fields of one value; `*` is any size.
+Missing values are NaN.
 How files are written, checked and identified: [decisions/store.md](decisions/store.md).
 """
 
