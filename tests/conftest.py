@@ -13,6 +13,7 @@ import tests.shape_check  # noqa: F401  (the hook names it)
 CHECKED: tuple[str, ...] = (
     "imocap_core.alignment",
     "imocap_core.camera",
+    "imocap_core.detect",
     "imocap_core.io",
     "imocap_core.metrics",
     "imocap_core.technique",

@@ -1,5 +1,5 @@
-"""`keypoints: detect`: a 2D detector run over the videos, in a process and environment of its own.
+"""`keypoints: detect`: a 2D detector runs over the videos, in a separate process and environment.
 
-What it finds is written in a format that imocap_core/formats reads, so that everything after it is
-as with keypoints that somebody brought.
+Its detections are written in a format that imocap_core/io/detectors reads, so that everything after
+it is the same as with keypoints from elsewhere.
 """

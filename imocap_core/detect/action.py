@@ -1,4 +1,4 @@
-"""The videos of an action that say `keypoints: detect`: which are done, and the others' turn."""
+"""Detection for the videos of an action that declare `keypoints: detect`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from imocap_core.artifacts.store import Store
-from imocap_core.detect.detection import detect_video, kept_at
+from imocap_core.detect.detection import detect_video, detections_file
 from imocap_core.detect.detectors import Detector, detector_of
 from imocap_core.detect.environment import python_for
 from imocap_core.errors import WorkFailed
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def with_detections(action: Action, params: DetectParams, store: Store) -> Action:
-    """The action as the stages see it: what was detected stands as if somebody had brought it."""
+    """The action for the stages: detected keypoints are declared as if they had been given."""
     detector = detector_of(params, action.folder)
     files = {v.id: _file(action, v, detector, store) for v in action.videos if v.detected}
     return replace(
@@ -31,33 +31,33 @@ def with_detections(action: Action, params: DetectParams, store: Store) -> Actio
 
 
 def detect(action: Action, params: DetectParams, store: Store, display: Display) -> None:
-    """Run the detector on every video that has not been through it.
+    """Run the detector on every video that has no detections yet.
 
-    Results are kept video by video: what was finished before a break is not done again.
-    WorkFailed says in a sentence why it cannot be done.
+    Detections are stored video by video, so an interrupted run goes on where it stopped.
+    WorkFailed when a model is missing, a video cannot be read, or the detector fails.
     """
     detector = detector_of(params, action.folder)
     missing = [str(model) for model in detector.models if not model.is_file()]
     if missing:
-        raise WorkFailed(f"{action.file}: params.detect: there is no {missing[0]}")
+        raise WorkFailed(f"{action.file}: params.detect: {missing[0]} does not exist")
     waiting = [v for v in action.videos if v.detected and v.id not in action.detected]
     if not waiting:
         return
     _must_be_readable(action, waiting)
-    display.started("detect", [f"{detector.version} has not seen {waiting[0].id}"])
+    display.started("detect", [f"{waiting[0].id} has no detections of {detector.version}"])
     root = store.folder.parent
     python = python_for(detector.packages, root, lambda what: display.progress(0.0, what))
     for number, declared in enumerate(waiting):
         if number:
-            display.started("detect", [f"{detector.version} has not seen {declared.id}"])
+            display.started("detect", [f"{declared.id} has no detections of {detector.version}"])
         file = _file(action, declared, detector, store)
         assert file is not None
         assert declared.video is not None
-        if file.is_file():  # the same pictures under another name
+        if file.is_file():  # the same video under another name
             continue
         try:
             detect_video(action.folder / declared.video, file, detector, python, display.progress)
-        except ValueError as error:  # broken further on
+        except ValueError as error:  # the video breaks off
             raise WorkFailed(f"detect: {error}") from error
 
 
@@ -71,17 +71,20 @@ def _must_be_readable(action: Action, waiting: list[Declaration]) -> None:
 
 
 def _file(action: Action, declared: Declaration, detector: Detector, store: Store) -> Path | None:
-    """Where a video's detections lie; None when there is no such video (or model) to ask about."""
+    """The file of a video's detections; None when the video or a model does not exist."""
     assert declared.video is not None
     video = action.folder / declared.video
-    there = all(path.is_file() for path in (video, *detector.models))
-    return kept_at(store, video, detector) if there else None
+    exist = all(path.is_file() for path in (video, *detector.models))
+    return detections_file(store, video, detector) if exist else None
 
 
 def _declared(declared: Declaration, detector: Detector) -> Declaration:
-    """What action.yaml would say of the file."""
-    said: dict[str, str | None] = {"format": detector.format, "layout": detector.layout}
+    """The declaration of the detections' file, as it would stand in action.yaml."""
+    update: dict[str, str | None] = {"format": detector.format, "layout": detector.layout}
     if declared.initial in (None, DETECT):
-        own = detector.initial_format
-        said |= {"initial": DETECT if own else None, "initial_format": own}
-    return declared.model_copy(update=said)
+        initial_format = detector.initial_format
+        update |= {
+            "initial": DETECT if initial_format else None,
+            "initial_format": initial_format,
+        }
+    return declared.model_copy(update=update)

@@ -1,4 +1,4 @@
-"""One video through a detector, into one file, which is kept."""
+"""One video through a detector, into one file of the cache."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from imocap_core.artifacts.store import Store
 from imocap_core.detect.detectors import Detector
 from imocap_core.detect.process import Worker
-from imocap_core.detect.results import somebody
+from imocap_core.detect.results import frames_with_people
 from imocap_core.errors import WorkFailed
 from imocap_core.io.video import probe, read_rgb
 from imocap_core.pipeline.keys import content_digest
@@ -21,8 +21,9 @@ FOLDER = "detections"
 Progress = Callable[[float, str], None]
 
 
-def kept_at(store: Store, video: Path, detector: Detector) -> Path:
-    """Where the result for a video lies, or will (absolute): named by what it depends on."""
+def detections_file(store: Store, video: Path, detector: Detector) -> Path:
+    """The file of a video's detections (absolute, it need not exist): its name is a digest of all
+    that they depend on."""
     key = detector.key(content_digest(video), [content_digest(model) for model in detector.models])
     return store.folder.resolve() / ".cache" / FOLDER / f"{key}.npz"
 
@@ -30,21 +31,22 @@ def kept_at(store: Store, video: Path, detector: Detector) -> Path:
 def detect_video(
     video: Path, file: Path, detector: Detector, python: Path, progress: Progress
 ) -> None:
-    """Write what the detector finds in all frames of a video; whole or not at all.
+    """Write the detections of all frames of a video into `file`; whole or not at all.
 
-    WorkFailed when the detector cannot work or finds nobody.
+    `progress` is called with the share of the work and a sentence. WorkFailed when the detector
+    fails or finds nobody, ValueError when the video cannot be read.
     """
     count = max(probe(video).frame_count, 1)
     answers = []
     with Worker(python, detector.worker, detector.settings) as worker:
         for number, picture in read_rgb(video):
-            answers.append(worker.ask(number, picture))
+            answers.append(worker.detect(number, picture))
             progress(min((number + 1) / count, 1.0), f"{video.name}: frame {number + 1} of {count}")
     arrays: dict[str, Any] = detector.arrays(answers)
-    if not somebody(arrays):
+    if not frames_with_people(arrays):
         raise WorkFailed(
             f"{video}: {detector.version} found nobody in {len(answers)} frames; try the other "
-            "detector (detect.detector in docs/detection.md), or name keypoints of your own"
+            "detector (detect.detector in docs/detection.md), or give keypoints from elsewhere"
         )
     file.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".detect-", dir=file.parent) as folder:

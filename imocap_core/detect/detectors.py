@@ -1,4 +1,4 @@
-"""The detectors there are: what each is called with, and the files its answers become."""
+"""The available detectors: their settings, and the files that their answers become."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from imocap_core.detect.results import Arrays, landmarks_of, people_of
+from imocap_core.detect.results import Arrays, landmark_arrays, people_arrays
 from imocap_core.params import DetectParams
 from imocap_core.pipeline.action import DetectionFormat, InitialFormat, Layout
 from imocap_core.pipeline.source import Source
@@ -22,8 +22,8 @@ FORMAT = 1  # raise when the files written mean something else
 class Detector:
     """A detector with its settings.
 
-    name: of its environment's list of packages; worker: its script; settings: what that is called
-    with; models: files that the user brings; arrays: of its answers, what its file holds.
+    name: of its environment's list of packages. worker: its script. settings: the script's
+    argument. models: files that the user provides. arrays: its answers -> the arrays of its file.
     """
 
     name: str
@@ -37,21 +37,21 @@ class Detector:
 
     @property
     def packages(self) -> Path:
-        """The packages its environment holds, with their versions."""
+        """The file that lists the packages of its environment, with their versions."""
         return HERE / "environments" / f"{self.name}.txt"
 
     @property
     def version(self) -> str:
-        """As in `mediapipe 0.10.21`."""
+        """Name and version, as `mediapipe 0.10.21`."""
         lines = self.packages.read_text(encoding="utf-8").split()
         return next(line for line in lines if line.startswith(f"{self.name}==")).replace("==", " ")
 
     def key(self, content: str, models: Sequence[str]) -> str:
-        """Digest of all that the result for a video depends on; `content` and `models` are digests
-        of files."""
+        """Digest of all that a video's detections depend on; `content` (the video's) and `models`
+        are digests of files."""
         settings = {k: v for k, v in self.settings.items() if not k.endswith("_model")}
-        told = [FORMAT, self.version, Source("", self.worker).digest, settings, content, *models]
-        return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+        parts = [FORMAT, self.version, Source("", self.worker).digest, settings, content, *models]
+        return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
 def detector_of(params: DetectParams, folder: Path) -> Detector:
@@ -67,13 +67,13 @@ def detector_of(params: DetectParams, folder: Path) -> Detector:
                 "min_tracking_confidence": params.min_tracking_confidence,
             },
             models=(),
-            arrays=landmarks_of,
+            arrays=landmark_arrays,
             format="mediapipe",
             layout="mediapipe33",
             initial_format="mediapipe_world" if params.world_landmarks else None,
         )
-    given = {"person_model": params.rtmlib_person_model, "pose_model": params.rtmlib_pose_model}
-    paths = {k: None if v is None else (folder / v).resolve() for k, v in given.items()}
+    models = {"person_model": params.rtmlib_person_model, "pose_model": params.rtmlib_pose_model}
+    paths = {k: None if v is None else (folder / v).resolve() for k, v in models.items()}
     return Detector(
         name="rtmlib",
         worker=HERE / "workers" / "rtmlib_pose.py",
@@ -83,7 +83,7 @@ def detector_of(params: DetectParams, folder: Path) -> Detector:
             **{name: None if path is None else str(path) for name, path in paths.items()},
         },
         models=tuple(path for path in paths.values() if path is not None),
-        arrays=people_of,
+        arrays=people_arrays,
         format="npz",
         layout="wholebody133" if params.hands else "halpe26",
         initial_format=None,

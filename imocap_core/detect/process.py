@@ -1,4 +1,4 @@
-"""A detector at work in a process of its own: a picture in, its answer out."""
+"""A detector in a separate process: a picture in, its answer out."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from types import TracebackType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import UInt8
 
 from imocap_core.errors import WorkFailed
 
-HEAD = struct.Struct("<III")  # as stages/detect/workers say
+HEAD = struct.Struct("<III")  # frame, height, width: the protocol of detect/workers
 
 
 class Worker:
-    """A script in another Python; WorkFailed says why it could not start or go on."""
+    """A script of detect/workers in another Python; WorkFailed when it cannot start or go on."""
 
     def __init__(self, python: Path, script: Path, settings: dict[str, Any]) -> None:
-        self._said = tempfile.TemporaryFile()  # noqa: SIM115
-        self._what = f"{script.stem} in {python}"
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115
+        self._name = f"{script.stem} in {python}"
         try:
             self._process = subprocess.Popen(
                 [str(python), str(script), json.dumps(settings)],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
-                stderr=self._said,
+                stderr=self._errors,
             )
         except OSError as error:
-            self._said.close()
-            raise WorkFailed(f"cannot start {self._what}: {error.strerror}") from None
+            self._errors.close()
+            raise WorkFailed(f"cannot start {self._name}: {error.strerror}") from None
 
     def __enter__(self) -> Worker:
         try:
@@ -55,18 +55,18 @@ class Worker:
         self._end()
 
     def _end(self) -> None:
-        """Let it finish, and close what led to it."""
+        """Close the pipes to it, and wait for its end."""
         for stream in (self._process.stdin, self._process.stdout):
             assert stream is not None
             with suppress(OSError):
                 stream.close()
         self._process.wait()
-        self._said.close()
+        self._errors.close()
 
-    def ask(self, frame: int, picture: NDArray[np.uint8]) -> dict[str, Any]:
-        """The answer to one picture (height, width, 3) RGB."""
+    def detect(self, frame: int, picture: UInt8[np.ndarray, "H W 3"]) -> dict[str, Any]:
+        """The answer to one picture, RGB; WorkFailed when the process fails or ends."""
         assert self._process.stdin is not None
-        with suppress(OSError):  # it is gone: why is told below
+        with suppress(OSError):  # it has ended: _answer says why
             self._process.stdin.write(HEAD.pack(frame, *picture.shape[:2]))
             self._process.stdin.write(np.ascontiguousarray(picture).tobytes())
             self._process.stdin.flush()
@@ -78,16 +78,16 @@ class Worker:
         try:
             answer = json.loads(line)
         except ValueError:
-            why = self._last_words()
-            raise WorkFailed(f"{self._what} ended without an answer: {why}") from None
+            why = self._last_line()
+            raise WorkFailed(f"{self._name} ended without an answer: {why}") from None
         if not isinstance(answer, dict) or "fault" in answer:
-            said = answer["fault"] if isinstance(answer, dict) else line.decode(errors="replace")
-            raise WorkFailed(f"{self._what} cannot work: {said}")
+            fault = answer["fault"] if isinstance(answer, dict) else line.decode(errors="replace")
+            raise WorkFailed(f"{self._name} failed: {fault}")
         return answer
 
-    def _last_words(self) -> str:
-        """The last line it wrote for people."""
+    def _last_line(self) -> str:
+        """The last line of its standard error, or its exit code."""
         self._process.wait()
-        self._said.seek(0)
-        lines = self._said.read().decode(errors="replace").strip().splitlines()
+        self._errors.seek(0)
+        lines = self._errors.read().decode(errors="replace").strip().splitlines()
         return lines[-1][:300] if lines else f"exit code {self._process.returncode}"

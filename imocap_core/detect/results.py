@@ -1,4 +1,4 @@
-"""What the detectors' answers become: arrays in the forms that imocap_core/formats reads."""
+"""Detectors' answers as arrays, in the formats that imocap_core/io/detectors reads."""
 
 from __future__ import annotations
 
@@ -6,30 +6,30 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float, Int
 
-Arrays = dict[str, NDArray[Any]]
+Arrays = dict[str, Float[np.ndarray, "..."] | Int[np.ndarray, "..."]]
 WIDTH = {"pose_landmarks": (33, 4), "pose_world_landmarks": (33, 4)}
 HAND = (21, 3)
 
 
-def landmarks_of(answers: Sequence[Mapping[str, Any]]) -> Arrays:
-    """MediaPipe's answers, one a frame: arrays (T, 33, 4) and, with hands, (T, 21, 3) of their
-    names; NaN where a frame has none."""
+def landmark_arrays(answers: Sequence[Mapping[str, Any]]) -> Arrays:
+    """MediaPipe's answers, one a frame, by name: (T, 33, 4) and, for hands, (T, 21, 3); NaN where a
+    frame has no person or hand. `frames` (T,) counts them."""
     names = answers[0] if answers else WIDTH
-    found: Arrays = {"frames": np.arange(len(answers))}
+    arrays: Arrays = {"frames": np.arange(len(answers))}
     for name in names:
         rows = np.full((len(answers), *WIDTH.get(name, HAND)), np.nan)
         for t, answer in enumerate(answers):
             if answer[name] is not None:
                 rows[t] = answer[name]
-        found[name] = rows
-    return found
+        arrays[name] = rows
+    return arrays
 
 
-def people_of(answers: Sequence[Mapping[str, Any]]) -> Arrays:
-    """RTMPose's answers: `keypoints` (T, P, K, 2) pixels and `scores` (T, P, K), P as many as there
-    are at most; NaN and 0 where a frame has fewer."""
+def people_arrays(answers: Sequence[Mapping[str, Any]]) -> Arrays:
+    """RTMPose's answers: `keypoints` (T, P, K, 2) pixels and `scores` (T, P, K); P is the largest
+    number of people in a frame; NaN and 0 where a frame has fewer. `frames` (T,) counts them."""
     most = max((len(answer["scores"]) for answer in answers), default=0)
     points = max((len(p) for answer in answers for p in answer["scores"]), default=1)
     keypoints = np.full((len(answers), max(most, 1), points, 2), np.nan)
@@ -40,7 +40,7 @@ def people_of(answers: Sequence[Mapping[str, Any]]) -> Arrays:
     return {"frames": np.arange(len(answers)), "keypoints": keypoints, "scores": scores}
 
 
-def somebody(arrays: Arrays) -> int:
-    """In how many frames anybody was found."""
-    seen = arrays["pose_landmarks"] if "pose_landmarks" in arrays else arrays["keypoints"]
-    return int(np.isfinite(seen).reshape(len(seen), -1).any(axis=1).sum())
+def frames_with_people(arrays: Arrays) -> int:
+    """The number of frames with at least one person."""
+    points = arrays["pose_landmarks"] if "pose_landmarks" in arrays else arrays["keypoints"]
+    return int(np.isfinite(points).reshape(len(points), -1).any(axis=1).sum())

@@ -31,15 +31,15 @@ def points(count, x, visible):
 
 class Model:
     def __init__(self, **options):
-        self.options, self.seen = options, 0
+        self.options, self.calls = options, 0
     def __enter__(self):
         return self
     def __exit__(self, *error):
         pass
     def process(self, picture):
-        if HALF and self.seen == int(HALF):
+        if HALF and self.calls == int(HALF):
             raise SystemExit("the model died")
-        self.seen += 1
+        self.calls += 1
         if picture.max() < 40:
             return Bunch(**dict.fromkeys((
                 "pose_landmarks", "pose_world_landmarks",

@@ -62,9 +62,9 @@ def _write(
 
 
 def _node(kind: str, inputs: Sequence[str], output: str, *attributes: bytes) -> bytes:
-    said = b"".join(_bytes(1, name.encode()) for name in inputs) + _bytes(2, output.encode())
-    said += _bytes(4, kind.encode())
-    return said + b"".join(_bytes(5, attribute) for attribute in attributes)
+    message = b"".join(_bytes(1, name.encode()) for name in inputs) + _bytes(2, output.encode())
+    message += _bytes(4, kind.encode())
+    return message + b"".join(_bytes(5, attribute) for attribute in attributes)
 
 
 def _attribute(name: str, value: int | list[int]) -> bytes:
@@ -74,9 +74,9 @@ def _attribute(name: str, value: int | list[int]) -> bytes:
 
 
 def _tensor(name: str, value: np.ndarray) -> bytes:
-    said = b"".join(_number(1, side) for side in value.shape)
-    said += _number(2, FLOAT if value.dtype == np.float32 else INT64)
-    return said + _bytes(8, name.encode()) + _bytes(9, value.tobytes())
+    message = b"".join(_number(1, side) for side in value.shape)
+    message += _number(2, FLOAT if value.dtype == np.float32 else INT64)
+    return message + _bytes(8, name.encode()) + _bytes(9, value.tobytes())
 
 
 def _value(name: str, shape: Sequence[int]) -> bytes:
@@ -94,8 +94,8 @@ def _bytes(field: int, value: bytes) -> bytes:
 
 
 def _varint(value: int) -> bytes:
-    found = bytearray()
+    encoded = bytearray()
     while value >= 128:
-        found.append(value & 127 | 128)
+        encoded.append(value & 127 | 128)
         value >>= 7
-    return bytes([*found, value])
+    return bytes([*encoded, value])

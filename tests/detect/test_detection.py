@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.store import Store
-from imocap_core.detect.detection import detect_video, kept_at
+from imocap_core.detect.detection import detect_video, detections_file
 from imocap_core.detect.detectors import detector_of
 from imocap_core.errors import WorkFailed
 from imocap_core.io.detectors.guess import guess_detections
@@ -29,27 +29,27 @@ def params(**changes: object) -> DetectParams:
 
 
 def detected(tmp_path: Path, python: Path, **changes: object) -> Path:
-    video, file = clip(tmp_path / "bar.mp4", COLUMNS), tmp_path / "out" / "found.npz"
+    video, file = clip(tmp_path / "bar.mp4", COLUMNS), tmp_path / "out" / "detections.npz"
     shares: list[float] = []
     detector = detector_of(params(**changes), tmp_path)
     detect_video(video, file, detector, python, lambda share, what: shares.append(share))
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
-    assert [p.name for p in file.parent.iterdir()] == ["found.npz"]
+    assert [p.name for p in file.parent.iterdir()] == ["detections.npz"]
     return file
 
 
 def test_what_is_written_is_what_the_readers_read(tmp_path: Path, detector_python: Path) -> None:
     file = detected(tmp_path, detector_python)
     assert guess_detections(file) == ("mediapipe", "mediapipe33")
-    found = read_mediapipe(file, "mediapipe33", SIZE)
-    assert found.frames.tolist() == [0, 1, 2, 3, 4]
-    assert [len(people) for people in found.people] == [1, 1, 0, 1, 1]
+    detections = read_mediapipe(file, "mediapipe33", SIZE)
+    assert detections.frames.tolist() == [0, 1, 2, 3, 4]
+    assert [len(people) for people in detections.people] == [1, 1, 0, 1, 1]
     for frame in (0, 1, 3, 4):
         column = COLUMNS[frame]
         assert column is not None
-        assert abs(found.people[frame][0, 0, 0] - column) <= 2.5
-        assert np.isclose(found.people[frame][0, 32, 2], 0.82)
+        assert abs(detections.people[frame][0, 0, 0] - column) <= 2.5
+        assert np.isclose(detections.people[frame][0, 32, 2], 0.82)
     boxes = np.tile([0.0, 0.0, *SIZE], (5, 1))
     world = read_mediapipe_world(file, PerformerBoxes(np.arange(5), boxes, SIZE))
     assert np.isnan(world.joints[2]).all()
@@ -58,9 +58,9 @@ def test_what_is_written_is_what_the_readers_read(tmp_path: Path, detector_pytho
 
 def test_hands_are_read_where_they_were_asked_for(tmp_path: Path, detector_python: Path) -> None:
     file = detected(tmp_path, detector_python, hands=True)
-    found = read_mediapipe_hands(file, np.array([2, 3]), SIZE)
-    assert found is not None
-    xy_px, confidence = found
+    hands = read_mediapipe_hands(file, np.array([2, 3]), SIZE)
+    assert hands is not None
+    xy_px, confidence = hands
     assert confidence.sum(axis=2).tolist() == [[0, 0], [21, 0]]
     assert np.isnan(xy_px[0]).all()
     assert abs(xy_px[1, 0, 0, 0] - 30) <= 2.5
@@ -74,14 +74,14 @@ def test_a_result_is_named_by_all_that_it_depends_on(tmp_path: Path) -> None:
     again = Path(shutil.copy(videos[0], tmp_path / "c.mp4"))
     settings = ({}, {"hands": True}, {"min_tracking_confidence": 0.7}, {"detector": "rtmlib"})
     names = {
-        kept_at(store, video, detector_of(params(**changes), tmp_path))
+        detections_file(store, video, detector_of(params(**changes), tmp_path))
         for video in videos
         for changes in settings
     }
     assert len(names) == 8
-    assert kept_at(store, again, detector_of(params(), tmp_path)) in names
+    assert detections_file(store, again, detector_of(params(), tmp_path)) in names
     unused = detector_of(params(rtmlib_mode="performance"), tmp_path)
-    assert kept_at(store, videos[0], unused) in names
+    assert detections_file(store, videos[0], unused) in names
 
 
 def test_nobody_is_one_sentence_and_leaves_nothing(tmp_path: Path, detector_python: Path) -> None:
@@ -111,7 +111,7 @@ def test_a_python_without_the_library_is_one_sentence(
     monkeypatch.delenv("PYTHONPATH")
     video = clip(tmp_path / "bar.mp4", COLUMNS)
     detector = detector_of(params(), tmp_path)
-    with pytest.raises(WorkFailed, match="cannot work: ModuleNotFoundError: No module named"):
+    with pytest.raises(WorkFailed, match="failed: ModuleNotFoundError: No module named"):
         detect_video(video, tmp_path / "f.npz", detector, detector_python, lambda s, w: None)
 
 

@@ -1,4 +1,4 @@
-"""Where the detector's Python is looked for, and what is said when it cannot be made."""
+"""Where the detector's Python is looked for, and what is messages when it cannot be made."""
 
 from __future__ import annotations
 
@@ -28,23 +28,23 @@ def packages(tmp_path: Path, text: str) -> Path:
 def test_it_is_made_once_and_again_when_the_versions_change(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    said: list[str] = []
+    messages: list[str] = []
     wanted = packages(tmp_path, "")
-    python = python_for(wanted, tmp_path, said.append)
+    python = python_for(wanted, tmp_path, messages.append)
     assert python.is_relative_to(tmp_path / FOLDER)
     assert python.exists()
-    assert len(said) == 2
-    assert python_for(wanted, tmp_path / "artifacts" / "deep", said.append) == python
-    assert len(said) == 2
+    assert len(messages) == 2
+    assert python_for(wanted, tmp_path / "artifacts" / "deep", messages.append) == python
+    assert len(messages) == 2
     wanted.write_text("# newer\n")
-    assert python_for(wanted, tmp_path, said.append) == python
-    assert len(said) == 3
+    assert python_for(wanted, tmp_path, messages.append) == python
+    assert len(messages) == 3
     stamp = tmp_path / FOLDER / ".installed-made.txt"
     assert stamp.read_text() == "# newer\n"
     monkeypatch.setenv("PIP_NO_INDEX", "1")  # as without a network
     wanted.write_text("a-package-that-is-nowhere==1.0\n")
     with pytest.raises(WorkFailed, match="run `make detect-env` once, or name a Python") as failed:
-        python_for(wanted, tmp_path, said.append)
+        python_for(wanted, tmp_path, messages.append)
     assert "\n" not in str(failed.value)
     assert stamp.read_text() == "# newer\n"
 
@@ -53,7 +53,7 @@ def test_a_named_python_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setenv("IMOCAP_DETECT_PYTHON", sys.executable)
     assert python_for(packages(tmp_path, "x"), tmp_path, print) == Path(sys.executable)
     monkeypatch.setenv("IMOCAP_DETECT_PYTHON", str(tmp_path / "nothing"))
-    with pytest.raises(WorkFailed, match=r"there is no program .*nothing"):
+    with pytest.raises(WorkFailed, match=r"the program .*nothing does not exist"):
         python_for(packages(tmp_path, "x"), tmp_path, print)
 
 

@@ -27,15 +27,15 @@ JOINTS = {"left_shoulder": 11, "right_shoulder": 12, "left_hip": 23, "left_knee"
 def test_it_finds_the_rendered_body_where_it_is(tmp_path: Path) -> None:
     shaped = demo_body(7)
     take = yoga_take(7, 0, shaped)
-    video, file = tmp_path / "v1.mp4", tmp_path / "found.npz"
+    video, file = tmp_path / "v1.mp4", tmp_path / "detections.npz"
     write_h264(video, islice(pictures(take, 7, 0, shaped), FRAMES), take.fps)
     detect_video(video, file, detector_of(params(), tmp_path), PYTHON, lambda share, what: None)
-    found = read_mediapipe(file, "mediapipe33", SIZE)
-    assert [len(people) for people in found.people] == [1] * FRAMES
+    detections = read_mediapipe(file, "mediapipe33", SIZE)
+    assert [len(people) for people in detections.people] == [1] * FRAMES
     height_px = np.ptp(take.xy_px[0, :, 1])
     names = shaped.model.points("body25").names
     for name, point in JOINTS.items():
         true_px = take.xy_px[FRAMES - 1, names.index(name)]
-        seen = found.people[-1][0, point]
-        assert np.linalg.norm(seen[:2] - true_px) < 0.06 * height_px, name
-        assert seen[2] > 0.5, name
+        point_px = detections.people[-1][0, point]
+        assert np.linalg.norm(point_px[:2] - true_px) < 0.06 * height_px, name
+        assert point_px[2] > 0.5, name

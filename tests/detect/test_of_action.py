@@ -30,8 +30,8 @@ class Place:
 
     def declare(self, *videos: dict[str, object], **others: object) -> None:
         named = [
-            {"id": name, "video": f"{name}.mp4", **said}
-            for name, said in zip("ab", videos, strict=False)
+            {"id": name, "video": f"{name}.mp4", **declared}
+            for name, declared in zip("ab", videos, strict=False)
         ]
         content = {"name": "mine", "videos": named, **others}
         (self.folder / "action.yaml").write_text(yaml.safe_dump(content))
@@ -53,15 +53,15 @@ def place(tmp_path: Path, detector_python: Path, monkeypatch: pytest.MonkeyPatch
 
 def test_from_videos_to_keypoints_and_not_twice(place: Place, capsys: Capture) -> None:
     assert place.run("run", "mine", "--until", "keypoints") == 0
-    assert capsys.readouterr().out.count("mediapipe 0.10.21 has not seen") == 2
+    assert capsys.readouterr().out.count("has no detections of mediapipe 0.10.21") == 2
     a, b = place.keypoints().videos
     assert (a.layout, len(a.frames), len(b.frames)) == ("mediapipe33", 5, 3)
     assert (a.initial, a.initial_format) == (None, None)
     assert np.abs(a.xy_px[:, 0, 0] - [20, 22, 24, 26, 28]).max() <= 2.5
     assert place.run("run", "mine", "--until", "keypoints") == 0
-    said = capsys.readouterr().out
-    assert "has not seen" not in said
-    assert "cached" in said
+    out = capsys.readouterr().out
+    assert "has no detections" not in out
+    assert "cached" in out
 
 
 def test_it_works_where_it_stands(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -79,10 +79,10 @@ def test_what_was_finished_before_a_break_is_kept(
     assert "b.mp4: mediapipe 0.10.21 found nobody" in capsys.readouterr().err
     clip(place.folder / "b.mp4", [30, 32, 34])
     assert place.run("detect", "mine") == 0
-    said = capsys.readouterr().out
-    assert "has not seen a" not in said
-    assert "has not seen b" in said
-    assert said.count(".npz") == 2
+    out = capsys.readouterr().out
+    assert "a has no detections" not in out
+    assert "b has no detections" in out
+    assert out.count(".npz") == 2
 
 
 def test_status_before_and_after(place: Place, capsys: Capture) -> None:
@@ -98,9 +98,9 @@ def test_status_before_and_after(place: Place, capsys: Capture) -> None:
 
 
 def test_world_landmarks_start_fits_where_asked_for_and_nothing_else_does(place: Place) -> None:
-    own = {"initial": "own.npz", "initial_format": "joints_npz"}
+    initial = {"initial": "own.npz", "initial_format": "joints_npz"}
     (place.folder / "own.npz").write_bytes(b"not looked at yet")
-    place.declare({"keypoints": "detect", **own}, {"keypoints": "detect"})
+    place.declare({"keypoints": "detect", **initial}, {"keypoints": "detect"})
     assert place.run("run", "mine", "--until", "keypoints") == 0
     assert [v.initial_format for v in place.keypoints().videos] == ["joints_npz", None]
     once = ("--set", "detect.world_landmarks=true")
@@ -119,9 +119,9 @@ def test_hands_are_found_when_the_action_wants_them(place: Place) -> None:
 def test_a_missing_video_is_one_sentence(place: Place, capsys: Capture) -> None:
     (place.folder / "b.mp4").unlink()
     assert place.run("run", "mine") == 1
-    said = capsys.readouterr().err
-    assert "videos.1.video: there is no" in said
-    assert said.count("\n") == 1
+    err = capsys.readouterr().err
+    assert "videos.1.video: there is no" in err
+    assert err.count("\n") == 1
 
 
 def test_init_writes_an_action_that_runs(place: Place) -> None:

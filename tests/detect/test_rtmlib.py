@@ -11,7 +11,7 @@ from imocap_core.body.layouts import layout_names
 from imocap_core.detect.detection import detect_video
 from imocap_core.detect.detectors import Detector, detector_of
 from imocap_core.detect.environment import FOLDER
-from imocap_core.detect.results import people_of, somebody
+from imocap_core.detect.results import frames_with_people, people_arrays
 from imocap_core.io.detectors.guess import guess_detections
 from imocap_core.io.detectors.keypoints_npz import read_keypoints_npz
 from imocap_core.io.video import write_h264
@@ -36,23 +36,23 @@ def detector(folder: Path, layout: str, **changes: object) -> Detector:
     points = np.column_stack([np.linspace(0.2, 0.8, count), np.full(count, 0.5)])
     person_model(folder / "person.onnx", SIDE, BOXES)
     pose_model(folder / "pose.onnx", (192, 256), points)
-    own = {"rtmlib_person_model": "person.onnx", "rtmlib_pose_model": "pose.onnx"}
-    return detector_of(params(detector="rtmlib", **own, **changes), folder)
+    models = {"rtmlib_person_model": "person.onnx", "rtmlib_pose_model": "pose.onnx"}
+    return detector_of(params(detector="rtmlib", **models, **changes), folder)
 
 
 @needs_rtmlib
 @pytest.mark.parametrize(("hands", "layout"), [(False, "halpe26"), (True, "wholebody133")])
 def test_everybody_is_found_where_the_models_say(tmp_path: Path, hands: bool, layout: str) -> None:
-    video, file = tmp_path / "clip.mp4", tmp_path / "found.npz"
+    video, file = tmp_path / "clip.mp4", tmp_path / "detections.npz"
     pictures = [np.full((HEIGHT, WIDTH, 3), grey, np.uint8) for grey in (235, 0, 235)]
     write_h264(video, pictures, 30.0)
     chosen = detector(tmp_path, layout, hands=hands)
     assert chosen.layout == layout
     detect_video(video, file, chosen, PYTHON, lambda share, what: None)
     assert guess_detections(file) == ("npz", layout)
-    found = read_keypoints_npz(file, layout)
-    assert [len(people) for people in found.people] == [2, 0, 2]  # nobody in the dark
-    for person, box in zip(found.people[2], BOXES * WIDTH / SIDE, strict=True):
+    detections = read_keypoints_npz(file, layout)
+    assert [len(people) for people in detections.people] == [2, 0, 2]  # nobody in the dark
+    for person, box in zip(detections.people[2], BOXES * WIDTH / SIDE, strict=True):
         middle = (box[:2] + box[2:]) / 2
         assert np.abs(person[:, :2].mean(axis=0) - middle).max() < 0.3
         assert np.all(np.diff(person[:, 0]) >= 0)
@@ -75,9 +75,9 @@ def test_frames_with_fewer_people_are_filled_up() -> None:
         {"keypoints": [], "scores": []},
         {"keypoints": [person], "scores": [[0.9, 0.4]]},
     ]
-    found = people_of(answers)
-    assert found["keypoints"].shape == (3, 2, 2, 2)
-    assert found["scores"].sum(axis=(1, 2)).tolist() == pytest.approx([2.6, 0.0, 1.3])
-    assert np.isnan(found["keypoints"][2, 1]).all()
-    assert somebody(found) == 2
-    assert somebody(people_of([{"keypoints": [], "scores": []}])) == 0
+    arrays = people_arrays(answers)
+    assert arrays["keypoints"].shape == (3, 2, 2, 2)
+    assert arrays["scores"].sum(axis=(1, 2)).tolist() == pytest.approx([2.6, 0.0, 1.3])
+    assert np.isnan(arrays["keypoints"][2, 1]).all()
+    assert frames_with_people(arrays) == 2
+    assert frames_with_people(people_arrays([{"keypoints": [], "scores": []}])) == 0

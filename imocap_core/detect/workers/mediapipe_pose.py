@@ -1,7 +1,7 @@
-"""MediaPipe Pose (or Holistic, with hands) over the pictures of one video, in order.
+"""MediaPipe Pose (or Holistic, with hands) on the pictures of one video, in order.
 
 Answers: `pose_landmarks`, `pose_world_landmarks` (33 of [x, y, z, visibility]), with hands also
-`left_hand_landmarks`, `right_hand_landmarks` (21 of [x, y, z]); null where nothing was found.
+`left_hand_landmarks`, `right_hand_landmarks` (21 of [x, y, z]); null where nothing was detected.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ HEAD = struct.Struct("<III")
 
 
 def main() -> int:
-    """Read pictures, write landmarks; 1 after a fault that was told."""
+    """Read pictures, write landmarks; 1 after writing a fault."""
     settings = json.loads(sys.argv[1])
     pictures = sys.stdin.buffer
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # what libraries print is no answer
+    os.dup2(2, 1)  # so that no library prints into the answers
     try:
         numpy = importlib.import_module("numpy")
         solutions = importlib.import_module("mediapipe").solutions
         kind = solutions.holistic.Holistic if settings["hands"] else solutions.pose.Pose
-        found = kind(
+        model = kind(
             static_image_mode=not settings["follow"],
             model_complexity=1,
             smooth_landmarks=True,
@@ -38,9 +38,9 @@ def main() -> int:
     except Exception as error:
         _answer(answers, {"fault": f"{type(error).__name__}: {error}"})
         return 1
-    with found:
+    with model:
         _answer(answers, {"ready": True})
-        _answer_all(pictures, answers, found, numpy, (*FIELDS, *HANDS * settings["hands"]))
+        _answer_all(pictures, answers, model, numpy, (*FIELDS, *HANDS * settings["hands"]))
     return 0
 
 
@@ -62,8 +62,8 @@ def _points(landmarks: Any, name: str) -> list[list[float]] | None:
     return [[round(value, 6) for value in row] for row in rows]
 
 
-def _answer(answers: TextIO, said: dict[str, Any]) -> None:
-    answers.write(json.dumps(said) + "\n")
+def _answer(answers: TextIO, message: dict[str, Any]) -> None:
+    answers.write(json.dumps(message) + "\n")
     answers.flush()
 
 

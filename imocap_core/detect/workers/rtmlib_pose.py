@@ -1,4 +1,4 @@
-"""RTMPose by rtmlib over the pictures of one video: everybody in each picture by itself.
+"""RTMPose by rtmlib on the pictures of one video: all people of each picture by itself.
 
 Answers: `keypoints` (people of [x, y] pixels), `scores` (people of numbers).
 """
@@ -16,11 +16,11 @@ HEAD = struct.Struct("<III")
 
 
 def main() -> int:
-    """Read pictures, write people; 1 after a fault that was told."""
+    """Read pictures, write people; 1 after writing a fault."""
     settings = json.loads(sys.argv[1])
     pictures = sys.stdin.buffer
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # rtmlib prints what it loads
+    os.dup2(2, 1)  # rtmlib prints the models it loads
     try:
         numpy = importlib.import_module("numpy")
         model = _model(importlib.import_module("rtmlib"), settings)
@@ -46,7 +46,7 @@ def _model(rtmlib: Any, settings: dict[str, Any]) -> Any:
         (model.det_model, settings["person_model"], False),
         (model.pose_model, settings["pose_model"], True),
     ):
-        shape = part.session.get_inputs()[0].shape[2:]  # height, width; words where they are free
+        shape = part.session.get_inputs()[0].shape[2:]  # height, width; strings where they are free
         if given is not None and all(isinstance(side, int) for side in shape):
             part.model_input_size = tuple(reversed(shape)) if turned else tuple(shape)
     return model
@@ -66,8 +66,8 @@ def _answer_all(pictures: BinaryIO, answers: TextIO, model: Any, numpy: Any) -> 
         )
 
 
-def _answer(answers: TextIO, said: dict[str, Any]) -> None:
-    answers.write(json.dumps(said) + "\n")
+def _answer(answers: TextIO, message: dict[str, Any]) -> None:
+    answers.write(json.dumps(message) + "\n")
     answers.flush()
 
 
