@@ -1,4 +1,4 @@
-"""camera_motion: how each camera turned, and the keypoints as its first frame would see them."""
+"""camera_motion: each camera's motion, and the keypoints warped into its first frame."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from imocap_core.workers import cores
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> CameraMotion:
-    """Look at the background of every video, several videos at a time."""
+    """Track the background of every video, several videos at a time."""
     videos = inputs.get(Keypoints).videos
     paths = [ctx.video(video.id) for video in videos]
-    ctx.progress(0.0, f"following the background of {len(videos)} videos")
+    ctx.progress(0.0, f"tracking the background of {len(videos)} videos")
     # threads suffice: decoding, optical flow and robust fitting all run outside Python's lock
     with ThreadPoolExecutor(cores()) as pool:
-        found = list(pool.map(_motion_of, videos, paths, [params.camera_motion] * len(videos)))
-    return CameraMotion(videos=found)
+        motions = list(pool.map(_motion_of, videos, paths, [params.camera_motion] * len(videos)))
+    return CameraMotion(videos=motions)
 
 
 def _motion_of(

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from imocap_core.artifacts.schemas import HandKeypoints, Keypoints, VideoKeypoints
 from imocap_core.body.layouts import body_layout, hand_columns, layout_names
@@ -13,121 +14,119 @@ from imocap_core.cli import stage_main
 from imocap_core.io.detectors.mediapipe_hands import read_mediapipe_hands
 from imocap_core.io.detectors.openpose_hands import read_openpose_hands
 from imocap_core.params import KeypointsParams, Params
-from imocap_core.people.tracking import Performer
+from imocap_core.people.performer import PerformerKeypoints
 from imocap_core.pipeline.action import Declaration
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.cuts import advice, cuts_of
-from imocap_core.problem.people import Source, people_in
-from imocap_core.problem.performers import followed, performers
+from imocap_core.problem.detected_people import DetectedVideo, read_people
+from imocap_core.problem.tracked_people import choose_performers, track_people
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Keypoints:
-    """Read the detections, follow everybody, keep the performer."""
+    """Read the detections, track everybody, choose the performer."""
     declarations = ctx.declarations()
-    _all_have_keypoints(declarations, ctx)
-    sources = []
+    _check_all_have_keypoints(declarations, ctx)
+    videos = []
     for number, declared in enumerate(declarations):
-        ctx.progress(number / len(declarations), f"following people in {declared.id}")
-        sources.append(_followed(declared, ctx, params.keypoints))
-    chosen = performers([s.watched for s in sources], ctx.action_file(), params.keypoints)
+        ctx.progress(number / len(declarations), f"tracking people in {declared.id}")
+        videos.append(_tracked(declared, ctx, params.keypoints))
+    performers = choose_performers(
+        [video.people for video in videos], ctx.action_file(), params.keypoints
+    )
     return Keypoints(
         videos=[
-            _keypoints_of(source, performer, params.keypoints)
-            for source, performer in zip(sources, chosen, strict=True)
+            _keypoints_of(video, performer, params.keypoints)
+            for video, performer in zip(videos, performers, strict=True)
         ]
     )
 
 
-def _all_have_keypoints(declarations: tuple[Declaration, ...], ctx: Context) -> None:
-    """One sentence for everything that is missing."""
+def _check_all_have_keypoints(declarations: tuple[Declaration, ...], ctx: Context) -> None:
+    """ValueError naming every video without keypoints."""
     without = [v.id for v in declarations if ctx.detections(v.id) is None]
     if without:
         raise ValueError(
             f"{ctx.action_file()}: no 2D keypoints for {', '.join(without)}: write `keypoints: "
-            "detect` to have people found (docs/detection.md), or run a detector such as OpenPose "
-            "and name its folder of JSON files (docs/formats.md lists what else is read)"
+            "detect` to run a detector (docs/detection.md), or run one such as OpenPose yourself "
+            "and name its folder of JSON files (docs/formats.md lists the other formats)"
         )
 
 
-def _followed(declared: Declaration, ctx: Context, params: KeypointsParams) -> Source:
+def _tracked(declared: Declaration, ctx: Context, params: KeypointsParams) -> DetectedVideo:
     folder, video = ctx.detections(declared.id), ctx.video(declared.id)
     assert folder is not None
-    source = people_in(declared, folder, video, ctx.action_file())
-    watched = followed(source.watched, video, params)
-    if not watched.ranked:
-        frames = watched.frames
+    detected = read_people(declared, folder, video, ctx.action_file())
+    people = track_people(detected.people, video, params)
+    if not people.ranked:
+        frames = people.frames
         raise ValueError(
             f"{folder}: expected a person in frames {frames[0]} to {frames[-1]}, found nobody with "
             f"joints above confidence {params.min_confidence}; check the detections of "
             f"{declared.id} and its `frames` in action.yaml"
         )
-    return replace(source, watched=watched)
+    return replace(detected, people=people)
 
 
-def _keypoints_of(source: Source, performer: Performer, params: KeypointsParams) -> VideoKeypoints:
-    declared, folder, seen = source.declared, source.folder, source.watched
-    frames, layout, info = seen.frames, seen.layout, seen
-    kind = source.kind
-    _must_fit_picture(performer.xy_px, info.size, folder)
-    body = slice(len(layout_names(body_layout(layout))))  # faces and hands are no part of it
+def _keypoints_of(
+    video: DetectedVideo, performer: PerformerKeypoints, params: KeypointsParams
+) -> VideoKeypoints:
+    declared, people = video.declared, video.people
+    _check_fits_picture(performer.xy_px, people.size, video.folder)
+    body = slice(len(layout_names(body_layout(people.layout))))  # without faces and hands
     return VideoKeypoints(
         id=declared.id,
-        fps=info.fps,
-        size=info.size,
-        layout=body_layout(layout),
+        fps=people.fps,
+        size=people.size,
+        layout=body_layout(people.layout),
         video=declared.video,
         focal_px=declared.focal_px,
         initial=declared.initial,
         initial_format=declared.initial_format,
-        frames=frames,
+        frames=people.frames,
         xy_px=performer.xy_px[:, body],
         confidence=performer.confidence[:, body],
         person_box_px=performer.box_px,
         tracks_found=performer.tracks_found,
         presence=performer.presence,
-        note=_noted(source, performer, params),
-        hands=_hands_of(kind, layout, folder, frames, performer, info.size),
+        note=_note_of(video, performer, params),
+        hands=_hands_of(video, performer),
     )
 
 
-def _noted(source: Source, performer: Performer, params: KeypointsParams) -> str:
-    """What is to be known of a video's people and shots."""
-    if source.video is None or not params.cuts:
+def _note_of(video: DetectedVideo, performer: PerformerKeypoints, params: KeypointsParams) -> str:
+    """The note on a video's people, and advice about its cuts."""
+    if video.video is None or not params.cuts:
         return performer.note
-    frames = source.watched.frames
-    said = advice(cuts_of(source.video, frames, source.watched.size), frames)
-    return f"{performer.note}; {said}" if said else performer.note
+    frames = video.people.frames
+    sentence = advice(cuts_of(video.video, frames, video.people.size), frames)
+    return f"{performer.note}; {sentence}" if sentence else performer.note
 
 
-def _hands_of(
-    kind: str,
-    layout: str,
-    folder: Path,
-    frames: np.ndarray,
-    performer: Performer,
-    size: tuple[int, int],
-) -> HandKeypoints | None:
+def _hands_of(video: DetectedVideo, performer: PerformerKeypoints) -> HandKeypoints | None:
     """The performer's hands, where the detector found any."""
-    columns = hand_columns(layout)
+    columns = hand_columns(video.people.layout)
     if columns is not None:
-        seen = performer.confidence[:, columns]
-        if not (seen > 0).any():
+        confidence = performer.confidence[:, columns]
+        if not (confidence > 0).any():
             return None
-        return HandKeypoints(xy_px=performer.xy_px[:, columns], confidence=seen)
-    if kind == "mediapipe":
-        found = read_mediapipe_hands(folder, frames, size)
-    elif kind == "openpose":
-        found = read_openpose_hands(folder, frames, performer.xy_px)
+        return HandKeypoints(xy_px=performer.xy_px[:, columns], confidence=confidence)
+    frames = video.people.frames
+    if video.kind == "mediapipe":
+        hands = read_mediapipe_hands(video.folder, frames, video.people.size)
+    elif video.kind == "openpose":
+        hands = read_openpose_hands(video.folder, frames, performer.xy_px)
     else:
         return None
-    return None if found is None else HandKeypoints(xy_px=found[0], confidence=found[1])
+    return None if hands is None else HandKeypoints(xy_px=hands[0], confidence=hands[1])
 
 
-def _must_fit_picture(xy_px: np.ndarray, size: tuple[int, int], folder: Path) -> None:
-    """Detectors put points a little outside at most; pixels of another size end up far outside."""
-    seen = xy_px[np.isfinite(xy_px).all(axis=-1)] / np.array(size)
-    if ((seen < -0.1) | (seen > 1.1)).any(axis=-1).mean() > 0.3:
-        x, y = (seen.max(axis=0) * size).round().astype(int)
+def _check_fits_picture(
+    xy_px: Float[np.ndarray, "T K 2"], size: tuple[int, int], folder: Path
+) -> None:
+    """ValueError when many points are far outside the picture, as pixels of another size are."""
+    share = xy_px[np.isfinite(xy_px).all(axis=-1)] / np.array(size)
+    if ((share < -0.1) | (share > 1.1)).any(axis=-1).mean() > 0.3:
+        x, y = (share.max(axis=0) * size).round().astype(int)
         raise ValueError(
             f"{folder}: expected pixels of a picture of {size[0]} x {size[1]}, got points out "
             f"to ({x}, {y}); run the detector on this very video, or correct `size` in action.yaml"

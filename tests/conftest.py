@@ -15,7 +15,9 @@ CHECKED: tuple[str, ...] = (
     "imocap_core.camera",
     "imocap_core.detect",
     "imocap_core.io",
+    "imocap_core.lifter",
     "imocap_core.metrics",
+    "imocap_core.people",
     "imocap_core.technique",
 )
 

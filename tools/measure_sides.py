@@ -1,7 +1,7 @@
-"""How well exchanged sides are put back: the table of docs/people.md.
+"""How well left-right swaps are repaired: the table of docs/people.md.
 
 ``python tools/measure_sides.py DATA/train/cmu_train.npz``: training clips in four made cameras,
-detections with limbs exchanged in bouts of three frames, and the same detections without.
+detections with limbs swapped in runs of three frames, and the same detections without.
 """
 
 import argparse
@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.sync.training_scenes import training_clip
 from imocap_core.camera.projection import project
-from imocap_core.people.sides import exchanged, limbs_of, repaired
+from imocap_core.people.sides import limbs_of, swap_sides, swapped_frames
 from imocap_core.synthetic.captured import (
     COCO18,
     VIEWPOINTS,
@@ -49,7 +49,7 @@ def seen(found: Detections, hidden: np.ndarray) -> np.ndarray:
 
 
 def measure(file: Path, level: str, step: int) -> tuple[Count, float, float]:
-    """One row of the table: counts, mean error in exchanged frames before and after."""
+    """One row of the table: counts, mean error in swapped_frames frames before and after."""
     noise, outliers, misses = LEVELS[level]
     errors = DetectorErrors(noise=noise, outlier_rate=outliers, miss_rate=misses, swap_rate=BOUTS)
     count, before, after = Count(), [], []
@@ -71,15 +71,17 @@ def measure(file: Path, level: str, step: int) -> tuple[Count, float, float]:
                 moved = np.abs(np.nan_to_num(swapped.xy_px - plain.xy_px)).max(-1)
                 wrong = moved[:, ends.ravel()].max(1) > 1e-9
                 apart = np.linalg.norm(true[:, ends[:, 0]] - true[:, ends[:, 1]], axis=-1).max(1)
-                found = exchanged(xy, SIZE_SHARE * height, pairs, 30.0 / step)
+                found = swapped_frames(xy, SIZE_SHARE * height, pairs, 30.0 / step)
                 count.put_back += int((found & wrong).sum())
                 count.without_need += int((found & ~wrong).sum())
                 count.missed += int((wrong & (apart > CLEAR * height) & ~found).sum())
                 count.touched += int(
-                    exchanged(seen(plain, hidden), SIZE_SHARE * height, pairs, 30.0 / step).sum()
+                    swapped_frames(
+                        seen(plain, hidden), SIZE_SHARE * height, pairs, 30.0 / step
+                    ).sum()
                 )
                 count.untroubled += len(xy)
-                again, _ = repaired(xy, swapped.confidence, found, pairs)
+                again, _ = swap_sides(xy, swapped.confidence, found, pairs)
                 if wrong.any():
                     for kept, points in ((before, xy), (after, again)):
                         away = np.linalg.norm(points - true, axis=-1)[:, ends.ravel()][wrong]

@@ -18,8 +18,8 @@ from lifter.motions import fit_all
 from lifter.performances import Motions, Performers, motions_of, windows
 from torch import Tensor
 
-from imocap_core.lifter.network import Answer, Lifter, count_weights
-from imocap_core.lifter.rays import look_at_person
+from imocap_core.lifter.network import Lifter, LifterOutput, count_weights
+from imocap_core.lifter.rays import person_centred_features
 from imocap_core.lifter.weights import write_weights
 
 TARGET = Path(__file__).parents[1] / "imocap_core" / "lifter" / "data" / "lifter.safetensors"
@@ -39,12 +39,12 @@ def batch_of(
     R_local, trans = windows(motions, count, rng)
     points, joints = performers.perform(R_local, trans, rng)
     rays, height, joints_cam = film(points, joints, rng)
-    seen = look_at_person(*detect(rays, height, rng))
+    seen = person_centred_features(*detect(rays, height, rng))
     relative = joints_cam - joints_cam[:, :, :1]
     return seen.features, torch.einsum("bij,blkj->blki", seen.R_turned_from_cam, relative)
 
 
-def loss_of(answer: Answer, true: Tensor, there: Tensor) -> Tensor:
+def loss_of(answer: LifterOutput, true: Tensor, there: Tensor) -> Tensor:
     """Mean distance of joints and of their steps; the variance and the alternatives beside it."""
     weight = (0.1 + 0.9 * there) / (0.1 + 0.9 * there).mean()
     distance = (answer.joints - true).norm(dim=-1)

@@ -27,5 +27,5 @@ def people_command(
         for row in video.rows:
             table.add_row(*row)
         console.print(table)
-        for sentence in video.said:
+        for sentence in video.sentences:
             console.print(escape(f"{video.id}: {sentence}"))

@@ -1,1 +1,1 @@
-"""A learned lifter: a person's 2D keypoints over time to 3D joints, whatever the detector."""
+"""A learned 2D-to-3D lifter: a person's keypoints over time to 3D joints, for any detector."""

@@ -1,8 +1,8 @@
-"""A whole video through the network: windows at about its frame rate, blended to every frame.
+"""Inference on a whole video: overlapping windows at about the network's frame rate, blended.
 
-A video of 60 frames a second is read as four interleaved ones of 15, and so on. Windows overlap by
-two thirds; what they say is turned back into the camera's axes and blended. Every window is also
-read in a mirror, and the two answers are averaged.
+A video of 60 frames a second is processed as four interleaved ones of 15, and so on. Windows
+overlap by two thirds; their outputs are rotated back into camera axes and blended. Test-time
+augmentation: every window is also processed mirrored, and the two outputs are averaged.
 """
 
 from __future__ import annotations
@@ -11,89 +11,99 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float, Int64
 from torch import Tensor
 
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
-from imocap_core.lifter.network import RATE_HZ, WINDOW, Answer, Lifter
+from imocap_core.lifter.network import RATE_HZ, WINDOW, Lifter, LifterOutput
 from imocap_core.lifter.points import COMMON, MIRROR
-from imocap_core.lifter.rays import look_at_person
-from imocap_core.lifter.stitch import one_alternative
+from imocap_core.lifter.rays import person_centred_features
+from imocap_core.lifter.stitch import stitch_alternatives
 
 HOP = WINDOW // 3
-CHUNK = 64  # windows answered at once
-FLIP = torch.tensor([-1.0, 1.0, 1.0])  # left is right in a mirror
+CHUNK = 64  # windows in one pass of the network
+FLIP = torch.tensor([-1.0, 1.0, 1.0])  # of coordinates in a mirrored picture
 POINTS, JOINTS = list(MIRROR), list(mirror_indices(SMPL_JOINTS))
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Lifted:
-    """What the network says of a video of T frames, in the axes of its rays' camera.
+    """3D joints lifted from a video's 2D keypoints, in the axes of the rays' camera.
 
     Attributes:
-        joints: (T, 24, 3) SMPL's joints in metres relative to the pelvis.
-        sigma_m: (T, 24) root mean square distance from the truth, as the network believes.
-        alternative: (T, 24, 3) another motion that looks alike: a depth read the other way.
-        seen: (T,) bool, whether any point was seen in the frame.
+        joints: SMPL's joints in metres relative to the pelvis.
+        sigma_m: predicted root mean square error of each joint.
+        alternative: a second hypothesis with a similar projection, as depth is ambiguous.
+        visible: whether the frame shows any point.
     """
 
-    joints: Array
-    sigma_m: Array
-    alternative: Array
-    seen: NDArray[np.bool_]
+    joints: Float[np.ndarray, "T 24 3"]
+    sigma_m: Float[np.ndarray, "T 24"]
+    alternative: Float[np.ndarray, "T 24 3"]
+    visible: Bool[np.ndarray, " T"]
 
 
-def lift(network: Lifter, rays: Array, confidence: Array, fps: float) -> Lifted:
-    """3D joints of every frame.
+def lift(
+    network: Lifter,
+    rays: Float[np.ndarray, "..."],
+    confidence: Float[np.ndarray, "..."],
+    fps: float,
+) -> Lifted:
+    """2D-to-3D lifting: the 3D joints of every frame.
 
     Args:
-        rays: (T, 33, 2) ``(x - c) / f`` of the common points; confidence: (T, 33), 0 where missing.
-        fps: frames a second.
+        rays: (T, 33, 2) ``(x - c) / f`` of the common points.
+        confidence: (T, 33), 0 where missing.
+        fps: frames per second.
 
-    ValueError names every argument that is wrong.
+    Raises:
+        ValueError: names every argument that is wrong.
     """
     _check(rays, confidence, fps)
     frames = len(rays)
     stride = max(1, round(fps / RATE_HZ))
     rows = [r for phase in range(min(stride, frames)) for r in window_rows(frames, stride, phase)]
-    at = torch.as_tensor(np.stack(rows))
-    inside = (at >= 0) & (at < frames)
-    where = at.clamp(0, frames - 1)
-    xy = torch.as_tensor(rays, dtype=torch.float32)[where]
-    trust = torch.as_tensor(confidence, dtype=torch.float32)[where] * inside[..., None]
-    answer = _answer(network, xy, trust)
-    share = _share(inside)
-    joints = _blend(answer.joints, share, where, frames)
-    variance = _blend(answer.log_variance.exp()[..., None], share, where, frames)[..., 0]
-    first = at[:, 0] % stride == at[0, 0] % stride  # one phase is enough for the alternative
-    other = one_alternative(answer.joints[first], answer.alternatives[first], HOP)
-    coarse = _blend(other, share[first], where[first], frames)
-    told = np.unique(where[first][inside[first]].numpy())
-    alternative = _between(coarse[told], told, frames)
+    window = torch.as_tensor(np.stack(rows))
+    inside = (window >= 0) & (window < frames)
+    frame = window.clamp(0, frames - 1)
+    xy = torch.as_tensor(rays, dtype=torch.float32)[frame]
+    trust = torch.as_tensor(confidence, dtype=torch.float32)[frame] * inside[..., None]
+    output = _outputs(network, xy, trust)
+    weight = _blending_weights(inside)
+    joints = _blend(output.joints, weight, frame, frames)
+    variance = _blend(output.log_variance.exp()[..., None], weight, frame, frames)[..., 0]
+    first = window[:, 0] % stride == window[0, 0] % stride  # one phase is enough here
+    stitched = stitch_alternatives(output.joints[first], output.alternatives[first], HOP)
+    coarse = _blend(stitched, weight[first], frame[first], frames)
+    covered = np.unique(frame[first][inside[first]].numpy())
+    alternative = _interpolate(coarse[covered], covered, frames)
     return Lifted(joints, np.sqrt(variance), alternative, np.asarray((confidence > 0).any(1)))
 
 
-def window_rows(frames: int, stride: int, phase: int) -> list[NDArray[np.int64]]:
-    """Frame numbers of the windows over frames phase, phase + stride, ...; those before 0 or from
-    ``frames`` on are outside the video. Each frame of the phase is in at least one window."""
+def window_rows(frames: int, stride: int, phase: int) -> list[Int64[np.ndarray, " L"]]:
+    """Frame numbers of the windows over frames phase, phase + stride, ...
+
+    Numbers below 0 or from ``frames`` on are outside the video. Each frame of the phase is in at
+    least one window.
+    """
     count = (frames - phase + stride - 1) // stride
     last = count - WINDOW
     starts = [(last + 1) // 2] if last < 0 else range(0, last + HOP, HOP)
     return [phase + stride * (start + np.arange(WINDOW)) for start in starts]
 
 
-def _answer(network: Lifter, xy: Tensor, trust: Tensor) -> Answer:
-    """In the camera's axes, chunk by chunk: of the windows and of their mirror images."""
+def _outputs(
+    network: Lifter, xy: Float[Tensor, "B L K 2"], trust: Float[Tensor, "B L K"]
+) -> LifterOutput:
+    """Of the windows and of their mirror images, in camera axes, chunk by chunk."""
     parts = []
     with torch.inference_mode():
         for begin in range(0, len(xy), CHUNK):
-            rays, own = xy[begin : begin + CHUNK], trust[begin : begin + CHUNK]
-            as_seen = _told(network, rays, own)
-            in_mirror = _told(network, rays[:, :, POINTS] * FLIP[:2], own[:, :, POINTS])
-            parts.append(_both(as_seen, in_mirror))
-    return Answer(
+            rays, weight = xy[begin : begin + CHUNK], trust[begin : begin + CHUNK]
+            plain = _output(network, rays, weight)
+            mirrored = _output(network, rays[:, :, POINTS] * FLIP[:2], weight[:, :, POINTS])
+            parts.append(_average(plain, mirrored))
+    return LifterOutput(
         *(
             torch.cat([getattr(p, name) for p in parts])
             for name in ("joints", "log_variance", "alternatives", "logits")
@@ -101,54 +111,64 @@ def _answer(network: Lifter, xy: Tensor, trust: Tensor) -> Answer:
     )
 
 
-def _told(network: Lifter, rays: Tensor, trust: Tensor) -> Answer:
-    seen = look_at_person(rays, trust)
-    told, R = network(seen.features), seen.R_turned_from_cam
-    return Answer(
-        torch.einsum("bji,blkj->blki", R, told.joints),
-        told.log_variance,
-        torch.einsum("bji,blhkj->blhki", R, told.alternatives),
-        told.logits,
+def _output(
+    network: Lifter, rays: Float[Tensor, "B L K 2"], trust: Float[Tensor, "B L K"]
+) -> LifterOutput:
+    """The network's output, rotated back into camera axes."""
+    centred = person_centred_features(rays, trust)
+    output, R = network(centred.features), centred.R_turned_from_cam
+    return LifterOutput(
+        torch.einsum("bji,blkj->blki", R, output.joints),
+        output.log_variance,
+        torch.einsum("bji,blhkj->blhki", R, output.alternatives),
+        output.logits,
     )
 
 
-def _both(as_seen: Answer, in_mirror: Answer) -> Answer:
-    """The mean of two answers, the second one turned back; the alternatives of both."""
-    joints, others = in_mirror.joints[:, :, JOINTS], in_mirror.alternatives[..., JOINTS, :]
-    return Answer(
-        (as_seen.joints + joints * FLIP) / 2,
-        (as_seen.log_variance + in_mirror.log_variance[:, :, JOINTS]) / 2,
-        torch.cat([as_seen.alternatives, others * FLIP], 2),
-        torch.cat([as_seen.logits, in_mirror.logits], 1),
+def _average(plain: LifterOutput, mirrored: LifterOutput) -> LifterOutput:
+    """The mean of both outputs, the second one mirrored back; the alternatives of both."""
+    joints, others = mirrored.joints[:, :, JOINTS], mirrored.alternatives[..., JOINTS, :]
+    return LifterOutput(
+        (plain.joints + joints * FLIP) / 2,
+        (plain.log_variance + mirrored.log_variance[:, :, JOINTS]) / 2,
+        torch.cat([plain.alternatives, others * FLIP], 2),
+        torch.cat([plain.logits, mirrored.logits], 1),
     )
 
 
-def _share(inside: Tensor) -> Tensor:
-    """(B, L): the middle of a window knows most; frames outside the video nothing."""
+def _blending_weights(inside: Bool[Tensor, "B L"]) -> Float[Tensor, "B L"]:
+    """Largest in the middle of a window, where estimates are best; 0 outside the video."""
     middle = (WINDOW - 1) / 2
     away = (torch.arange(WINDOW) - middle).abs() / middle
     return (1.05 - away) * inside
 
 
-def _blend(values: Tensor, share: Tensor, where: Tensor, frames: int) -> Array:
-    """Weighted means (frames, ...) of values (B, L, ...) by frame."""
-    flat, weight = values.flatten(0, 1), share.flatten()
-    total = torch.zeros(frames).index_add_(0, where.flatten(), weight)
-    weighted = flat * weight.view(-1, *[1] * (flat.ndim - 1))
-    found = torch.zeros(frames, *flat.shape[1:]).index_add_(0, where.flatten(), weighted)
-    mean = found / total.clamp_min(1e-9).view(-1, *[1] * (flat.ndim - 1))
+def _blend(
+    values: Float[Tensor, "B L *item"],
+    weight: Float[Tensor, "B L"],
+    frame: Int64[Tensor, "B L"],
+    frames: int,
+) -> Float[np.ndarray, "T *item"]:
+    """Weighted means of the values of each frame."""
+    flat, share = values.flatten(0, 1), weight.flatten()
+    total = torch.zeros(frames).index_add_(0, frame.flatten(), share)
+    weighted = flat * share.view(-1, *[1] * (flat.ndim - 1))
+    summed = torch.zeros(frames, *flat.shape[1:]).index_add_(0, frame.flatten(), weighted)
+    mean = summed / total.clamp_min(1e-9).view(-1, *[1] * (flat.ndim - 1))
     return mean.double().numpy()
 
 
-def _between(values: Array, at: NDArray[np.int64], frames: int) -> Array:
-    """Linear in time from the frames ``at`` to all frames, held at the ends."""
+def _interpolate(
+    values: Float[np.ndarray, "N *item"], at_frames: Int64[np.ndarray, " N"], frames: int
+) -> Float[np.ndarray, "T *item"]:
+    """Linear interpolation over time to all frames, constant beyond the ends."""
     flat = values.reshape(len(values), -1)
     every = np.arange(frames)
-    found = np.stack([np.interp(every, at, column) for column in flat.T], axis=1)
-    return found.reshape(frames, *values.shape[1:])
+    columns = np.stack([np.interp(every, at_frames, column) for column in flat.T], axis=1)
+    return columns.reshape(frames, *values.shape[1:])
 
 
-def _check(rays: Array, confidence: Array, fps: float) -> None:
+def _check(rays: np.ndarray, confidence: np.ndarray, fps: float) -> None:
     faults = []
     if rays.ndim != 3 or rays.shape[1:] != (len(COMMON), 2) or len(rays) == 0:
         faults.append(f"rays: expected (T, {len(COMMON)}, 2), got {rays.shape}")

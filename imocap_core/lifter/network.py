@@ -1,7 +1,7 @@
-"""The network: a mixer over a window of frames. Every frame of the window is answered at once.
+"""The network: an MLP mixer over a window of frames, with an output for every frame.
 
 Two linear layers mix the frames of a channel, two mix the channels of a frame, in turn (Tolstikhin
-et al., NeurIPS 2021): on a CPU nothing but matrix products.
+et al., "MLP-Mixer", NeurIPS 2021): on a CPU nothing but matrix products.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
+from jaxtyping import Float
 from torch import Tensor, nn
 
 from imocap_core.lifter.rays import FEATURES
@@ -18,23 +19,24 @@ RATE_HZ = 15.0  # of the frames of a window, about
 WIDTH = 256
 BLOCKS = 6
 JOINTS = 24  # SMPL's
-HYPOTHESES = 2  # beside the mean
+HYPOTHESES = 2  # in addition to the mean
 
 
 @dataclass(frozen=True)
-class Answer:
-    """What the network says of a window, in the axes of the turned camera.
+class LifterOutput:
+    """The network's output for B windows of L frames, in person-centred camera axes.
 
     Attributes:
-        joints: (B, L, 24, 3) metres, relative to the pelvis; log_variance: (B, L, 24) of m^2, of
-            the distance from the truth in space.
-        alternatives: (B, L, HYPOTHESES, 24, 3); logits: (B, HYPOTHESES) which is likelier.
+        joints: metres, relative to the pelvis.
+        log_variance: logarithm of the expected squared error of each joint in space, m^2.
+        alternatives: further hypotheses of the joints.
+        logits: of the hypotheses' probabilities.
     """
 
-    joints: Tensor
-    log_variance: Tensor
-    alternatives: Tensor
-    logits: Tensor
+    joints: Float[Tensor, "B L 24 3"]
+    log_variance: Float[Tensor, "B L 24"]
+    alternatives: Float[Tensor, "B L H 24 3"]
+    logits: Float[Tensor, "B H"]
 
 
 class _Block(nn.Module):
@@ -47,7 +49,7 @@ class _Block(nn.Module):
         self.channels_in = nn.Linear(width, 2 * width)
         self.channels_out = nn.Linear(2 * width, width)
 
-    def forward(self, x: Tensor) -> Tensor:
+    def forward(self, x: Float[Tensor, "B L D"]) -> Float[Tensor, "B L D"]:
         y = self.frames_norm(x).transpose(1, 2)
         y = self.frames_out(nn.functional.gelu(self.frames_in(y)))
         x = x + y.transpose(1, 2)
@@ -56,7 +58,7 @@ class _Block(nn.Module):
 
 
 class Lifter(nn.Module):
-    """Features (B, WINDOW, FEATURES) to an `Answer`."""
+    """Features of windows of frames (`rays.person_centred_features`) to a `LifterOutput`."""
 
     def __init__(self, width: int = WIDTH, blocks: int = BLOCKS, window: int = WINDOW) -> None:
         super().__init__()
@@ -68,14 +70,14 @@ class Lifter(nn.Module):
         self.alternatives = nn.Linear(width, HYPOTHESES * JOINTS * 3)
         self.logits = nn.Linear(width, HYPOTHESES)
 
-    def forward(self, features: Tensor) -> Answer:
+    def forward(self, features: Float[Tensor, "B L F"]) -> LifterOutput:
         x = self.first(features)
         for block in self.blocks:
             x = block(x)
         x = self.norm(x)
         joints = self.joints(x).float().unflatten(-1, (JOINTS, 3))
         others = self.alternatives(x).float().unflatten(-1, (HYPOTHESES, JOINTS, 3))
-        return Answer(
+        return LifterOutput(
             joints - joints[:, :, :1],
             self.log_variance(x).float(),
             others - others[..., :1, :],
@@ -84,5 +86,5 @@ class Lifter(nn.Module):
 
 
 def count_weights(network: nn.Module) -> int:
-    """How many numbers the network consists of."""
+    """Number of parameters of the network."""
     return sum(torch.numel(p) for p in network.parameters())

@@ -1,12 +1,12 @@
-"""The common points: what detectors mark, by the body's point, not by the detector's name for it.
+"""The common points: detectors' keypoints by their place on the body, not by the detector's name.
 
-A layout's columns go to the points they sit at; points that it does not have stay empty.
+A layout's columns map to the points at which they lie; points that it does not have stay empty.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float
 
 from imocap_core.body.layouts import Keypoint, layout_keypoints
 from imocap_core.conventions import mirror_indices
@@ -22,46 +22,49 @@ COMMON: tuple[str, ...] = (
     *("left_hip", "right_hip", "pelvis", "spine2", "neck", "head"),
 )
 MIRROR = mirror_indices(COMMON)
-LEAST_POINTS = 6  # a layout that has fewer of them says too little of a pose
-
-Array = NDArray[np.float64]
+LEAST_POINTS = 6  # a layout that has fewer of them does not determine a pose
 
 
 def columns_of(layout: str) -> tuple[list[int], list[int]]:
-    """Columns of a layout and, for each, its row among `COMMON`.
+    """Columns of a layout and, for each, its row in `COMMON`.
 
-    ValueError when the layout is not known or has too few of the points (`can_lift`).
+    ValueError when the layout is unknown or has too few of the points (`can_lift`).
     """
-    at = {_point(k): column for column, k in reversed(list(enumerate(layout_keypoints(layout))))}
-    rows = [row for row, point in enumerate(COMMON) if point in at]
+    column_of = {
+        _point(keypoint): column
+        for column, keypoint in reversed(list(enumerate(layout_keypoints(layout))))
+    }
+    rows = [row for row, point in enumerate(COMMON) if point in column_of]
     if len(rows) < LEAST_POINTS:
         raise ValueError(
             f"layout {layout}: expected at least {LEAST_POINTS} of the lifter's points, got "
             f"{len(rows)}"
         )
-    return [at[COMMON[row]] for row in rows], rows
+    return [column_of[COMMON[row]] for row in rows], rows
 
 
 def _point(keypoint: Keypoint) -> str:
-    """Where it sits; a detector's own idea of a limb's end is that end."""
+    """The body point of a keypoint; MediaPipe's definitions of limb ends count as those ends."""
     return keypoint.point.removesuffix("_mediapipe")
 
 
 def can_lift(layout: str) -> bool:
-    """Whether a layout has enough of the points."""
-    here = {_point(keypoint) for keypoint in layout_keypoints(layout)}
-    return sum(point in here for point in COMMON) >= LEAST_POINTS
+    """Whether a layout has enough of the common points."""
+    points = {_point(keypoint) for keypoint in layout_keypoints(layout)}
+    return sum(point in points for point in COMMON) >= LEAST_POINTS
 
 
-def to_common(xy: Array, confidence: Array, layout: str) -> tuple[Array, Array]:
-    """A detector's (T, K, 2) and (T, K) as the common points' (T, 33, 2) and (T, 33).
+def to_common(
+    xy: Float[np.ndarray, "T K 2"], confidence: Float[np.ndarray, "T K"], layout: str
+) -> tuple[Float[np.ndarray, "T 33 2"], Float[np.ndarray, "T 33"]]:
+    """A detector's keypoints and confidences in the order of the common points.
 
-    Missing points are 0 with confidence 0; confidences are cut off at 1.
+    Missing points are 0 with confidence 0; confidences are clipped at 1.
     """
     columns, rows = columns_of(layout)
     points = np.zeros((len(xy), len(COMMON), 2))
     trust = np.zeros(points.shape[:2])
-    seen = np.isfinite(xy[:, columns]).all(-1) & (confidence[:, columns] > 0)
-    points[:, rows] = np.where(seen[..., None], xy[:, columns], 0.0)
-    trust[:, rows] = np.where(seen, np.minimum(confidence[:, columns], 1.0), 0.0)
+    visible = np.isfinite(xy[:, columns]).all(-1) & (confidence[:, columns] > 0)
+    points[:, rows] = np.where(visible[..., None], xy[:, columns], 0.0)
+    trust[:, rows] = np.where(visible, np.minimum(confidence[:, columns], 1.0), 0.0)
     return points, trust

@@ -1,1 +1,1 @@
-"""Whose keypoints these are: sides, looks, the performer among several, cuts between shots."""
+"""Several people in a video: tracking, appearance, the performer, left-right swaps, cuts."""

@@ -1,8 +1,8 @@
-"""People told apart by their clothes: colours of the upper and of the lower half of the box.
+"""People told apart by the colours of their clothes (re-identification by colour histograms).
 
-Motion alone loses people who cross or leave the picture. Where two tracks met, their ends are
-exchanged if the looks before and after clearly say so; a track that ends and one that begins later
-are one if they look alike and nobody else looks like it.
+Motion alone confuses people who cross or leave the picture. Where two tracks met, their ends are
+swapped if the appearances before and after clearly say so; a track that ends and one that begins
+later are joined if their appearances match and no third one does.
 """
 
 from __future__ import annotations
@@ -11,26 +11,26 @@ from collections.abc import Mapping, Sequence
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float, UInt8
 
-from imocap_core.people.named import box_of
-from imocap_core.people.tracking import Track
+from imocap_core.people.tracking import PersonTrack, box_of
 
-Array = NDArray[np.float64]
-Picture = NDArray[np.uint8]
-Looks = Mapping[int, Array]  # frame -> look, of one track, in some of its frames
+Appearances = Mapping[int, Float[np.ndarray, " D"]]
+"""Frame -> appearance, of one track, in some of its frames."""
 
-BINS = 4  # a channel
+BINS = 4  # per colour channel
 HALVES = ((0.15, 0.5), (0.5, 0.85))  # of the box's height: shirt, trousers
-INNER = (0.3, 0.7)  # of its width: background stays out
-OVERLAP = 0.15  # of two boxes (intersection over union): they meet
-CLEAR = 12  # looks compared on either side of a meeting
-MARGIN = 0.12  # by which crossed looks must be nearer than straight ones
-SAME = 0.25  # looks of one person differ by less
+INNER = (0.3, 0.7)  # of its width: excludes background
+OVERLAP = 0.15  # of two boxes (intersection over union) that meet
+COMPARED = 12  # appearances compared on either side of a meeting
+MARGIN = 0.12  # by which swapped ends must match better than unswapped ones
+SAME = 0.25  # appearances of one person differ by less
 
 
-def look_of(picture: Picture, pose: Array) -> Array:
-    """Square roots of colour shares (2 * BINS^3,) of a person (K, 3) in a picture (H, W, 3)."""
+def appearance_of(
+    picture: UInt8[np.ndarray, "H W 3"], pose: Float[np.ndarray, "K 3"]
+) -> Float[np.ndarray, " D"]:
+    """Colour histogram of a person's upper and lower half: square roots of shares, 2 BINS^3."""
     x0, y0, x1, y1 = box_of(pose)
     height, width = picture.shape[:2]
     columns = np.clip([x0 + s * (x1 - x0) for s in INNER], 0, width - 1).astype(int)
@@ -47,65 +47,76 @@ def look_of(picture: Picture, pose: Array) -> Array:
     return np.sqrt(np.concatenate(shares).astype(np.float64) / 2)
 
 
-def apart(a: Array, b: Array) -> float:
-    """Hellinger distance of two looks, 0 to 1."""
+def appearance_distance(a: Float[np.ndarray, " D"], b: Float[np.ndarray, " D"]) -> float:
+    """Hellinger distance of two appearances, 0 to 1."""
     return float(np.sqrt(max(0.0, 1.0 - float(a @ b))))
 
 
-def exchange_where_met(
-    tracks: Sequence[Track], looks: Sequence[Looks]
-) -> tuple[list[Track], list[Looks]]:
-    """The tracks with their ends exchanged after meetings where the looks say so."""
-    tracks, looks = list(tracks), list(looks)
+def swap_after_meetings(
+    tracks: Sequence[PersonTrack], appearances: Sequence[Appearances]
+) -> tuple[list[PersonTrack], list[Appearances]]:
+    """The tracks with their ends swapped after meetings where the appearances say so."""
+    tracks, appearances = list(tracks), list(appearances)
     for i in range(len(tracks)):
         for k in range(i + 1, len(tracks)):
-            for last in meetings(tracks[i], tracks[k]):
-                if _crossed(looks[i], looks[k], last):
-                    tracks[i], tracks[k] = _exchanged(tracks[i], tracks[k], last[1])
-                    looks[i], looks[k] = _exchanged_looks(looks[i], looks[k], last[1])
-    return tracks, looks
+            for meeting in meetings(tracks[i], tracks[k]):
+                if _crossed(appearances[i], appearances[k], meeting):
+                    end = meeting[1]
+                    tracks[i], tracks[k] = _swapped(tracks[i], tracks[k], end)
+                    appearances[i], appearances[k] = _swapped_appearances(
+                        appearances[i], appearances[k], end
+                    )
+    return tracks, appearances
 
 
-def join_by_looks(
-    tracks: Sequence[Track], looks: Sequence[Looks]
-) -> tuple[list[Track], list[Looks]]:
+def join_by_appearance(
+    tracks: Sequence[PersonTrack], appearances: Sequence[Appearances]
+) -> tuple[list[PersonTrack], list[Appearances]]:
     """Tracks joined where one ends, another begins, both look alike and no third one does."""
-    tracks, looks = list(tracks), list(looks)
+    tracks, appearances = list(tracks), list(appearances)
     while True:
-        pair = _alike(tracks, looks)
+        pair = _best_match(tracks, appearances)
         if pair is None:
-            return tracks, looks
+            return tracks, appearances
         i, k = pair
-        tracks[i] = Track(tracks[i].frames + tracks[k].frames, tracks[i].poses + tracks[k].poses)
-        looks[i] = {**looks[i], **looks[k]}
-        del tracks[k], looks[k]
+        tracks[i] = PersonTrack(
+            tracks[i].frames + tracks[k].frames, tracks[i].poses + tracks[k].poses
+        )
+        appearances[i] = {**appearances[i], **appearances[k]}
+        del tracks[k], appearances[k]
 
 
-def meetings(a: Track, b: Track) -> list[tuple[int, int]]:
+def meetings(a: PersonTrack, b: PersonTrack) -> list[tuple[int, int]]:
     """First and last frame of each time in which the boxes of two tracks overlap."""
-    at = dict(zip(b.frames, b.poses, strict=True))
-    met = [f for f, pose in zip(a.frames, a.poses, strict=True) if f in at and _meet(pose, at[f])]
-    found: list[tuple[int, int]] = []
-    for frame in met:
-        if found and frame - found[-1][1] <= CLEAR:
-            found[-1] = (found[-1][0], frame)
+    poses_b = dict(zip(b.frames, b.poses, strict=True))
+    overlapping = [
+        frame
+        for frame, pose in zip(a.frames, a.poses, strict=True)
+        if frame in poses_b and _boxes_overlap(pose, poses_b[frame])
+    ]
+    spans: list[tuple[int, int]] = []
+    for frame in overlapping:
+        if spans and frame - spans[-1][1] <= COMPARED:
+            spans[-1] = (spans[-1][0], frame)
         else:
-            found.append((frame, frame))
-    return found
+            spans.append((frame, frame))
+    return spans
 
 
-def _meet(a: Array, b: Array) -> bool:
+def _boxes_overlap(a: Float[np.ndarray, "K 3"], b: Float[np.ndarray, "K 3"]) -> bool:
     u, v = box_of(a), box_of(b)
     inside = float(np.prod(np.clip(np.minimum(u, v)[2:] - np.maximum(u, v)[:2], 0, None)))
-    whole = float(np.prod(u[2:] - u[:2]) + np.prod(v[2:] - v[:2])) - inside
-    return inside > OVERLAP * max(whole, 1e-9)
+    union = float(np.prod(u[2:] - u[:2]) + np.prod(v[2:] - v[:2])) - inside
+    return inside > OVERLAP * max(union, 1e-9)
 
 
-def _crossed(a: Looks, b: Looks, meeting: tuple[int, int]) -> bool:
-    """Whether a's look before is b's after, and b's before a's after."""
+def _crossed(a: Appearances, b: Appearances, meeting: tuple[int, int]) -> bool:
+    """Whether a's appearance before the meeting is b's after it, and b's before is a's after."""
     first, last = meeting
-    before = [_mean([x for f, x in sorted(own.items()) if f < first][-CLEAR:]) for own in (a, b)]
-    after = [_mean([x for f, x in sorted(own.items()) if f > last][:CLEAR]) for own in (a, b)]
+    before = [
+        _mean([x for f, x in sorted(each.items()) if f < first][-COMPARED:]) for each in (a, b)
+    ]
+    after = [_mean([x for f, x in sorted(each.items()) if f > last][:COMPARED]) for each in (a, b)]
     if any(x is None for x in (*before, *after)):
         return False
     (a0, b0), (a1, b1) = before, after
@@ -113,44 +124,53 @@ def _crossed(a: Looks, b: Looks, meeting: tuple[int, int]) -> bool:
     assert b0 is not None
     assert a1 is not None
     assert b1 is not None
-    return apart(a0, b1) + apart(b0, a1) + MARGIN < apart(a0, a1) + apart(b0, b1)
+    swapped = appearance_distance(a0, b1) + appearance_distance(b0, a1)
+    return swapped + MARGIN < appearance_distance(a0, a1) + appearance_distance(b0, b1)
 
 
-def _mean(some: Sequence[Array]) -> Array | None:
-    """A mean look: shares are averaged, not their roots."""
-    return np.sqrt(np.mean(np.square(some), axis=0)) if len(some) else None
+def _mean(appearances: Sequence[Float[np.ndarray, " D"]]) -> Float[np.ndarray, " D"] | None:
+    """Mean appearance: shares are averaged, not their roots."""
+    return np.sqrt(np.mean(np.square(appearances), axis=0)) if len(appearances) else None
 
 
-def _exchanged(a: Track, b: Track, after: int) -> tuple[Track, Track]:
-    def whole(early: Track, late: Track) -> Track:
+def _swapped(a: PersonTrack, b: PersonTrack, after: int) -> tuple[PersonTrack, PersonTrack]:
+    def whole(early: PersonTrack, late: PersonTrack) -> PersonTrack:
         rows = [
-            (f, p)
-            for track, wanted in ((early, False), (late, True))
-            for f, p in zip(track.frames, track.poses, strict=True)
-            if (f > after) == wanted
+            (frame, pose)
+            for track, is_late in ((early, False), (late, True))
+            for frame, pose in zip(track.frames, track.poses, strict=True)
+            if (frame > after) == is_late
         ]
-        return Track([f for f, _ in rows], [p for _, p in rows])
+        return PersonTrack([frame for frame, _ in rows], [pose for _, pose in rows])
 
     return whole(a, b), whole(b, a)
 
 
-def _exchanged_looks(a: Looks, b: Looks, after: int) -> tuple[Looks, Looks]:
-    early = [{f: x for f, x in own.items() if f <= after} for own in (a, b)]
-    late = [{f: x for f, x in own.items() if f > after} for own in (a, b)]
+def _swapped_appearances(
+    a: Appearances, b: Appearances, after: int
+) -> tuple[Appearances, Appearances]:
+    early = [{f: x for f, x in each.items() if f <= after} for each in (a, b)]
+    late = [{f: x for f, x in each.items() if f > after} for each in (a, b)]
     return {**early[0], **late[1]}, {**early[1], **late[0]}
 
 
-def _alike(tracks: Sequence[Track], looks: Sequence[Looks]) -> tuple[int, int] | None:
-    """Rows of the best pair to be joined, the earlier one first."""
-    means = [_mean(list(own.values())) for own in looks]
+def _best_match(
+    tracks: Sequence[PersonTrack], appearances: Sequence[Appearances]
+) -> tuple[int, int] | None:
+    """Rows of the best pair to join, the earlier one first."""
+    means = [_mean(list(each.values())) for each in appearances]
     best: tuple[float, int, int] | None = None
     for i, before in enumerate(tracks):
         for k, after in enumerate(tracks):
             u, v = means[i], means[k]
             if i == k or u is None or v is None or before.frames[-1] >= after.frames[0]:
                 continue
-            others = [apart(v, w) for n, w in enumerate(means) if n not in (i, k) and w is not None]
-            own = apart(u, v)
-            if own < SAME and own + MARGIN < min(others, default=1.0):
-                best = min(best or (own, i, k), (own, i, k))
+            others = [
+                appearance_distance(v, w)
+                for n, w in enumerate(means)
+                if n not in (i, k) and w is not None
+            ]
+            distance = appearance_distance(u, v)
+            if distance < SAME and distance + MARGIN < min(others, default=1.0):
+                best = min(best or (distance, i, k), (distance, i, k))
     return None if best is None else best[1:]

@@ -1,4 +1,4 @@
-"""Where a video has cuts, and what to do about them."""
+"""Cuts between the shots of a video, and advice about them."""
 
 from __future__ import annotations
 
@@ -7,23 +7,24 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Int
 
 from imocap_core.io.video import read_gray
 from imocap_core.people.shots import find_cuts
 
-SHOWN_PX = 160  # larger side of the pictures that are compared
+COMPARED_PX = 160  # larger side of the pictures that are compared
 
 
-def cuts_of(video: Path, frames: np.ndarray, size: tuple[int, int]) -> list[int]:
-    """Source frames with which a new shot begins, among the used ones (T,)."""
+def cuts_of(video: Path, frames: Int[np.ndarray, " T"], size: tuple[int, int]) -> list[int]:
+    """Source frames with which a new shot begins, among the used ones."""
     first, last = int(frames[0]), int(frames[-1])
-    scale = min(1.0, SHOWN_PX / max(size))
+    scale = min(1.0, COMPARED_PX / max(size))
     pictures = (picture for _, picture in read_gray(video, first, last + 1, scale=scale))
     return [first + cut for cut in find_cuts(pictures)]
 
 
-def advice(cuts: Sequence[int], frames: np.ndarray) -> str:
-    """One sentence; empty when there is no cut."""
+def advice(cuts: Sequence[int], frames: Int[np.ndarray, " T"]) -> str:
+    """A sentence that names the cuts and the longest shot; empty when there is no cut."""
     if not cuts:
         return ""
     edges = [int(frames[0]), *cuts, int(frames[-1]) + 1]

@@ -1,9 +1,13 @@
-"""What a monocular estimator says of one video, as the stage initial_smpl starts from it."""
+"""Results of other monocular estimators as starting points of one video's fit."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from imocap_core.artifacts.schemas import VideoKeypoints
 from imocap_core.conventions import SMPL_JOINTS
@@ -19,53 +23,74 @@ from imocap_core.motion.monocular.starts import (
 from imocap_core.pipeline.stage import Context
 from imocap_core.rotations import exp
 
-Estimate = np.ndarray | Start | torch.Tensor | None
+Estimate = Float[np.ndarray, "T 24 3"] | Start | Float[Tensor, "T 24 3 3"] | None
+"""Joints in metres, an SMPL motion as a start, or joint rotations."""
+
+FIRST_FRAME_FORMATS = ("joints_npz", "smpl_npz")  # in the axes of the first frame's camera
 
 
-OWN_FORMATS = ("joints_npz", "smpl_npz")  # in the axes of the first frame's camera
+def estimate_of(
+    ctx: Context, video: VideoKeypoints, R_first_from_frame: Float[Tensor, "T 3 3"]
+) -> Estimate:
+    """The declared estimate of a video, in the axes of the first frame's camera; None without one.
 
+    Formats other than `FIRST_FRAME_FORMATS` are in the axes of each frame's own camera, from which
+    R_first_from_frame rotates them.
 
-def estimate_of(ctx: Context, video: VideoKeypoints, R_first_from_frame: torch.Tensor) -> Estimate:
-    """An estimator's joints (T, 24, 3), its SMPL motion as a start, its joint rotations
-    (T, 24, 3, 3), or None, in the axes of the first frame's camera.
-
-    Other tools speak in the axes of each frame's own camera: R_first_from_frame (T, 3, 3).
+    Raises:
+        ValueError: the file is missing, damaged, or not usable; or the format is unknown.
     """
     path, kind = ctx.initial(video.id), video.initial_format
     if path is None:
         return None
-    wanted = PerformerBoxes(video.frames, video.person_box_px, video.size)
+    boxes = PerformerBoxes(video.frames, video.person_box_px, video.size)
     if kind in JOINTS:
-        estimate = JOINTS[kind](path, wanted)
-        joints = np.full((len(video.frames), 24, 3), np.nan)
-        for k, name in enumerate(estimate.joint_names):
-            if name in SMPL_JOINTS:
-                joints[:, SMPL_JOINTS.index(name)] = estimate.joints[:, k]
-        if kind not in OWN_FORMATS:
-            joints = np.einsum("tij,tkj->tki", R_first_from_frame.numpy(), joints)
-        if np.isfinite(joints).all(-1).sum(1).max() < MIN_JOINTS:
-            raise ValueError(
-                f"{path}: joints: expected numbers for at least {MIN_JOINTS} of SMPL's joints "
-                f"({', '.join(SMPL_JOINTS)}), got {', '.join(estimate.joint_names)}"
-            )
-        return joints
+        return _joints(path, kind, boxes, R_first_from_frame)
     if kind in ROTATIONS:
-        R_local = torch.as_tensor(ROTATIONS[kind](path, wanted))
-        R_local[:, 0] = R_first_from_frame @ R_local[:, 0]
-        keys = R_local.isfinite().flatten(1).all(1).nonzero()[:, 0].cpu().numpy()
-        if len(keys) == 0:
-            raise ValueError(f"{path}: every used frame has numbers that are not finite")
-        return interpolate_rotations(R_local[keys], keys, len(R_local))
+        return _rotations(path, kind, boxes, R_first_from_frame)
     if kind == "smpl_npz":
-        smpl = read_smpl_npz(path, video.frames)
-        R_local = exp(torch.as_tensor(smpl.theta.reshape(-1, 24, 3)))
-        R_local[:, 0] = torch.as_tensor(smpl.R) @ R_local[:, 0]
-        try:
-            return start_at_motion(R_local, torch.as_tensor(smpl.trans @ smpl.R.T + smpl.t))
-        except ValueError as error:
-            raise ValueError(f"{path}: poses, trans: {error}") from None
-    known = ", ".join(["smpl_npz", *JOINTS, *ROTATIONS])
+        return _smpl_motion(path, video.frames)
+    formats = ", ".join(["smpl_npz", *JOINTS, *ROTATIONS])
     raise ValueError(
-        f"{ctx.action_file()}: videos: {video.id}: initial_format: expected one of {known}, got "
+        f"{ctx.action_file()}: videos: {video.id}: initial_format: expected one of {formats}, got "
         f"{kind!r}; convert the estimate to one of them"
     )
+
+
+def _joints(
+    path: Path, kind: str, boxes: PerformerBoxes, R_first_from_frame: Tensor
+) -> Float[np.ndarray, "T 24 3"]:
+    estimate = JOINTS[kind](path, boxes)
+    joints = np.full((len(boxes.frames), 24, 3), np.nan)
+    for k, name in enumerate(estimate.joint_names):
+        if name in SMPL_JOINTS:
+            joints[:, SMPL_JOINTS.index(name)] = estimate.joints[:, k]
+    if kind not in FIRST_FRAME_FORMATS:
+        joints = np.einsum("tij,tkj->tki", R_first_from_frame.numpy(), joints)
+    if np.isfinite(joints).all(-1).sum(1).max() < MIN_JOINTS:
+        raise ValueError(
+            f"{path}: joints: expected numbers for at least {MIN_JOINTS} of SMPL's joints "
+            f"({', '.join(SMPL_JOINTS)}), got {', '.join(estimate.joint_names)}"
+        )
+    return joints
+
+
+def _rotations(
+    path: Path, kind: str, boxes: PerformerBoxes, R_first_from_frame: Tensor
+) -> Float[Tensor, "T 24 3 3"]:
+    R_local = torch.as_tensor(ROTATIONS[kind](path, boxes))
+    R_local[:, 0] = R_first_from_frame @ R_local[:, 0]
+    keys = R_local.isfinite().flatten(1).all(1).nonzero()[:, 0].cpu().numpy()
+    if len(keys) == 0:
+        raise ValueError(f"{path}: every used frame has numbers that are not finite")
+    return interpolate_rotations(R_local[keys], keys, len(R_local))
+
+
+def _smpl_motion(path: Path, frames: np.ndarray) -> Start:
+    smpl = read_smpl_npz(path, frames)
+    R_local = exp(torch.as_tensor(smpl.theta.reshape(-1, 24, 3)))
+    R_local[:, 0] = torch.as_tensor(smpl.R) @ R_local[:, 0]
+    try:
+        return start_at_motion(R_local, torch.as_tensor(smpl.trans @ smpl.R.T + smpl.t))
+    except ValueError as error:
+        raise ValueError(f"{path}: poses, trans: {error}") from None

@@ -8,7 +8,7 @@ from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.lifter.infer import lift, window_rows
 from imocap_core.lifter.network import WINDOW, Lifter
 from imocap_core.lifter.points import COMMON, MIRROR
-from imocap_core.lifter.stitch import one_alternative
+from imocap_core.lifter.stitch import stitch_alternatives
 
 K = len(COMMON)
 
@@ -20,7 +20,7 @@ def network() -> Lifter:
     return Lifter(width=16, blocks=1).eval().requires_grad_(False)
 
 
-def seen(frames: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def walk(frames: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     pose = rng.normal(0, 0.1, (1, K, 2))
     path = np.cumsum(rng.normal(0, 0.002, (frames, 1, 2)), 0)
@@ -39,7 +39,7 @@ def test_windows_cover_every_frame(frames: int, stride: int) -> None:
 @pytest.mark.parametrize("fps", [12.5, 30.0, 120.0])
 @pytest.mark.parametrize("frames", [1, 5, 40, 90])
 def test_an_answer_for_every_frame(network: Lifter, frames: int, fps: float) -> None:
-    lifted = lift(network, *seen(frames), fps)
+    lifted = lift(network, *walk(frames), fps)
     assert lifted.joints.shape == lifted.alternative.shape == (frames, 24, 3)
     assert np.isfinite(lifted.joints).all()
     assert np.isfinite(lifted.alternative).all()
@@ -49,14 +49,14 @@ def test_an_answer_for_every_frame(network: Lifter, frames: int, fps: float) -> 
 
 def test_a_faster_film_of_the_same_moments(network: Lifter) -> None:
     """Every frame doubled at twice the rate: the same motion."""
-    rays, trust = seen(60)
+    rays, trust = walk(60)
     slow = lift(network, rays, trust, 15.0)
     fast = lift(network, rays.repeat(2, 0), trust.repeat(2, 0), 30.0)
     np.testing.assert_allclose(fast.joints[::2], slow.joints, atol=1e-5)
 
 
 def test_a_film_in_a_mirror_shows_the_motion_in_a_mirror(network: Lifter) -> None:
-    rays, trust = seen(50)
+    rays, trust = walk(50)
     trust[:, COMMON.index("left_wrist")] = 0.5
     flip, points = np.array([-1.0, 1.0, 1.0]), list(MIRROR)
     a = lift(network, rays, trust, 15.0)
@@ -70,16 +70,16 @@ def test_a_film_in_a_mirror_shows_the_motion_in_a_mirror(network: Lifter) -> Non
 
 def test_no_point_no_matter(network: Lifter) -> None:
     """Junk without confidence changes nothing, nor does a frame's being seen elsewhere."""
-    rays, trust = seen(50)
+    rays, trust = walk(50)
     trust[10:14] = 0.0
     junk = np.where(trust[..., None] > 0, rays, 5.0)
     a, b = lift(network, rays, trust, 15.0), lift(network, junk, trust, 15.0)
     np.testing.assert_array_equal(a.joints, b.joints)
-    assert a.seen.sum() == 46
+    assert a.visible.sum() == 46
 
 
 def test_faults_are_named_together(network: Lifter) -> None:
-    rays, trust = seen(4)
+    rays, trust = walk(4)
     with pytest.raises(ValueError, match=r"rays: expected .*fps: expected") as caught:
         lift(network, rays[:, :3], trust, 0.0)
     assert "(4, 3, 2)" in str(caught.value)
@@ -98,7 +98,7 @@ def test_an_alternative_goes_on_where_windows_overlap() -> None:
         [long[[o, 1 - o], r].transpose(0, 1) for o, r in zip(order, rows, strict=True)]
     )
     mean = long.mean(0)
-    found = one_alternative(torch.stack([mean[r] for r in rows]), offered, hop)
-    which = [torch.equal(found[b], long[0, r]) for b, r in enumerate(rows)]
-    other = [torch.equal(found[b], long[1, r]) for b, r in enumerate(rows)]
+    stitched = stitch_alternatives(torch.stack([mean[r] for r in rows]), offered, hop)
+    which = [torch.equal(stitched[b], long[0, r]) for b, r in enumerate(rows)]
+    other = [torch.equal(stitched[b], long[1, r]) for b, r in enumerate(rows)]
     assert all(which) or all(other)

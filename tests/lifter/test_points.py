@@ -15,8 +15,8 @@ LAYOUTS = ("body25", "body25b", "coco17", "coco18", "halpe26", "h36m17", "mediap
 def test_a_column_goes_to_the_point_it_sits_at(layout: str) -> None:
     columns, rows = columns_of(layout)
     keypoints = layout_keypoints(layout)
-    at = [keypoints[c].point.removesuffix("_mediapipe") for c in columns]
-    assert at == [COMMON[r] for r in rows]
+    points = [keypoints[c].point.removesuffix("_mediapipe") for c in columns]
+    assert points == [COMMON[r] for r in rows]
     assert len(rows) >= 15
 
 
@@ -26,11 +26,11 @@ def test_two_detectors_of_one_body_say_the_same() -> None:
     posed = model.shape(model.v_template.new_zeros(1, 10))
     eye = torch.eye(3, dtype=torch.float64).expand(1, 24, 3, 3)
     body = posed.pose(eye, model.v_template.new_zeros(1, 3))
-    seen = {}
+    common = {}
     for layout in ("body25", "halpe26"):
         xy = body.keypoints(model.points(layout))[..., :2].numpy()
-        seen[layout] = to_common(xy, np.ones(xy.shape[:2]), layout)
-    (a, trust_a), (b, trust_b) = seen["body25"], seen["halpe26"]
+        common[layout] = to_common(xy, np.ones(xy.shape[:2]), layout)
+    (a, trust_a), (b, trust_b) = common["body25"], common["halpe26"]
     both = (trust_a > 0) & (trust_b > 0)
     assert both.sum() >= 22
     np.testing.assert_allclose(a[both], b[both], atol=1e-12)

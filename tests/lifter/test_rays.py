@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from imocap_core.lifter.points import COMMON
-from imocap_core.lifter.rays import FEATURES, look_at_person
+from imocap_core.lifter.rays import FEATURES, person_centred_features
 
 K = len(COMMON)
 
@@ -28,7 +28,7 @@ def test_panning_the_camera_changes_nothing_but_its_own_turn(angle: float) -> No
     )
     points = person()
     trust = torch.ones(points.shape[:3], dtype=points.dtype)
-    still, panned = (look_at_person(rays_of(x), trust) for x in (points, points @ pan.T))
+    still, panned = (person_centred_features(rays_of(x), trust) for x in (points, points @ pan.T))
     turned_back = panned.R_turned_from_cam @ pan
     away = torch.acos(
         ((turned_back @ still.R_turned_from_cam.mT).diagonal(dim1=1, dim2=2).sum(-1) - 1) / 2
@@ -40,11 +40,11 @@ def test_panning_the_camera_changes_nothing_but_its_own_turn(angle: float) -> No
 def test_the_camera_turns_to_the_person() -> None:
     points = person()
     trust = torch.ones(points.shape[:3], dtype=points.dtype)
-    seen = look_at_person(rays_of(points), trust)
+    centred = person_centred_features(rays_of(points), trust)
     middle = torch.cat([rays_of(points).flatten(1, 2).median(1).values, torch.ones(1, 1)], -1)
-    turned = seen.R_turned_from_cam[0] @ middle[0].double()
+    turned = centred.R_turned_from_cam[0] @ middle[0].double()
     np.testing.assert_allclose(turned[:2], 0, atol=1e-9)
-    R = seen.R_turned_from_cam[0]
+    R = centred.R_turned_from_cam[0]
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-9)
     assert float(torch.linalg.det(R)) == pytest.approx(1.0)
 
@@ -55,7 +55,7 @@ def test_a_nearer_person_differs_in_one_feature_alone() -> None:
     rays = torch.as_tensor(rng.normal(0, 0.02, (1, 5, K, 2)))
     rays = rays - rays.flatten(1, 2).median(1).values
     trust = torch.ones(rays.shape[:3], dtype=rays.dtype)
-    far, near = (look_at_person(s * rays, trust).features for s in (1.0, 2.0))
+    far, near = (person_centred_features(s * rays, trust).features for s in (1.0, 2.0))
     change = (near - far).abs().amax((0, 1))
     nearness = FEATURES - 2
     assert float(change[nearness]) == pytest.approx(np.log(2), abs=1e-6)
@@ -69,6 +69,6 @@ def test_what_is_not_seen_does_not_matter() -> None:
     trust[:, 4] = 0.0
     rays = rays_of(points)
     junk = torch.where(trust[..., None] > 0, rays, 77.0)
-    a, b = look_at_person(rays, trust), look_at_person(junk, trust)
+    a, b = person_centred_features(rays, trust), person_centred_features(junk, trust)
     np.testing.assert_array_equal(a.features, b.features)
     assert (a.features[:, 4] == 0).all()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.people.agreement import rivals, set_distance_m, who_performs
+from imocap_core.people.agreement import choose_by_agreement, pose_set_distance_m, rivals
 
 
 def motion(seed: int, frames: int = 50) -> np.ndarray:
@@ -15,7 +15,7 @@ def motion(seed: int, frames: int = 50) -> np.ndarray:
     return rest + 0.5 * np.cos(phase) * first + 0.5 * np.sin(phase) * second
 
 
-def seen(seed: int, view: int, frames: int = 50) -> np.ndarray:
+def view_of(seed: int, view: int, frames: int = 50) -> np.ndarray:
     """The same from another side, with noise."""
     rng = np.random.default_rng([seed, view])
     turn = Rotation.random(random_state=view).as_matrix()
@@ -25,34 +25,34 @@ def seen(seed: int, view: int, frames: int = 50) -> np.ndarray:
 def test_a_larger_stranger_is_not_the_performer() -> None:
     """One video shows somebody with a larger score who does something else."""
     scores = [[1.0, 0.6], [1.0], [1.0]]
-    poses = [[seen(8, 0), seen(1, 1)], [seen(1, 2, 41)], [seen(1, 3, 63)]]
-    assert who_performs(scores, poses) == [1, 0, 0]
+    poses = [[view_of(8, 0), view_of(1, 1)], [view_of(1, 2, 41)], [view_of(1, 3, 63)]]
+    assert choose_by_agreement(scores, poses) == [1, 0, 0]
 
 
 def test_the_larger_of_two_who_do_the_same_performs() -> None:
-    poses = [[seen(1, 0), seen(1, 1)], [seen(1, 2)]]
-    assert who_performs([[1.0, 0.6], [1.0]], poses) == [0, 0]
+    poses = [[view_of(1, 0), view_of(1, 1)], [view_of(1, 2)]]
+    assert choose_by_agreement([[1.0, 0.6], [1.0]], poses) == [0, 0]
 
 
 def test_all_ways_and_one_at_a_time_agree(monkeypatch: pytest.MonkeyPatch) -> None:
     scores = [[1.0, 0.8], [1.0, 0.9], [1.0], [1.0, 0.5]]
-    poses = [[seen(7, 0), seen(1, 1)], [seen(1, 2), seen(6, 3)], [seen(1, 4)],
-             [seen(5, 5), seen(1, 6)]]  # fmt: skip
-    every = who_performs(scores, poses)
-    monkeypatch.setattr("imocap_core.people.agreement.MOST_WAYS", 1)
-    assert every == who_performs(scores, poses) == [1, 0, 0, 1]
+    poses = [[view_of(7, 0), view_of(1, 1)], [view_of(1, 2), view_of(6, 3)], [view_of(1, 4)],
+             [view_of(5, 5), view_of(1, 6)]]  # fmt: skip
+    every = choose_by_agreement(scores, poses)
+    monkeypatch.setattr("imocap_core.people.agreement.MAX_COMBINATIONS", 1)
+    assert every == choose_by_agreement(scores, poses) == [1, 0, 0, 1]
 
 
 def test_one_video_alone_takes_the_score() -> None:
-    assert who_performs([[1.0, 0.9]], [[seen(1, 0), seen(2, 0)]]) == [0]
+    assert choose_by_agreement([[1.0, 0.9]], [[view_of(1, 0), view_of(2, 0)]]) == [0]
 
 
 def test_distance_of_sets_is_symmetric_and_blind_to_sides_and_order() -> None:
-    a, b = seen(1, 0), seen(2, 1)
-    assert set_distance_m(a, b) == pytest.approx(set_distance_m(b, a))
+    a, b = view_of(1, 0), view_of(2, 1)
+    assert pose_set_distance_m(a, b) == pytest.approx(pose_set_distance_m(b, a))
     turned = a[::-1] @ Rotation.random(random_state=3).as_matrix().T
-    assert set_distance_m(turned, b) == pytest.approx(set_distance_m(a, b), rel=1e-6)
-    assert set_distance_m(a, a) < 1e-6
+    assert pose_set_distance_m(turned, b) == pytest.approx(pose_set_distance_m(a, b), rel=1e-6)
+    assert pose_set_distance_m(a, a) < 1e-6
 
 
 def test_only_those_near_the_best_are_thought_of() -> None:

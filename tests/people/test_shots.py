@@ -4,17 +4,17 @@ import cv2
 import numpy as np
 import pytest
 
-from imocap_core.people.shots import Picture, find_cuts, likeness, thumbnail
+from imocap_core.people.shots import best_correlation, find_cuts, thumbnail
 
 
-def place(seed: int) -> Picture:
+def place(seed: int) -> np.ndarray:
     """A wide grey picture (200, 900) with large and small structures."""
     rng = np.random.default_rng(seed)
     layers = [cv2.resize(rng.random((n, 4 * n)), (900, 200)) for n in (3, 8, 30)]
     return (255 * np.clip(sum(layers) / 3, 0, 1)).astype(np.uint8)
 
 
-def shot(seed: int, frames: int, speed: float = 2.0) -> list[Picture]:
+def shot(seed: int, frames: int, speed: float = 2.0) -> list[np.ndarray]:
     """A camera that pans over a place, with noise."""
     rng = np.random.default_rng(seed)
     wide = place(seed).astype(float)
@@ -25,9 +25,9 @@ def shot(seed: int, frames: int, speed: float = 2.0) -> list[Picture]:
     ]
 
 
-@pytest.mark.parametrize("at", [1, 2, 15, 29])
-def test_a_cut_is_found_on_its_frame(at: int) -> None:
-    assert find_cuts(shot(1, at) + shot(2, 30 - at)) == [at]
+@pytest.mark.parametrize("cut", [1, 2, 15, 29])
+def test_a_cut_is_found_on_its_frame(cut: int) -> None:
+    assert find_cuts(shot(1, cut) + shot(2, 30 - cut)) == [cut]
 
 
 def test_several_cuts_and_a_film_run_backwards() -> None:
@@ -56,4 +56,4 @@ def test_a_flash_and_a_change_of_light_are_no_cut() -> None:
 def test_blank_and_short_films() -> None:
     blank = np.zeros((90, 160), np.uint8)
     assert find_cuts([]) == find_cuts([blank]) == find_cuts([blank] * 4) == []
-    assert likeness(thumbnail(blank), thumbnail(blank)) == 1.0
+    assert best_correlation(thumbnail(blank), thumbnail(blank)) == 1.0

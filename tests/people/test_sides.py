@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from imocap_core.body.layouts import layout_names
-from imocap_core.people.sides import bouts, exchanged, limbs_of, repaired
+from imocap_core.people.sides import limbs_of, runs_of_true, swap_sides, swapped_frames
 
 NAMES = layout_names("coco17")
 FPS = 30.0
@@ -23,11 +23,14 @@ def walker(frames: int = 90, noise_px: float = 1.0, seed: int = 0) -> np.ndarray
     return xy + rng.normal(0, noise_px, xy.shape)
 
 
-def with_exchanged(xy: np.ndarray, begin: int, end: int) -> np.ndarray:
-    seen = xy.copy()
+def with_swapped(xy: np.ndarray, begin: int, end: int) -> np.ndarray:
+    swapped = xy.copy()
     for left, right in LEGS:
-        seen[begin:end, left], seen[begin:end, right] = xy[begin:end, right], xy[begin:end, left]
-    return seen
+        swapped[begin:end, left], swapped[begin:end, right] = (
+            xy[begin:end, right],
+            xy[begin:end, left],
+        )
+    return swapped
 
 
 SIZE = np.full(90, 300.0)
@@ -36,39 +39,39 @@ SIZE = np.full(90, 300.0)
 @pytest.mark.parametrize("span", [(34, 37), (50, 51), (63, 72)])
 def test_a_bout_is_found_and_undone(span: tuple[int, int]) -> None:
     xy = walker()
-    seen = with_exchanged(xy, *span)
-    found = exchanged(seen, SIZE, LEGS, FPS)
-    assert bouts(found) == [span]
+    swapped = with_swapped(xy, *span)
+    frames = swapped_frames(swapped, SIZE, LEGS, FPS)
+    assert runs_of_true(frames) == [span]
     trust = np.random.default_rng(1).random(xy.shape[:2])
-    again, _ = repaired(seen, trust, found, LEGS)
+    again, _ = swap_sides(swapped, trust, frames, LEGS)
     np.testing.assert_array_equal(again, xy)
-    twice = repaired(*repaired(seen, trust, found, LEGS), found, LEGS)
-    np.testing.assert_array_equal(twice[0], seen)
+    twice = swap_sides(*swap_sides(swapped, trust, frames, LEGS), frames, LEGS)
+    np.testing.assert_array_equal(twice[0], swapped)
     np.testing.assert_array_equal(twice[1], trust)
 
 
 @pytest.mark.parametrize("noise_px", [0.0, 3.0])
 def test_nothing_is_touched_where_nothing_is_wrong(noise_px: float) -> None:
-    assert not exchanged(walker(noise_px=noise_px), SIZE, LEGS, FPS).any()
+    assert not swapped_frames(walker(noise_px=noise_px), SIZE, LEGS, FPS).any()
 
 
 def test_a_bout_is_the_same_bout_backwards() -> None:
-    seen = with_exchanged(walker(), 40, 45)
-    forwards = exchanged(seen, SIZE, LEGS, FPS)
-    backwards = exchanged(seen[::-1], SIZE, LEGS, FPS)[::-1]
+    swapped = with_swapped(walker(), 40, 45)
+    forwards = swapped_frames(swapped, SIZE, LEGS, FPS)
+    backwards = swapped_frames(swapped[::-1], SIZE, LEGS, FPS)[::-1]
     np.testing.assert_array_equal(forwards, backwards)
 
 
 def test_who_turns_round_for_good_is_left_alone() -> None:
-    assert not exchanged(with_exchanged(walker(), 40, 90), SIZE, LEGS, FPS).any()
-    assert not exchanged(with_exchanged(walker(), 20, 70), SIZE, LEGS, FPS).any()
+    assert not swapped_frames(with_swapped(walker(), 40, 90), SIZE, LEGS, FPS).any()
+    assert not swapped_frames(with_swapped(walker(), 20, 70), SIZE, LEGS, FPS).any()
 
 
 def test_missing_points_do_not_hide_a_bout() -> None:
-    seen = with_exchanged(walker(), 34, 38)
-    seen[33:36, LEGS[0][0]] = np.nan
-    seen[36, LEGS[1][1]] = np.nan
-    assert bouts(exchanged(seen, SIZE, LEGS, FPS)) == [(34, 38)]
+    swapped = with_swapped(walker(), 34, 38)
+    swapped[33:36, LEGS[0][0]] = np.nan
+    swapped[36, LEGS[1][1]] = np.nan
+    assert runs_of_true(swapped_frames(swapped, SIZE, LEGS, FPS)) == [(34, 38)]
 
 
 def test_limbs_of_layouts() -> None:

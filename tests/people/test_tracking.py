@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from imocap_core.people.tracking import choose_performer, distinct_people, follow, pose_distance
+from imocap_core.people.performer import choose_performer
+from imocap_core.people.tracking import distinct_people, follow, pose_distance
 
 SIZE, FPS = (640, 360), 30.0
 OFFSETS = np.random.default_rng(0).uniform(-1, 1, size=(17, 2)) * [25, 60]
@@ -30,9 +31,9 @@ def bystander_at(t):
 
 def test_one_person_comes_back_as_given():
     frames = [performer_at(t)[None] for t in range(30)]
-    found = choose(frames)
-    assert np.array_equal(found.xy_px, np.stack(frames)[:, 0, :, :2])
-    assert (found.tracks_found, found.presence) == (1, 1.0)
+    performer = choose(frames)
+    assert np.array_equal(performer.xy_px, np.stack(frames)[:, 0, :, :2])
+    assert (performer.tracks_found, performer.presence) == (1, 1.0)
 
 
 def test_the_order_of_detections_does_not_matter():
@@ -44,20 +45,20 @@ def test_the_order_of_detections_does_not_matter():
 
 def test_the_performer_is_kept_while_crossing_a_bystander():
     frames = [np.stack([bystander_at(t), performer_at(t)]) for t in range(80)]
-    found = choose(frames)
-    assert found.tracks_found == 2
-    assert np.allclose(found.xy_px, np.stack([performer_at(t)[:, :2] for t in range(80)]))
+    performer = choose(frames)
+    assert performer.tracks_found == 2
+    assert np.allclose(performer.xy_px, np.stack([performer_at(t)[:, :2] for t in range(80)]))
 
 
 def test_frames_without_detection_stay_missing_and_the_track_goes_on():
     empty = np.zeros((0, 17, 3))
     frames = [empty if 20 <= t < 28 else performer_at(t)[None] for t in range(60)]
-    found = choose(frames)
-    assert found.tracks_found == 1
-    assert np.isnan(found.xy_px[20:28]).all()
-    assert (found.confidence[20:28] == 0).all()
-    assert np.isnan(found.box_px[20:28]).all()
-    assert found.presence == pytest.approx(52 / 60)
+    performer = choose(frames)
+    assert performer.tracks_found == 1
+    assert np.isnan(performer.xy_px[20:28]).all()
+    assert (performer.confidence[20:28] == 0).all()
+    assert np.isnan(performer.box_px[20:28]).all()
+    assert performer.presence == pytest.approx(52 / 60)
 
 
 def test_a_long_gap_is_joined_where_the_person_comes_back():
@@ -69,15 +70,15 @@ def test_a_long_gap_is_joined_where_the_person_comes_back():
 def test_a_false_detection_of_one_frame_is_nobody():
     frames = [performer_at(t)[None] for t in range(30)]
     frames[9] = np.concatenate([person(560, 60)[None], frames[9]])
-    found = choose(frames)
-    assert found.tracks_found == 1
-    assert np.allclose(found.xy_px[9], performer_at(9)[:, :2])
+    performer = choose(frames)
+    assert performer.tracks_found == 1
+    assert np.allclose(performer.xy_px[9], performer_at(9)[:, :2])
 
 
 def test_a_person_seen_twice_in_one_frame_is_one():
     weaker = performer_at(0) + np.array([1.5, 1.0, -0.3])
-    kept = distinct_people(np.stack([weaker, performer_at(0)]), 0.05)
-    assert np.array_equal(kept, performer_at(0)[None])
+    distinct = distinct_people(np.stack([weaker, performer_at(0)]), 0.05)
+    assert np.array_equal(distinct, performer_at(0)[None])
 
 
 def test_a_body_cut_in_two_is_made_whole():
@@ -85,17 +86,17 @@ def test_a_body_cut_in_two_is_made_whole():
     upper, lower = performer_at(12), performer_at(12)
     upper[8:], lower[:8] = (np.nan, np.nan, 0), (np.nan, np.nan, 0)
     frames[12] = np.stack([lower, upper])
-    found = choose(frames)
-    assert np.array_equal(found.xy_px[12], performer_at(12)[:, :2])
-    assert found.tracks_found == 1
+    performer = choose(frames)
+    assert np.array_equal(performer.xy_px[12], performer_at(12)[:, :2])
+    assert performer.tracks_found == 1
 
 
 def test_weak_points_are_missing():
     weak = performer_at(0)
     weak[5, 2] = 0.03
-    kept = distinct_people(weak[None], 0.05)
-    assert np.isnan(kept[0, 5, :2]).all()
-    assert kept[0, 5, 2] == 0
+    distinct = distinct_people(weak[None], 0.05)
+    assert np.isnan(distinct[0, 5, :2]).all()
+    assert distinct[0, 5, 2] == 0
 
 
 def test_distance_is_symmetric_and_free_of_scale():
@@ -116,6 +117,6 @@ def test_every_detection_belongs_to_exactly_one_track():
 
 
 def test_nobody_is_said():
-    found = choose([np.zeros((0, 17, 3))] * 4)
-    assert (found.tracks_found, found.presence) == (0, 0.0)
-    assert "nobody" in found.note
+    performer = choose([np.zeros((0, 17, 3))] * 4)
+    assert (performer.tracks_found, performer.presence) == (0, 0.0)
+    assert "nobody" in performer.note

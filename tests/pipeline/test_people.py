@@ -11,7 +11,7 @@ from imocap_core.body import load_free_body
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.params import KeypointsParams
 from imocap_core.pipeline.person import Person
-from imocap_core.problem.performers import Watched, followed, performers
+from imocap_core.problem.tracked_people import TrackedVideo, choose_performers, track_people
 from imocap_core.rotations import exp
 
 SIZE, FPS, FRAMES = (1280, 720), 30.0, 60
@@ -38,10 +38,12 @@ def figure(seed: int, azimuth: float, x_px: float, height_px: float) -> np.ndarr
     return np.concatenate([xy, np.full((FRAMES, 17, 1), 0.9)], -1)
 
 
-def watched(name: str, *figures: np.ndarray, person: Person | None = None) -> Watched:
+def tracked(name: str, *figures: np.ndarray, person: Person | None = None) -> TrackedVideo:
     people = [np.stack([f[t] for f in figures]) for t in range(FRAMES)]
-    seen = Watched(name, people, np.arange(FRAMES), SIZE, FPS, "coco17", 1280.0, [], person)
-    return followed(seen, None, PARAMS)
+    detected = TrackedVideo(
+        name, people, np.arange(FRAMES), SIZE, FPS, "coco17", 1280.0, [], person
+    )
+    return track_people(detected, None, PARAMS)
 
 
 def middle_x(xy_px: np.ndarray) -> float:
@@ -50,20 +52,20 @@ def middle_x(xy_px: np.ndarray) -> float:
 
 STRANGER = figure(5, 0.4, 300, 520)
 PERFORMER = figure(1, 0.0, 900, 400)
-OTHERS = [watched("v2", figure(1, 1.0, 600, 400)), watched("v3", figure(1, -1.2, 500, 450))]
+OTHERS = [tracked("v2", figure(1, 1.0, 600, 400)), tracked("v3", figure(1, -1.2, 500, 450))]
 
 
 def test_the_score_alone_takes_the_larger_one() -> None:
     params = replace(PARAMS, performer="score")
-    found = performers([watched("v1", STRANGER, PERFORMER), *OTHERS], FILE, params)
-    assert middle_x(found[0].xy_px) < 500
+    performers = choose_performers([tracked("v1", STRANGER, PERFORMER), *OTHERS], FILE, params)
+    assert middle_x(performers[0].xy_px) < 500
 
 
 def test_the_other_videos_tell_who_performs() -> None:
-    found = performers([watched("v1", STRANGER, PERFORMER), *OTHERS], FILE, PARAMS)
-    assert middle_x(found[0].xy_px) > 700
-    assert "what it does is what the other videos show" in found[0].note
-    assert "taken, not track 1" not in found[1].note
+    performers = choose_performers([tracked("v1", STRANGER, PERFORMER), *OTHERS], FILE, PARAMS)
+    assert middle_x(performers[0].xy_px) > 700
+    assert "its motion agrees with the other videos" in performers[0].note
+    assert "instead of track 1" not in performers[1].note
 
 
 @pytest.mark.parametrize(
@@ -75,30 +77,30 @@ def test_the_other_videos_tell_who_performs() -> None:
     ],
 )
 def test_the_users_word_counts_most(person: Person) -> None:
-    first = watched("v1", STRANGER, PERFORMER, person=person)
-    found = performers([first, *OTHERS], FILE, PARAMS)
-    assert middle_x(found[0].xy_px) < 500
-    assert "as action.yaml says" in found[0].note
+    first = tracked("v1", STRANGER, PERFORMER, person=person)
+    performers = choose_performers([first, *OTHERS], FILE, PARAMS)
+    assert middle_x(performers[0].xy_px) < 500
+    assert "as action.yaml declares" in performers[0].note
 
 
 def test_nobody_there_is_one_sentence() -> None:
-    first = watched("v1", STRANGER, person=Person(frame=10, at=(1200, 20)))
+    first = tracked("v1", STRANGER, person=Person(frame=10, at=(1200, 20)))
     with pytest.raises(ValueError, match=r"videos\.v1\.person: expected a person at") as caught:
-        performers([first, *OTHERS], FILE, PARAMS)
+        choose_performers([first, *OTHERS], FILE, PARAMS)
     assert str(FILE) in str(caught.value)
     assert "imocap people" in str(caught.value)
 
 
 def test_frames_count_as_in_the_file() -> None:
     """`frame` is a source frame, also where the used frames begin later."""
-    late = replace(watched("v1", STRANGER, PERFORMER), frames=np.arange(100, 100 + FRAMES))
+    late = replace(tracked("v1", STRANGER, PERFORMER), frames=np.arange(100, 100 + FRAMES))
     named = replace(late, person=Person(frame=110, at=(900, 360)))
-    found = performers([named], FILE, PARAMS)
-    assert middle_x(found[0].xy_px) > 700
+    performers = choose_performers([named], FILE, PARAMS)
+    assert middle_x(performers[0].xy_px) > 700
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "message"),
     [
         ({}, "expected one of track, at, box, got nothing"),
         ({"track": 1, "at": (3, 4), "frame": 0}, "got track and at"),
@@ -107,8 +109,8 @@ def test_frames_count_as_in_the_file() -> None:
         ({"frame": 0, "box": (5, 5, 3, 9)}, "x0 < x1"),
     ],
 )
-def test_a_person_is_named_in_one_way(given: dict[str, object], said: str) -> None:
-    with pytest.raises(ValidationError, match=said):
+def test_a_person_is_named_in_one_way(given: dict[str, object], message: str) -> None:
+    with pytest.raises(ValidationError, match=message):
         Person.model_validate(given)
 
 
@@ -116,13 +118,13 @@ def test_a_person_is_named_in_one_way(given: dict[str, object], said: str) -> No
 def test_by_default_sides_are_put_back_for_detectors_that_exchange_them(
     layouts: tuple[str, ...], frames: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("imocap_core.problem.performers.EXCHANGES", layouts)
+    monkeypatch.setattr("imocap_core.problem.tracked_people.SWAPPING_LAYOUTS", layouts)
     wrong = PERFORMER.copy()
     for left, right in ((11, 12), (13, 14), (15, 16)):
         wrong[30:33, left], wrong[30:33, right] = PERFORMER[30:33, right], PERFORMER[30:33, left]
     params = replace(PARAMS, sides="auto")
-    (found,) = performers([watched("v1", wrong)], FILE, params)
-    assert ("put back in 3 frames" in found.note) == (frames == 3)
+    (performers,) = choose_performers([tracked("v1", wrong)], FILE, params)
+    assert ("put back in 3 frames" in performers.note) == (frames == 3)
 
 
 def test_sides_are_put_back_only_when_asked_for() -> None:
@@ -131,7 +133,7 @@ def test_sides_are_put_back_only_when_asked_for() -> None:
     for left, right in legs:
         wrong[30:33, left], wrong[30:33, right] = PERFORMER[30:33, right], PERFORMER[30:33, left]
     left_alone, put_back = (
-        performers([watched("v1", wrong)], FILE, replace(PARAMS, sides=sides))[0]
+        choose_performers([tracked("v1", wrong)], FILE, replace(PARAMS, sides=sides))[0]
         for sides in ("leave", "repair")
     )
     np.testing.assert_allclose(left_alone.xy_px, wrong[..., :2])

@@ -43,12 +43,12 @@ def test_everybody_is_listed_the_performer_first(tmp_path: Path) -> None:
     assert video.rows[0][3] == "1.00"
     assert float(video.rows[1][3]) < 1
     assert video.rows[0][4].endswith("in frame 12")
-    assert "2 people followed" in video.said[0]
+    assert "2 people followed" in video.sentences[0]
 
 
 def test_a_name_from_the_list_is_taken(tmp_path: Path) -> None:
     (video,) = listing(job(tmp_path, person={"track": 2}))
-    assert "track 2 is the performer as action.yaml says" in video.said[0]
+    assert "track 2 is the performer as action.yaml declares" in video.sentences[0]
 
 
 def test_bad_input_is_a_sentence(tmp_path: Path) -> None:

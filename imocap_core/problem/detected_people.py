@@ -1,4 +1,4 @@
-"""Everybody whom the detector found in a declared video, before anybody is followed."""
+"""Everybody detected in the used frames of a declared video, before tracking."""
 
 from __future__ import annotations
 
@@ -6,38 +6,41 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Int64
 
 from imocap_core.io.detectors.by_name import format_and_layout, read_detections
 from imocap_core.io.detectors.people import DetectedPeople
 from imocap_core.io.video import VideoInfo, probe
 from imocap_core.pipeline.action import Declaration
-from imocap_core.problem.performers import Watched
+from imocap_core.problem.tracked_people import TrackedVideo
 
 
 @dataclass(frozen=True)
-class Source:
-    """Where one video's people come from: `kind` is the detections' format."""
+class DetectedVideo:
+    """One video's declaration, files and people: `kind` is the format of the detections."""
 
     declared: Declaration
     folder: Path
     video: Path | None
     kind: str
-    watched: Watched  # nobody followed yet
+    people: TrackedVideo  # without tracks until `track_people`
 
 
-def people_in(declared: Declaration, folder: Path, video: Path | None, file: Path) -> Source:
+def read_people(
+    declared: Declaration, folder: Path, video: Path | None, file: Path
+) -> DetectedVideo:
     """Read a video's detections in its used frames; `file`: the action.yaml, for messages."""
     probed = None if video is None else probe(video)
     kind, layout = format_and_layout(folder, declared.format, declared.layout)
     size = declared.size if probed is None else probed.size
     assert size is not None
     names = (declared.id, *((video.name, video.stem) if video is not None else ()))
-    found = read_detections(folder, kind, layout, size=size, names=names)
-    info = probed or _declared_info(declared, found)
+    detections = read_detections(folder, kind, layout, size=size, names=names)
+    info = probed or _declared_info(declared, detections)
     frames = _used_frames(declared, info.frame_count, file)
-    people_of = dict(zip(found.frames.tolist(), found.people, strict=True))
-    nobody = np.zeros((0, *found.people[0].shape[1:]))
-    watched = Watched(
+    people_of = dict(zip(detections.frames.tolist(), detections.people, strict=True))
+    nobody = np.zeros((0, *detections.people[0].shape[1:]))
+    people = TrackedVideo(
         id=declared.id,
         people=[people_of.get(int(frame), nobody) for frame in frames],
         frames=frames,
@@ -48,18 +51,18 @@ def people_in(declared: Declaration, folder: Path, video: Path | None, file: Pat
         ranked=[],
         person=declared.person,
     )
-    return Source(declared, folder, video, kind, watched)
+    return DetectedVideo(declared, folder, video, kind, people)
 
 
-def _declared_info(declared: Declaration, found: DetectedPeople) -> VideoInfo:
-    """As action.yaml declares a video that is not there."""
+def _declared_info(declared: Declaration, detections: DetectedPeople) -> VideoInfo:
+    """Frame rate and size as action.yaml declares them, for keypoints without a video file."""
     assert declared.fps is not None
     assert declared.size is not None
-    return VideoInfo(declared.fps, declared.size, int(found.frames[-1]) + 1)
+    return VideoInfo(declared.fps, declared.size, int(detections.frames[-1]) + 1)
 
 
-def _used_frames(declared: Declaration, count: int, file: Path) -> np.ndarray:
-    """Source frame numbers (T,)."""
+def _used_frames(declared: Declaration, count: int, file: Path) -> Int64[np.ndarray, " T"]:
+    """Source frame numbers."""
     first, stop = declared.frames or (0, count)
     if stop > count:
         raise ValueError(

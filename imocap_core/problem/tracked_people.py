@@ -1,0 +1,204 @@
+"""From detections to the performer: everybody's tracks in each video, and who performs.
+
+The declaration in action.yaml comes first, then the score (presence x size x motion); where several
+people have similar scores, agreement with the people of the other videos decides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Int64
+
+from imocap_core.body.layouts import layout_names
+from imocap_core.io.video import read_rgb
+from imocap_core.lifter.infer import lift
+from imocap_core.lifter.points import can_lift, to_common
+from imocap_core.lifter.weights import load_lifter
+from imocap_core.params import KeypointsParams
+from imocap_core.people.agreement import choose_by_agreement, rivals
+from imocap_core.people.appearance import (
+    Appearances,
+    appearance_of,
+    join_by_appearance,
+    swap_after_meetings,
+)
+from imocap_core.people.declared import (
+    FramePlace,
+    declared_performer,
+    row_at_place,
+    row_of_number,
+)
+from imocap_core.people.performer import (
+    PerformerKeypoints,
+    RankedTracks,
+    performer_of,
+    rank,
+    ranked_tracks,
+)
+from imocap_core.people.sides import limbs_of, swap_sides, swapped_frames
+from imocap_core.people.tracking import PersonTrack
+from imocap_core.pipeline.person import Person
+
+APPEARANCE_STEP_S = 0.2  # between frames in which appearances are measured
+LEAST_SIZE_PX = 1.0
+SWAPPING_LAYOUTS = ("mediapipe33",)  # of a detector that takes backs for fronts in single frames
+NEGLIGIBLE = 0.03  # of the best score: people with less are false detections or far away
+
+
+@dataclass(frozen=True)
+class TrackedVideo:
+    """One video: everybody detected in its used frames, and their tracks with scores."""
+
+    id: str
+    people: list[Float[np.ndarray, "_ K 3"]]  # per frame
+    frames: Int64[np.ndarray, " T"]
+    size: tuple[int, int]
+    fps: float
+    layout: str
+    focal_px: float
+    ranked: list[tuple[float, PersonTrack]]
+    person: Person | None = None
+
+
+def track_people(
+    detected: TrackedVideo, video: Path | None, params: KeypointsParams
+) -> TrackedVideo:
+    """With everybody's tracks: by motion and, where there is a video file, by appearance."""
+    ranked = ranked_tracks(
+        detected.people,
+        detected.size,
+        detected.fps,
+        min_confidence=params.min_confidence,
+        max_gap_s=params.max_gap_s,
+    )
+    if video is not None and params.looks and _several_people(ranked):
+        tracks = [track for _, track in ranked]
+        appearances = _appearances_of(video, detected, tracks)
+        tracks, appearances = swap_after_meetings(tracks, appearances)
+        tracks, _ = join_by_appearance(tracks, appearances)
+        ranked = rank(tracks, len(detected.people), detected.size)
+    return replace(detected, ranked=ranked)
+
+
+def _several_people(ranked: RankedTracks) -> bool:
+    """Whether somebody else has a score that is large enough for mistakes to matter."""
+    return len(ranked) > 1 and ranked[1][0] > NEGLIGIBLE * ranked[0][0]
+
+
+def choose_performers(
+    videos: Sequence[TrackedVideo], file: Path, params: KeypointsParams
+) -> list[PerformerKeypoints]:
+    """The performer of every video. ValueError when a declared person is not there.
+
+    file: the action.yaml, for messages.
+    """
+    declared = [_declared_row(video, file) for video in videos]
+    rows = [0 if row is None else row for row in declared]
+    remarks = ["" for _ in videos]
+    if params.performer == "agreement":
+        rows, remarks = _rows_by_agreement(videos, declared)
+    return [
+        _with_sides_repaired(video, _performer(video, row, d is not None, remark), params)
+        for video, row, d, remark in zip(videos, rows, declared, remarks, strict=True)
+    ]
+
+
+def _performer(video: TrackedVideo, row: int, is_declared: bool, remark: str) -> PerformerKeypoints:
+    if is_declared:
+        return declared_performer(video.ranked, row, video.people)
+    performer = performer_of(video.ranked, row, video.people)
+    return replace(performer, note=performer.note + remark) if remark else performer
+
+
+def _declared_row(video: TrackedVideo, file: Path) -> int | None:
+    """Row of the track that action.yaml declares; None when it declares none."""
+    person = video.person
+    if person is None:
+        return None
+    try:
+        if person.track is not None:
+            return row_of_number(video.ranked, person.track)
+        frame = int(person.frame or 0) - int(video.frames[0])
+        return row_at_place(video.ranked, FramePlace(frame, person.at, person.box))
+    except ValueError as error:
+        raise ValueError(
+            f"{file}: videos.{video.id}.person: {error} (boxes x0 y0 x1 y1 in pixels; "
+            f"`imocap people` lists everybody)"
+        ) from None
+
+
+def _rows_by_agreement(
+    videos: Sequence[TrackedVideo], declared: Sequence[int | None]
+) -> tuple[list[int], list[str]]:
+    """Rows of the performers, and remarks where agreement overruled the score."""
+    candidates = [
+        [row] if row is not None else rivals([score for score, _ in video.ranked]) or [0]
+        for video, row in zip(videos, declared, strict=True)
+    ]
+    rows, remarks = [each[0] for each in candidates], ["" for _ in videos]
+    liftable = [v for v, video in enumerate(videos) if video.ranked and can_lift(video.layout)]
+    if len(liftable) < 2 or all(len(candidates[v]) == 1 for v in liftable):
+        return rows, remarks
+    poses = [[_lifted_joints(videos[v], row) for row in candidates[v]] for v in liftable]
+    scores = [[videos[v].ranked[row][0] for row in candidates[v]] for v in liftable]
+    for v, choice in zip(liftable, choose_by_agreement(scores, poses), strict=True):
+        rows[v] = candidates[v][choice]
+        if choice:
+            remarks[v] = (
+                f"; track {rows[v] + 1} was chosen instead of track 1, because its motion agrees "
+                "with the other videos (`person` in action.yaml overrides this)"
+            )
+    return rows, remarks
+
+
+def _lifted_joints(video: TrackedVideo, row: int) -> Float[np.ndarray, "_ 24 3"]:
+    """3D joints of a track in the frames in which it is visible, in any axes."""
+    track = video.ranked[row][1]
+    poses = np.full((track.frames[-1] - track.frames[0] + 1, *track.poses[0].shape), np.nan)
+    poses[np.array(track.frames) - track.frames[0]] = np.stack(track.poses)
+    rays = (poses[..., :2] - 0.5 * np.array(video.size)) / video.focal_px
+    points, confidence = to_common(rays, np.nan_to_num(poses[..., 2]), video.layout)
+    lifted = lift(load_lifter(), points, confidence, video.fps)
+    return lifted.joints[lifted.visible]
+
+
+def _with_sides_repaired(
+    video: TrackedVideo, performer: PerformerKeypoints, params: KeypointsParams
+) -> PerformerKeypoints:
+    """With left-right swaps undone, and a remark about it."""
+    repairs = params.sides == "repair" or (
+        params.sides == "auto" and video.layout in SWAPPING_LAYOUTS
+    )
+    if not repairs or performer.tracks_found == 0:
+        return performer
+    xy, confidence, count = performer.xy_px, performer.confidence, 0
+    boxes = performer.box_px[:, 2:] - performer.box_px[:, :2]
+    size = np.maximum(np.nan_to_num(np.hypot(*boxes.T), nan=0.0), LEAST_SIZE_PX)
+    size = np.maximum(size, float(np.median(size)))
+    for pairs in limbs_of(layout_names(video.layout)):
+        frames = swapped_frames(xy, size, pairs, video.fps)
+        xy, confidence = swap_sides(xy, confidence, frames, pairs)
+        count += int(frames.sum())
+    remark = f"; left and right of a limb put back in {count} frames" if count else ""
+    return replace(performer, xy_px=xy, confidence=confidence, note=performer.note + remark)
+
+
+def _appearances_of(
+    video: Path, detected: TrackedVideo, tracks: Sequence[PersonTrack]
+) -> list[Appearances]:
+    """The appearance of everybody tracked, every `APPEARANCE_STEP_S`."""
+    step = max(1, round(APPEARANCE_STEP_S * detected.fps))
+    first, last = int(detected.frames[0]), int(detected.frames[-1])
+    appearances: list[dict[int, np.ndarray]] = [{} for _ in tracks]
+    poses = [dict(zip(track.frames, track.poses, strict=True)) for track in tracks]
+    for number, picture in read_rgb(video, first, last + 1):
+        frame = number - first
+        if frame % step == 0:
+            for of_track, pose_in in zip(appearances, poses, strict=True):
+                if frame in pose_in:
+                    of_track[frame] = appearance_of(picture, pose_in[frame])
+    return list(appearances)
