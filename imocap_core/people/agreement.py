@@ -60,7 +60,8 @@ def choose_by_agreement(
     candidates = [range(len(s)) for s in scores]
     if np.prod([len(c) for c in candidates]) <= MAX_COMBINATIONS:
         combinations: list[Sequence[int]] = list(product(*candidates))
-        return list(max(combinations, key=value))
+        best = max(combinations, key=value)
+        return list(best)
     return _coordinate_ascent([0] * videos, candidates, value)
 
 
