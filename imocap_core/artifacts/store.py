@@ -4,6 +4,7 @@
       <action>/<stage>.mcap      the current artifact
       <action>/report/           the side files of the stage that made some
       .cache/<stage>/<key>.mcap  every result ever made, so that going back costs nothing
+      .cache/.used/<action>      the results that an action has used (cache.py)
 
 Files appear whole or not at all (written aside, synced, renamed); the current artifact is a hard
 link to its cached one where the file system has links.
@@ -21,6 +22,7 @@ from pathlib import Path
 from typing import BinaryIO, TypeVar
 
 from imocap_core.artifacts import codec
+from imocap_core.artifacts.cache import mark_used
 from imocap_core.artifacts.codec import ArtifactCorrupt, Content
 from imocap_core.artifacts.lock import exclusive
 from imocap_core.artifacts.schemas.base import Artifact
@@ -122,6 +124,7 @@ class Store:
         files, report = stored.content.files, self.report(action)
         if files and not _same_files(report, files, and_more=again):
             _replace_folder(report, files)
+        mark_used(self.folder, action, stage, stored.key)
 
     def lock(self, action: str, waiting: Callable[[], None]) -> AbstractContextManager[None]:
         """Hold an action for one run; a second run calls `waiting` once and then waits."""

@@ -1,0 +1,134 @@
+"""The cache: least recently used out, what is in use stays, leftovers of killed runs go."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from imocap_core.artifacts.cache import (
+    CachedResult,
+    cached_results,
+    leftovers,
+    mark_used,
+    removable,
+    remove,
+    size_of,
+)
+from imocap_core.artifacts.schemas import Sync
+from imocap_core.artifacts.store import Store
+
+DAY_S = 86400.0
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store(tmp_path / "artifacts")
+
+
+@pytest.fixture
+def put(store: Store, sync: Sync) -> Callable[[str, str], Path]:
+    def publish(key: str, action: str) -> Path:
+        stored = store.find(action, "sync", key) or store.put("sync", key, sync, {}, {})
+        store.publish(action, "sync", stored)
+        return store.cached("sync", key)
+
+    return publish
+
+
+def result(key: str, used_s: float, *, size: int = 10, in_use: bool = False) -> CachedResult:
+    return CachedResult(Path(key), "sync", key, size, used_s, in_use, frozenset({"yoga"}))
+
+
+def test_current_artifacts_are_in_use_and_others_are_not(
+    store: Store, put: Callable[[str, str], Path]
+) -> None:
+    put("one", "yoga")
+    put("two", "yoga")
+    put("two", "dance")
+    states = {r.key: (r.in_use, r.actions) for r in cached_results(store.folder)}
+    assert states == {"one": (False, {"yoga"}), "two": (True, {"yoga", "dance"})}
+
+
+def test_use_is_recorded_by_the_access_time_and_not_by_the_content_time(
+    store: Store, put: Callable[[str, str], Path]
+) -> None:
+    file = put("one", "yoga")
+    os.utime(file, (1000.0, 1000.0))
+    assert cached_results(store.folder)[0].used_s == 1000.0
+    put("one", "yoga")
+    assert cached_results(store.folder)[0].used_s > 1000.0 + DAY_S
+    assert file.stat().st_mtime == 1000.0
+    assert (store.folder / ".cache/.used/yoga").read_text() == "sync/one\n"
+    mark_used(store.folder, "yoga", "sync", "gone")
+    assert (store.folder / ".cache/.used/yoga").read_text() == "sync/one\n"
+
+
+def test_detections_of_existing_actions_are_in_use(store: Store) -> None:
+    files = [store.folder / ".cache" / "detections" / f"{name}.npz" for name in "ab"]
+    files[0].parent.mkdir(parents=True)
+    for file in files:
+        file.write_bytes(b"x")
+    states = {r.key: r.in_use for r in cached_results(store.folder, [files[1]])}
+    assert states == {"a": False, "b": True}
+
+
+def test_only_what_was_not_used_for_so_long_is_removable() -> None:
+    results = [result("a", 0.0), result("b", DAY_S), result("c", 0.0, in_use=True)]
+    old = removable(results, now_s=3 * DAY_S, older_s=2.5 * DAY_S)
+    assert [r.key for r in old] == ["a"]
+    assert removable(results, now_s=3 * DAY_S) == []
+
+
+def test_the_least_recently_used_go_until_the_size_fits() -> None:
+    results = [result(key, k) for k, key in enumerate("abc")]
+    results.append(result("d", 9.0, in_use=True))
+    assert [r.key for r in removable(results, now_s=9.0, max_bytes=25)] == ["a", "b"]
+    assert [r.key for r in removable(results, now_s=9.0, max_bytes=0)] == ["a", "b", "c"]
+    assert removable(results, now_s=9.0, max_bytes=40) == []
+    both = removable(results, now_s=2.5, older_s=2.0, max_bytes=25)
+    assert [r.key for r in both] == ["a", "b"]
+
+
+def test_an_action_s_results_are_those_that_no_other_has_used(
+    store: Store, put: Callable[[str, str], Path]
+) -> None:
+    for key, action in (("one", "yoga"), ("two", "yoga"), ("two", "dance"), ("three", "dance")):
+        put(key, action)
+    put("four", "yoga")
+    put("four", "dance")
+    results = cached_results(store.folder)
+    chosen = removable(results, now_s=1e12, action="yoga", older_s=0.0)
+    assert [r.key for r in chosen] == ["one"]
+
+
+def test_what_is_removed_is_forgotten_and_can_be_made_again(
+    store: Store, put: Callable[[str, str], Path]
+) -> None:
+    old = put("one", "yoga")
+    put("two", "yoga")
+    remove(store.folder, [old])
+    assert not old.exists()
+    assert (store.folder / ".cache/.used/yoga").read_text() == "sync/two\n"
+    assert store.find("yoga", "sync", "one") is None
+    assert put("one", "yoga").exists()
+
+
+def test_leftovers_are_unfinished_files_and_folders(
+    store: Store, put: Callable[[str, str], Path]
+) -> None:
+    put("one", "yoga")
+    assert leftovers(store.folder) == []
+    for name in (".cache/sync/.abc.part", "yoga/.sync.mcap.12.part"):
+        (store.folder / name).write_bytes(b"half")
+    for name in (".cache/detections/.detect-x", "yoga/.report-ab", "yoga/.report-ab-old"):
+        (store.folder / name).mkdir(parents=True)
+        (store.folder / name / "file").write_bytes(b"half")
+    paths = leftovers(store.folder)
+    assert len(paths) == 5
+    assert sum(map(size_of, paths)) == 20
+    remove(store.folder, paths)
+    assert leftovers(store.folder) == []
+    assert {p.name for p in store.folder.rglob("*.mcap")} == {"one.mcap", "sync.mcap"}
