@@ -21,7 +21,7 @@ from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.pipeline.graph import read_pipeline, settings
 from imocap_core.pipeline.source import PROJECT
 from imocap_core.workspace import Workspace
-from tests.benchmarks.test_tcc_benchmark import seen
+from tests.benchmarks.test_tcc_benchmark import swinging_video
 
 BY_NAME = {variant.name: variant for variant in VARIANTS}
 
@@ -32,7 +32,7 @@ def made_score(variant: str, action: str, value: float) -> ActionScore:
     return ActionScore(action, 4, 300, numbers, dict.fromkeys(stages, Cost(10.0, 1.0)), variant)
 
 
-def found(**values: list[float]) -> claims.VariantScores:
+def scores_of(**values: list[float]) -> claims.VariantScores:
     return {
         name: {f"a{k}": made_score(name, f"a{k}", v) for k, v in enumerate(row)}
         for name, row in values.items()
@@ -78,13 +78,13 @@ def test_runs_share_a_folder_when_their_inputs_agree() -> None:
 
 
 def test_differences_are_paired_by_action() -> None:
-    scores = found(default=[10.0, 20.0], no_iteration=[11.0, 23.0, 99.0])
+    scores = scores_of(default=[10.0, 20.0], no_iteration=[11.0, 23.0, 99.0])
     claim = claims.Claim("x", "default", "no_iteration", (SCALED,))
     assert claims.differences(claim, SCALED, scores) == [1.0, 3.0]
 
 
 def test_fewer_videos_are_compared_on_those_that_both_have() -> None:
-    scores = found(videos_2=[10.0], videos_1=[15.0])
+    scores = scores_of(videos_2=[10.0], videos_1=[15.0])
     score = scores["videos_2"]["a0"]
     score.numbers["after loop, first 1"] = {SCALED: 12.0}
     claim = claims.Claim("x", "videos_2", "videos_1", (SCALED,), common=1)
@@ -99,7 +99,7 @@ def test_a_verdict_needs_two_standard_errors() -> None:
 
 
 def test_a_sentence_by_hand() -> None:
-    scores = found(default=[10.0, 20.0], no_iteration=[12.0, 24.0])
+    scores = scores_of(default=[10.0, 20.0], no_iteration=[12.0, 24.0])
     claim = claims.Claim("It helps", "default", "no_iteration", (SCALED,))
     assert claims.sentences([claim], scores) == [
         "It helps: **confirmed** in scaled MPJPE (+3.0 ± 1.0 mm, 2 of 2 actions)."
@@ -116,7 +116,7 @@ def test_every_claim_speaks_of_variants_that_there_are() -> None:
 
 
 def test_the_table_holds_numbers_paper_cost_and_sentences() -> None:
-    scores = found(monocular=[70.0, 80.0], default=[40.0, 50.0], oracle=[30.0, 40.0],
+    scores = scores_of(monocular=[70.0, 80.0], default=[40.0, 50.0], oracle=[30.0, 40.0],
                    no_iteration=[45.0, 53.0], tcc=[2000.0])  # fmt: skip
     scores["oracle"]["a0"] = replace(scores["oracle"]["a0"], costs={})
     table = ablation_tables.Ablations("T", "the command", "data", ["a0", "a1"], scores)
@@ -132,7 +132,7 @@ def test_the_table_holds_numbers_paper_cost_and_sentences() -> None:
 
 
 def test_what_variants_share_is_counted_once() -> None:
-    scores = found(default=[40.0], no_iteration=[45.0])
+    scores = scores_of(default=[40.0], no_iteration=[45.0])
     table = ablation_tables.Ablations("T", "c", "d", ["a0"], scores)
     assert "took 60 s when" in ablation_tables.markdown(table)
 
@@ -159,7 +159,7 @@ def test_variants_that_fail_leave_the_others_and_say_so(
 
 
 def test_the_equal_stretch_goes_from_end_to_end() -> None:
-    keypoints = Keypoints(videos=[seen("a", 5, None), seen("b", 9, None)])
+    keypoints = Keypoints(videos=[swinging_video("a", 5, None), swinging_video("b", 9, None)])
     sync = sync_only.stretched(keypoints, "b")
     np.testing.assert_allclose(sync.maps[0].reference_frame, [0, 2, 4, 6, 8])
     np.testing.assert_allclose(sync.maps[1].reference_frame, np.arange(9))

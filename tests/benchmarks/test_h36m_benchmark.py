@@ -74,13 +74,13 @@ def test_cameras_are_found_from_the_pairs(folder: Path) -> None:
 
 def test_detections_are_named_as_coco_names_them() -> None:
     xy = np.arange(17 * 2, dtype=float).reshape(1, 17, 2)
-    seen = h36m.coco18_pixels(xy)
+    coco = h36m.coco18_pixels(xy)
     for name in EVAL_12:
         if not name.endswith("hip"):
-            assert (seen[0, COCO18.index(name)] == xy[0, H36M_17.index(name)]).all()
-    assert np.isnan(seen[0, COCO18.index("nose")]).all()
+            assert (coco[0, COCO18.index(name)] == xy[0, H36M_17.index(name)]).all()
+    assert np.isnan(coco[0, COCO18.index("nose")]).all()
     left, right = xy[0, H36M_17.index("left_hip")], xy[0, H36M_17.index("right_hip")]
-    hips = seen[0, [COCO18.index("left_hip"), COCO18.index("right_hip")]]
+    hips = coco[0, [COCO18.index("left_hip"), COCO18.index("right_hip")]]
     assert hips.mean(0) == pytest.approx((left + right) / 2)
     assert np.linalg.norm(hips[0] - hips[1]) == pytest.approx(1.24 * np.linalg.norm(left - right))
 

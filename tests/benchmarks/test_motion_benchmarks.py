@@ -1,4 +1,4 @@
-"""Behind `imocap benchmark protocol` and `trials`: inputs as files, scores kept, tables."""
+"""Behind `imocap benchmark protocol` and `trials`: inputs as files, stored scores, tables."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ SWING = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
 
 def shots() -> list[inputs.CapturedVideo]:
     joints, phase = figure(40), np.arange(40.0)
-    kept = [np.arange(40), np.arange(0, 40, 2)]
-    return [inputs.CapturedVideo(joints, phase, k, 30.0) for k in kept]
+    frames = [np.arange(40), np.arange(0, 40, 2)]
+    return [inputs.CapturedVideo(joints, phase, f, 30.0) for f in frames]
 
 
 def test_an_action_is_made_of_files_that_the_stages_read(tmp_path: Path) -> None:
@@ -37,8 +37,8 @@ def test_an_action_is_made_of_files_that_the_stages_read(tmp_path: Path) -> None
     make_action(folder, "sway", shots, "fine_tuned", {"sync": {"max_rate": 30.0}}, "key")
     action = read_action(folder)
     assert [(v.id, v.fps) for v in action.videos] == [("v1", 30.0), ("v2", 15.0)]
-    found = read_openpose(folder / "keypoints" / "v2", "coco18")
-    assert [p.shape for p in found.people] == [(1, 18, 3)] * 20
+    detections = read_openpose(folder / "keypoints" / "v2", "coco18")
+    assert [p.shape for p in detections.people] == [(1, 18, 3)] * 20
     estimate = read_joints_npz(folder / "initial" / "v2.npz", np.arange(20))
     assert estimate.joints.shape == (20, 14, 3)
     with np.load(folder / "truth.npz") as truth:
@@ -49,11 +49,11 @@ def test_an_action_is_made_of_files_that_the_stages_read(tmp_path: Path) -> None
 def test_the_truth_of_a_moved_world_is_the_same_before_the_camera() -> None:
     shot, K, R, t = shots()[0], np.eye(3), SWING, np.array([0.0, 1.0, 4.0])
     moved = replace(shot, R_common_from_stage=SWING.T, t_common=np.array([1.0, 2.0, 3.0]))
-    seen = []
+    in_camera = []
     for one in (shot, moved):
         parts = one.truth("v1", K, R, t)
-        seen.append(parts["v1/joints"] @ parts["v1/R"].T + parts["v1/t"])
-    assert seen[1] == pytest.approx(seen[0])
+        in_camera.append(parts["v1/joints"] @ parts["v1/R"].T + parts["v1/t"])
+    assert in_camera[1] == pytest.approx(in_camera[0])
 
 
 def test_an_action_is_made_once_and_again_under_another_key(tmp_path: Path) -> None:
@@ -78,12 +78,12 @@ def test_the_key_follows_the_choice_and_the_motion(tmp_path: Path) -> None:
 
 
 def test_two_makings_are_the_same(tmp_path: Path) -> None:
-    found = []
+    texts = []
     for name in ("a", "b"):
         make_action(tmp_path / name, "sway", shots, "generic", {}, "key")
         files = sorted(p for p in (tmp_path / name).rglob("*.json") if p.name != MADE)
-        found.append([p.read_text() for p in files])
-    assert found[0] == found[1]
+        texts.append([p.read_text() for p in files])
+    assert texts[0] == texts[1]
 
 
 def test_the_truth_is_silent_about_a_stranger(tmp_path: Path) -> None:
@@ -118,7 +118,7 @@ def test_absent_data_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.parametrize(
-    ("choice", "said"),
+    ("choice", "message"),
     [
         ({"name": "dance"}, "expected one of protocol, trials, yoga, h36m"),
         ({"name": "trials", "detector": "x"}, "--detector: expected one of fine_tuned"),
@@ -126,8 +126,8 @@ def test_absent_data_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyP
         ({"name": "h36m"}, "--data: the benchmark h36m needs the folder"),
     ],
 )
-def test_a_wrong_choice_is_refused(choice: dict, said: str) -> None:
-    with pytest.raises(WrongUse, match=said):
+def test_a_wrong_choice_is_refused(choice: dict, message: str) -> None:
+    with pytest.raises(WrongUse, match=message):
         Choice(**choice)
 
 
@@ -139,7 +139,7 @@ def test_the_command_names_the_whole_choice() -> None:
     assert choice.label == "protocol-paper-generic-3v"
 
 
-# --- kept scores, exit codes
+# --- stored scores, exit codes
 
 
 @dataclass(frozen=True)
@@ -189,19 +189,19 @@ def test_a_finished_action_is_not_scored_again_until_an_artifact_changes(
         settings=SimpleNamespace(seed=7),
         pipeline=SimpleNamespace(upstream=lambda stage: ["keypoints"]),
     )
-    kept, costs = tmp_path / "jump.json", tmp_path / "costs"
-    first = score.score_action(job, Silent(), kept, costs)
+    score_file, costs = tmp_path / "jump.json", tmp_path / "costs"
+    first = score.score_action(job, Silent(), score_file, costs)
     assert first.costs["keypoints"].peak_gb > 0
     how[0] = "cached"
-    assert score.score_action(job, Silent(), kept, costs) == first
-    assert score.cached_score(job, kept) == first
+    assert score.score_action(job, Silent(), score_file, costs) == first
+    assert score.cached_score(job, score_file) == first
     assert scored == ["one"]
     digest[0] = "two"
-    assert score.cached_score(job, kept) is None
-    again = score.score_action(job, Silent(), kept, costs)
+    assert score.cached_score(job, score_file) is None
+    again = score.score_action(job, Silent(), score_file, costs)
     assert again.costs == first.costs  # what it cost when it was made
-    kept.write_text("{ half a file")
-    assert score.score_action(job, Silent(), kept, costs).of("oracle", "pa_mpjpe_mm") == 1.0
+    score_file.write_text("{ half a file")
+    assert score.score_action(job, Silent(), score_file, costs).of("oracle", "pa_mpjpe_mm") == 1.0
     assert scored == ["one", "two", "two"]
 
 
@@ -215,20 +215,22 @@ def test_a_run_of_one_action_keeps_the_table_of_the_others(
     monkeypatch.setattr(motion, "action_names", lambda root, choice: ["jump", "kick", "walk"])
     monkeypatch.setattr(motion, "chosen_names", lambda root, choice: ["kick"])
     monkeypatch.setattr(motion, "existing_job", lambda w, choice, name, sets: name)
-    monkeypatch.setattr(motion, "cached_score", lambda job, kept: valid[job])
+    monkeypatch.setattr(motion, "cached_score", lambda job, score_file: valid[job])
     monkeypatch.setattr(motion, "one_action", lambda display, root, choice, name: scored(name))
     for name in valid:
         file = motion.score_path(Choice("trials").folder(tmp_path), name)
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text("{}")
-    found, folder = motion.measure(Workspace(tmp_path), Choice("trials", only=("kick",)), Silent())
-    assert [score.action for score in found.scores] == ["kick", "walk"]
-    assert found.missing == ["jump"]  # its numbers are of other code
+    benchmark, folder = motion.measure(
+        Workspace(tmp_path), Choice("trials", only=("kick",)), Silent()
+    )
+    assert [score.action for score in benchmark.scores] == ["kick", "walk"]
+    assert benchmark.missing == ["jump"]  # its numbers are of other code
     assert "code): jump.**" in (folder / "table.md").read_text()
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "said"),
+    ("words", "code", "message"),
     [
         (["benchmark", "dance"], 2, "'dance' is not one of"),
         (["benchmark", "trials", "--videos", "9"], 2, "--videos: expected 1 to 4, got 9"),
@@ -245,7 +247,7 @@ def test_a_run_of_one_action_keeps_the_table_of_the_others(
 def test_exit_codes(
     words: list[str],
     code: int,
-    said: str,
+    message: str,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -253,4 +255,4 @@ def test_exit_codes(
     monkeypatch.setenv(inputs.DATA_VARIABLE, str(tmp_path))
     monkeypatch.setattr("sys.argv", ["imocap"])
     assert main(["--root", str(tmp_path), *words]) == code
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err

@@ -43,12 +43,12 @@ def known_truth() -> Truth:
 
 def test_the_oracle_s_frames_are_where_phases_are_equal() -> None:
     wrong = summary().model_copy(update={"excluded": ["a"], "mirrored": ["a"]})
-    found = true_sync(wrong, known_truth())
-    assert (found.excluded, found.mirrored) == ([], [])
-    assert found.maps[0].reference_frame[:3].tolist() == [0.0, 0.5, 1.0]
-    assert np.isnan(found.maps[0].reference_frame[3])
-    assert found.maps[0].confidence.tolist() == [1, 1, 1, 0]
-    assert found.maps[1].reference_frame.tolist() == [0, 1, 2]
+    sync = true_sync(wrong, known_truth())
+    assert (sync.excluded, sync.mirrored) == ([], [])
+    assert sync.maps[0].reference_frame[:3].tolist() == [0.0, 0.5, 1.0]
+    assert np.isnan(sync.maps[0].reference_frame[3])
+    assert sync.maps[0].confidence.tolist() == [1, 1, 1, 0]
+    assert sync.maps[1].reference_frame.tolist() == [0, 1, 2]
 
 
 def test_the_oracle_s_cameras_see_a_world_point_where_the_true_ones_do() -> None:
@@ -57,18 +57,18 @@ def test_the_oracle_s_cameras_see_a_world_point_where_the_true_ones_do() -> None
     point = np.array([0.3, -0.2, 0.5])
     in_reference = point + [1.0, 0.0, 3.0]
     assert torch.equal(cameras.R[1], torch.eye(3, dtype=torch.float64))
-    seen = cameras.R[0].numpy() @ in_reference + cameras.t[0].numpy()
-    assert seen == pytest.approx(SWING @ point + [0.0, 0.0, 4.0])
+    in_camera = cameras.R[0].numpy() @ in_reference + cameras.t[0].numpy()
+    assert in_camera == pytest.approx(SWING @ point + [0.0, 0.0, 4.0])
 
 
 def test_the_oracle_s_fit_leaves_the_cameras_alone(made) -> None:  # noqa: F811
     scene, true = whole(made), in_own_axes(made)
     cameras = made.cameras()
     start = replace(true, trans=true.trans + 0.05)
-    found = fit_with_cameras(scene, start, cameras, replace(OPTIONS, max_steps=3))
-    assert torch.equal(found.cameras.R, cameras.R)
-    assert torch.equal(found.cameras.t, cameras.t)
-    assert mpjpe_mm(made.body, found.state, true) < 10
+    motion = fit_with_cameras(scene, start, cameras, replace(OPTIONS, max_steps=3))
+    assert torch.equal(motion.cameras.R, cameras.R)
+    assert torch.equal(motion.cameras.t, cameras.t)
+    assert mpjpe_mm(made.body, motion.state, true) < 10
 
 
 def test_the_oracle_of_one_video_is_its_monocular_fit(made) -> None:  # noqa: F811

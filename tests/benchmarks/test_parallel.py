@@ -18,22 +18,22 @@ class Recording:
     """A display that remembers."""
 
     def __init__(self) -> None:
-        self.said: list[str] = []
+        self.lines: list[str] = []
 
     def started(self, stage: str, why: list[str]) -> None:
-        self.said.append(f"{stage} {why}")
+        self.lines.append(f"{stage} {why}")
 
     def progress(self, share: float, what: str) -> None:
-        self.said.append(what)
+        self.lines.append(what)
 
     def finished(self, outcome: Outcome) -> None:
-        self.said.append(f"{outcome.stage} {outcome.how}")
+        self.lines.append(f"{outcome.stage} {outcome.how}")
 
     def made_demo(self, name: str, folder: Path) -> None:
-        self.said.append(name)
+        self.lines.append(name)
 
     def waiting(self) -> None:
-        self.said.append("waiting")
+        self.lines.append("waiting")
 
 
 def halve(display: object, number: int) -> tuple[int, str, int]:
@@ -81,7 +81,7 @@ def test_a_named_display_says_whose_stage_it_is_and_leaves_out_what_is_cached() 
     named.started("sync", ["never run", "other"])
     named.finished(outcome("cached"))
     named.finished(outcome("made"))
-    assert display.said == ["sync ['walk, rank_2: never run', 'other']", "sync made"]
+    assert display.lines == ["sync ['walk, rank_2: never run', 'other']", "sync made"]
 
 
 def test_a_meter_keeps_the_cost_of_what_was_made(tmp_path: Path) -> None:
@@ -89,9 +89,9 @@ def test_a_meter_keeps_the_cost_of_what_was_made(tmp_path: Path) -> None:
     assert meter.costs([outcome("cached")]) == {}
     meter.started("sync", [])
     meter.finished(outcome("made"))
-    kept = meter.costs([outcome("cached")])["sync"]
-    assert 0 <= kept.seconds < 5
-    assert 0 < kept.peak_gb < 100
+    cost = meter.costs([outcome("cached")])["sync"]
+    assert 0 <= cost.seconds < 5
+    assert 0 < cost.peak_gb < 100
 
 
 def test_the_peak_falls_when_it_is_reset() -> None:

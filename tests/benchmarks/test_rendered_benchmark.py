@@ -88,10 +88,10 @@ def test_the_truth_speaks_of_the_common_world_whatever_the_floor() -> None:
         0.0,
         floor,
     )
-    told = _with_body_joints(shot, shooting).truth("v1", shooting.K, shooting.R, shooting.t)
-    assert np.allclose(told["v1/joints"], captured @ turn.T + shift)
-    seen = told["v1/joints"] @ told["v1/R"].T + told["v1/t"]
-    assert np.allclose(seen, shooting.joints + shooting.t)
+    truth = _with_body_joints(shot, shooting).truth("v1", shooting.K, shooting.R, shooting.t)
+    assert np.allclose(truth["v1/joints"], captured @ turn.T + shift)
+    in_camera = truth["v1/joints"] @ truth["v1/R"].T + truth["v1/t"]
+    assert np.allclose(in_camera, shooting.joints + shooting.t)
 
 
 def test_names_and_numbers_are_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""The sync benchmark's own parts: scores of known maps, tables."""
+"""The parts of the sync benchmark: scores of known maps, tables."""
 
 import json
 from dataclasses import replace
@@ -25,9 +25,9 @@ def scene() -> SyncScene:
 
 def test_true_maps_score_zero_and_shifted_ones_their_shift() -> None:
     made = scene()
-    own, true = np.arange(101.0), np.arange(90.0) + 5.0
-    assert score_maps(made, 0, [own, true]).error_pct == 0.0
-    shifted = score_maps(made, 0, [own, true + 2.0], [np.ones(101), np.full(90, 0.5)])
+    reference_map, true = np.arange(101.0), np.arange(90.0) + 5.0
+    assert score_maps(made, 0, [reference_map, true]).error_pct == 0.0
+    shifted = score_maps(made, 0, [reference_map, true + 2.0], [np.ones(101), np.full(90, 0.5)])
     assert shifted.error_pct == pytest.approx(2.0)
     assert shifted.within_one == 0.0
     assert shifted.confidence == 0.5
@@ -36,10 +36,10 @@ def test_true_maps_score_zero_and_shifted_ones_their_shift() -> None:
 
 def test_an_unmatched_event_is_infinitely_far() -> None:
     made = scene()
-    found = np.arange(90.0) + 6.0
-    assert event_errors_frames(made, 0, [np.arange(101.0), found]) == pytest.approx([1.0])
-    found[45] = np.nan
-    assert np.isinf(event_errors_frames(made, 0, [np.arange(101.0), found])).all()
+    estimate = np.arange(90.0) + 6.0
+    assert event_errors_frames(made, 0, [np.arange(101.0), estimate]) == pytest.approx([1.0])
+    estimate[45] = np.nan
+    assert np.isinf(event_errors_frames(made, 0, [np.arange(101.0), estimate])).all()
 
 
 def test_tables_are_written_for_people_and_programs(tmp_path: Path) -> None:
@@ -52,12 +52,12 @@ def test_tables_are_written_for_people_and_programs(tmp_path: Path) -> None:
 
 def test_the_confidence_is_held_against_the_errors() -> None:
     made = scene()
-    own, true = np.arange(101.0), np.arange(90.0) + 5.0
-    found = true.copy()
-    found[:45] += 6.0  # 0.2 s off
+    reference_map, true = np.arange(101.0), np.arange(90.0) + 5.0
+    estimate = true.copy()
+    estimate[:45] += 6.0  # 0.2 s off
     trust = np.where(np.arange(90) < 45, 0.3, 0.95)
-    found[80:] = np.nan
-    pairs = confidences_and_errors(made, 0, [own, found], [np.ones(101), trust])
+    estimate[80:] = np.nan
+    pairs = confidences_and_errors(made, 0, [reference_map, estimate], [np.ones(101), trust])
     assert len(pairs) == 80
     rows = {r.confidence: r for r in calibration(pairs, 0.1)}
     assert list(rows) == ["0.2 to 0.4", "0.9 to 1.0", "0.0 to 1.0"]

@@ -53,8 +53,8 @@ def test_the_tables_hold_every_action_its_means_and_the_paper() -> None:
     assert "| 4 videos | after loop | 66.53 | 45.0 ± 5.0 | 50.33 | 22.5 ± 2.5 |" in text
     assert "`imocap benchmark x`" in text
     assert "jump,after loop,mpjpe_scaled_mm,50.0" in motion_tables.csv_text(benchmark)
-    kept = json.loads(motion_tables.json_text(benchmark))
-    assert kept["means"]["after loop"]["mpjpe_scaled_mm"]["mean"] == 45.0
+    numbers = json.loads(motion_tables.json_text(benchmark))
+    assert numbers["means"]["after loop"]["mpjpe_scaled_mm"]["mean"] == 45.0
 
 
 def test_generic_detections_stand_beside_the_paper_s_generic_row() -> None:

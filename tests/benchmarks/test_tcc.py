@@ -97,11 +97,13 @@ def made_phases() -> list[np.ndarray]:
     ]
 
 
-def error_pct(phases: list[np.ndarray], found: list[np.ndarray]) -> float:
-    """Mean |phase found - own phase| of the others, in per cent of the motion; video 0 is the
+def error_pct(phases: list[np.ndarray], estimated: list[np.ndarray]) -> float:
+    """Mean |estimated - true phase| of the others, in per cent of the motion; video 0 is the
     reference."""
-    at = np.arange(len(phases[0]))
-    errors = [np.abs(np.interp(f, at, phases[0]) - p) for f, p in zip(found, phases, strict=True)]
+    frames = np.arange(len(phases[0]))
+    errors = [
+        np.abs(np.interp(e, frames, phases[0]) - p) for e, p in zip(estimated, phases, strict=True)
+    ]
     return float(100 * np.nanmean(np.concatenate(errors[1:])) / SECONDS)
 
 
@@ -116,13 +118,13 @@ def test_one_motion_in_three_timings_is_aligned() -> None:
         )
         for p, scale in zip(phases, (1.0, 0.6, 1.7), strict=True)
     ]
-    found = align_by_tcc(
+    alignment = align_by_tcc(
         clips, [FPS] * 3, replace(POSES, steps=50, sampled=32), reference=0, seed=0
     )
-    assert np.mean(found.losses[-5:]) < 0.8 * found.losses[0]
-    assert error_pct(phases, found.reference_frame) < 2.0
-    np.testing.assert_array_equal(found.reference_frame[0], np.arange(110.0))
-    for frame, trust in zip(found.reference_frame, found.confidence, strict=True):
+    assert np.mean(alignment.losses[-5:]) < 0.8 * alignment.losses[0]
+    assert error_pct(phases, alignment.reference_frame) < 2.0
+    np.testing.assert_array_equal(alignment.reference_frame[0], np.arange(110.0))
+    for frame, trust in zip(alignment.reference_frame, alignment.confidence, strict=True):
         assert np.isfinite(frame).mean() > 0.95
         assert (np.diff(frame[np.isfinite(frame)]) >= 0).all()
         assert ((trust >= 0) & (trust <= 1)).all()
@@ -138,8 +140,8 @@ def test_pictures_of_one_motion_are_aligned() -> None:
         squares = (x - 8 - 5 * np.cos(angle)) ** 2 + (y - 8 - 5 * np.sin(angle)) ** 2
         clips.append(frame_clip(list((255 * (1 - np.exp(-squares / 8))).astype(np.uint8))))
     settings = replace(FRAMES, steps=40, sampled=24)
-    found = align_by_tcc(clips, [FPS / 3] * 3, settings, reference=0, seed=0)
-    assert error_pct(phases, found.reference_frame) < 3.0
+    alignment = align_by_tcc(clips, [FPS / 3] * 3, settings, reference=0, seed=0)
+    assert error_pct(phases, alignment.reference_frame) < 3.0
 
 
 def test_the_same_seed_gives_the_same_embedding_and_leaves_the_global_one_alone() -> None:
@@ -156,10 +158,10 @@ def test_the_same_seed_gives_the_same_embedding_and_leaves_the_global_one_alone(
 def test_frames_that_the_reference_does_not_show_stay_unmatched() -> None:
     path = np.stack([np.linspace(0, 10, 101), np.zeros(101)], axis=1)
     pair, open_ends = [path[20:80], path], replace(POSES, unmatched_level=0.5)
-    found = align(pair, [FPS] * 2, open_ends, reference=0).reference_frame[1]
-    assert np.isnan(found[:5]).all()
-    assert np.isnan(found[-5:]).all()
-    np.testing.assert_allclose(found[25:75], np.arange(5.0, 55.0))
+    positions = align(pair, [FPS] * 2, open_ends, reference=0).reference_frame[1]
+    assert np.isnan(positions[:5]).all()
+    assert np.isnan(positions[-5:]).all()
+    np.testing.assert_allclose(positions[25:75], np.arange(5.0, 55.0))
     closed = align(pair, [FPS] * 2, POSES, reference=0).reference_frame[1]
     assert np.isfinite(closed).all()
 

@@ -16,7 +16,7 @@ from imocap_core.io.video import write_h264
 SIZE = (96, 64)
 
 
-def seen(name: str, count: int, video: str | None) -> VideoKeypoints:
+def swinging_video(name: str, count: int, video: str | None) -> VideoKeypoints:
     """A performer who swings about; ten frames of the file are not used."""
     turn = np.linspace(0, 2, count)[:, None]
     points = np.arange(25)[None]
@@ -40,24 +40,26 @@ def film(path: Path, count: int) -> None:
 
 @pytest.mark.parametrize("source", ["poses", "frames"])
 def test_every_frame_of_every_video_is_placed(tmp_path: Path, source: str) -> None:
-    keypoints = Keypoints(videos=[seen("a", 24, "a.mp4"), seen("b", 30, "b.mp4")])
+    keypoints = Keypoints(
+        videos=[swinging_video("a", 24, "a.mp4"), swinging_video("b", 30, "b.mp4")]
+    )
     for video in keypoints.videos:
         film(tmp_path / str(video.video), len(video.frames))
     settings = replace(POSES if source == "poses" else FRAMES, steps=3, sampled=8)
-    found = tcc_sync(
+    sync = tcc_sync(
         keypoints, reference="b", seed=0, source=source, folder=tmp_path, settings=settings
     )  # type: ignore[arg-type]
-    assert found.method == f"TCC on {source}"
-    assert found.lengths == [24, 30]
-    np.testing.assert_array_equal(found.maps[1].reference_frame, np.arange(30.0))
-    placed = found.maps[0].reference_frame
+    assert sync.method == f"TCC on {source}"
+    assert sync.lengths == [24, 30]
+    np.testing.assert_array_equal(sync.maps[1].reference_frame, np.arange(30.0))
+    placed = sync.maps[0].reference_frame
     assert placed.min() >= 0
     assert placed.max() <= 29
     assert (np.diff(placed) >= 0).all()
 
 
 def test_what_cannot_be_had_is_said() -> None:
-    keypoints = Keypoints(videos=[seen("a", 24, None), seen("b", 30, None)])
+    keypoints = Keypoints(videos=[swinging_video("a", 24, None), swinging_video("b", 30, None)])
     with pytest.raises(ValueError, match="expected one of a, b, got 'c'"):
         tcc_sync(keypoints, reference="c", seed=0)
     with pytest.raises(ValueError, match="needs the video file"):

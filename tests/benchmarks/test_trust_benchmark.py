@@ -22,8 +22,10 @@ def made_action(moved: tuple[str, ...], rng: np.random.Generator) -> PoseVideos:
     swing = rng.normal(0.0, 0.35, (2, 14, 3)) * np.array([n in moved for n in EVAL_14])[:, None]
     poses = []
     for v in range(4):
-        at = phase + 0.1 * np.sin(phase + v)
-        joints = rest + swing[0] * np.sin(at)[:, None, None] + swing[1] * at[:, None, None] / 2
+        times = phase + 0.1 * np.sin(phase + v)
+        joints = (
+            rest + swing[0] * np.sin(times)[:, None, None] + swing[1] * times[:, None, None] / 2
+        )
         poses.append(joints + 0.01 * rng.normal(size=joints.shape))
     return PoseVideos(poses, [30.0] * 4, tuple(mirror_indices(EVAL_14)))
 
@@ -46,9 +48,9 @@ def test_planted_faults_of_very_different_actions_are_found() -> None:
 def test_only_the_right_video_alone_counts_as_found() -> None:
     good = TrustRow("a", "-", "-", "v2 b", "v2", "v3", "v3", "v3", 1.2, 1.0, 0.2, -0.1)
     bad = TrustRow("a", "v1", "v1", "v2 b", "v2 v3", "v3", "-", "-", 1.2, 1.0, 0.2, -0.1)
-    said = totals([good, bad], "fits")
-    assert [line.rsplit(": ", 1)[1] for line in said] == ["1 of 2"] * 5
-    assert all(line.startswith("fits: ") for line in said)
+    lines = totals([good, bad], "fits")
+    assert [line.rsplit(": ", 1)[1] for line in lines] == ["1 of 2"] * 5
+    assert all(line.startswith("fits: ") for line in lines)
     # what the true poses don't decide is nobody's fault
     able = among_decidable([good, bad], [good, bad])
     assert [line.rsplit(": ", 1)[1] for line in able] == ["1 of 1", "1 of 1", "0 of 1"]
