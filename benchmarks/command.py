@@ -47,7 +47,7 @@ def benchmark_command(
     """Measure accuracy, ablations or speed."""
     from rich.markup import escape
 
-    from imocap_core.cli.show import Terminal
+    from imocap_core.library.terminal import Terminal
     from imocap_core.process import configure_process
 
     configure_process()

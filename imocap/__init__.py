@@ -1,1 +1,70 @@
-"""Motion capture from several unsynchronised, uncalibrated videos."""
+"""Motion capture from several unsynchronised, uncalibrated videos.
+
+    import imocap
+
+    result = imocap.run("serve")                    # or imocap.run(videos=["a.mp4", "b.mp4"])
+    result = imocap.load("artifacts/serve")         # a run that exists
+    video = result["serve1"]
+    video.joints, video.rotations, video.camera, video.time_s, video.uncertainty
+    result.at_phase(1.2)                            # the same moment in every video
+    result.export("bvh", "out")
+    sync = imocap.synchronise([a_joints, b_joints], fps=30)
+
+Lengths are metres, angles radians and times seconds, unless a name says otherwise (`_mm`, `_px`,
+`_deg`). A missing value is NaN. Bad input raises `ImocapError`: `WrongUse` for a call that was not
+understood, `WorkFailed` for work that cannot be done, with the sentence of the command line.
+
+Importing changes no setting of the process and loads nothing heavy (PyTorch, PyAV, Matplotlib):
+a function loads what it needs.
+"""
+
+from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS, SMPLH_JOINTS, SMPLH_PARENTS
+from imocap_core.errors import ImocapError, WorkFailed, WrongUse
+from imocap_core.library.new_action import init_action
+from imocap_core.library.outputs import Comparison, compare, export, report, view
+from imocap_core.library.people import detect, people
+from imocap_core.library.person_summary import PersonSummary, VideoPeople
+from imocap_core.library.result import Result, load
+from imocap_core.library.running import Explanation, Run, explain, run, run_stage, status
+from imocap_core.library.synchronising import synchronise
+from imocap_core.result.camera import VideoCamera
+from imocap_core.result.synchronisation import Matches, Synchronisation, VideoSync
+from imocap_core.result.video import HandMotion, JointUncertainty, VideoMoment, VideoResult
+
+__all__ = [
+    "SMPLH_JOINTS",
+    "SMPLH_PARENTS",
+    "SMPL_JOINTS",
+    "SMPL_PARENTS",
+    "Comparison",
+    "Explanation",
+    "HandMotion",
+    "ImocapError",
+    "JointUncertainty",
+    "Matches",
+    "PersonSummary",
+    "Result",
+    "Run",
+    "Synchronisation",
+    "VideoCamera",
+    "VideoMoment",
+    "VideoPeople",
+    "VideoResult",
+    "VideoSync",
+    "WorkFailed",
+    "WrongUse",
+    "compare",
+    "detect",
+    "explain",
+    "export",
+    "init_action",
+    "load",
+    "people",
+    "report",
+    "run",
+    "run_stage",
+    "status",
+    "synchronise",
+    "view",
+]
+__version__ = "0.1.0"

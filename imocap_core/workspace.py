@@ -69,6 +69,13 @@ class Workspace:
         return self.job(action, sets)
 
 
+def video_files(action: Action) -> dict[str, Path | None]:
+    """Each video's file; None where action.yaml names none, or it is not there."""
+    named = {v.id: action.folder / v.video for v in action.videos if v.video is not None}
+    there = {video: file for video, file in named.items() if file.is_file()}
+    return {v.id: there.get(v.id) for v in action.videos}
+
+
 def check_files(action: Action) -> None:
     """WorkFailed, in one sentence a fault, when something that the action names is not there."""
     blind = [v.id for v in action.videos if v.keypoints is None]

@@ -16,13 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
-from imocap_core.export.clips import camera_of, shaped_of, take_of
-from imocap_core.export.common_time import on_common_time
+from imocap_core.export.clips import camera_of, clip_of
 from imocap_core.export.formats import export
-from imocap_core.export.sources import read_result
-from imocap_core.export.values import Result
 from imocap_core.io.writers.motion_clip import MotionClip
-from imocap_core.workspace import Workspace
+from imocap_core.library.outputs import result_of
+from imocap_core.result.result import ActionResult
+from imocap_core.result.video_body import shaped_body
 
 READER = Path(__file__).with_name("blender_joints.py")
 
@@ -34,40 +33,42 @@ def main() -> None:
     arguments.add_argument("--blender", type=Path, required=True)
     arguments.add_argument("--root", type=Path, default=Path())
     given = arguments.parse_args()
-    job = Workspace(given.root).job(given.action, [])
+    action = result_of(given.action, given.root)
     for time in ("own", "common"):
         for format, up in (("bvh", "y"), ("bvh", "z"), ("glb", "y")):
             with tempfile.TemporaryDirectory() as folder:
-                done = export(job.store, job.action.name, format, Path(folder), up, time)
-                result = read_result(job.store, job.action.name, up)
+                done = export(action, format, Path(folder), up, time)
+                result = action.levelled(up)
                 if time == "common":
-                    result = on_common_time(result)
+                    result = result.on_common_time()
                 files = [f for f in done.files if f.suffix == f".{format}"]
-                for said in compare(given.blender, files, result, up):
-                    print(f"{format} up {up}, {time:<6} {said}")
+                for sentence in compare(given.blender, files, result, up):
+                    print(f"{format} up {up}, {time:<6} {sentence}")
 
 
-def compare(python: Path, files: list[Path], result: Result, up: str) -> list[str]:
+def compare(python: Path, files: list[Path], result: ActionResult, up: str) -> list[str]:
     """A sentence a video."""
-    said = []
-    for p in result.performances:
-        take = take_of(p, shaped_of(result, p))
-        frames = np.linspace(0, len(take.frames) - 1, 5).astype(int)
-        file = next((f for f in files if f.stem == p.id), files[0])
-        seen = read_in_blender(python, file, round(take.fps), frames.tolist(), up)
-        said.append(f"{p.id}: joints within {1000 * joint_error_m(take, frames, seen, up):.4f} mm")
-        camera = seen["cameras"].get(f"{p.id}_camera")
+    sentences = []
+    for video in result:
+        clip = clip_of(video, shaped_body(video))
+        frames = np.linspace(0, len(clip.frames) - 1, 5).astype(int)
+        file = next((f for f in files if f.stem == video.id), files[0])
+        read = read_in_blender(python, file, round(clip.fps), frames.tolist(), up)
+        error_mm = 1000 * joint_error_m(clip, frames, read, up)
+        sentence = f"{video.id}: joints within {error_mm:.4f} mm"
+        camera = read["cameras"].get(f"{video.id}_camera")
         if camera is not None:
-            ours = camera_of(p)
+            ours = camera_of(video)
             width, height = ours.size
             side = width if camera["across"] == "HORIZONTAL" else height
             focal = 0.5 * side / np.tan(camera["angle"] / 2)
             place = np.linalg.norm(blender_axes(ours.centre, "y") - camera["location"])
-            said[-1] += (
+            sentence += (
                 f"; camera within {1000 * place:.4f} mm, its focal length within "
                 f"{abs(focal - ours.K[1, 1]):.4f} px"
             )
-    return said
+        sentences.append(sentence)
+    return sentences
 
 
 def read_in_blender(python: Path, file: Path, fps: int, frames: list[int], up: str) -> dict:

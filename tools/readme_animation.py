@@ -16,10 +16,9 @@ from PIL import Image
 
 from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync
 from imocap_core.body import load_free_body
-from imocap_core.film.action_films import stored, video_files
 from imocap_core.film.performer import Painter, performers
 from imocap_core.film.phase_bar import lock_step
-from imocap_core.workspace import Workspace
+from imocap_core.library.outputs import result_of
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -34,22 +33,19 @@ def main() -> None:
     words.add_argument("--quality", type=int, default=45, help="of WebP, 0 to 100")
     words.add_argument("--opacity", type=float, default=0.75)
     given = words.parse_args()
-    job = Workspace(ROOT).job(given.action, [])
-    keypoints, refined = (
-        stored(job, "keypoints", Keypoints),
-        stored(job, "refine_sync", RefineSync),
-    )
-    files, model = video_files(job), load_free_body()
+    result, model = result_of(given.action, ROOT), load_free_body()
+    keypoints, refined = result.artifacts.get(Keypoints), result.artifacts.get(RefineSync)
+    files = {video.id: video.video for video in result}
     cast = performers(
         keypoints,
-        stored(job, "camera_motion", CameraMotion),
+        result.artifacts.get(CameraMotion),
         refined.motion.videos,
         refined.motion.cameras,
         files,
         model,
     )
     paints = {p.seen.id: Painter(p, model, alpha=given.opacity) for p in cast}
-    film = lock_step(keypoints, refined.sync, files, job.action.name, paints, given.every)
+    film = lock_step(keypoints, refined.sync, files, result.action, paints, given.every)
     frames = [Image.fromarray(smaller(frame, given.width)) for frame in film]
     fps = next(v.fps for v in keypoints.videos if v.id == refined.sync.reference) / given.every
     options = {"quality": given.quality, "method": 6} if given.out.suffix == ".webp" else {}

@@ -6,7 +6,7 @@ import sys
 import traceback
 from collections.abc import Sequence
 
-from imocap_core.errors import WorkFailed, WrongUse, own_fault
+from imocap_core.errors import ImocapError, WrongUse, program_fault
 
 GLOBAL_WITH_VALUE, GLOBAL_FLAGS = ("--root",), ("--traceback",)
 
@@ -37,11 +37,11 @@ def stage_main(stage: str) -> int:
 
 
 def _sentence(error: Exception) -> str:
-    if isinstance(error, (WorkFailed, WrongUse)):
+    if isinstance(error, ImocapError):
         return str(error)
     if isinstance(error, OSError) and error.filename is not None:
         return f"cannot use {error.filename}: {error.strerror}"
-    return own_fault(error)
+    return program_fault(error)
 
 
 def hoisted(words: list[str]) -> list[str]:

@@ -1,4 +1,4 @@
-"""`imocap detect`: find the people in an action's videos, and nothing more."""
+"""`imocap detect`: detect the people in an action's videos, and nothing more."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from imocap_core.cli.options import Sets, speaker, workspace_of
-from imocap_core.cli.show import Terminal
+from imocap_core.cli.options import Sets, root_of, speaker
 from imocap_core.errors import WrongUse
-from imocap_core.workspace import Workspace
+from imocap_core.library.people import detect, set_up_detector
+from imocap_core.library.terminal import Terminal
 
 
 def detect_command(
@@ -23,31 +23,16 @@ def detect_command(
     ] = False,
     sets: Sets = [],  # noqa: B006
 ) -> None:
-    """Find people in the videos that say `keypoints: detect`, and say where the keypoints are."""
-    workspace = workspace_of(context)
+    """Detect people in the videos that say `keypoints: detect`, and print the keypoints' files."""
     console = speaker()
     if (action is None) != setup:
         raise WrongUse("expected an action, or --setup alone: imocap detect ACTION")
     with Terminal(console) as display:
         if action is None:
-            said = [_set_up(workspace, sets, display)]
+            detector, python = set_up_detector(root=root_of(context), params=sets, progress=display)
+            lines = [f"{detector} runs in {python}"]
         else:
-            job = workspace.ready_job(action, sets, display)
-            found = job.action.detected.items()
-            said = [f"{video}: {file}" for video, file in found]
-            said = said or [f"{job.action.file}: no video says keypoints: detect"]
-    console.print(*map(escape, said), sep="\n")
-
-
-def _set_up(workspace: Workspace, sets: list[str], display: Terminal) -> str:
-    """Make the environment of the detector in force; which Python it is."""
-    from imocap_core.detect.detectors import detector_of
-    from imocap_core.detect.environment import python_for
-    from imocap_core.pipeline.graph import settings
-
-    pipeline = workspace.pipeline()
-    params = settings(pipeline, {}, pipeline.file, sets).params
-    detector = detector_of(params.detect, workspace.root)
-    display.started("detect", [f"{detector.version} needs an environment of its own"])
-    python = python_for(detector.packages, workspace.root, lambda what: display.progress(0.0, what))
-    return f"{detector.version} runs in {python}"
+            files = detect(action, root=root_of(context), params=sets, progress=display)
+            lines = [f"{video}: {file}" for video, file in files.items()]
+            lines = lines or [f"{action}: no video says keypoints: detect"]
+    console.print(*map(escape, lines), sep="\n")

@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from imocap_core.cli.options import ActionName, speaker, workspace_of
+from imocap_core.cli.options import ActionName, root_of, speaker
+from imocap_core.library.outputs import export
 
 console = speaker(markup=False)
 
@@ -32,10 +33,6 @@ def export_command(
     ] = "own",
 ) -> None:
     """Write the motion, the cameras and the correspondences for other programs."""
-    from imocap_core.export.formats import export
-
-    workspace = workspace_of(context)
-    job = workspace.job(action, [])
-    done = export(job.store, job.action.name, format, out, up, time, folder=job.action.folder)
-    for sentence in [*done.said, *map(str, done.files)]:
-        console.print(sentence)
+    exported = export(action, out, format=format, up=up, time=time, root=root_of(context))
+    for line in [*exported.notes, *map(str, exported.files)]:
+        console.print(line)

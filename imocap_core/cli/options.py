@@ -1,7 +1,8 @@
-"""What the commands have in common: their arguments, where they work, how they speak."""
+"""What the commands have in common: their arguments, the working folder, the terminal."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -16,10 +17,15 @@ Sets = Annotated[
 
 
 def workspace_of(context: typer.Context) -> Workspace:
-    """Where a command works: the folder of --root."""
-    found = context.obj
-    assert isinstance(found, Workspace)
-    return found
+    """The working folder with its pipeline: that of --root."""
+    workspace = context.obj
+    assert isinstance(workspace, Workspace)
+    return workspace
+
+
+def root_of(context: typer.Context) -> Path:
+    """The working folder: that of --root."""
+    return workspace_of(context).root
 
 
 def speaker(*, markup: bool = True) -> Console:

@@ -6,7 +6,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from imocap_core.cli.options import ActionName, Sets, speaker, workspace_of
+from imocap_core.cli.options import ActionName, Sets, root_of, speaker
 
 
 def people_command(
@@ -15,17 +15,23 @@ def people_command(
     sets: Sets = [],  # noqa: B006
 ) -> None:
     """List everybody who was followed in an action's videos, and cuts between shots."""
-    from imocap_core.cli.people_table import listing
-    from imocap_core.cli.show import Terminal
+    from imocap_core.library.people import people
+    from imocap_core.library.terminal import Terminal
 
-    workspace = workspace_of(context)
     console = speaker()
     with Terminal(console) as display:
-        found = listing(workspace.ready_job(action, sets, display))
-    for video in found:
+        videos = people(action, root=root_of(context), params=sets, progress=display)
+    for video in videos:
         table = Table("track", "frames", "seen", "score", "box in the middle frame", title=video.id)
-        for row in video.rows:
-            table.add_row(*row)
+        for track in video.tracks:
+            box = ", ".join(f"{value:.0f}" for value in track.box_px)
+            table.add_row(
+                str(track.number),
+                f"{track.first_frame} to {track.last_frame}",
+                f"{track.share:.0%}",
+                f"{track.score:.2f}",
+                escape(f"[{box}] in frame {track.box_frame}"),
+            )
         console.print(table)
-        for sentence in video.sentences:
-            console.print(escape(f"{video.id}: {sentence}"))
+        for note in video.notes:
+            console.print(escape(f"{video.id}: {note}"))

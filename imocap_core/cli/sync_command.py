@@ -1,18 +1,22 @@
-"""`imocap sync`: its options, and what it says at the end."""
+"""`imocap sync`: its options, and the table at the end."""
 
 from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
 from rich.table import Table
 
-from imocap_core.cli.options import Sets, speaker, workspace_of
-from imocap_core.cli.show import Terminal
+from imocap_core.cli.options import Sets, root_of, speaker
+from imocap_core.library.synchronising import synchronise_videos
+from imocap_core.library.terminal import Terminal
 from imocap_core.pipeline.action import DetectionFormat, Layout
+
+if TYPE_CHECKING:
+    from imocap_core.artifacts.schemas import Keypoints, SyncSummary
 
 
 def sync_command(
@@ -26,7 +30,7 @@ def sync_command(
         ),
     ],
     out: Annotated[Path | None, typer.Option(help="Folder to write to.")] = None,
-    name: Annotated[str | None, typer.Option(help="A name for what is kept in artifacts/.")] = None,
+    name: Annotated[str | None, typer.Option(help="A name for the results in artifacts/.")] = None,
     reference: Annotated[
         str | None, typer.Option(help="The video whose time axis is used; else the most central.")
     ] = None,
@@ -35,10 +39,10 @@ def sync_command(
     ] = False,
     format: Annotated[
         DetectionFormat | None,
-        typer.Option(help="The detector's format, if not told by the files."),
+        typer.Option(help="The detector's format, if the files do not say it."),
     ] = None,
     layout: Annotated[
-        Layout | None, typer.Option(help="Which joints it marks, if not told by the files.")
+        Layout | None, typer.Option(help="The detector's keypoints, if the files do not say it.")
     ] = None,
     fps: Annotated[
         float | None, typer.Option(min=0.1, help="Frame rate of keypoints without a video.")
@@ -49,39 +53,35 @@ def sync_command(
     sets: Sets = [],  # noqa: B006
 ) -> None:
     """Synchronise videos: sync.csv, a picture and, where there are videos, one side by side."""
-    from imocap_core.standalone_sync.run import synchronise_action
-    from imocap_core.standalone_sync.sources import Given, read_size
-
-    workspace = workspace_of(context)
     console = speaker()
     began = time.perf_counter()
     with Terminal(console) as display:
-        found = synchronise_action(
-            workspace,
+        done = synchronise_videos(
             sources,
-            Given(format, layout, fps, read_size(size)),
+            format=format,
+            layout=layout,
+            fps=fps,
+            size=size,
             name=name,
             out=out,
             reference=reference,
             repetitions=repetitions,
-            sets=sets,
-            display=display,
+            root=root_of(context),
+            params=sets,
+            progress=display,
         )
-    for sentence in (*found.said, *found.sync.notes, found.sync.status):
-        console.print(escape(sentence))
-    console.print(_table(found.keypoints, found.sync))
-    for file in found.files:
+    for note in (*done.notes, *done.sync.notes, done.sync.status):
+        console.print(escape(note))
+    console.print(_table(done.keypoints, done.sync.summary))
+    for file in done.files:
         console.print(escape(str(file)))
     seconds = time.perf_counter() - began
-    console.print(f"{seconds:.1f} s. All the rest of it: imocap run {escape(found.action)}")
+    console.print(f"{seconds:.1f} s. For cameras and motion: imocap run {escape(done.action)}")
 
 
-def _table(keypoints: object, sync: object) -> Table:
-    from imocap_core.artifacts.schemas import Keypoints, SyncSummary
+def _table(keypoints: Keypoints, sync: SyncSummary) -> Table:
     from imocap_core.figures.sync_summary import sync_rows
 
-    assert isinstance(keypoints, Keypoints)
-    assert isinstance(sync, SyncSummary)
     table = Table("video", "matched", "mean rate", "confidence", "offset", box=None, pad_edge=False)
     for row in sync_rows(keypoints, sync):
         if row.video == sync.reference:

@@ -1,17 +1,19 @@
-"""`imocap video`: its options, its bar, and where the films are."""
+"""`imocap video`: its options, its progress bars, and the paths of the films."""
 
 from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from imocap_core.cli.options import ActionName, speaker, workspace_of
+from imocap_core.cli.options import ActionName, root_of, speaker
+from imocap_core.library.outputs import films, write_films
 
-FOLDER = "videos"
+if TYPE_CHECKING:
+    from imocap_core.film.action_films import Film
 
 
 def video_command(
@@ -29,21 +31,18 @@ def video_command(
     ] = True,
     result: Annotated[
         Literal["final", "monocular"],
-        typer.Option(help="The final motion, or what each video says alone."),
+        typer.Option(help="The final motion, or that of each video alone."),
     ] = "final",
     opacity: Annotated[
         float, typer.Option(min=0.0, max=1.0, help="1 hides the person behind the body.")
     ] = 0.75,
 ) -> None:
     """Write films (H.264) of an action that has been run."""
-    from imocap_core.film.action_films import Film, films_of, write_films
-
-    workspace = workspace_of(context)
     console = speaker(markup=False)
-    job = workspace.job(action, [])
     began = time.perf_counter()
-    films = films_of(job, kind, mesh=mesh, result=result, opacity=opacity)
-    folder = out or job.store.folder / job.action.name / FOLDER
+    shown, folder = films(
+        action, kind=kind, mesh=mesh, motion=result, opacity=opacity, root=root_of(context)
+    )
     with Progress(
         TextColumn("{task.description:<24}"),
         BarColumn(bar_width=24),
@@ -53,14 +52,14 @@ def video_command(
         transient=True,
         disable=not console.is_terminal,
     ) as bars:
-        tasks = {film.name: bars.add_task(film.name, total=film.count) for film in films}
+        tasks = {film.name: bars.add_task(film.name, total=film.count) for film in shown}
 
         def advance(film: Film, done: int) -> None:
             bars.update(tasks[film.name], completed=done)
 
-        files = write_films(films, folder, advance)
+        files = write_films(shown, out or folder, advance)
     for file in files:
         console.print(str(file))
     seconds = time.perf_counter() - began
-    frames = sum(film.count for film in films)
+    frames = sum(film.count for film in shown)
     console.print(f"{frames} frames, {seconds:.1f} s")

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float, Int
 
-from imocap_core.compare.sources import Gathered
+from imocap_core.compare.sources import Performances
 from imocap_core.errors import WorkFailed
 from imocap_core.motion.multiview.common_time import moments_of, values_at
 from imocap_core.motion.multiview.timeline import sample_rotations
@@ -20,8 +20,6 @@ from imocap_core.technique.difference import Difference, difference
 from imocap_core.technique.mean_motion import MeanMotion, mean_motion, over_moments, spread
 from imocap_core.technique.modes import Modes, modes
 from imocap_core.technique.performances import AlignedPerformances, heading, mean_over, turned_by
-
-Array = NDArray[np.float64]
 
 LEAST = 3  # moments that two actions must share
 
@@ -36,34 +34,39 @@ class Technique:
     performance reaches a moment, its own clock started where all of them are seen first.
     """
 
-    gathered: Gathered
+    performances: Performances
     mean: MeanMotion
-    spread_deg: Array
-    spread_mm: Array
-    joint_deg: Array
-    joint_mm: Array
-    consistency: Array
+    spread_deg: Float[np.ndarray, "N J"]
+    spread_mm: Float[np.ndarray, "N J"]
+    joint_deg: Float[np.ndarray, " J"]
+    joint_mm: Float[np.ndarray, " J"]
+    consistency: Float[np.ndarray, " J"]
     whole: float
     modes: Modes
-    lead_s: Array
+    lead_s: Float[np.ndarray, "M N"]
+
+    @property
+    def action(self) -> str:
+        """The action's name."""
+        return self.performances.action
 
     @property
     def instances(self) -> AlignedPerformances:
-        """The performances."""
-        return self.gathered.instances
+        """The performances at common moments."""
+        return self.performances.instances
 
 
-def describe(gathered: Gathered) -> Technique:
+def describe(performances: Performances) -> Technique:
     """Mean, spread, consistency, modes and timing of an action's performances."""
-    found = gathered.instances
-    mean = mean_motion(found)
-    turned = np.rad2deg(spread(mean.turns, found.inside))
-    moved = 1000 * spread(mean.shifts, found.inside)
-    alone = len(found.ids) < 2
-    nothing = np.full(len(found.joint_names), np.nan)
-    per_joint, whole = (nothing, np.nan) if alone else consistency(found.joints, found.inside)
+    each = performances.instances
+    mean = mean_motion(each)
+    turned = np.rad2deg(spread(mean.turns, each.inside))
+    moved = 1000 * spread(mean.shifts, each.inside)
+    alone = len(each.ids) < 2
+    nothing = np.full(len(each.joint_names), np.nan)
+    per_joint, whole = (nothing, np.nan) if alone else consistency(each.joints, each.inside)
     return Technique(
-        gathered=gathered,
+        performances=performances,
         mean=mean,
         spread_deg=turned,
         spread_mm=moved,
@@ -72,40 +75,43 @@ def describe(gathered: Gathered) -> Technique:
         consistency=per_joint,
         whole=whole,
         modes=modes(mean.turns),
-        lead_s=_lead_s(gathered.own_s, found.inside),
+        lead_s=_lead_s(performances.clock_s, each.inside),
     )
 
 
-def _lead_s(own_s: Array, inside: NDArray[np.bool_]) -> Array:
-    """(M, N) own seconds since the first moment that all show, less their mean; NaN outside."""
+def _lead_s(
+    clock_s: Float[np.ndarray, "M N"], inside: Bool[np.ndarray, "M N"]
+) -> Float[np.ndarray, "M N"]:
+    """Seconds of each video since the first moment that all show, less their mean; NaN outside."""
     everyone = np.flatnonzero(inside.all(0))
     if not len(everyone):
-        return np.full(own_s.shape, np.nan)
-    since = own_s - own_s[:, everyone[:1]]
+        return np.full(clock_s.shape, np.nan)
+    since = clock_s - clock_s[:, everyone[:1]]
     late = since - mean_over(since, inside.astype(np.float64))
     return np.where(inside, late, np.nan)
 
 
 @dataclass(frozen=True, eq=False)
-class Pair:
+class TechniquePair:
     """Two actions on the first one's phase axis.
 
-    phase_s (N,): the moments of the first that the second shows too. first, second: means at these
-    moments, facing one way, on the first's body. second_s (N,): the second's own phase there.
+    phase_s (N,): the moments of the first that the second shows too. index (N,): these among all
+    moments of the first. joints: both means (N, J, 3) there, metres from the pelvis, facing one
+    way, on the first's body. second_s (N,): the second's own phase there.
     """
 
     first: Technique
     second: Technique
-    phase_s: Array
-    at_first: NDArray[np.int64]
-    places: tuple[Array, Array]
-    second_s: Array
+    phase_s: Float[np.ndarray, " N"]
+    index: Int[np.ndarray, " N"]
+    joints: tuple[Float[np.ndarray, "N J 3"], Float[np.ndarray, "N J 3"]]
+    second_s: Float[np.ndarray, " N"]
     difference: Difference
 
 
 def pair_of(
     first: Technique, second: Technique, params: SyncParams, rng: np.random.Generator
-) -> Pair:
+) -> TechniquePair:
     """The second action's mean brought onto the first's axis by the synchronisation's core.
 
     WorkFailed when the two share no moment.
@@ -113,57 +119,62 @@ def pair_of(
     means = [t.mean.joints for t in (first, second)]
     settings = replace(params, outliers="ignore", mirrored="ignore")
     weights = joint_weights_of(params)
-    found = synchronise(
+    sync = synchronise(
         means,
-        fps=[first.gathered.fps, second.gathered.fps],
+        fps=[first.performances.fps, second.performances.fps],
         settings=settings,
         rng=rng,
         joint_weights=None if weights is None else weights[: means[0].shape[1]],
         reference=0,
     )
-    axis = np.arange(len(means[0])) / first.gathered.fps
-    matched = np.isfinite(found.reference_frame[1])
-    known = np.where(matched, found.phase[1], np.nan)
-    m = moments_of(known, axis) if matched.any() else None
-    keep = np.zeros(0, dtype=np.int64) if m is None else np.flatnonzero(m.inside)
-    if m is None or len(keep) < LEAST:
+    axis = np.arange(len(means[0])) / first.performances.fps
+    matched = np.isfinite(sync.reference_frame[1])
+    phase = np.where(matched, sync.phase[1], np.nan)
+    m = moments_of(phase, axis) if matched.any() else None
+    index = np.zeros(0, dtype=np.int64) if m is None else np.flatnonzero(m.inside)
+    if m is None or len(index) < LEAST:
         raise WorkFailed(
-            f"{first.gathered.action} and {second.gathered.action} share no course of moments: "
-            f"{len(keep)} of {len(axis)} match; name two performers of one action"
+            f"{first.action} and {second.action} share no course of moments: "
+            f"{len(index)} of {len(axis)} match; name two performers of one action"
         )
-    return _difference(first, second, keep, m.at[keep])
+    return _difference(first, second, index, m.at[index])
 
 
-def _difference(first: Technique, second: Technique, keep: NDArray[np.int64], at: Array) -> Pair:
-    """At the moments `keep` of the first, frames `at` (fractional) of the second's mean."""
-    nearest = np.rint(at).astype(np.int64)
-    ours, theirs = first.mean.joints[keep], values_at(second.mean.joints, at)
-    R_theirs = sample_rotations(torch.as_tensor(second.mean.R_local), at).numpy()
-    turn = heading(theirs, ours, np.ones(len(keep)))
+def _difference(
+    first: Technique,
+    second: Technique,
+    index: Int[np.ndarray, " N"],
+    frame: Float[np.ndarray, " N"],
+) -> TechniquePair:
+    """At moments of the first, and the fractional frames of the second's mean that match them."""
+    nearest = np.rint(frame).astype(np.int64)
+    ours, theirs = first.mean.joints[index], values_at(second.mean.joints, frame)
+    R_theirs = sample_rotations(torch.as_tensor(second.mean.R_local), frame).numpy()
+    turn = heading(theirs, ours, np.ones(len(index)))
     turned = turned_by(
         AlignedPerformances(
             ids=("mean",),
             joint_names=second.instances.joint_names,
-            phase_s=first.instances.phase_s[keep],
+            phase_s=first.instances.phase_s[index],
             R_local=R_theirs[None],
             joints=theirs[None],
-            inside=np.ones((1, len(keep)), dtype=bool),
+            inside=np.ones((1, len(index)), dtype=bool),
         ),
         np.array([turn]),
     )
-    return Pair(
+    return TechniquePair(
         first=first,
         second=second,
-        phase_s=first.instances.phase_s[keep],
-        at_first=keep,
-        places=(ours, turned.joints[0]),
-        second_s=values_at(second.instances.phase_s, at),
+        phase_s=first.instances.phase_s[index],
+        index=index,
+        joints=(ours, turned.joints[0]),
+        second_s=values_at(second.instances.phase_s, frame),
         difference=difference(
-            first.mean.R_local[keep],
+            first.mean.R_local[index],
             turned.R_local[0],
             ours,
             turned.joints[0],
-            first.spread_mm[keep] / 1000,
+            first.spread_mm[index] / 1000,
             second.spread_mm[nearest] / 1000,
         ),
     )

@@ -5,30 +5,30 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Bool, Float, Int
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from imocap_core.conventions import SMPL_PARENTS
 from imocap_core.figures.style import ACCENT, INK, QUIET, color_of, grid, headline, new_figure
-
-Array = NDArray[np.float64]
 
 HEAT = LinearSegmentedColormap.from_list(
     "deviation", ["#ffffff", "#f6dfc8", "#e2a15f", "#c8553d", "#5f1f1a"]
 )
 MOMENTS = 7  # of the motion, side by side
 MARGIN_M = 0.08  # about the bodies of a row of pictures
+JointPlaces = Float[np.ndarray, "J 3"]
+ModePose = tuple[float, JointPlaces, JointPlaces, JointPlaces]
 VIEWS = (("from the front", 0), ("from the left", 2))  # what runs to the right: x, or z reversed
 
 
-def said(name: str) -> str:
-    """A joint's name for people."""
+def in_words(name: str) -> str:
+    """A joint's name as words."""
     return name.replace("_", " ")
 
 
-def moments(count: int, columns: int = MOMENTS) -> NDArray[np.int64]:
+def moments(count: int, columns: int = MOMENTS) -> Int[np.ndarray, " C"]:
     """Indices of some moments, evenly over all."""
     return np.unique(
         np.linspace(0.03 * (count - 1), 0.97 * (count - 1), columns).round().astype(int)
@@ -37,10 +37,10 @@ def moments(count: int, columns: int = MOMENTS) -> NDArray[np.int64]:
 
 def motion_figure(
     ids: Sequence[str],
-    phase_s: Array,
-    mean: Array | None,
-    each: Array,
-    inside: NDArray[np.bool_],
+    phase_s: Float[np.ndarray, " N"],
+    mean: Float[np.ndarray, "N J 3"] | None,
+    each: Float[np.ndarray, "M N J 3"],
+    inside: Bool[np.ndarray, "M N"],
     title: str,
     subtitle: str,
 ) -> Figure:
@@ -70,43 +70,52 @@ def motion_figure(
     return figure
 
 
-def draw_bones(ax: Axes, joints: Array, view: int, color: str, width: float) -> None:
+def draw_bones(
+    ax: Axes, joints: Float[np.ndarray, "J 3"], view: int, color: str, width: float
+) -> None:
     """One pose (J, 3) in one of `VIEWS`."""
-    across, up = _seen(joints, view)
+    across, up = _in_view(joints, view)
     for j, parent in enumerate(SMPL_PARENTS[: len(joints)]):
         if parent >= 0:
             ends = [parent, j]
             ax.plot(across[ends], up[ends], color=color, lw=width, solid_capstyle="round")
 
 
-def _seen(joints: Array, view: int) -> tuple[Array, Array]:
+def _in_view(
+    joints: Float[np.ndarray, "... 3"], view: int
+) -> tuple[Float[np.ndarray, "..."], Float[np.ndarray, "..."]]:
     """Joints (..., 3) as they lie in the picture of a view: to the right, and up."""
     return (joints[..., 0] if VIEWS[view][1] == 0 else -joints[..., 2]), joints[..., 1]
 
 
-def _window(bodies: Array, view: int) -> tuple[float, float, float, float]:
+def _window(bodies: Float[np.ndarray, "... J 3"], view: int) -> tuple[float, float, float, float]:
     """What a picture must show of all bodies (..., J, 3): left, right, below, above, metres."""
-    across, up = _seen(bodies, view)
+    across, up = _in_view(bodies, view)
     wide = float(np.abs(across).max()) + MARGIN_M
     return -wide, wide, float(up.min()) - MARGIN_M, float(up.max()) + MARGIN_M
 
 
 def deviation_figure(
-    phase_s: Array, deg: Array, mm: Array, names: Sequence[str], title: str, subtitle: str
+    phase_s: Float[np.ndarray, " N"],
+    deg: Float[np.ndarray, "N J"],
+    mm: Float[np.ndarray, "N J"],
+    names: Sequence[str],
+    title: str,
+    subtitle: str,
 ) -> Figure:
     """Joints against phase: degrees of their rotations, millimetres of their places; (N, J)."""
     figure = new_figure(11.4, 4.8)
     left, right = figure.subplots(1, 2, sharey=True)
     for ax, values, unit in ((left, deg, "rotation, degrees"), (right, mm, "place, mm")):
-        known = values[np.isfinite(values)]
-        top = float(np.quantile(known, 0.99)) if len(known) else 1.0
+        finite = values[np.isfinite(values)]
+        top = float(np.quantile(finite, 0.99)) if len(finite) else 1.0
         edges = _edges(phase_s)
         rows = np.arange(len(names) + 1) - 0.5
         picture = ax.pcolormesh(edges, rows, values.T, cmap=HEAT, vmin=0, vmax=max(top, 1e-6))
         figure.colorbar(picture, ax=ax, pad=0.015, fraction=0.05).outline.set_visible(False)
         ax.set_title(unit)
         ax.set_xlabel("phase (s of the reference)")
-        ax.set_yticks(range(len(names)), [said(n) for n in names], fontsize=7.5)
+        ax.set_yticks(range(len(names)), [in_words(n) for n in names], fontsize=7.5)
     left.invert_yaxis()
     headline(figure, title, subtitle)
     return figure
@@ -114,11 +123,11 @@ def deviation_figure(
 
 def modes_figure(
     ids: Sequence[str],
-    share: Array,
-    scores: Array,
-    of_joints: Array,
+    share: Float[np.ndarray, " K"],
+    scores: Float[np.ndarray, "M K"],
+    of_joints: Float[np.ndarray, "K J"],
     names: Sequence[str],
-    poses: Sequence[tuple[float, Array, Array, Array]],
+    poses: Sequence[ModePose],
 ) -> Figure:
     """Up to three modes, a row each: who has how much of it, which joints turn, and how it looks.
 
@@ -138,7 +147,7 @@ def modes_figure(
         who.set_xlabel("score (degrees)")
         top = np.argsort(-of_joints[k])[:6]
         which.barh(range(len(top)), of_joints[k, top], color=ACCENT, height=0.6)
-        which.set_yticks(range(len(top)), [said(names[j]) for j in top], fontsize=7.5)
+        which.set_yticks(range(len(top)), [in_words(names[j]) for j in top], fontsize=7.5)
         which.invert_yaxis()
         which.set_xlabel("degrees at one standard deviation")
         for view, ax in enumerate(views):
@@ -157,7 +166,9 @@ def modes_figure(
     return figure
 
 
-def timing_figure(ids: Sequence[str], phase_s: Array, lead_s: Array) -> Figure:
+def timing_figure(
+    ids: Sequence[str], phase_s: Float[np.ndarray, " N"], lead_s: Float[np.ndarray, "M N"]
+) -> Figure:
     """How much later than the mean each performance (M, N) comes to every moment."""
     figure = new_figure(11.4, 2.7)
     ax = figure.subplots()
@@ -194,6 +205,6 @@ def _bare(ax: Axes, window: tuple[float, float, float, float]) -> None:
         ax.spines[side].set_visible(False)
 
 
-def _edges(phase_s: Array) -> Array:
+def _edges(phase_s: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N1"]:
     step = float(np.median(np.diff(phase_s))) if len(phase_s) > 1 else 1.0
     return np.concatenate([phase_s - step / 2, phase_s[-1:] + step / 2])

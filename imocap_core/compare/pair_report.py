@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 
 from imocap_core.compare import figures, text
-from imocap_core.compare.compare import Pair
+from imocap_core.compare.compare import TechniquePair
 from imocap_core.compare.report import make_folder
 from imocap_core.figures.style import quiet, save
 from imocap_core.technique.mean_motion import over_moments
 
 
-def write_pair(out: Path, pair: Pair) -> list[Path]:
+def write_pair(out: Path, pair: TechniquePair) -> list[Path]:
     """report.md, joints.csv and pictures of two performers; the report first."""
-    first, second = pair.first.gathered.action, pair.second.gathered.action
+    first, second = pair.first.action, pair.second.action
     names, ids = pair.first.instances.joint_names, (first, second)
-    both = np.stack(pair.places)
+    both = np.stack(pair.joints)
     with quiet():
         motion = figures.motion_figure(
             ids, pair.phase_s, None, both, np.ones(both.shape[:2], dtype=bool),
@@ -44,10 +44,10 @@ def write_pair(out: Path, pair: Pair) -> list[Path]:
     return [out / name for name in ("report.md", "joints.csv", "motions.png", "difference.png")]
 
 
-def _pair_report(pair: Pair) -> str:
-    first, second = pair.first.gathered.action, pair.second.gathered.action
-    names, found = pair.first.instances.joint_names, pair.difference
-    deg, mm, ratio = map(over_moments, (found.angle_deg, found.distance_mm, found.ratio))
+def _pair_report(pair: TechniquePair) -> str:
+    first, second = pair.first.action, pair.second.action
+    names, between = pair.first.instances.joint_names, pair.difference
+    deg, mm, ratio = map(over_moments, (between.angle_deg, between.distance_mm, between.ratio))
     order = np.argsort(-mm, kind="stable")
     return "\n".join(
         [
@@ -63,7 +63,7 @@ def _pair_report(pair: Pair) -> str:
                 ["joint", "rotation (deg)", "place (mm)", "times the spread"],
                 [
                     (
-                        figures.said(names[j]),
+                        figures.in_words(names[j]),
                         text.number(deg[j]),
                         text.number(mm[j]),
                         text.number(ratio[j]),
@@ -75,7 +75,7 @@ def _pair_report(pair: Pair) -> str:
             "Root mean square over the moments. *Times the spread*: of the place, in standard "
             "deviations of each one's own repetitions. Largest:",
             "",
-            *text.moment_sentences(pair.phase_s, found.distance_mm, names, "mm"),
+            *text.moment_sentences(pair.phase_s, between.distance_mm, names, "mm"),
             "",
             "![Two performers](motions.png)",
             "",

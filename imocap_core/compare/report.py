@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from jaxtyping import Float
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from imocap_core.body.model import Shaped
 from imocap_core.compare import figures, text
@@ -18,53 +18,51 @@ from imocap_core.io.writers.bvh import write_bvh
 from imocap_core.io.writers.motion_clip import MotionClip, bone_tips
 from imocap_core.technique.modes import along_mode
 
-Array = NDArray[np.float64]
-
 SHOWN_MODES = 3
 SMPL = 24
 
 
 def write_technique(out: Path, t: Technique) -> list[Path]:
     """report.md, joints.csv, performances.csv, mean.bvh and pictures; the report first."""
-    found, names = t.instances, t.instances.joint_names
-    about = f"{len(found.ids)} performances of {t.gathered.action}"
+    each, names = t.instances, t.instances.joint_names
+    about = f"{len(each.ids)} performances of {t.action}"
     pictures: dict[str, Figure] = {}
     with quiet():
         pictures["mean.png"] = figures.motion_figure(
-            found.ids, found.phase_s, t.mean.joints, found.joints, found.inside,
+            each.ids, each.phase_s, t.mean.joints, each.joints, each.inside,
             "The mean motion", f"{about} on one body, facing one way, at equal phases",
         )  # fmt: skip
         pictures["deviation.png"] = figures.deviation_figure(
-            found.phase_s, t.spread_deg, t.spread_mm, names, "How far performances differ",
+            each.phase_s, t.spread_deg, t.spread_mm, names, "How far performances differ",
             f"standard deviation of {about} from their mean",
         )  # fmt: skip
         if t.modes.share.size:
             pictures["modes.png"] = figures.modes_figure(
-                found.ids, t.modes.share, t.modes.scores, t.modes.of_joints(), names,
+                each.ids, t.modes.share, t.modes.scores, t.modes.of_joints(), names,
                 [_mode_pose(t, k) for k in range(min(SHOWN_MODES, len(t.modes.share)))],
             )  # fmt: skip
         if np.isfinite(t.lead_s).any():
-            pictures["timing.png"] = figures.timing_figure(found.ids, found.phase_s, t.lead_s)
+            pictures["timing.png"] = figures.timing_figure(each.ids, each.phase_s, t.lead_s)
         make_folder(out)
         for name, figure in pictures.items():
             save(figure, out / name)
     text.write_course(
-        out / "joints.csv", found.phase_s, names,
+        out / "joints.csv", each.phase_s, names,
         {"spread_deg": t.spread_deg, "spread_mm": t.spread_mm},
     )  # fmt: skip
     scores = {f"mode{k + 1}_deg": t.modes.scores[:, k] for k in range(len(t.modes.share))}
     text.write_performances(
-        out / "performances.csv", found.ids, {"distance_mm": _from_mean_mm(t), **scores}
+        out / "performances.csv", each.ids, {"distance_mm": _from_mean_mm(t), **scores}
     )
-    write_bvh(out / "mean.bvh", mean_take(t))
+    write_bvh(out / "mean.bvh", mean_clip(t))
     (out / "report.md").write_text(_report(t, list(pictures)), encoding="utf-8")
     names_ = ["report.md", "joints.csv", "performances.csv", "mean.bvh", *pictures]
     return [out / name for name in names_]
 
 
-def mean_take(t: Technique) -> MotionClip:
+def mean_clip(t: Technique) -> MotionClip:
     """The mean motion as a joint tree, the pelvis in one place, hands at rest."""
-    shaped: Shaped = t.gathered.shaped
+    shaped: Shaped = t.performances.shaped
     rest, count = shaped.joints_rest.numpy(), len(t.mean.R_local)
     R = np.tile(np.eye(3), (count, SMPL, 1, 1))
     R[:, : t.mean.R_local.shape[1]] = t.mean.R_local
@@ -77,35 +75,35 @@ def mean_take(t: Technique) -> MotionClip:
         tips=bone_tips(shaped),
         R_local=R,
         pelvis=np.tile([0.0, -lowest, 0.0], (count, 1)),
-        fps=t.gathered.fps,
+        fps=t.performances.fps,
         frames=np.arange(count, dtype=np.float64),
         inside=np.ones(count, dtype=bool),
         phase_s=t.instances.phase_s,
     )
 
 
-def _mode_pose(t: Technique, mode: int) -> tuple[float, Array, Array, Array]:
+def _mode_pose(t: Technique, mode: int) -> figures.ModePose:
     """Where a mode bends the body most, and how: mean, one standard deviation more, less."""
     deviation = float(t.modes.deviations()[mode])
     bodies = [
         _placed(t, along_mode(t.mean.R_local, t.modes.shapes[mode], k * deviation))
         for k in (0, 1, -1)
     ]
-    at = int(((bodies[1] - bodies[2]) ** 2).sum((1, 2)).argmax())
-    return float(t.instances.phase_s[at]), bodies[0][at], bodies[1][at], bodies[2][at]
+    most = int(((bodies[1] - bodies[2]) ** 2).sum((1, 2)).argmax())
+    return float(t.instances.phase_s[most]), bodies[0][most], bodies[1][most], bodies[2][most]
 
 
-def _placed(t: Technique, R_local: Array) -> Array:
+def _placed(t: Technique, R_local: Float[np.ndarray, "N J 3 3"]) -> Float[np.ndarray, "N J 3"]:
     """(N, J, 3) places from the pelvis of a motion (N, J, 3, 3) on the report's body."""
     count = R_local.shape[1]
     R = np.tile(np.eye(3), (len(R_local), SMPL, 1, 1))
     R[:, :count] = R_local
-    body = t.gathered.shaped.pose(torch.as_tensor(R), torch.zeros(3, dtype=torch.float64))
+    body = t.performances.shaped.pose(torch.as_tensor(R), torch.zeros(3, dtype=torch.float64))
     joints = body.joints.numpy()
     return np.asarray((joints - joints[:, :1])[:, :count])
 
 
-def _from_mean_mm(t: Technique) -> Array:
+def _from_mean_mm(t: Technique) -> Float[np.ndarray, " M"]:
     """(M,) root mean square distance of a performance from the mean, over joints and moments."""
     squares = (t.mean.shifts**2).sum(-1).mean(-1)
     shown = np.maximum(t.instances.inside.sum(1), 1)
@@ -113,22 +111,22 @@ def _from_mean_mm(t: Technique) -> Array:
 
 
 def _report(t: Technique, pictures: list[str]) -> str:
-    found, names = t.instances, t.instances.joint_names
-    several = len(found.ids) > 1
+    each, names = t.instances, t.instances.joint_names
+    several = len(each.ids) > 1
     lines = [
-        f"# Technique: {t.gathered.action}",
+        f"# Technique: {t.action}",
         "",
-        f"{len(found.ids)} performances ({', '.join(found.ids)}), {len(found.phase_s)} moments "
-        f"from {found.phase_s[0]:.2f} to {found.phase_s[-1]:.2f} s of the reference's time. "
+        f"{len(each.ids)} performances ({', '.join(each.ids)}), {len(each.phase_s)} moments "
+        f"from {each.phase_s[0]:.2f} to {each.phase_s[-1]:.2f} s of the reference's time. "
         f"What the numbers mean, and what they can't say: docs/technique.md.",
         "",
     ]
-    if t.gathered.left_out:
-        lines += [f"Left out: {'; '.join(t.gathered.left_out)}.", ""]
+    if t.performances.left_out:
+        lines += [f"Left out: {'; '.join(t.performances.left_out)}.", ""]
     if several:
         from_mean = ", ".join(
             f"{i} {number} mm"
-            for i, number in zip(found.ids, map(text.number, _from_mean_mm(t)), strict=True)
+            for i, number in zip(each.ids, map(text.number, _from_mean_mm(t)), strict=True)
         )
         lines += [
             f"**Consistency {text.number(t.whole, 3)}** (1: equal, 0: no more alike than unrelated "
@@ -143,7 +141,7 @@ def _report(t: Technique, pictures: list[str]) -> str:
             "",
             "Standard deviation over the performances, root mean square over the moments. Largest:",
             "",
-            *text.moment_sentences(found.phase_s, t.spread_mm, names, "mm"),
+            *text.moment_sentences(each.phase_s, t.spread_mm, names, "mm"),
             "",
         ]
     titles = {"mean": "Mean motion", "deviation": "Deviation", "modes": "Modes", "timing": "Timing"}

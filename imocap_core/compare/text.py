@@ -7,11 +7,9 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float
 
-from imocap_core.compare.figures import said
-
-Array = NDArray[np.float64]
+from imocap_core.compare.figures import in_words
 
 
 def number(value: float, decimals: int = 1) -> str:
@@ -26,31 +24,42 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
 
 
 def joint_rows(
-    names: Sequence[str], deg: Array, mm: Array, consistency: Array
+    names: Sequence[str],
+    deg: Float[np.ndarray, " J"],
+    mm: Float[np.ndarray, " J"],
+    consistency: Float[np.ndarray, " J"],
 ) -> list[tuple[str, str, str, str]]:
     """A row a joint: spread of its rotation and of its place, and its consistency; least
     consistent places first."""
     order = np.argsort(np.where(np.isfinite(mm), -mm, np.inf), kind="stable")
     return [
-        (said(names[j]), number(deg[j]), number(mm[j]), number(consistency[j], 3)) for j in order
+        (in_words(names[j]), number(deg[j]), number(mm[j]), number(consistency[j], 3))
+        for j in order
     ]
 
 
 def moment_sentences(
-    phase_s: Array, values: Array, names: Sequence[str], unit: str, count: int = 3
+    phase_s: Float[np.ndarray, " N"],
+    values: Float[np.ndarray, "N J"],
+    names: Sequence[str],
+    unit: str,
+    count: int = 3,
 ) -> list[str]:
     """Where a spread or a difference (N, J) is largest: the joints, and when."""
     peak = np.nanmax(np.where(np.isfinite(values), values, -np.inf), axis=0)
     order = [j for j in np.argsort(-peak)[:count] if np.isfinite(peak[j])]
     return [
-        f"* {said(names[j])}: {number(float(peak[j]))} {unit} at "
+        f"* {in_words(names[j])}: {number(float(peak[j]))} {unit} at "
         f"{phase_s[int(np.nanargmax(values[:, j]))]:.2f} s"
         for j in order
     ]
 
 
 def write_course(
-    file: Path, phase_s: Array, names: Sequence[str], columns: dict[str, Array]
+    file: Path,
+    phase_s: Float[np.ndarray, " N"],
+    names: Sequence[str],
+    columns: dict[str, Float[np.ndarray, "N J"]],
 ) -> None:
     """One row a moment and joint: `columns` (N, J) by name, empty where unknown."""
     with file.open("w", newline="", encoding="utf-8") as stream:
@@ -61,7 +70,9 @@ def write_course(
                 rows.writerow([f"{phase:.4f}", name, *(_cell(c[t, j]) for c in columns.values())])
 
 
-def write_performances(file: Path, ids: Sequence[str], columns: dict[str, Array]) -> None:
+def write_performances(
+    file: Path, ids: Sequence[str], columns: dict[str, Float[np.ndarray, " M"]]
+) -> None:
     """One row a performance: `columns` (M,) by name."""
     with file.open("w", newline="", encoding="utf-8") as stream:
         rows = csv.writer(stream, lineterminator="\n")

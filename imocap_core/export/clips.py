@@ -1,74 +1,43 @@
-"""From an action's result to takes: joint trees, surfaces and cameras that formats can write."""
+"""From a video's result to a motion clip: the joint tree and the camera that formats can write."""
 
 from __future__ import annotations
 
 import numpy as np
-import torch
 
-from imocap_core.body import Model, Shaped, load_free_body
-from imocap_core.body.conversions import rotations_from_pose
-from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.errors import WorkFailed
-from imocap_core.export.values import Performance, Result
+from imocap_core.body import Shaped
 from imocap_core.io.writers.clip_body import ClipCamera
 from imocap_core.io.writers.motion_clip import MotionClip, bone_tips
-
-WRISTS = SMPL_JOINTS.index("left_wrist")  # the right one follows; then joints that hands replace
-STILL = 1e-9  # a camera that turns less stands
-
-
-def body_of(result: Result, hands: bool) -> Model:
-    """The body model that the result was made with, with fingers when `hands`."""
-    body = load_free_body()
-    if (body.name, body.digest) != (result.model, result.model_digest):
-        raise WorkFailed(
-            f"{result.action} was made with the body model {result.model} "
-            f"({result.model_digest[:12]}), and this version has {body.name} ({body.digest[:12]}); "
-            f"run it with: imocap run {result.action}"
-        )
-    return load_free_body(hands=True) if hands else body
+from imocap_core.result.camera import STILL
+from imocap_core.result.video import VideoResult
 
 
-def shaped_of(result: Result, p: Performance) -> Shaped:
-    """The performer's body; with fingers where the video has hands."""
-    return body_of(result, hands=p.hands is not None).shape(torch.as_tensor(p.betas))
-
-
-def poses_of(p: Performance) -> np.ndarray:
-    """Axis-angle poses (T, 72), or SMPL+H's (T, 156): up to the elbows the body's, then hands."""
-    if p.hands is None:
-        return p.body.theta
-    parts = [p.body.theta[:, : 3 * WRISTS], p.hands.wrists, p.hands.fingers]
-    return np.concatenate([part.reshape(len(p.frames), -1) for part in parts], axis=1)
-
-
-def take_of(p: Performance, shaped: Shaped) -> MotionClip:
-    """One performance as a joint tree in motion."""
+def clip_of(video: VideoResult, shaped: Shaped) -> MotionClip:
+    """One video's motion as a joint tree in motion."""
     rest = shaped.joints_rest.numpy()
     return MotionClip(
-        id=p.id,
+        id=video.id,
         joint_names=shaped.model.joint_names,
         parents=shaped.model.parents,
         rest=rest - rest[0],
         tips=bone_tips(shaped),
-        R_local=rotations_from_pose(torch.as_tensor(poses_of(p))).numpy(),
-        pelvis=p.body.trans + rest[0],
-        fps=p.fps,
-        frames=p.frames,
-        inside=p.inside,
-        phase_s=p.phase_s,
+        R_local=video.rotations,
+        pelvis=video.trans + rest[0],
+        fps=video.fps,
+        frames=video.frames.astype(np.float64),
+        inside=video.inside,
+        phase_s=video.phase_s,
     )
 
 
-def camera_of(p: Performance) -> ClipCamera:
-    """The camera that filmed it: in frame t x_frame = R_first_from_frame^T (R x_world + t)."""
-    turning = np.abs(p.turns - np.eye(3)).max() > STILL
-    turns = p.turns if turning else np.eye(3)[None]
+def camera_of(video: VideoResult) -> ClipCamera:
+    """The camera that filmed it, with one rotation and one zoom where it is static."""
+    camera = video.camera
+    turning = np.abs(camera.R_first_from_frame - np.eye(3)).max() > STILL
     return ClipCamera(
-        id=p.id,
-        K=p.K,
-        zoom=p.zoom if np.ptp(p.zoom) > STILL else p.zoom[:1],
-        size=p.seen.size,
-        R_cam_from_world=turns.swapaxes(1, 2) @ p.pose.R,
-        centre=-p.pose.R.T @ p.pose.t,
+        id=video.id,
+        K=camera.K,
+        zoom=camera.zoom if np.ptp(camera.zoom) > STILL else camera.zoom[:1],
+        size=camera.size,
+        R_cam_from_world=camera.R_per_frame if turning else camera.R[None],
+        centre=camera.centre,
     )

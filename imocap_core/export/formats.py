@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
-from imocap_core.artifacts.store import Store
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.export.clips import camera_of, shaped_of, take_of
-from imocap_core.export.common_time import on_common_time
+from imocap_core.export.clips import camera_of, clip_of
 from imocap_core.export.mcap_view import write_mcap
 from imocap_core.export.notes import notes_of, write_notes
-from imocap_core.export.sources import read_result
-from imocap_core.export.tables import exported, write_beside
-from imocap_core.export.values import Result, Time
+from imocap_core.export.tables import npz_values, write_cameras_and_sync
 from imocap_core.io.writers.bvh import write_bvh
 from imocap_core.io.writers.clip_body import skin_of
 from imocap_core.io.writers.export_npz import write_video
@@ -22,6 +18,8 @@ from imocap_core.io.writers.gltf_scene import Actor, write_glb
 from imocap_core.io.writers.joints_csv import write_joints_csv
 from imocap_core.io.writers.motion_clip import MotionClip, upright_rest
 from imocap_core.io.writers.trc import write_trc
+from imocap_core.result.result import ActionResult, Time
+from imocap_core.result.video_body import shaped_body
 
 DEFAULT_UP = {
     "bvh": "y",
@@ -33,25 +31,43 @@ DEFAULT_UP = {
 
 @dataclass(frozen=True)
 class Exported:
-    """The files written, and what the user should know of them."""
+    """The files written, and sentences about them for the user."""
 
     files: list[Path]
-    said: list[str]
+    notes: list[str]
 
 
 def export(
-    store: Store,
-    action: str,
-    format: str,
-    out: Path,
-    up: str | None,
-    time: Time,
-    folder: Path | None = None,
+    result: ActionResult, format: str, out: Path, up: str | None = None, time: Time = "own"
 ) -> Exported:
-    """Write an action's result below `out`; `folder` is where its videos are, which mcap shows.
+    """Write a result below the folder `out`.
 
-    WrongUse or WorkFailed say what stands against it.
+    Args:
+        format: one of `WRITERS`.
+        up: the axis (y or z) that points up in a world levelled by the ground; None: as usual for
+            the format (`DEFAULT_UP`), or as the result is.
+        time: own: as the result is; common: all videos at the moments of one grid.
+
+    WrongUse for what a format cannot hold, WorkFailed when the result lacks something or `out`
+    cannot be written.
     """
+    check_format(format, up)
+    up = up or DEFAULT_UP.get(format)
+    placed = result if up in (None, result.up_axis) else result.levelled(str(up))
+    together = time == "common" and result.time != "common"
+    written = placed.on_common_time() if together else placed
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        files = WRITERS[format](out, written)
+        files += write_cameras_and_sync(out, placed)
+        files.append(write_notes(out, notes_of(written, format)))
+    except OSError as error:
+        raise WorkFailed(f"cannot write to {out}: {error.strerror}") from None
+    return Exported(files, _notes(written))
+
+
+def check_format(format: str, up: str | None) -> None:
+    """WrongUse for a format that there is not, or one that cannot have this axis up."""
     if format not in WRITERS:
         raise WrongUse(f"--format: expected one of {', '.join(WRITERS)}, got {format}")
     if format == "glb" and up == "z":
@@ -59,61 +75,52 @@ def export(
             "--up z: a GLB file is y up by its specification, and programs of z up (Blender) turn "
             "it when they read it; leave --up out"
         )
-    whole = replace(read_result(store, action, up or DEFAULT_UP.get(format)), folder=folder)
-    result = on_common_time(whole) if time == "common" else whole
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        files = WRITERS[format](out, result)
-        files += [*write_beside(out, whole), write_notes(out, notes_of(result, format))]
-    except OSError as error:
-        raise WorkFailed(f"cannot write to {out}: {error.strerror}") from None
-    return Exported(files, _said(result))
 
 
-def _npz(out: Path, result: Result) -> list[Path]:
-    return [write_video(out, exported(p, result)) for p in result.performances]
+def _npz(out: Path, result: ActionResult) -> list[Path]:
+    return [write_video(out, npz_values(video, result)) for video in result]
 
 
-def _bvh(out: Path, result: Result) -> list[Path]:
-    def write(file: Path, take: MotionClip) -> None:
-        write_bvh(file, upright_rest(take, result.up_axis))
+def _bvh(out: Path, result: ActionResult) -> list[Path]:
+    def write(file: Path, clip: MotionClip) -> None:
+        write_bvh(file, upright_rest(clip, result.up_axis))
 
     return _a_file_each(out, result, ".bvh", write)
 
 
-def _trc(out: Path, result: Result) -> list[Path]:
+def _trc(out: Path, result: ActionResult) -> list[Path]:
     return _a_file_each(out, result, ".trc", write_trc)
 
 
-def _csv(out: Path, result: Result) -> list[Path]:
+def _csv(out: Path, result: ActionResult) -> list[Path]:
     return _a_file_each(out, result, "_joints.csv", write_joints_csv)
 
 
 def _a_file_each(
-    out: Path, result: Result, ending: str, write: Callable[[Path, MotionClip], object]
+    out: Path, result: ActionResult, ending: str, write: Callable[[Path, MotionClip], object]
 ) -> list[Path]:
     """One file a video, named by it."""
     files = []
-    for p in result.performances:
-        files.append(out / f"{p.id}{ending}")
-        write(files[-1], take_of(p, shaped_of(result, p)))
+    for video in result:
+        files.append(out / f"{video.id}{ending}")
+        write(files[-1], clip_of(video, shaped_body(video)))
     return files
 
 
-def _glb(out: Path, result: Result) -> list[Path]:
+def _glb(out: Path, result: ActionResult) -> list[Path]:
     from imocap_core.figures.style import VIDEO_COLORS
 
     actors = []
-    for k, p in enumerate(result.performances):
-        shaped = shaped_of(result, p)
+    for k, video in enumerate(result):
+        shaped = shaped_body(video)
         colour = linear(VIDEO_COLORS[k % len(VIDEO_COLORS)])
-        actors.append(Actor(take_of(p, shaped), skin_of(shaped), camera_of(p), colour))
+        actors.append(Actor(clip_of(video, shaped), skin_of(shaped), camera_of(video), colour))
     file = out / f"{result.action}.glb"
     write_glb(file, actors, notes_of(result, "glb"))
     return [file]
 
 
-WRITERS: dict[str, Callable[[Path, Result], list[Path]]] = {
+WRITERS: dict[str, Callable[[Path, ActionResult], list[Path]]] = {
     "npz": _npz,
     "bvh": _bvh,
     "glb": _glb,
@@ -130,7 +137,7 @@ def linear(hex_srgb: str) -> tuple[float, float, float]:
     return red, green, blue
 
 
-def _said(result: Result) -> list[str]:
+def _notes(result: ActionResult) -> list[str]:
     if not result.left_out:
         return []
     return [f"left out, as they have no place on the common axis: {', '.join(result.left_out)}"]

@@ -1,4 +1,4 @@
-"""What an export says of itself: axes, units, frame rates and pivot, in export_<format>.json."""
+"""Axes, units, frame rates and pivot of an export, written to export_<format>.json."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from imocap_core.export.values import CAMERA_UP, Result
+from imocap_core.result.result import CAMERA_UP, ActionResult
+from imocap_core.result.video import VideoResult
 
 UNITS = {
     "npz": {"length": "metre", "angle": "radian (axis-angle)"},
@@ -36,8 +37,8 @@ COMMON = (
 )
 
 
-def notes_of(result: Result, format: str) -> dict[str, Any]:
-    """Everything a reader has to know that the numbers do not say."""
+def notes_of(result: ActionResult, format: str) -> dict[str, Any]:
+    """Everything that a reader of the files needs besides the numbers."""
     levelled = result.up_axis != CAMERA_UP
     notes: dict[str, Any] = {
         "action": result.action,
@@ -49,9 +50,9 @@ def notes_of(result: Result, format: str) -> dict[str, Any]:
         "pivot": SMPL_PIVOT if format == "npz" else PIVOT,
         "time": COMMON if result.time == "common" else OWN,
         "reference": result.reference,
-        "body_model": f"{result.model} {result.model_digest}",
+        "body_model": result.model,
         "betas": "of this body model; another model's mean other shapes",
-        "videos": {p.id: _video(result, k) for k, p in enumerate(result.performances)},
+        "videos": {video.id: _video(result, video) for video in result},
     }
     if format == "bvh":
         notes["rest"] = REST
@@ -67,16 +68,15 @@ def write_notes(out: Path, notes: dict[str, Any]) -> Path:
     return file
 
 
-def _video(result: Result, place: int) -> dict[str, Any]:
-    p = result.performances[place]
-    own: dict[str, Any] = {
-        "frames_per_second": p.fps,
-        "frames": len(p.frames),
-        "first_source_frame": float(p.frames[0]),
-        "last_source_frame": float(p.frames[-1]),
-        "hands": p.hands is not None,
+def _video(result: ActionResult, video: VideoResult) -> dict[str, Any]:
+    notes: dict[str, Any] = {
+        "frames_per_second": video.fps,
+        "frames": len(video.frames),
+        "first_source_frame": float(video.frames[0]),
+        "last_source_frame": float(video.frames[-1]),
+        "hands": video.hands is not None,
     }
     if result.time == "common":
-        own["first_phase_s"] = float(p.phase_s[0])
-        own["outside_s"] = float((~p.inside).sum() / p.fps)
-    return own
+        notes["first_phase_s"] = float(video.phase_s[0])
+        notes["outside_s"] = float((~video.inside).sum() / video.fps)
+    return notes

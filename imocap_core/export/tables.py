@@ -1,75 +1,61 @@
-"""export: from the artifacts of an action to files that other programs read."""
+"""The values of an npz file, and the tables beside every export: sync.csv and cameras.json."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from imocap_core.artifacts.store import Store
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.errors import WorkFailed
-from imocap_core.export.clips import poses_of
-from imocap_core.export.common_time import on_common_time
-from imocap_core.export.sources import read_result
-from imocap_core.export.values import Performance, Result, Time
 from imocap_core.io.writers.export_npz import (
     ExportedHands,
     ExportedVideo,
     write_cameras,
     write_sync,
-    write_video,
 )
+from imocap_core.result.result import ActionResult
+from imocap_core.result.synchronisation import Synchronisation
+from imocap_core.result.video import VideoResult
 
 
-def export_npz(
-    store: Store, action: str, out: Path, up: str | None, time: Time = "own"
-) -> list[Path]:
-    """Write <id>.npz, sync.csv and cameras.json below `out`; the paths, in that order."""
-    whole = read_result(store, action, up)
-    result = on_common_time(whole) if time == "common" else whole
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        videos = [exported(p, result) for p in result.performances]
-        return [*(write_video(out, video) for video in videos), *write_beside(out, whole)]
-    except OSError as error:
-        raise WorkFailed(f"cannot write to {out}: {error.strerror}") from None
+def write_cameras_and_sync(out: Path, result: ActionResult) -> list[Path]:
+    """sync.csv and cameras.json, of a result on the videos' own timelines."""
+    videos = [npz_values(video, result) for video in result]
+    return [write_sync_table(out, result.sync), write_cameras(out, videos, result.reference)]
 
 
-def write_beside(out: Path, result: Result) -> list[Path]:
-    """sync.csv and cameras.json, of the videos' own frames whatever the motion's timeline."""
-    sync = result.sync
-    return [
-        write_sync(
-            out,
-            {p.id: p.seen.frames for p in result.performances},
-            {m.id: (m.reference_frame, m.confidence) for m in sync.maps},
-            sync.reference,
-            None if sync.trust is None else {v.id: v.phase_s for v in sync.trust.videos},
-        ),
-        write_cameras(out, [exported(p, result) for p in result.performances], result.reference),
-    ]
+def write_sync_table(out: Path, sync: Synchronisation) -> Path:
+    """sync.csv."""
+    summary = sync.summary
+    return write_sync(
+        out,
+        {video.id: video.frames for video in sync.videos.values()},
+        {m.id: (m.reference_frame, m.confidence) for m in summary.maps},
+        summary.reference,
+        None if summary.trust is None else {v.id: v.phase_s for v in summary.trust.videos},
+    )
 
 
-def exported(p: Performance, result: Result) -> ExportedVideo:
-    """One performance as its npz holds it."""
+def npz_values(video: VideoResult, result: ActionResult) -> ExportedVideo:
+    """One video as its npz file holds it."""
     hands = None
-    if p.hands is not None:
-        hands = ExportedHands(poses_of(p), p.hands.points, p.hands.seen)
+    if video.hands is not None:
+        hands = ExportedHands(video.poses, video.hands.points, video.hands.visible)
+    common = result.time == "common"
     return ExportedVideo(
-        id=p.id,
-        poses=p.body.theta,
-        betas=p.betas,
-        trans=p.body.trans,
-        joints=p.body.joints,
+        id=video.id,
+        poses=video.theta,
+        betas=video.betas,
+        trans=video.trans,
+        joints=video.body_joints,
         joint_names=tuple(SMPL_JOINTS),
-        fps=p.fps,
-        size=p.seen.size,
-        frames=p.seen.frames if result.time == "own" else p.frames,
-        K=p.K,
-        R=p.pose.R,
-        t=p.pose.t,
-        model=f"{result.model} {result.model_digest}",
+        fps=video.fps,
+        size=video.camera.size,
+        frames=video.frames,
+        K=video.camera.K,
+        R=video.camera.R,
+        t=video.camera.t,
+        model=video.model,
         up_axis=result.up_axis,
         hands=hands,
-        inside=None if result.time == "own" else p.inside,
-        phase_s=None if result.time == "own" else p.phase_s,
+        inside=video.inside if common else None,
+        phase_s=video.phase_s if common else None,
     )

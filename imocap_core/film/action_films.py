@@ -1,21 +1,19 @@
-"""The films of an action, from its artifacts and videos: what each shows, and writing it."""
+"""The films of a result: what each shows, and writing it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
-from imocap_core.artifacts.codec import ArtifactCorrupt
-from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, RefineSync
-from imocap_core.artifacts.schemas.base import Artifact
+from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync
 from imocap_core.errors import WorkFailed
-from imocap_core.pipeline.runner import Job
+from imocap_core.result.read import read_monocular
+from imocap_core.result.result import ActionResult
 
-Kind = Literal["overlay", "side-by-side", "both"]
-Result = Literal["final", "monocular"]
-Made = TypeVar("Made", bound=Artifact)
+FilmKind = Literal["overlay", "side-by-side", "both"]
+MotionKind = Literal["final", "monocular"]
 
 SIDE_BY_SIDE = "side_by_side.mp4"
 
@@ -30,23 +28,32 @@ class Film:
     frames: Callable[[], Iterator[Any]]
 
 
-def films_of(job: Job, kind: Kind, *, mesh: bool, result: Result, opacity: float) -> list[Film]:
-    """The films of an action. WorkFailed when it has not been run."""
+def films_of(
+    result: ActionResult, kind: FilmKind, *, mesh: bool, motion: MotionKind, opacity: float
+) -> list[Film]:
+    """The films of an action: the body over each video, and all videos in lock-step.
+
+    Args:
+        mesh: draw the body in the side-by-side film too.
+        motion: the final one, or what each video alone says.
+        opacity: of the body, 0 to 1.
+    """
     from imocap_core.body import load_free_body
     from imocap_core.figures.sync_summary import common_moments
     from imocap_core.film.overlay_film import overlay_film
     from imocap_core.film.performer import Painter, performers
     from imocap_core.film.phase_bar import lock_step
 
-    keypoints = stored(job, "keypoints", Keypoints)
-    camera_motion = stored(job, "camera_motion", CameraMotion)
-    refined = stored(job, "refine_sync", RefineSync)
+    artifacts = result.artifacts
+    keypoints, sync = artifacts.get(Keypoints), result.sync.summary
     model = load_free_body()
-    if result == "final":
-        motions, cameras = refined.motion.videos, refined.motion.cameras
+    if motion == "final":
+        solved = artifacts.get(RefineSync).motion
+        motions, cameras = solved.videos, solved.cameras
     else:
-        motions, cameras = stored(job, "initial_smpl", InitialSmpl).videos, None
-    files = video_files(job)
+        motions, cameras = read_monocular(artifacts), None
+    files = {video.id: video.video for video in result}
+    camera_motion = artifacts.get(CameraMotion)
     cast = performers(keypoints, camera_motion, motions, cameras, files, model)
 
     def overlay(number: int) -> Callable[[], Iterator[Any]]:
@@ -59,9 +66,6 @@ def films_of(job: Job, kind: Kind, *, mesh: bool, result: Result, opacity: float
             for n, p in enumerate(cast)
         ]
     if kind != "overlay" and len(cast) > 1:
-        sync = refined.sync
-        fps = next(v.fps for v in keypoints.videos if v.id == sync.reference)
-        count = len(common_moments(keypoints, sync))
         paints = {
             p.seen.id: Painter(p, model, alpha=opacity if mesh else 0.0)
             for p in cast
@@ -69,9 +73,10 @@ def films_of(job: Job, kind: Kind, *, mesh: bool, result: Result, opacity: float
         }
 
         def together() -> Iterator[Any]:
-            return lock_step(keypoints, sync, files, job.action.name, paints)
+            return lock_step(keypoints, sync, files, result.action, paints)
 
-        films.append(Film(SIDE_BY_SIDE, count, fps, together))
+        fps = result[result.reference].fps
+        films.append(Film(SIDE_BY_SIDE, len(common_moments(keypoints, sync)), fps, together))
     return films
 
 
@@ -96,24 +101,3 @@ def write_films(
     except ValueError as error:
         raise WorkFailed(str(error)) from None
     return [folder / film.name for film in films]
-
-
-def video_files(job: Job) -> dict[str, Path | None]:
-    """Each video's file; None where action.yaml names none, or it is gone."""
-    folder = job.action.folder
-    named = {v.id: folder / v.video for v in job.action.videos if v.video is not None}
-    there = {i: file for i, file in named.items() if file.is_file()}
-    return {v.id: there.get(v.id) for v in job.action.videos}
-
-
-def stored(job: Job, stage: str, kind: type[Made]) -> Made:
-    """A stage's current artifact. WorkFailed says how to make it when there is none."""
-    name, folder = job.action.name, job.action.folder
-    again = f"make it with: imocap run {name if folder.parent.name == 'actions' else folder}"
-    try:
-        found = job.store.load(name, stage)
-        if found is None:
-            raise WorkFailed(f"{name} has no {stage} artifact yet; {again}")
-        return found.decode(kind)
-    except ArtifactCorrupt as error:
-        raise WorkFailed(f"{stage} of {name} {str(error).splitlines()[0]}; {again}") from None

@@ -14,7 +14,7 @@ from typing import Any, Literal, Protocol, cast
 from imocap_core.artifacts.codec import ArtifactCorrupt
 from imocap_core.artifacts.schemas.base import Artifact
 from imocap_core.artifacts.store import Store, Stored
-from imocap_core.errors import WorkFailed, own_fault
+from imocap_core.errors import WorkFailed, program_fault
 from imocap_core.pipeline.action import Action
 from imocap_core.pipeline.graph import Pipeline, RunSettings
 from imocap_core.pipeline.keys import Recipe, differences, recipe
@@ -161,7 +161,7 @@ def _call(script: Path, context: Context, inputs: Inputs, params: Visible) -> Ar
     except KeyboardInterrupt:
         raise WorkFailed("stopped; what was finished is kept, run again to continue") from None
     except Exception as error:
-        raise WorkFailed(f"{context.stage} broke: {own_fault(error)}") from error
+        raise WorkFailed(f"{context.stage} broke: {program_fault(error)}") from error
     return artifact
 
 

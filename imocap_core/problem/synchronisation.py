@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 
 from imocap_core.artifacts.schemas import (
     CycleTriple,
@@ -61,10 +62,41 @@ def synchronise_motions(
         decided=None if decided is None else _screening_of(decided),
         pictures=pictures,
     )
+    sync = sync_artifact(result, ids, fps)
+    return sync if decided is None else sync.model_copy(update={"notes": decided.notes})
+
+
+def synchronise_joints(
+    joints: Sequence[Float[np.ndarray, "_ 24 3"]],
+    ids: Sequence[str],
+    fps: Sequence[float],
+    params: SyncParams,
+    rng: np.random.Generator,
+    *,
+    reference: str | None = None,
+) -> Sync:
+    """Synchronise clips by SMPL's joints (T, 24, 3) alone; any axes and unit, NaN = missing.
+
+    ValueError for shapes that don't fit.
+    """
+    result = synchronise(
+        joints,
+        fps=fps,
+        settings=params,
+        rng=rng,
+        joint_weights=joint_weights_of(params),
+        reference=None if reference is None else list(ids).index(reference),
+        twins=mirror_indices(SMPL_JOINTS),
+    )
+    return sync_artifact(result, ids, fps)
+
+
+def sync_artifact(result: SyncResult, ids: Sequence[str], fps: Sequence[float]) -> Sync:
+    """The artifact of a synchronisation; ids, fps: of the videos, in its order."""
     return Sync(
         reference=ids[result.reference],
-        ids=ids,
-        lengths=[len(video.joints) for video in videos],
+        ids=list(ids),
+        lengths=[len(frames) for frames in result.reference_frame],
         maps=[
             SyncMap(id=name, reference_frame=frame, confidence=trust)
             for name, frame, trust in zip(
@@ -76,7 +108,7 @@ def synchronise_motions(
         status=result.status,
         excluded=[ids[v] for v in result.screening.excluded],
         mirrored=[ids[v] for v in result.screening.flipped],
-        notes=sentences(result.screening, ids) if decided is None else decided.notes,
+        notes=sentences(result.screening, ids),
         trust=_trust(result, ids, fps),
         affinity=result.affinity,
         relaxed=result.relaxed,

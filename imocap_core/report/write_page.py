@@ -18,13 +18,13 @@ from imocap_core.artifacts.store import Stored
 from imocap_core.body import Model, load_free_body
 from imocap_core.figures.contact_sheets import SheetVideo
 from imocap_core.figures.results_sheet import SheetResult
-from imocap_core.film.action_films import video_files
 from imocap_core.pipeline.runner import Job
 from imocap_core.pipeline.timings import timing_table
 from imocap_core.report.files import read_contents
 from imocap_core.report.page import PAGE, TEXT, html_page, markdown_page
 from imocap_core.report.page_figures import draw_late_figures
 from imocap_core.report.sections import sections
+from imocap_core.workspace import video_files
 
 
 def write_page(
@@ -66,7 +66,7 @@ def write_page(
 
 def shots_of(job: Job, stored: Mapping[str, Stored], model: Model) -> list[SheetVideo]:
     """Each video with its monocular fit and its final motion."""
-    files = video_files(job)
+    files = video_files(job.action)
     last = stored["refine_sync"].decode(RefineSync).motion
     return [
         SheetVideo(seen, camera, files[seen.id], model.points(seen.layout).names, a, b, solved.K)

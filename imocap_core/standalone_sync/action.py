@@ -1,4 +1,4 @@
-"""The action that `imocap sync` makes of what it is given: artifacts/NAME/action.yaml."""
+"""The action that `imocap sync` makes of its arguments: artifacts/NAME/action.yaml."""
 
 from __future__ import annotations
 
@@ -15,27 +15,29 @@ import yaml
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.io.detectors.guess import guess_detections
 from imocap_core.pipeline.action import DETECT, FILE_NAME, Action, Declaration
-from imocap_core.standalone_sync.sources import Given, Source, labels
+from imocap_core.standalone_sync.sources import Declared, VideoSource, labels
 
 HEAD = "# Written by imocap, which writes it again; copy it to actions/ to change it.\n"
 
 
-def write_sources(root: Path, name: str | None, sources: Sequence[Source], given: Given) -> Path:
+def write_sources(
+    root: Path, name: str | None, sources: Sequence[VideoSource], declared: Declared
+) -> Path:
     """The folder of an action of these sources, made or brought up to date.
 
     WorkFailed when keypoints are not understood, WrongUse when fps and size are missing or the
     name is taken.
     """
     blind = [str(s.keypoints) for s in sources if s.video is None]
-    if blind and (given.fps is None or given.size is None):
+    if blind and (declared.fps is None or declared.size is None):
         raise WrongUse(
             f"{', '.join(blind)}: keypoints without a video don't tell the frame rate and the "
             f"picture's size; give both, as in --fps 30 --size 1920x1080"
         )
     names = labels(sources)
-    folder = own_folder(root, name or _default_name(names, sources))
+    folder = results_folder(root, name or default_name("sync-", names, sources))
     videos = [
-        _declared(label, source, given, folder)
+        _declaration(label, source, declared, folder)
         for label, source in zip(names, sources, strict=True)
     ]
     return write(folder, videos)
@@ -44,8 +46,8 @@ def write_sources(root: Path, name: str | None, sources: Sequence[Source], given
 def write_instances(
     root: Path, action: Action, name: str, spans: Mapping[str, Sequence[tuple[int, int]]]
 ) -> Path:
-    """The folder of an action in which parts (first, stop) of some videos stand for these."""
-    folder = own_folder(root, name)
+    """The folder of an action in which some videos are replaced by parts (first, stop) of them."""
+    folder = results_folder(root, name)
     videos = []
     for video in action.videos:
         whole = video.model_copy(update={"repetitions": None})
@@ -61,11 +63,11 @@ def write_instances(
 def write(
     folder: Path, videos: Sequence[dict[str, Any]], params: dict[str, Any] | None = None
 ) -> Path:
-    """folder/action.yaml with these videos; untouched when it says just that."""
-    said: dict[str, Any] = {"name": folder.name, "videos": list(videos)}
+    """folder/action.yaml with these videos; untouched when it is equal."""
+    content: dict[str, Any] = {"name": folder.name, "videos": list(videos)}
     if params:
-        said["params"] = params
-    text = HEAD + yaml.safe_dump(said, sort_keys=False)
+        content["params"] = params
+    text = HEAD + yaml.safe_dump(content, sort_keys=False)
     file = folder / FILE_NAME
     if not (file.is_file() and file.read_text(encoding="utf-8") == text):
         folder.mkdir(parents=True, exist_ok=True)
@@ -73,10 +75,10 @@ def write(
     return folder
 
 
-def own_folder(root: Path, name: str) -> Path:
-    """artifacts/NAME, where no other action keeps its results. WrongUse says otherwise."""
+def results_folder(root: Path, name: str) -> Path:
+    """artifacts/NAME; WrongUse when the name is invalid or another action's results are there."""
     if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]*", name):
-        raise WrongUse(f"{name!r} is no name for an action: letters, digits, _ . - only")
+        raise WrongUse(f"invalid action name {name!r}: letters, digits, _ . - only")
     folder = root / "artifacts" / name
     file = folder / FILE_NAME
     ours = file.is_file() and file.read_text(encoding="utf-8").startswith(HEAD)
@@ -86,40 +88,42 @@ def own_folder(root: Path, name: str) -> Path:
     return folder
 
 
-def _default_name(names: Sequence[str], sources: Sequence[Source]) -> str:
-    """What the names begin with, and a few letters that tell other sources apart."""
+def default_name(prefix: str, names: Sequence[str], sources: Sequence[VideoSource]) -> str:
+    """What the names begin with, and a few letters that differ for other sources."""
     same = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
     shared = "".join(letters[0] for letters in same)
-    told = [str(path.resolve()) for s in sources for path in (s.video, s.keypoints) if path]
-    digest = hashlib.sha256("\n".join(told).encode()).hexdigest()[:6]
+    paths = [str(path.resolve()) for s in sources for path in (s.video, s.keypoints) if path]
+    digest = hashlib.sha256("\n".join(paths).encode()).hexdigest()[:6]
     word = shared.rstrip("0123456789_.-") or "videos"
-    return f"sync-{word}-{digest}"
+    return f"{prefix}{word}-{digest}"
 
 
-def _declared(label: str, source: Source, given: Given, folder: Path) -> dict[str, Any]:
+def _declaration(
+    label: str, source: VideoSource, declared: Declared, folder: Path
+) -> dict[str, Any]:
     if source.keypoints is None:
         assert source.video is not None
         return {"id": label, "video": _relative(source.video, folder), "keypoints": DETECT}
     try:
-        if given.format is not None and given.layout is not None:
-            kind, layout = str(given.format), str(given.layout)
+        if declared.format is not None and declared.layout is not None:
+            kind, layout = str(declared.format), str(declared.layout)
         else:
-            kind, layout = guess_detections(source.keypoints, layout=given.layout)
+            kind, layout = guess_detections(source.keypoints, layout=declared.layout)
     except ValueError as error:
         raise WorkFailed(str(error)) from None
     entry: dict[str, Any] = {"id": label}
     if source.video is not None:
         entry["video"] = _relative(source.video, folder)
-    entry |= {"keypoints": _relative(source.keypoints, folder), "format": given.format or kind}
+    entry |= {"keypoints": _relative(source.keypoints, folder), "format": declared.format or kind}
     entry["layout"] = layout
-    if source.video is None and given.fps is not None and given.size is not None:
-        entry |= {"fps": given.fps, "size": list(given.size)}
+    if source.video is None and declared.fps is not None and declared.size is not None:
+        entry |= {"fps": declared.fps, "size": list(declared.size)}
     return entry
 
 
-def _moved(declared: Declaration, old: Path, new: Path) -> dict[str, Any]:
+def _moved(declaration: Declaration, old: Path, new: Path) -> dict[str, Any]:
     """A declaration whose paths are relative to another folder."""
-    entry = declared.model_dump(mode="json", exclude_none=True)
+    entry = declaration.model_dump(mode="json", exclude_none=True)
     for field in ("video", "keypoints", "initial"):
         if entry.get(field, DETECT) != DETECT:
             entry[field] = _relative(old / entry[field], new)

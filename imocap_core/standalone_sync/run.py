@@ -1,4 +1,4 @@
-"""sync: synchronisation alone, from keypoints (and videos) to a table, a picture and a film."""
+"""Synchronisation alone, from keypoints (and videos) to a table, a picture and a film."""
 
 from __future__ import annotations
 
@@ -8,14 +8,17 @@ from pathlib import Path
 
 from imocap_core.artifacts.schemas import InitialSmpl, Keypoints, Sync
 from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.export.tables import write_sync_table
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.action import FILE_NAME
 from imocap_core.pipeline.builtin_actions import BUILT_IN
 from imocap_core.pipeline.runner import Display, Job
 from imocap_core.pipeline.stage import Context
+from imocap_core.result.artifacts import artifacts_of_stages
+from imocap_core.result.synchronisation import Synchronisation, synchronisation_of
 from imocap_core.standalone_sync.action import write_sources
-from imocap_core.standalone_sync.repetitions import cut, job_in_parts, made
-from imocap_core.standalone_sync.sources import Given, sources_of
+from imocap_core.standalone_sync.repetitions import cut, job_in_parts
+from imocap_core.standalone_sync.sources import Declared, sources_of
 from imocap_core.workspace import Workspace
 
 STAGE = "sync"
@@ -24,34 +27,63 @@ CSV, PICTURE, FILM = "sync.csv", "sync.png", "side_by_side.mp4"
 
 @dataclass(frozen=True)
 class Synchronised:
-    """What was found, and where it was written."""
+    """The synchronisation of some videos, and the files in which it was written.
 
-    action: str  # a name or folder by which other commands find it
+    action: a name or folder by which other commands find it. notes: sentences for the user.
+    """
+
+    action: str
+    keypoints: Keypoints
+    sync: Synchronisation
+    files: list[Path]
+    notes: list[str]
+
+
+@dataclass(frozen=True)
+class SolvedSync:
+    """The synchronisation of the videos of an action, before anything is written beside it."""
+
+    job: Job
+    action: str
     keypoints: Keypoints
     sync: Sync
-    files: list[Path]
-    said: list[str]  # sentences for the user
+    notes: list[str]
+
+    @property
+    def values(self) -> Synchronisation:
+        """The correspondences as arrays."""
+        videos = self.keypoints.videos
+        return synchronisation_of(
+            self.sync, {v.id: v.frames for v in videos}, {v.id: v.fps for v in videos}
+        )
 
 
 def synchronise_action(
     workspace: Workspace,
     words: Sequence[str],
-    given: Given,
+    declared: Declared,
     *,
     name: str | None,
-    out: Path | None,
     reference: str | None,
     repetitions: bool,
     sets: list[str],
     display: Display,
-) -> Synchronised:
-    """Run an action's stages up to sync and write what they say. Raises WorkFailed, WrongUse."""
-    action = _action_of(workspace, words, given, name)
+) -> SolvedSync:
+    """Run an action's stages up to sync. WorkFailed, WrongUse.
+
+    Args:
+        words: an action, or videos and keypoints, each as `sources_of` reads it.
+        declared: what is known of all sources where their files do not say it.
+        name: of the results below artifacts/.
+        reference: id of the video whose time axis is used; else the most central one.
+        repetitions: cut one long clip into its repetitions first.
+    """
+    action = _action_of(workspace, words, declared, name)
     if repetitions:
-        job, said = _cut(workspace, action, name, sets, display)
+        job, notes = _cut(workspace, action, name, sets, display)
     else:
-        job, said = job_in_parts(workspace, action, sets, display)
-    action = str(job.action.folder) if said else action
+        job, notes = job_in_parts(workspace, action, sets, display)
+    action = str(job.action.folder) if notes else action
     if len(job.action.videos) < 2:
         raise WrongUse(
             f"{action} is one video: give two or more, or cut a long clip with --repetitions"
@@ -60,30 +92,39 @@ def synchronise_action(
     if reference is not None and reference not in ids:
         raise WrongUse(f"--reference {reference}: there is no such video; got {', '.join(ids)}")
     outcomes = runner.run(job, display, job.pipeline.upstream(STAGE))
-    keypoints, sync = made(outcomes, Keypoints), made(outcomes, Sync)
+    artifacts = artifacts_of_stages(job.action.name, {o.stage: o.stored for o in outcomes})
+    keypoints, sync = artifacts.get(Keypoints), artifacts.get(Sync)
     if reference is not None and sync.reference != reference:
         if reference in sync.excluded:
             raise WorkFailed(
                 f"--reference {reference}: {'; '.join(sync.notes)}; choose another video, or keep "
                 f"it with --set sync.outliers=ignore"
             )
-        sync = _about(reference, job, keypoints, made(outcomes, InitialSmpl), display)
-    folder = out or workspace.root / "artifacts" / job.action.name / STAGE
+        sync = _about(reference, job, keypoints, artifacts.get(InitialSmpl), display)
+    return SolvedSync(job, action, keypoints, sync, notes)
+
+
+def write_synchronised(solved: SolvedSync, out: Path | None, display: Display) -> Synchronised:
+    """sync.csv, a picture and, where there are videos, one side by side, in the folder `out`."""
+    job = solved.job
+    folder = out or job.store.folder / job.action.name / STAGE
     try:
-        files = _write(folder, job, keypoints, sync, display)
+        files = _write(folder, solved, display)
     except OSError as error:
         raise WorkFailed(f"cannot write to {folder}: {error.strerror}") from None
-    return Synchronised(action, keypoints, sync, files, said)
+    return Synchronised(solved.action, solved.keypoints, solved.values, files, solved.notes)
 
 
-def _action_of(workspace: Workspace, words: Sequence[str], given: Given, name: str | None) -> str:
+def _action_of(
+    workspace: Workspace, words: Sequence[str], declared: Declared, name: str | None
+) -> str:
     """The one action named, or one made of the videos and keypoints named."""
-    known = [word for word in words if _is_action(workspace, word)]
-    if known and (len(words) > 1 or name is not None):
-        raise WrongUse(f"{known[0]} is an action: give it alone, without --name")
-    if known:
-        return known[0]
-    return str(write_sources(workspace.root, name, sources_of(words), given))
+    actions = [word for word in words if _is_action(workspace, word)]
+    if actions and (len(words) > 1 or name is not None):
+        raise WrongUse(f"{actions[0]} is an action: give it alone, without --name")
+    if actions:
+        return actions[0]
+    return str(write_sources(workspace.root, name, sources_of(words), declared))
 
 
 def _is_action(workspace: Workspace, word: str) -> bool:
@@ -99,8 +140,8 @@ def _cut(
     if len(job.action.videos) != 1:
         raise WrongUse(f"--repetitions: expected one long clip, got {len(job.action.videos)}")
     only = [job.action.videos[0].id]
-    folder, said = cut(workspace, job, only, f"{name or job.action.name}-repetitions", display)
-    return workspace.ready_job(str(folder), sets, display), said
+    folder, notes = cut(workspace, job, only, f"{name or job.action.name}-repetitions", display)
+    return workspace.ready_job(str(folder), sets, display), notes
 
 
 def _about(
@@ -127,25 +168,15 @@ def _about(
         raise WorkFailed(f"{STAGE}: {error}") from None
 
 
-def _write(
-    folder: Path, job: Job, keypoints: Keypoints, sync: Sync, display: Display
-) -> list[Path]:
+def _write(folder: Path, solved: SolvedSync, display: Display) -> list[Path]:
     from imocap_core.figures.style import quiet, save
     from imocap_core.figures.sync_picture import sync_picture
     from imocap_core.film.phase_bar import lock_step
     from imocap_core.io.video import write_h264
-    from imocap_core.io.writers.export_npz import write_sync
 
+    job, keypoints, sync = solved.job, solved.keypoints, solved.sync
     folder.mkdir(parents=True, exist_ok=True)
-    written = [
-        write_sync(
-            folder,
-            {v.id: v.frames for v in keypoints.videos},
-            {m.id: (m.reference_frame, m.confidence) for m in sync.maps},
-            sync.reference,
-            None if sync.trust is None else {v.id: v.phase_s for v in sync.trust.videos},
-        )
-    ]
+    written = [write_sync_table(folder, solved.values)]
     with quiet():
         reach_s = job.settings.params.sync.confidence_reach_s
         save(sync_picture(keypoints, sync, reach_s=reach_s), folder / PICTURE)

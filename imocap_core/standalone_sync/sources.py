@@ -1,4 +1,4 @@
-"""What `imocap sync` is given: keypoints, videos with keypoints, or both in one word."""
+"""The arguments of `imocap sync`: keypoints, videos with keypoints beside them, or both in one."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ BESIDE = ("{}", "{}_keypoints", "{}_json", "keypoints/{}", "../keypoints/{}")
 
 
 @dataclass(frozen=True)
-class Given:
-    """What the options say of every source, where the files don't."""
+class Declared:
+    """What is known of all sources, where files do not say it. size: width, height, pixels."""
 
     format: DetectionFormat | None = None
     layout: Layout | None = None
@@ -27,33 +27,33 @@ class Given:
 
 
 @dataclass(frozen=True)
-class Source:
-    """One video of the action to be: the film, or keypoints, or both."""
+class VideoSource:
+    """One video of the action to be made: the video file, or keypoints, or both."""
 
     video: Path | None
     keypoints: Path | None  # None: to be detected
 
     @property
     def stem(self) -> str:
-        """What it is called."""
+        """The name of its file."""
         if self.video is not None:
             return self.video.stem
         return self.keypoints.name if self.keypoints is not None else ""
 
 
-def sources_of(words: Sequence[str]) -> list[Source]:
+def sources_of(words: Sequence[str]) -> list[VideoSource]:
     """The videos and keypoints that the words name.
 
     A video beside which no keypoints lie has people detected in it. WrongUse when something is not
     there.
     """
-    found = []
+    sources = []
     for word in words:
         video, keypoints = _parts(word)
         if keypoints is None and video is not None:
             keypoints = _beside(video)
-        found.append(Source(video, keypoints))
-    return found
+        sources.append(VideoSource(video, keypoints))
+    return sources
 
 
 def _parts(word: str) -> tuple[Path | None, Path | None]:
@@ -82,7 +82,7 @@ def _beside(video: Path) -> Path | None:
     return next(iter([*folders, *(file for file in files if file.is_file())]), None)
 
 
-def labels(sources: Sequence[Source]) -> list[str]:
+def labels(sources: Sequence[VideoSource]) -> list[str]:
     """An id for each source: its name, or its number where that is no id or not unique."""
     names = [re.sub(r"[^A-Za-z0-9_.-]", "_", source.stem) for source in sources]
     unique = len(set(names)) == len(names) and all(re.match(r"[A-Za-z0-9_]", n) for n in names)

@@ -9,62 +9,56 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from jaxtyping import Float, Int
 
-from imocap_core.artifacts.schemas import VideoHands, VideoMotion
+from imocap_core.artifacts.schemas import VideoMotion
 from imocap_core.body import Model
 from imocap_core.body.conversions import pose_from_rotations, rotations_from_pose, smplh_from_smpl
-from imocap_core.camera.world import (
-    BodyMotion,
-    Extrinsics,
-    GroundAlignment,
-    align_motion_to_ground,
-    to_world,
-)
+from imocap_core.camera.world import BodyMotion, Extrinsics, to_world
 from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.result.camera import VideoCamera
+from imocap_core.result.video import VideoResult
 from imocap_core.viewer.block import Block, Entry, quantised
-
-Array = NDArray[np.float64]
 
 BONES = 4
 LIGHTNESS = {"skin": 1.0, "hair": 0.42, "shirt": 0.8, "trousers": 0.52, "shoes": 0.3}
-WRIST = 3 * SMPL_JOINTS.index("left_wrist")
+BODY_ANGLES = 3 * SMPL_JOINTS.index("left_hand")  # those that SMPL and SMPL+H share
 
 
-@dataclass(frozen=True)
-class Take:
-    """One video's answer in the level world. theta (T, 3 J) radians, trans (T, 3) metres."""
+@dataclass(frozen=True, eq=False)
+class ShownMotion:
+    """One motion of a video in the level world.
 
-    theta: Array
-    betas: Array
-    trans: Array
-    joints: Array  # (T, 24, 3) metres
-
-
-def take_of(
-    motion: VideoMotion,
-    camera: Extrinsics,
-    level: GroundAlignment,
-    hands: VideoHands | None,
-    fingers: bool,
-) -> Take:
-    """A video's motion in the level world; with `fingers` in SMPL+H's joints.
-
-    Without hands of its own, its fingers turn as SMPL's hand joints do.
+    theta (T, 3 J): axis-angle radians; J as the model's. betas (B,). trans (T, 3), joints
+    (T, 24, 3): metres.
     """
-    own = BodyMotion(motion.theta, motion.trans, motion.joints)
-    placed = align_motion_to_ground(to_world(own, camera), level)
-    theta = placed.theta
-    if fingers:
-        R_local = smplh_from_smpl(rotations_from_pose(torch.as_tensor(theta)))
-        theta = np.concatenate(
-            [theta[:, :66], pose_from_rotations(R_local)[:, 66:].numpy()], axis=1
-        )
-    if hands is not None:
-        theta = theta.copy()
-        theta[:, WRIST : WRIST + 6] = hands.wrists.reshape(len(theta), -1)
-        theta[:, 66:] = hands.fingers.reshape(len(theta), -1)
-    return Take(theta, motion.betas, placed.trans, placed.joints)
+
+    theta: Float[np.ndarray, "T P"]
+    betas: Float[np.ndarray, " B"]
+    trans: Float[np.ndarray, "T 3"]
+    joints: Float[np.ndarray, "T 24 3"]
+
+
+def final_motion(video: VideoResult, fingers: bool) -> ShownMotion:
+    """The motion of a levelled result; with `fingers` in SMPL+H's joints."""
+    theta = with_fingers(video.theta) if fingers and video.hands is None else video.poses
+    return ShownMotion(theta, video.betas, video.trans, video.body_joints)
+
+
+def monocular_motion(motion: VideoMotion, camera: VideoCamera, fingers: bool) -> ShownMotion:
+    """What a video alone says, placed by the final camera of a levelled result."""
+    placed = to_world(
+        BodyMotion(motion.theta, motion.trans, motion.joints), Extrinsics(camera.R, camera.t)
+    )
+    theta = with_fingers(placed.theta) if fingers else placed.theta
+    return ShownMotion(theta, motion.betas, placed.trans, placed.joints)
+
+
+def with_fingers(theta: Float[np.ndarray, "T 72"]) -> Float[np.ndarray, "T 156"]:
+    """SMPL's poses in SMPL+H's joints: fingers turn as SMPL's hand joints do."""
+    R_local = smplh_from_smpl(rotations_from_pose(torch.as_tensor(theta)))
+    fingers = pose_from_rotations(R_local)[:, BODY_ANGLES:].numpy()
+    return np.concatenate([theta[:, :BODY_ANGLES], fingers], axis=1)
 
 
 def model_entry(block: Block, model: Model) -> dict[str, object]:
@@ -80,16 +74,19 @@ def model_entry(block: Block, model: Model) -> dict[str, object]:
     }
 
 
-def strongest_bones(weights: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def strongest_bones(
+    weights: Float[np.ndarray, "V J"],
+) -> tuple[Int[np.ndarray, "V 4"], Int[np.ndarray, "V 4"]]:
     """The four strongest bones of each vertex, and their weights of 65535 together: (V, 4) each."""
     bones = np.argsort(-weights, axis=1, kind="stable")[:, :BONES]
-    kept = np.take_along_axis(weights, bones, axis=1)
-    whole = np.round(65535 * kept / kept.sum(axis=1, keepdims=True)).astype(np.int64)
+    strongest = np.take_along_axis(weights, bones, axis=1)
+    shares = strongest / strongest.sum(axis=1, keepdims=True)
+    whole = np.round(65535 * shares).astype(np.int64)
     whole[:, 0] += 65535 - whole.sum(axis=1)  # a sum off by one would move the body by its place
     return bones, whole
 
 
-def shades(model: Model) -> NDArray[np.int64]:
+def shades(model: Model) -> Int[np.ndarray, " V"]:
     """How light each vertex is, 0 to 255: the mean over its faces' parts."""
     if model.face_parts is None:
         return np.full(len(model.v_template), 200)
@@ -101,7 +98,9 @@ def shades(model: Model) -> NDArray[np.int64]:
     return np.round(255 * total / np.maximum(count, 1)).astype(np.int64)
 
 
-def shape_entry(block: Block, model: Model, betas: Array) -> dict[str, Entry | float]:
+def shape_entry(
+    block: Block, model: Model, betas: Float[np.ndarray, " B"]
+) -> dict[str, Entry | float]:
     """The rest surface and rest joints of one shape."""
     shaped = model.shape(torch.as_tensor(betas))
     rest, scale = quantised(shaped.vertices_rest.numpy())
@@ -112,6 +111,6 @@ def shape_entry(block: Block, model: Model, betas: Array) -> dict[str, Entry | f
     }
 
 
-def answer_entry(block: Block, take: Take) -> dict[str, Entry]:
-    """The poses of a take, frame by frame."""
-    return {"local": block.add(take.theta, "f4"), "trans": block.add(take.trans, "f4")}
+def motion_entry(block: Block, motion: ShownMotion) -> dict[str, Entry]:
+    """The poses of a motion, frame by frame."""
+    return {"local": block.add(motion.theta, "f4"), "trans": block.add(motion.trans, "f4")}

@@ -29,6 +29,8 @@ from imocap_core.body import load_free_body
 from imocap_core.body.conversions import rotations_from_pose
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.export.formats import Exported, export
+from imocap_core.library.result import Result
+from imocap_core.pipeline.action import Action
 
 K = np.array([[600.0, 0, 320], [0, 600, 180], [0, 0, 1]])
 LENGTHS = {"a": 31, "b": 21}
@@ -138,7 +140,10 @@ class Made:
     out: Path
 
     def export(self, format: str, up: str | None = None, time: str = "own") -> Exported:
-        return export(self.store, "walk", format, self.out, up, time)  # type: ignore[arg-type]
+        return export(self.result(), format, self.out, up, time)  # type: ignore[arg-type]
+
+    def result(self, folder: Path = Path()) -> Result:
+        return Result.of_action(self.store, Action(folder, "walk", ()))
 
     def publish(self, stage: str, artifact: Artifact) -> None:
         self.store.publish("walk", stage, self.store.put(stage, "k", artifact, {}, {}))

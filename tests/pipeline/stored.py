@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from imocap_core.artifacts.schemas import Evaluate, Hands, Table
+from imocap_core.artifacts.schemas import Evaluate, Hands, Keypoints, Table
 from imocap_core.artifacts.schemas.base import Artifact
 from imocap_core.artifacts.schemas.sync import SyncSummary
 from imocap_core.artifacts.store import Store
@@ -34,13 +34,19 @@ def stored_job(root: Path, made: Made, *, filmed: tuple[str, ...] = ()) -> Job:
             entry["video"] = f"{seen.id}.mp4"
         videos.append(entry)
     (folder / "action.yaml").write_text(yaml.safe_dump({"name": NAME, "videos": videos}))
-    put(root, made)
+    put(root, made, filmed)
     return Workspace(root).job(NAME, [])
 
 
-def put(root: Path, made: Made) -> None:
+def put(root: Path, made: Made, filmed: tuple[str, ...] = ()) -> None:
     """Every stage's artifact, made under the key `made`."""
     store = Store(root / "artifacts")
+    keypoints = Keypoints(
+        videos=[
+            v.model_copy(update={"video": f"{v.id}.mp4"}) if v.id in filmed else v
+            for v in made.keypoints.videos
+        ]
+    )
     pose = Table(
         name="summary",
         title="In short",
@@ -49,7 +55,7 @@ def put(root: Path, made: Made) -> None:
     )
     rounds = [r.model_copy(update={"sync": _summary(r.sync)}) for r in made.refined.rounds]
     parts: dict[str, tuple[Artifact, dict[str, bytes]]] = {
-        "keypoints": (made.keypoints, {}),
+        "keypoints": (keypoints, {}),
         "camera_motion": (made.camera_motion, {}),
         "initial_smpl": (made.initial, {}),
         "sync": (made.sync, {}),

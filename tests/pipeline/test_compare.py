@@ -12,8 +12,8 @@ import pytest
 from imocap_core.artifacts.schemas import RefineSync
 from imocap_core.compare.compare import describe, pair_of
 from imocap_core.compare.pair_report import write_pair
-from imocap_core.compare.report import mean_take, write_technique
-from imocap_core.compare.sources import gather, several, shared
+from imocap_core.compare.report import mean_clip, write_technique
+from imocap_core.compare.sources import compared_moments, performances_of, several
 from imocap_core.errors import WorkFailed
 from imocap_core.params import SyncParams
 from tests.pipeline.made_result import PHASES, Made, made_result, refined
@@ -40,7 +40,7 @@ def swung(found: RefineSync, degrees: float) -> RefineSync:
 
 def test_equal_performances(made: Made) -> None:
     """Filmed from two sides, at two frame rates: still one motion."""
-    found = describe(several(gather(made.store, "walk")))
+    found = describe(several(performances_of(made.result())))
     assert found.whole > 0.999
     assert np.nanmax(found.joint_mm) < 2.0  # what lies between frames
     assert len(found.instances.phase_s) == 28  # that both show
@@ -48,7 +48,7 @@ def test_equal_performances(made: Made) -> None:
 
 def test_a_performer_who_lifts_the_arm_more(made: Made) -> None:
     made.publish("refine_sync", swung(refined(PHASES), 10.0))
-    found = describe(gather(made.store, "walk"))
+    found = describe(performances_of(made.result()))
     by_joint = dict(zip(found.instances.joint_names, found.joint_deg, strict=True))
     assert by_joint["left_shoulder"] == pytest.approx(10 / np.sqrt(2), abs=0.2)
     assert max(d for name, d in by_joint.items() if name != "left_shoulder") < 0.5
@@ -61,7 +61,7 @@ def test_a_performer_who_lifts_the_arm_more(made: Made) -> None:
 
 def test_what_is_written(made: Made) -> None:
     made.publish("refine_sync", swung(refined(PHASES), 10.0))
-    found = describe(gather(made.store, "walk"))
+    found = describe(performances_of(made.result()))
     files = write_technique(made.out, found)
     assert [f.name for f in files] == [
         *("report.md", "joints.csv", "performances.csv", "mean.bvh"),
@@ -76,7 +76,7 @@ def test_what_is_written(made: Made) -> None:
     assert len(rows) == 28 * 22
     shoulder = [float(r["spread_deg"]) for r in rows if r["joint"] == "left_shoulder"]
     np.testing.assert_allclose(shoulder, 10 / np.sqrt(2), atol=0.3)
-    take = mean_take(found)
+    take = mean_clip(found)
     assert take.joints[..., 1].min() == pytest.approx(0.0, abs=0.02)
     head = take.joints[:, 15] - take.joints[:, 0]
     np.testing.assert_allclose(head[:, 1], found.mean.joints[:, 15, 1], atol=1e-3)
@@ -93,8 +93,8 @@ def test_two_actions_on_one_axis(made: Made, tmp_path: Path) -> None:
     videos[0] = videos[0].model_copy(update={"theta": theta})
     motion = lifted.motion.model_copy(update={"videos": videos})
     other.publish("refine_sync", lifted.model_copy(update={"motion": motion}))
-    first = gather(made.store, "walk")
-    second = gather(other.store, "walk", first.shaped)
+    first = performances_of(made.result())
+    second = performances_of(other.result(), first.shaped)
     pair = pair_of(describe(first), describe(second), SyncParams(), np.random.default_rng(0))
     assert len(pair.phase_s) > 10
     angle = np.median(pair.difference.angle_deg, axis=0)
@@ -108,15 +108,15 @@ def test_two_actions_on_one_axis(made: Made, tmp_path: Path) -> None:
 def test_which_moments_are_compared() -> None:
     inside = np.ones((3, 10), dtype=bool)
     inside[0, :2] = False
-    np.testing.assert_array_equal(shared(inside), inside[0])
+    np.testing.assert_array_equal(compared_moments(inside), inside[0])
     inside[0, :8] = False  # a short one does not cut the others down
-    np.testing.assert_array_equal(shared(inside), np.ones(10, dtype=bool))
+    np.testing.assert_array_equal(compared_moments(inside), np.ones(10, dtype=bool))
 
 
 def test_one_performance_has_no_spread(made: Made) -> None:
     alone = {"a": PHASES["a"], "b": np.full(21, np.nan)}
     made.publish("refine_sync", refined(alone))
-    found = gather(made.store, "walk")
+    found = performances_of(made.result())
     assert found.left_out == ("b: no place on the common axis",)
     with pytest.raises(WorkFailed, match="walk has one performance, and its spread needs two"):
         several(found)

@@ -26,8 +26,10 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.artifacts.store import Store
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WorkFailed
-from imocap_core.export.tables import export_npz
+from imocap_core.export.formats import export
 from imocap_core.io.estimators.smpl_npz import read_smpl_npz
+from imocap_core.library.result import Result
+from imocap_core.pipeline.action import Action
 
 LENGTHS = {"a": 30, "b": 20}
 FIRST = {"a": 100, "b": 7}  # source frame numbers start there
@@ -124,9 +126,16 @@ def store(tmp_path: Path) -> Store:
     return made
 
 
+def export_npz(store: Store, out: Path, up: str | None) -> list[Path]:
+    result = Result.of_action(store, Action(Path(), "walk", ()))
+    return export(result, "npz", out, up).files
+
+
 def test_what_lies_there(store: Store, tmp_path: Path) -> None:
-    written = export_npz(store, "walk", tmp_path / "out", None)
-    assert [f.name for f in written] == ["a.npz", "b.npz", "sync.csv", "cameras.json"]
+    written = export_npz(store, tmp_path / "out", None)
+    assert [f.name for f in written] == [
+        *("a.npz", "b.npz", "sync.csv", "cameras.json", "export_npz.json")
+    ]
     shapes = {
         "poses": (20, 72),
         "betas": (10,),
@@ -152,21 +161,21 @@ def test_what_lies_there(store: Store, tmp_path: Path) -> None:
 
 
 def test_both_videos_speak_of_one_world(store: Store, tmp_path: Path) -> None:
-    export_npz(store, "walk", tmp_path, None)
+    export_npz(store, tmp_path, None)
     a, b = (np.load(tmp_path / f"{v}.npz") for v in LENGTHS)
     np.testing.assert_allclose(a["joints"][:20], b["joints"], atol=1e-12)
     np.testing.assert_allclose(b["joints"] @ b["R"].T + b["t"], motion("b").joints, atol=1e-12)
 
 
 def test_our_own_reader_takes_it(store: Store, tmp_path: Path) -> None:
-    export_npz(store, "walk", tmp_path, None)
+    export_npz(store, tmp_path, None)
     read = read_smpl_npz(tmp_path / "b.npz", frames("b"))
     assert read.theta.shape == (20, 72)
     np.testing.assert_array_equal(read.R, R_B)
 
 
 def test_sync_speaks_in_source_frames(store: Store, tmp_path: Path) -> None:
-    export_npz(store, "walk", tmp_path, None)
+    export_npz(store, tmp_path, None)
     with (tmp_path / "sync.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     assert {row["video"] for row in rows} == {"b"}
@@ -182,7 +191,7 @@ def test_sync_speaks_in_source_frames(store: Store, tmp_path: Path) -> None:
 
 
 def test_cameras(store: Store, tmp_path: Path) -> None:
-    export_npz(store, "walk", tmp_path, None)
+    export_npz(store, tmp_path, None)
     content = json.loads((tmp_path / "cameras.json").read_text())
     assert content["reference"] == "a"
     assert content["cameras"]["b"]["size"] == [640, 360]
@@ -191,7 +200,7 @@ def test_cameras(store: Store, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("up", "axis"), [("y", 1), ("z", 2)])
 def test_level_stands_on_its_ground(store: Store, tmp_path: Path, up: str, axis: int) -> None:
-    export_npz(store, "walk", tmp_path, up)
+    export_npz(store, tmp_path, up)
     with np.load(tmp_path / "b.npz") as data:
         assert str(data["up_axis"]) == up
         names = list(data["joint_names"])
@@ -205,7 +214,7 @@ def test_level_stands_on_its_ground(store: Store, tmp_path: Path, up: str, axis:
 def test_what_is_missing_is_said(store: Store, tmp_path: Path) -> None:
     store.current("walk", "refine_sync").unlink()
     with pytest.raises(WorkFailed, match=r"walk has no refine_sync artifact yet; run it with"):
-        export_npz(store, "walk", tmp_path, None)
+        export_npz(store, tmp_path, None)
 
 
 def hands(video: str) -> VideoHands:
@@ -228,7 +237,7 @@ def test_hands_make_it_smplh(store: Store, tmp_path: Path, up: str | None) -> No
         videos=[hands(v) for v in LENGTHS], model="f", model_digest="d", size=1.0, status=""
     )
     store.publish("walk", "hands", store.put("hands", "k", found, {}, {}))
-    export_npz(store, "walk", tmp_path, up)
+    export_npz(store, tmp_path, up)
     with np.load(tmp_path / "b.npz") as data:
         assert data["joints"].shape == (20, 24, 3)
         assert data["poses_smplh"].shape == (20, 156)
@@ -244,6 +253,6 @@ def test_hands_make_it_smplh(store: Store, tmp_path: Path, up: str | None) -> No
 def test_without_hands_nothing_is_said_of_them(store: Store, tmp_path: Path) -> None:
     none = Hands(videos=[], model="", model_digest="", size=1.0, status="")
     store.publish("walk", "hands", store.put("hands", "k", none, {}, {}))
-    export_npz(store, "walk", tmp_path, None)
+    export_npz(store, tmp_path, None)
     with np.load(tmp_path / "a.npz") as data:
         assert not [name for name in data.files if "hand" in name or "smplh" in name]

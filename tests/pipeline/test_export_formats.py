@@ -20,11 +20,9 @@ from imocap_core.body.conversions import rotations_from_pose
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.export.clips import camera_of
-from imocap_core.export.common_time import on_common_time
 from imocap_core.export.formats import WRITERS, export, linear
-from imocap_core.export.sources import read_result
-from imocap_core.export.values import Time
 from imocap_core.io.video import write_h264
+from imocap_core.result.result import Time
 from tests.pipeline.made_result import (
     FPS,
     LENGTHS,
@@ -56,7 +54,7 @@ def test_every_format_writes_its_files_and_says_what_they_are(
     made: Made, format: str, time: str
 ) -> None:
     done = made.export(format, time=time)
-    assert done.said == []
+    assert done.notes == []
     assert all(f.stat().st_size > 100 for f in done.files)
     names = [f.name for f in done.files]
     assert names[-3:] == ["sync.csv", "cameras.json", f"export_{format}.json"]
@@ -104,16 +102,16 @@ def test_npz_through_smpl_gives_its_joints(made: Made, time: str) -> None:
 
 
 def test_a_cameras_turning_goes_with_it(made: Made) -> None:
-    result = read_result(made.store, "walk", "y")
-    b = result.performances[1]
+    result = made.result().levelled("y")
+    b = result["b"]
     camera = camera_of(b)
-    point = b.body.joints[20, 0]
-    first = b.pose.R @ point + b.pose.t
+    point = b.joints[20, 0]
+    first = b.camera.R @ point + b.camera.t
     in_frame = turned("b").R_first_from_frame[20].T @ first
     ours = camera.R_cam_from_world[20] @ (point - camera.centre)
     np.testing.assert_allclose(ours, in_frame, atol=1e-9)
-    assert len(camera_of(result.performances[0]).R_cam_from_world) == 1
-    common = camera_of(on_common_time(result).performances[1])
+    assert len(camera_of(result["a"]).R_cam_from_world) == 1
+    common = camera_of(result.on_common_time()["b"])
     np.testing.assert_allclose(
         common.R_cam_from_world[9], camera.R_cam_from_world[4], atol=1e-7
     )  # 0.3 s on the axis is its frame 4
@@ -123,7 +121,7 @@ def test_who_has_no_place_on_the_axis_is_left_out_and_named(made: Made) -> None:
     nowhere = {"a": PHASES["a"], "b": np.full(21, np.nan)}
     made.publish("refine_sync", refined(nowhere))
     done = made.export("bvh", time="common")
-    assert done.said == ["left out, as they have no place on the common axis: b"]
+    assert done.notes == ["left out, as they have no place on the common axis: b"]
     assert not (made.out / "b.bvh").exists()
     assert json.loads(done.files[-1].read_text())["left_out"] == ["b"]
     assert (made.out / "sync.csv").read_text().count("\nb,") == 21
@@ -146,7 +144,7 @@ def test_a_view_file_shows_the_frames_of_its_moments(made: Made, time: Time) -> 
     first, second = (keypoints(v) for v in LENGTHS)
     filmed = first.model_copy(update={"video": "a.mp4"})
     made.publish("keypoints", Keypoints(videos=[filmed, second]))
-    export(made.store, "walk", "mcap", made.out / "view", None, time, folder=made.out)
+    export(made.result(made.out), "mcap", made.out / "view", None, time)
     with (made.out / "view" / "walk.mcap").open("rb") as stream:
         messages = list(make_reader(stream).iter_messages(topics=["/a/camera/image"]))
     assert len(messages) == 31
@@ -158,7 +156,7 @@ def test_a_view_file_shows_the_frames_of_its_moments(made: Made, time: Time) -> 
         assert picture.mean() == pytest.approx(110 + number, abs=2.5)
     (made.out / "a.mp4").unlink()
     with pytest.raises(WorkFailed, match="there is no such video"):
-        export(made.store, "walk", "mcap", made.out / "view", None, time, folder=made.out)
+        export(made.result(made.out), "mcap", made.out / "view", None, time)
 
 
 def test_a_view_files_camera_zooms(made: Made) -> None:

@@ -11,6 +11,8 @@ from imocap_core.cli import main
 from imocap_core.errors import WorkFailed
 from imocap_core.film.action_films import films_of, write_films
 from imocap_core.io.video import probe
+from imocap_core.library.result import Result
+from imocap_core.pipeline.runner import Job
 from imocap_core.workspace import Workspace
 from tests.pipeline.stored import NAME, stored_job
 from tests.report.made import SIZE, Made
@@ -21,9 +23,13 @@ def made() -> Made:
     return Made()
 
 
+def result_of(job: Job) -> Result:
+    return Result.of_action(job.store, job.action)
+
+
 def test_films_are_written_whether_or_not_there_are_videos(made: Made, tmp_path: Path) -> None:
     job = stored_job(tmp_path, made, filmed=("v1",))
-    films = films_of(job, "both", mesh=True, result="final", opacity=0.7)
+    films = films_of(result_of(job), "both", mesh=True, motion="final", opacity=0.7)
     names = ["overlay_v1.mp4", "overlay_v2.mp4", "overlay_v3.mp4", "side_by_side.mp4"]
     assert [film.name for film in films] == names
     steps: list[tuple[str, int]] = []
@@ -42,14 +48,14 @@ def test_films_are_written_whether_or_not_there_are_videos(made: Made, tmp_path:
 
 def test_one_kind_alone_and_the_monocular_result(made: Made, tmp_path: Path) -> None:
     job = stored_job(tmp_path, made)
-    alone = films_of(job, "side-by-side", mesh=False, result="final", opacity=0.7)
+    alone = films_of(result_of(job), "side-by-side", mesh=False, motion="final", opacity=0.7)
     assert [film.name for film in alone] == ["side_by_side.mp4"]
-    bodies = films_of(job, "side-by-side", mesh=True, result="final", opacity=0.7)
+    bodies = films_of(result_of(job), "side-by-side", mesh=True, motion="final", opacity=0.7)
     with_body, without = next(bodies[0].frames()), next(alone[0].frames())
     assert (with_body != without).any(axis=2).mean() > 0.01
     assert np.ptp(without[60:-80].astype(int)) > 150  # keypoints on the neutral ground
-    overlays = films_of(job, "overlay", mesh=True, result="monocular", opacity=1.0)
-    final = films_of(job, "overlay", mesh=True, result="final", opacity=1.0)
+    overlays = films_of(result_of(job), "overlay", mesh=True, motion="monocular", opacity=1.0)
+    final = films_of(result_of(job), "overlay", mesh=True, motion="final", opacity=1.0)
     assert len(overlays) == 3
     first, last = next(overlays[0].frames()), next(final[0].frames())
     assert (first != last).any()
@@ -58,8 +64,8 @@ def test_one_kind_alone_and_the_monocular_result(made: Made, tmp_path: Path) -> 
 def test_an_action_that_has_not_run_is_named_with_the_remedy(made: Made, tmp_path: Path) -> None:
     job = stored_job(tmp_path, made)
     job.store.current(NAME, "refine_sync").unlink()
-    with pytest.raises(WorkFailed, match="no refine_sync artifact yet; make it with: imocap run"):
-        films_of(job, "both", mesh=True, result="final", opacity=0.7)
+    with pytest.raises(WorkFailed, match="no refine_sync artifact yet; run it with: imocap run"):
+        films_of(result_of(job), "both", mesh=True, motion="final", opacity=0.7)
 
 
 def test_an_artifact_of_another_version_is_named_in_one_line(made: Made, tmp_path: Path) -> None:
@@ -67,8 +73,8 @@ def test_an_artifact_of_another_version_is_named_in_one_line(made: Made, tmp_pat
     other = job.store.load(NAME, "keypoints")
     assert other is not None
     job.store.publish(NAME, "camera_motion", other)
-    with pytest.raises(WorkFailed, match=r"^camera_motion of waving .*imocap run waving$") as said:
-        films_of(job, "both", mesh=True, result="final", opacity=0.7)
+    with pytest.raises(WorkFailed, match=r"^camera_motion of waving: .*imocap run waving$") as said:
+        films_of(result_of(job), "both", mesh=True, motion="final", opacity=0.7)
     assert "\n" not in str(said.value)
 
 
@@ -76,7 +82,7 @@ def test_a_broken_video_is_named(made: Made, tmp_path: Path) -> None:
     stored_job(tmp_path, made, filmed=("v1",))
     (tmp_path / "actions" / NAME / "v1.mp4").write_bytes(b"no video")
     job = Workspace(tmp_path).job(NAME, [])
-    films = films_of(job, "overlay", mesh=True, result="final", opacity=0.7)
+    films = films_of(result_of(job), "overlay", mesh=True, motion="final", opacity=0.7)
     with pytest.raises(WorkFailed, match=r"v1\.mp4: is not a readable video"):
         write_films(films, tmp_path / "out", lambda film, done: None)
 

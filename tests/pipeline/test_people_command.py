@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imocap_core.cli.people_table import listing
 from imocap_core.errors import WorkFailed
+from imocap_core.library.tracked_people import people_of
 from imocap_core.pipeline.action import Action, Declaration
 from tests.pipeline.test_people import PARAMS
 
@@ -37,20 +37,21 @@ def job(folder: Path, **changes: Any) -> Any:
 
 
 def test_everybody_is_listed_the_performer_first(tmp_path: Path) -> None:
-    (video,) = listing(job(tmp_path))
-    assert [row[0] for row in video.rows] == ["1", "2"]
-    assert video.rows[0][1] == "4 to 19"
-    assert video.rows[0][3] == "1.00"
-    assert float(video.rows[1][3]) < 1
-    assert video.rows[0][4].endswith("in frame 12")
-    assert "2 people followed" in video.sentences[0]
+    (video,) = people_of(job(tmp_path))
+    first, second = video.tracks
+    assert (first.number, second.number) == (1, 2)
+    assert (first.first_frame, first.last_frame) == (4, 19)
+    assert first.score == 1
+    assert second.score < 1
+    assert first.box_frame == 12
+    assert "2 people followed" in video.notes[0]
 
 
 def test_a_name_from_the_list_is_taken(tmp_path: Path) -> None:
-    (video,) = listing(job(tmp_path, person={"track": 2}))
-    assert "track 2 is the performer as action.yaml declares" in video.sentences[0]
+    (video,) = people_of(job(tmp_path, person={"track": 2}))
+    assert "track 2 is the performer as action.yaml says" in video.notes[0]
 
 
 def test_bad_input_is_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(WorkFailed, match=r"videos\.v1\.person: track: expected 1 to 2, got 5"):
-        listing(job(tmp_path, person={"track": 5}))
+        people_of(job(tmp_path, person={"track": 5}))

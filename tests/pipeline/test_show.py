@@ -10,7 +10,7 @@ from rich.console import Console
 
 from imocap_core.artifacts.codec import Content
 from imocap_core.artifacts.store import Stored
-from imocap_core.cli.show import Terminal, reasons
+from imocap_core.library.terminal import Terminal, reasons
 from imocap_core.pipeline.runner import Outcome
 
 STORED = Stored(Path("sync.mcap"), Content("Sync", b"{}", {}))

@@ -114,7 +114,7 @@ def test_videos_with_keypoints_give_a_film_too(
         (["{in}/a", "--fps", "30", "--size", "big"], "--size big: expected width x height"),
         (["{in}/a", *KNOWN], "is one video: give two or more, or cut a long clip"),
         (["{in}/a", "{in}/b", *KNOWN, "--reference", "c"], "there is no such video; got a, b"),
-        (["{in}/a", "{in}/b", *KNOWN, "--name", "x/y"], "is no name for an action"),
+        (["{in}/a", "{in}/b", *KNOWN, "--name", "x/y"], "invalid action name 'x/y'"),
         (["{in}/a", "{in}/b", *KNOWN, "--name", "mine"], "there is another action mine"),
         (["{in}/a", "{in}/b", *KNOWN, "--repetitions"], "expected one long clip, got 2"),
         (["{in}/a", "{in}/b", *KNOWN, "--set", "sync.magic=1"], "sync.magic is no parameter"),
@@ -143,8 +143,8 @@ def test_videos_alone_go_to_the_detector(
     clips = [_video(tmp_path / f"{name}.mp4", 2) for name in ("a", "b")]
     assert run(*clips) == 1
     shown = capsys.readouterr()
-    assert "mediapipe 0.10.21 has not seen a" in shown.out
-    assert "IMOCAP_DETECT_PYTHON: there is no program" in shown.err
+    assert "a has no detections of mediapipe 0.10.21" in shown.out
+    assert "IMOCAP_DETECT_PYTHON: the program" in shown.err
     assert shown.err.count("\n") == 1
 
 
@@ -153,7 +153,7 @@ def test_keypoints_that_are_not_understood(run, tmp_path: Path, capsys: Capture)
     (tmp_path / "a" / "f0.json").write_text('{"people": [{"pose_keypoints_2d": [1, 2, 3]}]}')
     assert run(tmp_path / "a", *KNOWN) == 1
     said = capsys.readouterr().err
-    assert "points a person, got 1" in said
+    assert "points per person, got 1" in said
     assert said.count("\n") == 1
 
 
@@ -260,7 +260,7 @@ def test_a_declared_long_clip_is_cut_and_the_other_videos_stay(
         yaml.safe_dump(action | {"forbidden": [{"video": "other", "frames": [0, 2]}]})
     )
     assert run(folder, *QUICK) == 1
-    assert "anchors and forbidden spans speak of whole videos" in capsys.readouterr().err
+    assert "anchors and forbidden spans refer to whole videos" in capsys.readouterr().err
 
 
 def test_sizes_are_read() -> None:

@@ -110,7 +110,7 @@ def test_artifacts_of_other_frames_are_refused(
     store.publish("waving", "initial_smpl", store.put("initial_smpl", "short", initial, {}, {}))
     code, said = imocap("view", "waving")
     assert code == 1
-    assert "waving: its artifacts are of different frames; run it with: imocap run waving" in said
+    assert "waving: its artifacts are of different frames (initial_smpl of v1, v2); run" in said
     assert "Traceback" not in said
 
 

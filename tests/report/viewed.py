@@ -13,11 +13,14 @@ from typing import Any
 import numpy as np
 
 from imocap_core.artifacts.schemas import CameraMotion, Hands, Sync, VideoHands
-from imocap_core.body import Model, load_free_body
+from imocap_core.body import load_free_body
 from imocap_core.io.video import write_h264
+from imocap_core.result.artifacts import given_artifacts
+from imocap_core.result.read import read_result
+from imocap_core.result.result import ActionResult
 from imocap_core.viewer import html as viewer
 from imocap_core.viewer.block import Block, read_entry
-from imocap_core.viewer.scene import Artifacts, scene
+from imocap_core.viewer.scene import scene
 from tests.report.made import SIZE, Made
 
 
@@ -44,18 +47,28 @@ class Page:
         return read_entry(entry, self.data).reshape(shape)
 
 
-def artifacts(made: Made, hands: bool = False) -> Artifacts:
-    found = [_hands(made, v) for v in range(len(made.ids))] if hands else []
+def result_of(
+    made: Made,
+    hands: bool = False,
+    sync: Sync | None = None,
+    camera_motion: CameraMotion | None = None,
+    name: str = "waving",
+) -> ActionResult:
+    """The made scene as a result without files."""
     body = load_free_body(hands=True)
-    return Artifacts(
-        keypoints=made.keypoints,
-        camera_motion=made.camera_motion,
-        initial=made.initial,
-        refined=made.refined,
-        hands=Hands(
-            videos=found, model=body.name, model_digest=body.digest, size=1.0, status="made"
-        ),
+    videos = [_hands(made, v) for v in range(len(made.ids))] if hands else []
+    refined = made.refined
+    if sync is not None:
+        refined = refined.model_copy(update={"sync": sync})
+    artifacts = given_artifacts(
+        name,
+        made.keypoints,
+        camera_motion or made.camera_motion,
+        made.initial,
+        refined,
+        Hands(videos=videos, model=body.name, model_digest=body.digest, size=1.0, status="made"),
     )
+    return read_result(artifacts, ActionResult)
 
 
 def _hands(made: Made, v: int) -> VideoHands:
@@ -70,10 +83,6 @@ def _hands(made: Made, v: int) -> VideoHands:
     )
 
 
-def body_of(hands: bool) -> Model:
-    return load_free_body(hands=hands)
-
-
 def page_of(
     made: Made,
     name: str = "waving",
@@ -82,12 +91,9 @@ def page_of(
     sync: Sync | None = None,
     camera_motion: CameraMotion | None = None,
 ) -> Page:
-    block, shown = Block(), artifacts(made, hands)
-    if sync is not None:
-        shown = replace(shown, refined=made.refined.model_copy(update={"sync": sync}))
-    if camera_motion is not None:
-        shown = replace(shown, camera_motion=camera_motion)
-    header = scene(shown, body_of(hands), name, files or {}, block)
+    result, block = result_of(made, hands, sync, camera_motion, name), Block()
+    videos = tuple(replace(v, video=(files or {}).get(v.id)) for v in result.videos)
+    header = scene(replace(result, videos=videos), load_free_body(hands=hands), block)
     return Page(viewer.page(header, block, "0123abcd"))
 
 

@@ -1,10 +1,11 @@
-"""What `imocap people` lists: everybody tracked in each video of an action."""
+"""Everybody who was tracked in the videos of an action, from its detections."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from imocap_core.errors import WorkFailed
+from imocap_core.library.person_summary import PersonSummary, VideoPeople
 from imocap_core.people.tracking import PersonTrack, box_of
 from imocap_core.pipeline.runner import Job
 from imocap_core.problem.cuts import advice, cuts_of
@@ -12,16 +13,7 @@ from imocap_core.problem.detected_people import read_people
 from imocap_core.problem.tracked_people import TrackedVideo, choose_performers, track_people
 
 
-@dataclass(frozen=True)
-class VideoPeople:
-    """One video: a row per track (number, frames, presence, score, box), and sentences."""
-
-    id: str
-    rows: list[tuple[str, ...]]
-    sentences: list[str]
-
-
-def listing(job: Job) -> list[VideoPeople]:
+def people_of(job: Job) -> list[VideoPeople]:
     """Everybody in an action's videos; WorkFailed where these cannot be read."""
     action, params = job.action, job.settings.params.keypoints
     detected = []
@@ -37,24 +29,27 @@ def listing(job: Job) -> list[VideoPeople]:
         raise WorkFailed(str(error)) from None
     videos = []
     for video, performer in zip(detected, performers, strict=True):
-        sentences, people = [performer.note], video.people
+        notes, people = [performer.note], video.people
         if video.video is not None and params.cuts:
             cuts = cuts_of(video.video, people.frames, people.size)
-            sentences.append(advice(cuts, people.frames))
-        rows = [_row(n, s, t, people) for n, (s, t) in enumerate(people.ranked, start=1)]
-        videos.append(VideoPeople(people.id, rows, [each for each in sentences if each]))
+            notes.append(advice(cuts, people.frames))
+        tracks = [
+            _summary(number, score, track, people)
+            for number, (score, track) in enumerate(people.ranked, start=1)
+        ]
+        videos.append(VideoPeople(people.id, tracks, [note for note in notes if note]))
     return videos
 
 
-def _row(number: int, score: float, track: PersonTrack, people: TrackedVideo) -> tuple[str, ...]:
-    first, last = (int(people.frames[k]) for k in (track.frames[0], track.frames[-1]))
+def _summary(number: int, score: float, track: PersonTrack, people: TrackedVideo) -> PersonSummary:
     middle = len(track.frames) // 2
-    box = ", ".join(f"{value:.0f}" for value in box_of(track.poses[middle]))
-    share = len(track.frames) / len(people.people)
-    return (
-        str(number),
-        f"{first} to {last}",
-        f"{share:.0%}",
-        f"{score / people.ranked[0][0]:.2f}",
-        f"[{box}] in frame {int(people.frames[track.frames[middle]])}",
+    x0, y0, x1, y1 = (float(value) for value in box_of(track.poses[middle]))
+    return PersonSummary(
+        number=number,
+        first_frame=int(people.frames[track.frames[0]]),
+        last_frame=int(people.frames[track.frames[-1]]),
+        share=len(track.frames) / len(people.people),
+        score=score / people.ranked[0][0],
+        box_px=(x0, y0, x1, y1),
+        box_frame=int(people.frames[track.frames[middle]]),
     )

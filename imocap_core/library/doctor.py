@@ -1,4 +1,4 @@
-"""doctor: is everything there that the program needs, and does it work?"""
+"""Checks that everything the program needs is there and works."""
 
 from __future__ import annotations
 
@@ -20,18 +20,19 @@ NEEDED = ("torch", "numpy", "scipy", "opencv-python-headless", "av", "mcap", "pr
 
 
 @dataclass(frozen=True)
-class Finding:
-    """One thing that was looked at."""
+class Check:
+    """One thing that was checked: whether it works, and a sentence."""
 
-    well: bool
-    said: str
+    works: bool
+    sentence: str
 
 
-def examine(workspace: Workspace, models: Path | None = None) -> Iterator[Finding]:
-    """Look at each thing in turn; a broken one does not keep the next from being looked at.
+def examine(root: str | Path = ".", models: Path | None = None) -> Iterator[Check]:
+    """Check one thing after the other, also after one that does not work.
 
     models: the folder of the user's own body models.
     """
+    workspace = Workspace(Path(root))
     checks: tuple[Callable[[], str], ...] = (
         _python,
         _packages,
@@ -44,11 +45,11 @@ def examine(workspace: Workspace, models: Path | None = None) -> Iterator[Findin
     )
     for check in checks:
         try:
-            yield Finding(True, check())
+            yield Check(True, check())
         except WorkFailed as error:
-            yield Finding(False, str(error))
+            yield Check(False, str(error))
         except Exception as error:
-            yield Finding(False, f"{type(error).__name__}: {error}")
+            yield Check(False, f"{type(error).__name__}: {error}")
 
 
 def _python() -> str:
@@ -69,8 +70,8 @@ def _folder(workspace: Workspace) -> str:
 
 
 def _actions(workspace: Workspace) -> str:
-    found = {p.parent.name for p in (workspace.root / "actions").glob("*/action.yaml")}
-    return f"actions: {', '.join(sorted({*found, *BUILT_IN}))}"
+    named = {p.parent.name for p in (workspace.root / "actions").glob("*/action.yaml")}
+    return f"actions: {', '.join(sorted({*named, *BUILT_IN}))}"
 
 
 def _body() -> str:
@@ -81,7 +82,7 @@ def _body() -> str:
 
 
 def _own_bodies(folder: Path | None) -> list[Callable[[], str]]:
-    """A check for each official body model; an absent one is well, an unreadable one is not."""
+    """A check for each official body model; an absent one is fine, an unreadable one is not."""
     from imocap_core.body import model_status
 
     return [

@@ -1,0 +1,196 @@
+"""What is made of an action's results: exports, films, the viewer, the report, comparisons."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.library.door import plain_errors
+from imocap_core.library.result import Result, html_file
+from imocap_core.pipeline.runner import Job
+from imocap_core.result.artifacts import artifacts_in_store
+from imocap_core.result.result import Time
+from imocap_core.workspace import Workspace
+
+if TYPE_CHECKING:
+    from imocap_core.compare.compare import Technique, TechniquePair
+    from imocap_core.export.formats import Exported
+    from imocap_core.film.action_films import Film, FilmKind, MotionKind
+
+FILMS, COMPARE = "videos", "compare"
+
+
+@dataclass(frozen=True)
+class Viewer:
+    """What there is to look at of an action.
+
+    report: the page of its report; None when it has none. file: the viewer; None when the action
+    lacks results for one. written: False when the file was up to date.
+    """
+
+    action: str
+    report: Path | None
+    file: Path | None
+    written: bool
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """How the performances of an action differ, or two actions; and the files that say so."""
+
+    technique: Technique | None
+    pair: TechniquePair | None
+    files: list[Path]
+
+
+def result_of(action: str | Path, root: str | Path = ".") -> Result:
+    """The current result of an action, by its name or folder."""
+    job = _job(action, root)
+    return Result.of_action(job.store, job.action)
+
+
+@plain_errors
+def export(
+    action: str | Path,
+    out: str | Path,
+    *,
+    format: str = "npz",
+    up: str | None = None,
+    time: Time = "own",
+    root: str | Path = ".",
+) -> Exported:
+    """Write an action's motion, cameras and correspondences; arguments as of `Result.export`."""
+    from imocap_core.export.formats import check_format
+    from imocap_core.export.formats import export as write
+
+    check_format(format, up)
+    return write(result_of(action, root), format, Path(out), up, time)
+
+
+@plain_errors
+def films(
+    action: str | Path,
+    *,
+    kind: FilmKind = "both",
+    mesh: bool = True,
+    motion: MotionKind = "final",
+    opacity: float = 0.75,
+    root: str | Path = ".",
+) -> tuple[list[Film], Path]:
+    """The films of an action, to be written by `write_films`, and the usual folder for them."""
+    from imocap_core.film.action_films import films_of
+
+    result, job = result_of(action, root), _job(action, root)
+    made = films_of(result, kind, mesh=mesh, motion=motion, opacity=opacity)
+    return made, job.store.folder / job.action.name / FILMS
+
+
+@plain_errors
+def write_films(
+    films: Sequence[Film], folder: str | Path, advance: Callable[[Film, int], None]
+) -> list[Path]:
+    """Write films; `advance(film, frames done)` is called after each frame."""
+    from imocap_core.film.action_films import write_films as write
+
+    return write(films, Path(folder), advance)
+
+
+@plain_errors
+def view(
+    action: str | Path,
+    out: str | Path | None = None,
+    *,
+    root: str | Path = ".",
+    progress: Callable[[float, str], None] = lambda share, what: None,
+) -> Viewer:
+    """Write the viewer of an action, one HTML file that needs nothing else.
+
+    Args:
+        out: the .html file; else viewer.html in its report.
+        progress: a function of (share, text).
+    """
+    from imocap_core.viewer.page import FILE_NAME, can_be_viewed, write_viewer
+
+    job = _job(action, root)
+    name, page = job.action.name, report_page(job)
+    file = job.store.report(name) / FILE_NAME if out is None else html_file(out)
+    possible = can_be_viewed(job.store, name)
+    if page is None and not possible:
+        raise WorkFailed(f"{action} has no report yet; make one with: imocap run {action}")
+    if out is None and not possible:
+        return Viewer(name, page, None, False)
+    written = write_viewer(Result.of_action(job.store, job.action), file, progress)
+    return Viewer(name, page, file, written)
+
+
+@plain_errors
+def report(action: str | Path, *, root: str | Path = ".") -> Path:
+    """Make the page of an action from its results; its path."""
+    from imocap_core.report.action_report import NEEDED, bring_up_to_date, complete
+
+    job = _job(action, root)
+    artifacts = artifacts_in_store(job.store, job.action.name, job.action.folder)
+    every = {stage: artifacts.stored(stage) for stage in job.pipeline.stages}
+    stored = {stage: artifact for stage, artifact in every.items() if artifact is not None}
+    if not complete(stored):
+        missing = ", ".join(stage for stage in NEEDED if stage not in stored) or "its stages"
+        raise WorkFailed(
+            f"{action}: the results of {missing} are missing; make them with: imocap run {action}"
+        )
+    return bring_up_to_date(job, stored)
+
+
+@plain_errors
+def compare(
+    action: str | Path,
+    second: str | Path | None = None,
+    *,
+    out: str | Path | None = None,
+    root: str | Path = ".",
+) -> Comparison:
+    """Technique: what performances of an action share and how they differ; or two performers.
+
+    Args:
+        second: another performer of the action.
+        out: folder to write to; else artifacts/ACTION/report/compare.
+    """
+    import numpy as np
+
+    from imocap_core.compare.compare import describe, pair_of
+    from imocap_core.compare.pair_report import write_pair
+    from imocap_core.compare.report import write_technique
+    from imocap_core.compare.sources import performances_of, several
+
+    job = _job(action, root)
+    name = job.action.name
+    folder = job.store.report(name) / COMPARE if out is None else Path(out)
+    first = performances_of(result_of(action, root))
+    if second is None:
+        technique = describe(several(first))
+        return Comparison(technique, None, write_technique(folder, technique))
+    other = _job(second, root).action.name
+    if other == name:
+        raise WrongUse(f"{name} and {second} are one action; leave the second out")
+    pair = pair_of(
+        describe(first),
+        describe(performances_of(result_of(second, root), first.shaped)),
+        job.settings.params.sync,
+        np.random.default_rng(job.settings.seed),
+    )
+    return Comparison(None, pair, write_pair(folder if out else folder / other, pair))
+
+
+def report_page(job: Job) -> Path | None:
+    """The page of an action's report to open first; the folder itself when it has none."""
+    folder = job.store.report(job.action.name)
+    for name in ("report.html", "index.html", "report.md", "index.md"):
+        if (folder / name).is_file():
+            return folder / name
+    return folder if folder.is_dir() else None
+
+
+def _job(action: str | Path, root: str | Path) -> Job:
+    return Workspace(Path(root)).job(str(action), [])

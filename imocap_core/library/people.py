@@ -1,0 +1,59 @@
+"""Everybody who was tracked in the videos of an action, and how people are detected in them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from imocap_core.library.door import plain_errors
+from imocap_core.library.person_summary import VideoPeople
+from imocap_core.library.progress import Progress, displaying
+from imocap_core.library.running import Params, one_off
+from imocap_core.workspace import Workspace
+
+
+@plain_errors
+def people(
+    action: str | Path, *, root: str | Path = ".", params: Params = None, progress: Progress = None
+) -> list[VideoPeople]:
+    """Everybody who was tracked in an action's videos, and cuts between shots.
+
+    WorkFailed where detections or videos cannot be read.
+    """
+    from imocap_core.library.tracked_people import people_of
+
+    with displaying(progress) as display:
+        return people_of(Workspace(Path(root)).ready_job(str(action), one_off(params), display))
+
+
+@plain_errors
+def detect(
+    action: str | Path, *, root: str | Path = ".", params: Params = None, progress: Progress = None
+) -> dict[str, Path]:
+    """Detect people in the videos of an action that say `keypoints: detect`, and nothing more.
+
+    Returns the files of keypoints, by video.
+    """
+    with displaying(progress) as display:
+        job = Workspace(Path(root)).ready_job(str(action), one_off(params), display)
+    return dict(job.action.detected)
+
+
+@plain_errors
+def set_up_detector(
+    *, root: str | Path = ".", params: Params = None, progress: Progress = None
+) -> tuple[str, Path]:
+    """Make the environment of the detector in force; its name and version, and its Python."""
+    from imocap_core.detect.detectors import detector_of
+    from imocap_core.detect.environment import python_for
+    from imocap_core.pipeline.graph import settings
+
+    workspace = Workspace(Path(root))
+    pipeline = workspace.pipeline()
+    chosen = settings(pipeline, {}, pipeline.file, one_off(params)).params
+    detector = detector_of(chosen.detect, workspace.root)
+    with displaying(progress) as display:
+        display.started("detect", [f"{detector.version} needs an environment of its own"])
+        python = python_for(
+            detector.packages, workspace.root, lambda what: display.progress(0.0, what)
+        )
+    return detector.version, Path(python)

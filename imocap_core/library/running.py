@@ -1,0 +1,209 @@
+"""Running an action: all of it, or one stage; what is cached and why something would run."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from imocap_core.errors import WrongUse
+from imocap_core.library.door import plain_errors
+from imocap_core.library.new_action import action_of_videos
+from imocap_core.library.progress import Progress, displaying
+from imocap_core.library.result import MotionStage, Result
+from imocap_core.pipeline import runner
+from imocap_core.pipeline.keys import Recipe
+from imocap_core.pipeline.runner import Job, Outcome, Standing
+from imocap_core.workspace import Workspace
+
+Params = Mapping[str, Any] | Sequence[str] | None
+"""One-off parameters: {"sync": {"max_rate": 8}}, {"sync.max_rate": 8} or ["sync.max_rate=8"]."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a run did: its job, how each stage came to its artifact, sentences for the user."""
+
+    job: Job
+    outcomes: list[Outcome]
+    notes: list[str]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Everything that a stage's result depends on.
+
+    missing: inputs that have not been made yet; then there is no recipe.
+    """
+
+    standing: Standing
+    missing: list[str]
+    recipe: Recipe | None
+
+
+@plain_errors
+def run(
+    action: str | Path | None = None,
+    *,
+    videos: Sequence[str | Path] | None = None,
+    name: str | None = None,
+    root: str | Path = ".",
+    params: Params = None,
+    force: bool = False,
+    until: str | None = None,
+    progress: Progress = None,
+) -> Result:
+    """Capture an action: run every stage that has changed since the last run, to the report.
+
+    While stages run, PyTorch computes with one thread in this process and, on Linux, freed memory
+    is kept for later arrays (`imocap_core.process.configure_process`); both stay so afterwards.
+    Importing imocap changes neither.
+
+    Args:
+        action: its name below root/actions, the path of its folder, or a built-in one (yoga,
+            taichi).
+        videos: instead of an action, the video files of one; root/actions/NAME/action.yaml is
+            made, in which people are detected.
+        name: of the action made of `videos`; else one after their files.
+        root: the working folder, with actions/ and artifacts/.
+        params: one-off parameters, as {"sync": {"max_rate": 8}} or {"sync.max_rate": 8}; their
+            names, units and defaults are those of pipeline.yaml.
+        force: run what is cached too.
+        until: stop after this stage: smpl_ba, refine_sync, or one that needs one of them.
+        progress: a function of (stage, share, text), True for a bar on the terminal, None for
+            silence.
+
+    Returns:
+        The result in the reference camera's axes.
+
+    Raises:
+        WrongUse: no such action, stage or parameter.
+        WorkFailed: a stage could not do its work; what was finished stays.
+    """
+    if (action is None) == (videos is None):
+        raise WrongUse("expected an action or videos=[...], one of them")
+    if videos is not None:
+        action = action_of_videos(Path(root), name, [Path(video) for video in videos])
+    assert action is not None
+    motion_stage = _motion_stage(Workspace(Path(root)), until)
+    done = run_action(action, root=root, params=params, force=force, until=until, progress=progress)
+    stored = {outcome.stage: outcome.stored for outcome in done.outcomes}
+    return Result.of_stages(done.job.action, stored, motion_stage)
+
+
+@plain_errors
+def run_action(
+    action: str | Path,
+    *,
+    root: str | Path = ".",
+    params: Params = None,
+    force: bool = False,
+    until: str | None = None,
+    progress: Progress = None,
+) -> Run:
+    """Run every stage of an action that has changed, to its report; arguments as of `run`."""
+    from imocap_core.report.action_report import finish
+    from imocap_core.standalone_sync.repetitions import job_in_parts
+
+    with displaying(progress) as display:
+        began = time.perf_counter()
+        workspace = Workspace(Path(root))
+        job, notes = job_in_parts(workspace, str(action), one_off(params), display)
+        stages = list(job.pipeline.stages) if until is None else _upstream(job, until)
+        outcomes = runner.run(job, display, stages, frozenset(stages if force else []))
+        finish(job, outcomes)
+    return Run(job, outcomes, notes, time.perf_counter() - began)
+
+
+@plain_errors
+def run_stage(
+    name: str,
+    action: str | Path,
+    *,
+    root: str | Path = ".",
+    params: Params = None,
+    force: bool = False,
+    progress: Progress = None,
+) -> Run:
+    """Run one stage (and what it needs, where that is not cached); arguments as of `run`."""
+    from imocap_core.report.action_report import finish
+
+    with displaying(progress) as display:
+        began = time.perf_counter()
+        job = Workspace(Path(root)).ready_job(str(action), one_off(params), display)
+        outcomes = runner.run(job, display, _upstream(job, name), frozenset([name] * force))
+        finish(job, outcomes)
+    return Run(job, outcomes, [], time.perf_counter() - began)
+
+
+@plain_errors
+def status(action: str | Path, *, root: str | Path = ".", params: Params = None) -> list[Standing]:
+    """For every stage whether its result is cached, and if not, why it would run."""
+    return list(runner.standings(Workspace(Path(root)).job(str(action), one_off(params))))
+
+
+@plain_errors
+def explain(
+    action: str | Path, stage: str, *, root: str | Path = ".", params: Params = None
+) -> Explanation:
+    """Everything that a stage's result depends on, and what has changed since it was made."""
+    job = Workspace(Path(root)).job(str(action), one_off(params))
+    _upstream(job, stage)
+    done = {}
+    for standing in runner.standings(job):
+        if standing.stage == stage:
+            break
+        if standing.stored is not None:
+            done[standing.stage] = standing.stored
+    missing = [name for name in job.pipeline.stages[stage].inputs if name not in done]
+    return Explanation(standing, missing, None if missing else job.recipe(stage, done))
+
+
+def one_off(params: Params) -> list[str]:
+    """Parameters as the command line's `--set` takes them: group.name=value."""
+    if params is None:
+        return []
+    if not isinstance(params, Mapping):
+        return list(params)
+    texts = []
+    for key, value in params.items():
+        nested = value.items() if isinstance(value, Mapping) and "." not in key else None
+        pairs = [(key, value)] if nested is None else [(f"{key}.{n}", v) for n, v in nested]
+        texts += [f"{path}={_yaml(path, content)}" for path, content in pairs]
+    return texts
+
+
+def _yaml(path: str, value: Any) -> str:
+    try:
+        return json.dumps(value)
+    except TypeError:
+        raise WrongUse(
+            f"params: {path}: expected numbers, words, lists or mappings, "
+            f"got {type(value).__name__}"
+        ) from None
+
+
+def _upstream(job: Job, stage: str) -> list[str]:
+    if stage not in job.pipeline.stages:
+        raise WrongUse(f"no stage {stage!r}; there are: {', '.join(job.pipeline.stages)}")
+    return job.pipeline.upstream(stage)
+
+
+def _motion_stage(workspace: Workspace, until: str | None) -> MotionStage:
+    """The last stage with a motion of all videos that a run goes through."""
+    pipeline = workspace.pipeline()
+    if until is not None and until not in pipeline.stages:
+        raise WrongUse(f"no stage {until!r}; there are: {', '.join(pipeline.stages)}")
+    stages = list(pipeline.stages) if until is None else pipeline.upstream(until)
+    if "refine_sync" in stages:
+        return "refine_sync"
+    if "smpl_ba" in stages:
+        return "smpl_ba"
+    raise WrongUse(
+        f"until: expected a stage whose result has the motion of all videos (smpl_ba, refine_sync "
+        f"or a later one), got {until}; run_stage({until!r}, ...) runs it alone"
+    )

@@ -1,0 +1,105 @@
+"""The artifacts of one action, read and decoded when they are first asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TypeVar
+
+from imocap_core.artifacts.codec import ArtifactCorrupt
+from imocap_core.artifacts.schemas import (
+    CameraMotion,
+    Evaluate,
+    Hands,
+    InitialSmpl,
+    Keypoints,
+    RefineSync,
+    SmplBa,
+    Sync,
+    Uncertainty,
+)
+from imocap_core.artifacts.schemas.base import Artifact
+from imocap_core.artifacts.store import Store, Stored
+from imocap_core.errors import WorkFailed
+
+STAGE_OF: Mapping[type[Artifact], str] = {
+    Keypoints: "keypoints",
+    CameraMotion: "camera_motion",
+    InitialSmpl: "initial_smpl",
+    Sync: "sync",
+    SmplBa: "smpl_ba",
+    RefineSync: "refine_sync",
+    Uncertainty: "uncertainty",
+    Hands: "hands",
+    Evaluate: "evaluate",
+}
+Kind = TypeVar("Kind", bound=Artifact)
+
+
+class Artifacts:
+    """What the stages of one action gave.
+
+    Args:
+        action: its name.
+        read: gives a stage's artifact from a store, or None when that stage has not run.
+        advice: ends messages, as in "run it with: imocap run yoga".
+    """
+
+    def __init__(self, action: str, read: Callable[[str], Stored | None], advice: str) -> None:
+        self.action, self.advice = action, advice
+        self._read = read
+        self._stored: dict[str, Stored | None] = {}
+        self._decoded: dict[type[Artifact], Artifact] = {}
+
+    def get(self, kind: type[Kind]) -> Kind:
+        """The artifact of a class, as in get(Keypoints). WorkFailed when missing or damaged."""
+        artifact = self.find(kind)
+        if artifact is None:
+            raise WorkFailed(f"{self.action} has no {STAGE_OF[kind]} artifact yet; {self.advice}")
+        return artifact
+
+    def find(self, kind: type[Kind]) -> Kind | None:
+        """The artifact of a class; None when its stage has not run. WorkFailed when damaged."""
+        if kind not in self._decoded:
+            stage = STAGE_OF[kind]
+            stored = self.stored(stage)
+            if stored is None:
+                return None
+            try:
+                self._decoded[kind] = stored.decode(kind)
+            except ArtifactCorrupt as error:
+                raise WorkFailed(self._damaged(stage, error)) from None
+        artifact = self._decoded[kind]
+        assert isinstance(artifact, kind)
+        return artifact
+
+    def stored(self, stage: str) -> Stored | None:
+        """A stage's artifact before decoding; None when the stage has not run."""
+        if stage not in self._stored:
+            try:
+                self._stored[stage] = self._read(stage)
+            except ArtifactCorrupt as error:
+                raise WorkFailed(self._damaged(stage, error)) from None
+        return self._stored[stage]
+
+    def _damaged(self, stage: str, error: ArtifactCorrupt) -> str:
+        return f"{stage} of {self.action}: {str(error).splitlines()[0]}; {self.advice}"
+
+
+def artifacts_in_store(store: Store, action: str, folder: Path | None = None) -> Artifacts:
+    """The current artifacts of an action; `folder`: of its action.yaml, when that is known."""
+    by_name = folder is None or folder.parent.name == "actions"
+    advice = f"run it with: imocap run {action if by_name else folder}"
+    return Artifacts(action, lambda stage: store.load(action, stage), advice)
+
+
+def artifacts_of_stages(action: str, stored: Mapping[str, Stored]) -> Artifacts:
+    """The artifacts of the stages that have just run (or were cached), by stage."""
+    return Artifacts(action, stored.get, f"run it with: imocap run {action}")
+
+
+def given_artifacts(action: str, *artifacts: Artifact) -> Artifacts:
+    """Artifacts that are at hand as values."""
+    values = Artifacts(action, lambda stage: None, f"run it with: imocap run {action}")
+    values._decoded.update({type(artifact): artifact for artifact in artifacts})
+    return values

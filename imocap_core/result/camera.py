@@ -1,0 +1,87 @@
+"""The camera of one video: where it stands, how it turns and zooms, and what it sees."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from imocap_core.camera.projection import camera_from_world
+
+STILL = 1e-9  # a camera whose rotations differ by less is static
+
+
+@dataclass(frozen=True, eq=False)
+class VideoCamera:
+    """A pinhole camera on one spot, which may turn and zoom; OpenCV's axes (x right, y down, z
+    forward), pixels, metres, no lens distortion.
+
+    Attributes:
+        id: the video.
+        size: width and height of the picture, pixels.
+        K: intrinsics (3, 3) of the first used frame, pixels.
+        R, t: camera from world in the first used frame: x_cam = R x_world + t, t in metres.
+        R_first_from_frame: (T, 3, 3) rotation from each frame's camera axes to the first frame's.
+        zoom: (T,) focal length of each frame over the first frame's.
+        H_first_from_frame: (T, 3, 3) homographies from each frame's pixels to the first frame's,
+            as they were measured on the background.
+    """
+
+    id: str
+    size: tuple[int, int]
+    K: Float[np.ndarray, "3 3"]
+    R: Float[np.ndarray, "3 3"]
+    t: Float[np.ndarray, " 3"]
+    R_first_from_frame: Float[np.ndarray, "T 3 3"]
+    zoom: Float[np.ndarray, " T"]
+    H_first_from_frame: Float[np.ndarray, "T 3 3"]
+
+    @property
+    def is_static(self) -> bool:
+        """Whether the camera neither turns nor zooms."""
+        turned = np.abs(self.R_first_from_frame - np.eye(3)).max() > STILL
+        return not turned and float(np.ptp(self.zoom)) <= STILL
+
+    @property
+    def centre(self) -> Float[np.ndarray, " 3"]:
+        """Position of the camera in the world, metres."""
+        return -self.R.T @ self.t
+
+    @property
+    def K_per_frame(self) -> Float[np.ndarray, "T 3 3"]:
+        """Intrinsics of every used frame, pixels."""
+        from imocap_core.camera.zooming import lens_of
+
+        return lens_of(self.K, self.zoom)
+
+    @property
+    def R_per_frame(self) -> Float[np.ndarray, "T 3 3"]:
+        """Rotation camera from world of every used frame."""
+        return self.R_first_from_frame.swapaxes(1, 2) @ self.R
+
+    @property
+    def P_frame_from_first(self) -> Float[np.ndarray, "T 3 3"]:
+        """From metres in the first frame's camera axes to homogeneous pixels of every frame:
+        H_first_from_frame^-1 K, scaled so that the third coordinate is the depth for a camera
+        that turns on the spot."""
+        H_frame_from_first = np.linalg.inv(self.H_first_from_frame)
+        scale = np.cbrt(np.linalg.det(H_frame_from_first))[:, None, None]
+        return np.asarray(H_frame_from_first / scale @ self.K)
+
+    def project(
+        self, points_m: Float[np.ndarray, "... 3"], index: Int[np.ndarray, " F"] | None = None
+    ) -> Float[np.ndarray, "F N 2"]:
+        """Pixels of world points in every used frame, or in the used frames `index`.
+
+        Args:
+            points_m: (N, 3) metres, the same points for all frames, or (F, N, 3), those of each.
+            index: (F,) positions among the used frames; all T of them when left out.
+
+        NaN for points not in front of the camera.
+        """
+        P = self.P_frame_from_first if index is None else self.P_frame_from_first[index]
+        ahead = camera_from_world(points_m, self.R, self.t)
+        homogeneous = np.broadcast_to(ahead, (len(P), *ahead.shape[-2:])) @ P.swapaxes(1, 2)
+        depth = np.where(homogeneous[..., 2:] > 0, homogeneous[..., 2:], np.nan)
+        return np.asarray(homogeneous[..., :2] / depth)

@@ -1,0 +1,200 @@
+"""What a run gave for one video: motion, camera, time and uncertainty as arrays.
+
+Indices: T used frames, J joints (24 of SMPL, or 52 of SMPL+H where the video has hands).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from imocap_core.artifacts.schemas import VideoKeypoints
+from imocap_core.conventions import SMPL_JOINTS, SMPLH_JOINTS
+from imocap_core.errors import WrongUse
+from imocap_core.result.camera import VideoCamera
+from imocap_core.result.synchronisation import Matches, Synchronisation
+
+WRISTS = SMPL_JOINTS.index("left_wrist")  # the right one follows; then joints that hands replace
+
+
+@dataclass(frozen=True, eq=False)
+class HandMotion:
+    """Hands of one video, left then right.
+
+    wrists (T, 2, 3), fingers (T, 2, 15, 3): axis-angle radians against the joint before, in
+    SMPL+H's order. points (T, 2, 21, 3): OpenPose's 21 points, world, metres. visible (T, 2): False
+    where no keypoints were used.
+    """
+
+    wrists: Float[np.ndarray, "T 2 3"]
+    fingers: Float[np.ndarray, "T 2 15 3"]
+    points: Float[np.ndarray, "T 2 21 3"]
+    visible: Bool[np.ndarray, "T 2"]
+
+
+@dataclass(frozen=True, eq=False)
+class JointUncertainty:
+    """Standard deviations of one video's joints about the middle of the hips.
+
+    sigma_mm (T, 24): root of the covariance's trace. covariance_mm2 (T, 24, 3, 3): in the axes of
+    the camera's first used frame. NaN where unknown.
+    """
+
+    sigma_mm: Float[np.ndarray, "T 24"]
+    covariance_mm2: Float[np.ndarray, "T 24 3 3"]
+
+
+@dataclass(frozen=True, eq=False)
+class VideoMoment:
+    """What one video shows of a moment.
+
+    index: fractional position among its used frames. frame: fractional source frame number.
+    time_s: seconds from the beginning of the file. joints (J, 3): world, metres. confidence: 0
+    to 1.
+    """
+
+    index: float
+    frame: float
+    time_s: float
+    joints: Float[np.ndarray, "J 3"]
+    confidence: float
+
+
+@dataclass(frozen=True, eq=False)
+class VideoResult:
+    """One video of a result, in the result's world.
+
+    Attributes:
+        id: the video. action: the action that it belongs to.
+        keypoints: its 2D detections: xy_px (T, K, 2), confidence (T, K), layout, size, fps.
+        video: the file; None where action.yaml names none or it is not there.
+        camera: where it was filmed from (`VideoCamera`).
+        fps: frames per second of the arrays here.
+        frames: (T,) source frame numbers; fractional on the common time axis.
+        inside: (T,) False where the video does not show the moment and its nearest end stands in.
+        phase_s: (T,) place on the common time axis, seconds of the reference; NaN unknown.
+        confidence: (T,) 0 to 1, of every frame's match with the reference video.
+        theta: (T, 72) axis-angle radians, SMPL's 24 joints; the first turns the body in the world.
+        betas: (10,) shape coefficients of the body model.
+        trans: (T, 3) metres, SMPL's translation (as in smplx).
+        body_joints: (T, 24, 3) SMPL's joints, world, metres.
+        hands: fingers and wrists; None where the keypoints have no hands.
+        reprojection_px: (T,) mean distance of the projected keypoints from the detected ones.
+        joint_uncertainty: None where the stage `uncertainty` has not run.
+        sync: the synchronisation of all videos.
+        model: name and digest of the body model.
+    """
+
+    id: str
+    action: str
+    keypoints: VideoKeypoints
+    video: Path | None
+    camera: VideoCamera
+    fps: float
+    frames: Int[np.ndarray, " T"] | Float[np.ndarray, " T"]
+    inside: Bool[np.ndarray, " T"]
+    phase_s: Float[np.ndarray, " T"]
+    confidence: Float[np.ndarray, " T"]
+    theta: Float[np.ndarray, "T 72"]
+    betas: Float[np.ndarray, " 10"]
+    trans: Float[np.ndarray, "T 3"]
+    body_joints: Float[np.ndarray, "T 24 3"]
+    hands: HandMotion | None
+    reprojection_px: Float[np.ndarray, " T"]
+    joint_uncertainty: JointUncertainty | None
+    sync: Synchronisation
+    model: str
+
+    def __len__(self) -> int:
+        """How many frames were used."""
+        return len(self.frames)
+
+    def __repr__(self) -> str:
+        return f"<VideoResult {self.id}: {len(self)} frames, {len(self.joint_names)} joints>"
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """(J,) SMPL's 24 names, or SMPL+H's 52 where the video has hands."""
+        return tuple(SMPL_JOINTS if self.hands is None else SMPLH_JOINTS)
+
+    @cached_property
+    def joints(self) -> Float[np.ndarray, "T J 3"]:
+        """(T, J, 3) joints in the world, metres; J as `joint_names`."""
+        if self.hands is None:
+            return self.body_joints
+        from imocap_core.result.body import body_model, posed_joints
+
+        model = body_model(self.model, self.action, hands=True)
+        return posed_joints(model, self.betas, self.poses, self.trans)
+
+    @cached_property
+    def poses(self) -> Float[np.ndarray, "T P"]:
+        """(T, 3 J) axis-angle radians: every joint against its parent, the first in the world."""
+        if self.hands is None:
+            return self.theta
+        parts = [self.theta[:, : 3 * WRISTS], self.hands.wrists, self.hands.fingers]
+        return np.concatenate([part.reshape(len(self), -1) for part in parts], axis=1)
+
+    @cached_property
+    def rotations(self) -> Float[np.ndarray, "T J 3 3"]:
+        """(T, J, 3, 3) rotations: every joint against its parent, the first in the world."""
+        from imocap_core.result.body import local_rotations
+
+        return local_rotations(self.poses)
+
+    def vertices(self, index: Int[np.ndarray, " F"] | None = None) -> Float[np.ndarray, "F V 3"]:
+        """(F, V, 3) surface of the body in the world, metres.
+
+        index: (F,) positions among the used frames; all T of them when left out. WorkFailed when
+        this version of the program has another body model than the result.
+        """
+        from imocap_core.result.body import body_model, posed_surface
+
+        model = body_model(self.model, self.action, hands=self.hands is not None)
+        part = slice(None) if index is None else index
+        return posed_surface(model, self.betas, self.poses[part], self.trans[part])
+
+    @cached_property
+    def faces(self) -> Int[np.ndarray, "F 3"]:
+        """(F, 3) triangles of the surface, by vertex."""
+        from imocap_core.result.body import body_model, faces_of
+
+        return faces_of(body_model(self.model, self.action, hands=self.hands is not None))
+
+    @property
+    def time_s(self) -> Float[np.ndarray, " T"]:
+        """(T,) seconds from the beginning of the video file."""
+        return np.asarray(self.frames / self.keypoints.fps)
+
+    @property
+    def uncertainty(self) -> Float[np.ndarray, "T 24"] | None:
+        """(T, 24) standard deviation of SMPL's joints about the middle of the hips, mm.
+
+        NaN where unknown; None where the stage `uncertainty` has not run.
+        """
+        return None if self.joint_uncertainty is None else self.joint_uncertainty.sigma_mm
+
+    @property
+    def covariance_mm2(self) -> Float[np.ndarray, "T 24 3 3"] | None:
+        """(T, 24, 3, 3) covariance of SMPL's joints about the middle of the hips, world axes, mm^2.
+
+        None where the stage `uncertainty` has not run.
+        """
+        if self.joint_uncertainty is None:
+            return None
+        R = self.camera.R
+        return np.asarray(R.T @ self.joint_uncertainty.covariance_mm2 @ R)
+
+    def matches(self, other: VideoResult | str) -> Matches:
+        """For every used frame of this video the frame of another that shows the same moment."""
+        return self.sync.matches(self.id, other if isinstance(other, str) else other.id)
+
+    def joint(self, name: str) -> Float[np.ndarray, "T 3"]:
+        """(T, 3) one joint in the world, metres. WrongUse when there is none of this name."""
+        if name not in self.joint_names:
+            raise WrongUse(f"no joint {name!r}; there are: {', '.join(self.joint_names)}")
+        return self.joints[:, self.joint_names.index(name)]
