@@ -14,6 +14,7 @@ CHECKED: tuple[str, ...] = (
     "imocap_core.alignment",
     "imocap_core.camera",
     "imocap_core.detect",
+    "imocap_core.figures",
     "imocap_core.io",
     "imocap_core.lifter",
     "imocap_core.metrics",

@@ -1,4 +1,4 @@
-"""Contact sheets from the real videos: a sheet for each video, and one across all of them."""
+"""Contact sheets of the videos' frames: one per video, and one across all of them."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float, Int, Real
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
 
 from imocap_core.artifacts.schemas import (
     SyncMap,
@@ -20,10 +20,9 @@ from imocap_core.body import Model
 from imocap_core.camera.zooming import lens_of
 from imocap_core.figures.bodies import surfaces
 from imocap_core.figures.overlays import (
-    CELL_PX,
-    PAPER_RGB,
     Image,
     Window,
+    blank_cell,
     contact_sheet,
     draw_body,
     draw_keypoints,
@@ -33,42 +32,42 @@ from imocap_core.figures.overlays import (
 )
 from imocap_core.io.video import read_rgb
 
-Array = NDArray[np.float64]
-
 COLUMNS = 6
 GAP_FRAMES = 4.0
-"""A moment of the reference farther than this from every matched frame has no picture."""
+"""A moment of the reference further than this from every matched frame has no picture."""
 
 
 @dataclass(frozen=True)
 class SheetVideo:
-    """One video with all that is drawn over it."""
+    """One video with everything that is drawn over it."""
 
-    seen: VideoKeypoints
+    keypoints: VideoKeypoints
     camera: VideoCameraMotion
     file: Path | None
     layout_names: tuple[str, ...]
-    first: VideoMotion  # what this video alone says
-    last: VideoMotion  # the final answer
-    K: Array  # (3, 3) of the final answer
+    monocular: VideoMotion  # the estimate from this video alone
+    final: VideoMotion
+    K: Float[np.ndarray, "3 3"]  # of the final result
 
 
-def spread(count: int, columns: int = COLUMNS) -> NDArray[np.int64]:
-    """Indices of ``columns`` frames, evenly over ``count``, the very ends left out."""
+def spread(count: int, columns: int = COLUMNS) -> Int[np.ndarray, " _"]:
+    """Indices of ``columns`` frames, evenly over ``count``, without the ends."""
     return np.unique(
         np.linspace(0.06 * (count - 1), 0.94 * (count - 1), columns).round().astype(int)
     )
 
 
-def frames_of_moments(found: SyncMap, moments: ArrayLike) -> list[int | None]:
+def frames_of_moments(
+    sync_map: SyncMap, moments: Real[np.ndarray, " N"]
+) -> list[int | None]:
     """For each moment (index into the reference) the video's frame that shows it, or None."""
-    at = found.reference_frame
-    if not np.isfinite(at).any():
-        return [None] * len(np.asarray(moments))
-    first, last = np.nanmin(at) - 0.5, np.nanmax(at) + 0.5
+    reference_frame = sync_map.reference_frame
+    if not np.isfinite(reference_frame).any():
+        return [None] * len(moments)
+    first, last = np.nanmin(reference_frame) - 0.5, np.nanmax(reference_frame) + 0.5
     chosen: list[int | None] = []
-    for moment in np.asarray(moments, dtype=np.float64):
-        distance = np.abs(at - moment)
+    for moment in moments.astype(np.float64):
+        distance = np.abs(reference_frame - moment)
         nearest = int(np.nanargmin(distance))
         inside = first <= moment <= last and distance[nearest] <= GAP_FRAMES
         chosen.append(nearest if inside else None)
@@ -76,47 +75,49 @@ def frames_of_moments(found: SyncMap, moments: ArrayLike) -> list[int | None]:
 
 
 def read_cells(
-    shot: SheetVideo, frames: Sequence[int]
+    video: SheetVideo, frames: Sequence[int]
 ) -> tuple[dict[int, Image], dict[int, Window]]:
-    """The person cut out of the real frames (indices into the used frames); paper without video."""
-    boxes = windows(shot.seen.person_box_px[list(frames)], shot.seen.size)
-    where = dict(zip(frames, boxes, strict=True))
-    paper: Image = np.full((CELL_PX[1], CELL_PX[0], 3), PAPER_RGB, dtype=np.uint8)
-    cells = {t: paper.copy() for t in frames}
-    if shot.file is not None:
-        index = {int(shot.seen.frames[t]): t for t in frames}
-        for number, picture in read_rgb(shot.file, min(index), max(index) + 1):
+    """Crops of the person in some used frames (indices), blank without a video file; and where
+    they were cut."""
+    keypoints = video.keypoints
+    boxes = windows(keypoints.person_box_px[list(frames)], keypoints.size)
+    cuts = dict(zip(frames, boxes, strict=True))
+    cells = {t: blank_cell() for t in frames}
+    if video.file is not None:
+        index = {int(keypoints.frames[t]): t for t in frames}
+        for number, picture in read_rgb(video.file, min(index), max(index) + 1):
             if number in index:
-                cells[index[number]] = where[index[number]].cut(picture)
-    return cells, where
+                cells[index[number]] = cuts[index[number]].cut(picture)
+    return cells, cuts
 
 
 def video_sheet(
-    shot: SheetVideo,
+    video: SheetVideo,
     model: Model,
     frames: Sequence[int],
     cells: dict[int, Image],
-    where: dict[int, Window],
+    cuts: dict[int, Window],
 ) -> Figure:
-    """Detections, the monocular and the final body over the frames, and both from the side."""
+    """Detections, monocular and final body over the frames, and both bodies from the side."""
     faces = model.faces.numpy()
+    keypoints, camera = video.keypoints, video.camera
     detected = [
         draw_keypoints(
             cells[t],
-            where[t].points(shot.seen.xy_px[t]),
-            shot.seen.confidence[t],
-            shot.layout_names,
+            cuts[t].points(keypoints.xy_px[t]),
+            keypoints.confidence[t],
+            video.layout_names,
         )
         for t in frames
     ]
     rows = [detected]
     sides = []
-    for motion, K in ((shot.first, shot.camera.K), (shot.last, shot.K)):
+    for motion, K in ((video.monocular, camera.K), (video.final, video.K)):
         in_first = surfaces(model, motion, frames)
-        bodies = in_first @ shot.camera.R_first_from_frame[list(frames)]  # R^T x: axes of frame t
+        bodies = in_first @ camera.R_first_from_frame[list(frames)]  # R^T x: axes of frame t
         rows.append(
             [
-                draw_body(cells[t], body, faces, where[t].camera(lens_of(K, shot.camera.zoom[t])))
+                draw_body(cells[t], body, faces, cuts[t].camera(lens_of(K, camera.zoom[t])))
                 for t, body in zip(frames, bodies, strict=True)
             ]
         )
@@ -130,26 +131,26 @@ def video_sheet(
             "monocular,\nfrom the side",
             "after loop,\nfrom the side",
         ],
-        [f"frame {shot.seen.frames[t]}" for t in frames],
-        shot.seen.id,
-        "orange: the performer's left, blue: right; from the side: what the picture cannot show",
+        [f"frame {keypoints.frames[t]}" for t in frames],
+        keypoints.id,
+        "orange: the performer's left, blue: right; from the side: depth, which the picture hides",
     )
 
 
 def moment_cells(
-    shot: SheetVideo,
+    video: SheetVideo,
     frames: Sequence[int | None],
     cells: dict[int, Image],
-    where: dict[int, Window],
+    cuts: dict[int, Window],
 ) -> list[Image]:
-    """The final skeleton over the frames that stand for some moments; paper where there is none."""
+    """The final skeleton over the frames that show some moments; blank where there is none."""
     row = []
     for t in frames:
         if t is None:
-            row.append(np.full((CELL_PX[1], CELL_PX[0], 3), PAPER_RGB, dtype=np.uint8))
+            row.append(blank_cell())
             continue
-        joints = shot.last.joints[t] @ shot.camera.R_first_from_frame[t]
+        joints = video.final.joints[t] @ video.camera.R_first_from_frame[t]
         row.append(
-            draw_skeleton(cells[t], joints, where[t].camera(lens_of(shot.K, shot.camera.zoom[t])))
+            draw_skeleton(cells[t], joints, cuts[t].camera(lens_of(video.K, video.camera.zoom[t])))
         )
     return row

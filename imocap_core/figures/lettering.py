@@ -1,37 +1,37 @@
-"""Words on pictures, and the strips they stand on."""
+"""Text on pictures, and title strips."""
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import UInt8
 
-Image = NDArray[np.uint8]
+Image = UInt8[np.ndarray, "_ _ 3"]  # height, width, RGB
 RGB = tuple[int, int, int]
 
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 WHITE, PALE = (255, 255, 255), (225, 225, 225)
 DIMMED = 0.35
-STRIP_PX = 34  # high, on a picture of usual size
-MARK_PX = 6  # the coloured mark at its left end
+STRIP_PX = 34  # height, on a picture of usual size
+MARK_PX = 6  # width of the coloured mark at its left end
 
 
 def write(
     picture: Image,
-    said: str,
-    at: tuple[int, int],
+    text: str,
+    point: tuple[int, int],
     size: float,
     rgb: RGB = WHITE,
     before: float = 0.0,
 ) -> None:
-    """Write on the picture; the share `before` of the text lies left of `at` (its baseline)."""
-    (wide, _), _ = cv2.getTextSize(said, FONT, size, 1)
-    where = (round(at[0] - before * wide), at[1])
-    cv2.putText(picture, said, where, FONT, size, rgb, 1, cv2.LINE_AA)
+    """Write on the picture; the share `before` of the text is left of `point`, on its baseline."""
+    (width, _), _ = cv2.getTextSize(text, FONT, size, 1)
+    start = (round(point[0] - before * width), point[1])
+    cv2.putText(picture, text, start, FONT, size, rgb, 1, cv2.LINE_AA)
 
 
 def write_strip(picture: Image, left: str, right: str, rgb: RGB, size: float) -> None:
-    """Darken the upper edge and name the picture there; `rgb` marks its left end."""
+    """Darken the upper edge and write the picture's title there; `rgb` marks its left end."""
     strip = round(STRIP_PX * size)
     picture[:strip] = (picture[:strip] * DIMMED).astype(np.uint8)
     picture[:strip, :MARK_PX] = rgb

@@ -1,4 +1,4 @@
-"""Results over real frames: what was detected, what one video alone says, what all say together."""
+"""Keypoints, skeletons and bodies over crops of the videos' frames, and grids of them."""
 
 from __future__ import annotations
 
@@ -7,15 +7,14 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from jaxtyping import Float, Int, UInt8
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
 from imocap_core.figures.style import DPI, QUIET, headline, new_figure
 from imocap_core.render import Light, draw_mesh
 
-Array = NDArray[np.float64]
-Image = NDArray[np.uint8]
+Image = UInt8[np.ndarray, "_ _ 3"]  # height, width, RGB
 
 CELL_PX = (216, 270)
 """Width and height of one picture of a contact sheet."""
@@ -30,26 +29,26 @@ LIGHT = Light(towards_lamp=(-0.35, -0.55, -0.76), up=(0.0, -1.0, 0.0))
 
 @dataclass(frozen=True)
 class Window:
-    """A part of a picture shown at the size of a cell; all of a video share one scale."""
+    """A part of a picture, resized to a cell; all windows of a video share one scale."""
 
     left_px: float
     top_px: float
     scale: float  # cell pixels per picture pixel
 
     def cut(self, picture: Image) -> Image:
-        """The part of the picture, resized; grey where the picture ends."""
+        """The part of the picture, resized; blank beyond its border."""
         move = self.camera(np.eye(3))[:2]
         smooth = cv2.INTER_AREA if self.scale < 1 else cv2.INTER_CUBIC
         blur = picture if self.scale > 0.6 else cv2.GaussianBlur(picture, (0, 0), 0.35 / self.scale)
         cell = cv2.warpAffine(blur, move, CELL_PX, flags=smooth, borderValue=PAPER_RGB)
         return np.asarray(cell, dtype=np.uint8)
 
-    def points(self, xy_px: Array) -> Array:
-        """Picture pixels (..., 2) to cell pixels."""
+    def points(self, xy_px: Float[np.ndarray, "*any 2"]) -> Float[np.ndarray, "*any 2"]:
+        """Picture pixels to cell pixels."""
         return (xy_px - [self.left_px, self.top_px]) * self.scale
 
-    def camera(self, K: Array) -> Array:
-        """The intrinsics (3, 3) of the cell."""
+    def camera(self, K: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
+        """The intrinsics of the cell, from those of the picture."""
         move = np.array(
             [
                 [self.scale, 0, -self.left_px * self.scale],
@@ -57,20 +56,21 @@ class Window:
                 [0, 0, 1],
             ]
         )
-        cell: Array = move @ K
-        return cell
+        return np.asarray(move @ K)
 
 
-def windows(boxes_px: Array, size: tuple[int, int], margin: float = 1.22) -> list[Window]:
-    """One window for each box (n, 4) x0 y0 x1 y1, all of one scale that shows the largest.
+def windows(
+    boxes_px: Float[np.ndarray, "n 4"], size: tuple[int, int], margin: float = 1.22
+) -> list[Window]:
+    """One window per box x0 y0 x1 y1, all at one scale that shows the largest.
 
-    A missing box takes the place of the nearest seen one, and the whole picture when there is none.
-    A window stays inside the picture of ``size`` (width, height) where it fits.
+    A missing box is replaced by the nearest present one, and by the whole picture when there is
+    none. A window stays inside the picture of ``size`` (width, height) where it fits.
     """
-    seen = np.flatnonzero(np.isfinite(boxes_px).all(axis=1))
-    if not len(seen):
+    present = np.flatnonzero(np.isfinite(boxes_px).all(axis=1))
+    if not len(present):
         return windows(np.tile([0.0, 0.0, *size], (len(boxes_px), 1)), size, margin=1.0)
-    nearest = seen[np.abs(np.arange(len(boxes_px))[:, None] - seen[None]).argmin(axis=1)]
+    nearest = present[np.abs(np.arange(len(boxes_px))[:, None] - present[None]).argmin(axis=1)]
     boxes = boxes_px[nearest]
     sides = np.quantile(boxes[:, 2:] - boxes[:, :2], 0.95, axis=0) * margin
     scale = float(min(CELL_PX[0] / sides[0], CELL_PX[1] / sides[1]))
@@ -81,12 +81,21 @@ def windows(boxes_px: Array, size: tuple[int, int], margin: float = 1.22) -> lis
     return [Window(float(x), float(y), scale) for x, y in corners]
 
 
+def blank_cell() -> Image:
+    """A cell without a picture."""
+    return np.full((CELL_PX[1], CELL_PX[0], 3), PAPER_RGB, dtype=np.uint8)
+
+
 def draw_keypoints(
-    cell: Image, xy_px: Array, confidence: Array, names: Sequence[str], radius_px: int = 3
+    cell: Image,
+    xy_px: Float[np.ndarray, "K 2"],
+    confidence: Float[np.ndarray, " K"],
+    names: Sequence[str],
+    radius_px: int = 3,
 ) -> Image:
-    """Dots (K, 2) in cell pixels: orange left, blue right, fainter where less sure."""
+    """Dots in cell pixels: orange left, blue right, fainter with lower confidence."""
     drawn = cell.copy()
-    reach = radius_px + 3  # pixels beyond a dot's centre that it can touch
+    reach = radius_px + 3  # pixels from a dot's centre that it can touch
     for point, trust, name in zip(xy_px, confidence, names, strict=True):
         if trust > 0 and np.isfinite(point).all():
             x, y = round(float(point[0])), round(float(point[1]))
@@ -95,16 +104,18 @@ def draw_keypoints(
             if not part.size:
                 continue
             mark = part.copy()
-            where = (x - left, y - top)
-            cv2.circle(mark, where, radius_px + 1, (25, 28, 32), -1, cv2.LINE_AA)
-            cv2.circle(mark, where, radius_px, _side_rgb(name), -1, cv2.LINE_AA)
+            centre = (x - left, y - top)
+            cv2.circle(mark, centre, radius_px + 1, (25, 28, 32), -1, cv2.LINE_AA)
+            cv2.circle(mark, centre, radius_px, _side_rgb(name), -1, cv2.LINE_AA)
             share = 0.3 + 0.7 * min(float(trust), 1.0)
             part[:] = cv2.addWeighted(mark, share, part, 1 - share, 0)
     return drawn
 
 
-def draw_skeleton(cell: Image, joints_m: Array, K_cell: Array) -> Image:
-    """SMPL's bones, joints (24, 3) in the axes of the cell's camera: orange left, blue right."""
+def draw_skeleton(
+    cell: Image, joints_m: Float[np.ndarray, "24 3"], K_cell: Float[np.ndarray, "3 3"]
+) -> Image:
+    """SMPL's bones, joints in the axes of the cell's camera: orange left, blue right."""
     drawn = cell.copy()
     if not np.isfinite(joints_m).all() or (joints_m[:, 2] <= 0).any():
         return drawn
@@ -119,30 +130,38 @@ def draw_skeleton(cell: Image, joints_m: Array, K_cell: Array) -> Image:
     return drawn
 
 
-def draw_body(cell: Image, vertices_m: Array, faces: NDArray[np.int64], K_cell: Array) -> Image:
-    """The surface (V, 3) in the axes of the cell's camera, over the picture."""
+def draw_body(
+    cell: Image,
+    vertices_m: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    K_cell: Float[np.ndarray, "3 3"],
+) -> Image:
+    """The surface in the axes of the cell's camera, over the picture."""
     color = np.array(BODY_RGB, dtype=np.float64)
     eye, zero = np.eye(3), np.zeros(3)
     return draw_mesh(cell, vertices_m, faces, color, K_cell, eye, zero, alpha=0.85, light=LIGHT)
 
 
-def from_the_side(bodies_m: Array, faces: NDArray[np.int64]) -> list[Image]:
-    """Surfaces (n, V, 3) in camera axes seen from their right, all at one scale.
+def from_the_side(
+    bodies_m: Float[np.ndarray, "n V 3"], faces: Int[np.ndarray, "F 3"]
+) -> list[Image]:
+    """Surfaces in camera axes, viewed from their right, all at one scale.
 
-    The camera's vertical stays vertical; what is depth in the picture runs to the right here.
+    The camera's vertical stays vertical; the picture's depth runs to the right.
     """
     R_side_from_cam = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
-    far_m = 25.0  # nearly orthographic: depth is what is looked at
+    far_m = 25.0  # nearly orthographic, so that depth is to scale
     turned = bodies_m @ R_side_from_cam.T
     low, high = turned.min(axis=1), turned.max(axis=1)
     extent = (high - low)[:, :2].max(axis=0)
     focal = far_m * 0.9 * float((np.array(CELL_PX) / extent).min())
     K = np.array([[focal, 0, CELL_PX[0] / 2], [0, focal, CELL_PX[1] / 2], [0, 0, 1]])
-    paper: Image = np.full((CELL_PX[1], CELL_PX[0], 3), PAPER_RGB, dtype=np.uint8)
     color = np.array(BODY_RGB, dtype=np.float64)
     eye, zero = np.eye(3), np.zeros(3)
     centred = turned - ((low + high) / 2)[:, None] + [0, 0, far_m]
-    return [draw_mesh(paper, body, faces, color, K, eye, zero, light=LIGHT) for body in centred]
+    return [
+        draw_mesh(blank_cell(), body, faces, color, K, eye, zero, light=LIGHT) for body in centred
+    ]
 
 
 def contact_sheet(
@@ -152,7 +171,7 @@ def contact_sheet(
     title: str,
     subtitle: str,
 ) -> Figure:
-    """Pictures in a grid at their own resolution, named at the left and below."""
+    """Pictures in a grid at full resolution, with row names at the left and column names below."""
     width, height = CELL_PX[0] + GAP_PX, CELL_PX[1] + GAP_PX
     mosaic = np.full((height * len(rows), width * len(column_names), 3), 255, dtype=np.uint8)
     for r, pictures in enumerate(rows):
@@ -169,8 +188,8 @@ def contact_sheet(
         figure.text((left - 12) / size[0], middle, name, ha="right", va="center")
     for c, name in enumerate(column_names):
         middle = (left + c * width + CELL_PX[0] / 2) / size[0]
-        at = (below - 8) / size[1]
-        figure.text(middle, at, name, ha="center", va="top", color=QUIET, fontsize=7.5)
+        bottom = (below - 8) / size[1]
+        figure.text(middle, bottom, name, ha="center", va="top", color=QUIET, fontsize=7.5)
     headline(figure, title, subtitle)
     return figure
 

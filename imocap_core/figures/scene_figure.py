@@ -1,10 +1,11 @@
-"""Where the cameras stand and where the performer walks, in the axes of the reference camera."""
+"""Camera poses and root paths, in the axes of the reference camera."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
@@ -12,12 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-untyped]
-from numpy.typing import NDArray
 
 from imocap_core.artifacts.schemas import Camera, VideoMotion
 from imocap_core.figures.style import GRID, QUIET, color_of, headline, new_figure
-
-Array = NDArray[np.float64]
 
 FRUSTUM_M = 0.45
 SHOWN_FROM_WORLD = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
@@ -61,16 +59,21 @@ def scene_figure(
     return figure
 
 
-def _frustum(camera: Camera) -> Array:
-    """Centre and four image corners (5, 3) of a camera, in plot axes."""
+def _frustum(camera: Camera) -> Float[np.ndarray, "5 3"]:
+    """Centre and four image corners of a camera, in plot axes."""
     half = np.array([camera.K[0, 2] / camera.K[0, 0], camera.K[1, 2] / camera.K[1, 1]])
     corners = [[sx * half[0], sy * half[1], 1.0] for sx, sy in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
     in_camera = FRUSTUM_M * np.array([[0.0, 0, 0], *corners])
-    shown: Array = (in_camera - camera.t) @ camera.R @ SHOWN_FROM_WORLD.T
-    return shown
+    return np.asarray((in_camera - camera.t) @ camera.R @ SHOWN_FROM_WORLD.T)
 
 
-def _draw_solid(ax: Axes3D, corners: Array, root: Array, color: str, name: str) -> None:
+def _draw_solid(
+    ax: Axes3D,
+    corners: Float[np.ndarray, "5 3"],
+    root: Float[np.ndarray, "T 3"],
+    color: str,
+    name: str,
+) -> None:
     edges = [(0, 1), (0, 2), (0, 3), (0, 4), (1, 2), (2, 3), (3, 4), (4, 1)]
     ax.add_collection3d(
         Line3DCollection([corners[list(e)] for e in edges], colors=color, linewidths=1.0)
@@ -84,8 +87,8 @@ def _draw_solid(ax: Axes3D, corners: Array, root: Array, color: str, name: str) 
         )
 
 
-def _draw_camera(ax: Axes, corners: Array, color: str, name: str) -> None:
-    """A wedge that opens where the camera looks, its name behind it."""
+def _draw_camera(ax: Axes, corners: Float[np.ndarray, "5 3"], color: str, name: str) -> None:
+    """A wedge that opens in the viewing direction, with the name behind it."""
     centre, far = corners[0, :2], corners[1:, :2]
     ahead, spread = far.mean(axis=0) - centre, far - centre
     side = ahead[0] * spread[:, 1] - ahead[1] * spread[:, 0]
@@ -105,7 +108,7 @@ def _draw_camera(ax: Axes, corners: Array, color: str, name: str) -> None:
     )
 
 
-def _draw_path(ax: Axes, root: Array, color: str) -> None:
+def _draw_path(ax: Axes, root: Float[np.ndarray, "T _"], color: str) -> None:
     if len(root) < 2:
         return
     flat = root[:, :2]
@@ -118,18 +121,17 @@ def _draw_path(ax: Axes, root: Array, color: str) -> None:
     ax.autoscale_view()
 
 
-def _shades(color: str, count: int) -> Array:
-    """From nearly white to the colour, one a segment: (count, 3)."""
+def _shades(color: str, count: int) -> Float[np.ndarray, "count 3"]:
+    """One shade per segment, from nearly white to the colour."""
     full = np.array(to_rgb(color))
     share = np.linspace(0.25, 1.0, count)[:, None]
-    shades: Array = (1 - share) + share * full
-    return shades
+    return np.asarray((1 - share) + share * full)
 
 
-def _frame(ax: Axes3D, points: Array) -> None:
+def _frame(ax: Axes3D, points: Float[np.ndarray, "N 3"]) -> None:
     low, high = points.min(axis=0), points.max(axis=0)
     middle, half = (low + high) / 2, 0.56 * (high - low)
-    half = np.maximum(half, 0.2 * half.max())  # a flat scene keeps some height
+    half = np.maximum(half, 0.2 * half.max())  # so that a flat scene has some height
     for axis, c, h in zip((ax.xaxis, ax.yaxis, ax.zaxis), middle, half, strict=True):
         axis.set_view_interval(c - h, c + h, ignore=True)
         axis.set_major_locator(MaxNLocator(max(2, round(6 * h / half.max())), steps=[1, 2, 5, 10]))

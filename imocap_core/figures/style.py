@@ -1,4 +1,4 @@
-"""One quiet style for every figure, and figures whose bytes do not name the day or the machine."""
+"""One style for all figures, and image files without date and machine."""
 
 from __future__ import annotations
 
@@ -60,15 +60,15 @@ _RC: dict[str, Any] = {
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """The style, for the duration of one figure; the caller's own settings stay as they were."""
+    """The style, for the duration of one figure; the caller's settings are restored."""
     with mpl.rc_context(_RC):  # type: ignore[arg-type]  # stubs spell out every key
         yield
 
 
 def new_figure(width_in: float, height_in: float, *, arranged: bool = True) -> Figure:
-    """An empty figure with its own canvas: no window system, no global list of figures.
+    """An empty figure with a separate canvas: no window system, no global list of figures.
 
-    arranged: axes and titles find their places themselves.
+    arranged: axes and titles are laid out automatically.
     """
     layout: Literal["constrained"] | None = "constrained" if arranged else None
     figure = Figure(figsize=(width_in, height_in), layout=layout, facecolor="white")
@@ -77,7 +77,7 @@ def new_figure(width_in: float, height_in: float, *, arranged: bool = True) -> F
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a PNG or JPEG without the metadata that would differ between releases."""
+    """Write a PNG or JPEG without metadata that differs between releases."""
     if path.suffix == ".png":
         figure.savefig(path, dpi=DPI, metadata={"Software": None})
     else:
@@ -85,16 +85,16 @@ def save(figure: Figure, path: Path) -> None:
 
 
 def color_of(ids: Sequence[str], video: str) -> str:
-    """The colour that a video keeps in every figure of a report."""
+    """The colour of a video in all figures of a report."""
     return VIDEO_COLORS[list(ids).index(video) % len(VIDEO_COLORS)]
 
 
 def headline(figure: Figure, title: str, subtitle: str = "") -> None:
-    """Title at the left in ink; a quieter second line says how to read the figure."""
+    """Title at the left; a paler second line explains how to read the figure."""
     text = f"{title}\n" if subtitle else title
     arranged = figure.get_layout_engine() is not None
-    at = {} if arranged else {"y": 1 - 0.09 / figure.get_figheight()}
-    figure.suptitle(text, x=0.012, ha="left", fontsize=11, fontweight="bold", color=INK, **at)
+    height = {} if arranged else {"y": 1 - 0.09 / figure.get_figheight()}
+    figure.suptitle(text, x=0.012, ha="left", fontsize=11, fontweight="bold", color=INK, **height)
     if subtitle:
         offset = 0.31 / figure.get_figheight()  # inches below the top edge
         figure.text(0.012, 1 - offset, subtitle, ha="left", va="top", fontsize=8.5, color=QUIET)

@@ -1,17 +1,17 @@
-"""Figures of synchronisation: what the matrices look like, and where the paths run."""
+"""Figures of synchronisation: affinities with the matched paths, warps, rounds of the loop."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from imocap_core.artifacts.schemas import Sync, SyncSummary
+from imocap_core.artifacts.schemas import Sync, SyncMap, SyncSummary
 from imocap_core.figures.style import (
     ACCENT,
     INK,
@@ -23,19 +23,21 @@ from imocap_core.figures.style import (
     new_figure,
 )
 
-Array = NDArray[np.float64]
+Positions = Float[np.ndarray, " T"]  # fractional index into the reference's used frames
 
 AFFINITY = LinearSegmentedColormap.from_list(
     "affinity", ["#ffffff", "#d5e1ec", "#7fa3c4", "#28588a", "#122b45"]
 )
 
 
-def affinity_figure(sync: Sync, true_positions: Mapping[str, Array]) -> Figure | None:
+def affinity_figure(
+    sync: Sync, true_positions: Mapping[str, Float[np.ndarray, " _"]]
+) -> Figure | None:
     """Affinity of each video to the reference, before and after cycle consistency, with the path.
 
     Args:
         true_positions: video id -> (T,) index into the reference's used frames, NaN without
-            counterpart; empty when the truth is not known.
+            counterpart; empty when the truth is unknown.
 
     Returns:
         None when there is no second video.
@@ -61,21 +63,21 @@ def affinity_figure(sync: Sync, true_positions: Mapping[str, Array]) -> Figure |
                 ax.set_xlabel("frame of the video")
             if column == 0:
                 ax.set_ylabel(f"{name}\nframe of {sync.reference}")
-    legend = "red: the path found" + ("; dotted: truth" if true_positions else "")
+    legend = "red: the matched path" + ("; dotted: truth" if true_positions else "")
     headline(
         figure,
-        f"How alike are the poses of each video and {sync.reference}?",
-        f"dark = alike; {legend}",
+        f"Similarity of the poses of each video and of {sync.reference}",
+        f"dark = similar; {legend}",
     )
     return figure
 
 
 def draw_affinity(
     ax: Axes,
-    block: NDArray[np.float32],
+    block: Float[np.ndarray, "rows columns"],
     extent: tuple[float, float, float, float] | None = None,
 ) -> None:
-    """A block of affinities, dark = alike, the brightest and darkest 2 and 0.2 % clipped."""
+    """A block of affinities, dark = similar, the brightest 2 % and the darkest 0.2 % clipped."""
     low, high = np.quantile(block, [0.02, 0.998])
     ax.imshow(
         block,
@@ -92,17 +94,17 @@ def draw_affinity(
     ax.tick_params(length=2)
 
 
-def _path(ax: Axes, sync: SyncSummary, video: str, true: Array | None) -> None:
-    found = next(m for m in sync.maps if m.id == video).reference_frame
-    frames = np.arange(len(found))
-    ax.plot(frames, found, color="white", lw=2.6, alpha=0.8, solid_capstyle="round")
-    ax.plot(frames, found, color=ACCENT, lw=1.3, solid_capstyle="round")
+def _path(ax: Axes, sync: SyncSummary, video: str, true: Positions | None) -> None:
+    matched = map_of(sync, video).reference_frame
+    frames = np.arange(len(matched))
+    ax.plot(frames, matched, color="white", lw=2.6, alpha=0.8, solid_capstyle="round")
+    ax.plot(frames, matched, color=ACCENT, lw=1.3, solid_capstyle="round")
     if true is not None:
         ax.plot(frames, true, color=TRUTH, lw=1.1, ls=(0, (1, 2.2)))
 
 
 def warp_figure(
-    before: SyncSummary, after: SyncSummary, true_positions: Mapping[str, Array]
+    before: SyncSummary, after: SyncSummary, true_positions: Mapping[str, Float[np.ndarray, " _"]]
 ) -> Figure | None:
     """Each video's map into the reference, its confidence and, with truth, its error.
 
@@ -120,8 +122,8 @@ def warp_figure(
         _warp(panels[0], after, video, true_positions.get(video))
         if video in true_positions:
             _error(panels[1], before, after, video, true_positions[video])
-        found = next(m for m in after.maps if m.id == video)
-        panels[-1].plot(found.confidence, color=color_of(after.ids, video), lw=1.1)
+        confidence = map_of(after, video).confidence
+        panels[-1].plot(confidence, color=color_of(after.ids, video), lw=1.1)
     panels[0].set_ylabel(f"frame of {after.reference}")
     panels[0].legend(loc="lower right", ncols=max(1, len(others) // 4))
     if true_positions:
@@ -137,37 +139,44 @@ def warp_figure(
     dotted = "; dotted: truth; in the error, thin: before the loop" if true_positions else ""
     headline(
         figure,
-        f"Where does each frame lie in {after.reference}?",
-        f"pale where the confidence is low; a gap is an unmatched frame{dotted}",
+        f"Position of each frame in {after.reference}",
+        f"pale: low confidence; gap: unmatched frames{dotted}",
     )
     return figure
 
 
-def _warp(ax: Axes, sync: SyncSummary, video: str, true: Array | None) -> None:
-    found = next(m for m in sync.maps if m.id == video)
+def _warp(ax: Axes, sync: SyncSummary, video: str, true: Positions | None) -> None:
+    sync_map = map_of(sync, video)
     color = color_of(sync.ids, video)
-    points = np.column_stack([np.arange(len(found.reference_frame)), found.reference_frame])
+    frames = np.arange(len(sync_map.reference_frame))
+    points = np.column_stack([frames, sync_map.reference_frame])
     segments = np.stack([points[:-1], points[1:]], axis=1)
-    seen = np.isfinite(segments).all(axis=(1, 2))
-    confidence = np.nan_to_num(np.minimum(found.confidence[:-1], found.confidence[1:]))[seen]
+    matched = np.isfinite(segments).all(axis=(1, 2))
+    ends = sync_map.confidence[:-1], sync_map.confidence[1:]
+    confidence = np.nan_to_num(np.minimum(*ends))[matched]
     shades = np.column_stack(
         [np.tile(to_rgb(color), (len(confidence), 1)), 0.25 + 0.75 * confidence]
     )
-    ax.add_collection(LineCollection(list(segments[seen]), colors=shades, lw=2.0))
-    ax.plot([], [], color=color, label=video if seen.any() else f"{video} (unmatched)")
-    if seen.any():
+    ax.add_collection(LineCollection(list(segments[matched]), colors=shades, lw=2.0))
+    ax.plot([], [], color=color, label=video if matched.any() else f"{video} (unmatched)")
+    if matched.any():
         ax.update_datalim(points[np.isfinite(points).all(axis=1)])
     ax.autoscale_view()
     if true is not None:
         ax.plot(np.arange(len(true)), true, color=INK, lw=0.9, ls=(0, (1, 2.2)))
 
 
-def _error(ax: Axes, before: SyncSummary, after: SyncSummary, video: str, true: Array) -> None:
+def map_of(sync: SyncSummary, video: str) -> SyncMap:
+    """A video's map into the reference."""
+    return next(m for m in sync.maps if m.id == video)
+
+
+def _error(ax: Axes, before: SyncSummary, after: SyncSummary, video: str, true: Positions) -> None:
     color = color_of(after.ids, video)
     for sync, width, alpha in ((before, 0.8, 0.45), (after, 1.3, 1.0)):
         if sync.reference == after.reference:
-            found = next(m for m in sync.maps if m.id == video).reference_frame
-            ax.plot(found - true, color=color, lw=width, alpha=alpha)
+            matched = map_of(sync, video).reference_frame
+            ax.plot(matched - true, color=color, lw=width, alpha=alpha)
 
 
 def rounds_figure(
@@ -179,10 +188,11 @@ def rounds_figure(
     """The alternation, round by round; round 0 is the single pass.
 
     Args:
-        costs: what rounds are judged by. changes: mean movement of the correspondences, in frames.
-        errors: title -> error of each round, when the truth is known. best: the round kept.
+        costs: the cost by which rounds are compared. changes: mean change of the correspondences,
+            in frames.
+        errors: title -> error of each round, when the truth is known. best: the selected round.
     """
-    panels = {"cost of the round": costs, "sync moved (frames)": changes, **errors}
+    panels = {"cost of the round": costs, "change of sync (frames)": changes, **errors}
     figure = new_figure(0.6 + 2.1 * len(panels), 2.7)
     rounds = np.arange(len(costs))
     colors = ["#28588a" if i == best else "#c3d1df" for i in rounds]
@@ -193,5 +203,5 @@ def rounds_figure(
         ax.set_xlabel("round")
         ax.margins(y=0.12)
         grid(ax, "y")
-    headline(figure, "Does the loop settle?", "dark: the round that was kept; 0: the single pass")
+    headline(figure, "Convergence of the loop", "dark: the selected round; 0: the single pass")
     return figure

@@ -1,26 +1,23 @@
-"""A synchronisation in one row a video, and the frame of a video that shows each moment."""
+"""A synchronisation as one row per video, and the frame of a video that shows each moment."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from jaxtyping import Bool, Float, Int, Real
 
 from imocap_core.artifacts.schemas import Keypoints, SyncSummary
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
 GAP_S = 0.15
-"""A moment farther than this from every frame of a video is unmatched in it."""
+"""A moment further than this from every frame of a video is unmatched in it."""
 END_FRAMES = 1.0
-"""So is one that lies further than this before the first or after the last of them."""
+"""So is a moment further than this before the first or after the last of them."""
 
 
 @dataclass(frozen=True)
 class SyncRow:
-    """One video against the reference; NaN where nothing matched.
+    """One video against the reference; NaN when nothing matched.
 
     matched: share of its frames. rate: seconds of the reference per second of the video, over the
     matched part. confidence: mean over the matched frames. offset_s: median time in the reference
@@ -36,84 +33,87 @@ class SyncRow:
 
 def sync_rows(keypoints: Keypoints, sync: SyncSummary) -> list[SyncRow]:
     """One row for each video, the reference's among them."""
-    seen = {v.id: v for v in keypoints.videos}
-    reference = seen[sync.reference]
+    videos = {v.id: v for v in keypoints.videos}
+    reference = videos[sync.reference]
     rows = []
-    for found in sync.maps:
-        video = seen[found.id]
-        at = np.flatnonzero(np.isfinite(found.reference_frame))
-        if not len(at):
-            rows.append(SyncRow(found.id, 0.0, np.nan, np.nan, np.nan))
+    for sync_map in sync.maps:
+        video = videos[sync_map.id]
+        matched = np.flatnonzero(np.isfinite(sync_map.reference_frame))
+        if not len(matched):
+            rows.append(SyncRow(video.id, 0.0, np.nan, np.nan, np.nan))
             continue
-        own_s = video.frames[at] / video.fps
-        there_s = seconds_at(found.reference_frame[at], reference.frames, reference.fps)
-        lasting = own_s[-1] - own_s[0]
+        here_s = video.frames[matched] / video.fps
+        there_s = seconds_at(sync_map.reference_frame[matched], reference.frames, reference.fps)
+        duration_s = here_s[-1] - here_s[0]
         rows.append(
             SyncRow(
-                video=found.id,
-                matched=len(at) / len(found.reference_frame),
-                rate=float((there_s[-1] - there_s[0]) / lasting) if lasting > 0 else np.nan,
-                confidence=float(found.confidence[at].mean()),
-                offset_s=float(np.median(there_s - own_s)),
+                video=video.id,
+                matched=len(matched) / len(sync_map.reference_frame),
+                rate=float((there_s[-1] - there_s[0]) / duration_s) if duration_s > 0 else np.nan,
+                confidence=float(sync_map.confidence[matched].mean()),
+                offset_s=float(np.median(there_s - here_s)),
             )
         )
     return rows
 
 
-def seconds_at(index: Array, frames: Ints, fps: float) -> Array:
+def seconds_at(
+    index: Float[np.ndarray, " N"], frames: Int[np.ndarray, " T"], fps: float
+) -> Float[np.ndarray, " N"]:
     """Seconds since the file's first frame, of fractional indices into its used frames."""
-    at: Array = np.interp(index, np.arange(len(frames)), frames / fps)
-    return np.where(np.isfinite(index), at, np.nan)
+    seconds = np.interp(index, np.arange(len(frames)), frames / fps)
+    return np.where(np.isfinite(index), seconds, np.nan)
 
 
-def common_moments(keypoints: Keypoints, sync: SyncSummary) -> Array:
-    """The moments (M,) at which a film of all videos shows them, in frames of the reference: its
-    own, and those before and after at which other videos have a place on the common axis."""
+def common_moments(keypoints: Keypoints, sync: SyncSummary) -> Float[np.ndarray, " M"]:
+    """All moments of the action, one per frame of the reference and in its frames: those of the
+    reference, and those before and after it at which other videos have frames."""
     reference = next(v for v in keypoints.videos if v.id == sync.reference)
     every = [positions_on_axis(sync, i, reference.fps) for i in sync.ids]
-    known = np.concatenate([place[np.isfinite(place)] for place in every])
+    finite = np.concatenate([position[np.isfinite(position)] for position in every])
     last = len(reference.frames) - 1
-    ends = np.rint([known.min(initial=0.0), known.max(initial=last)])
+    ends = np.rint([finite.min(initial=0.0), finite.max(initial=last)])
     return np.arange(ends[0], ends[1] + 1)
 
 
-def positions_on_axis(sync: SyncSummary, video: str, fps: float) -> Array:
-    """Where a video's used frames (T,) lie on the time axis of all, in frames of the reference,
-    whose rate is `fps`; NaN where nowhere."""
+def positions_on_axis(sync: SyncSummary, video: str, fps: float) -> Float[np.ndarray, " T"]:
+    """Positions of a video's used frames on the common time axis, in frames of the reference, whose
+    rate is `fps`; NaN where unknown."""
     if sync.trust is not None:
         return next(v.phase_s for v in sync.trust.videos if v.id == video) * fps
     return next(m.reference_frame for m in sync.maps if m.id == video)
 
 
-def retimed(place: Array, moments: ArrayLike, fps: float) -> tuple[Ints, NDArray[np.bool_]]:
-    """For each moment the frame of a video that shows it (M,), and whether one does (M,).
+def retimed(
+    position: Float[np.ndarray, " T"], moments: Real[np.ndarray, " M"], fps: float
+) -> tuple[Int[np.ndarray, " M"], Bool[np.ndarray, " M"]]:
+    """For each moment the frame (index) of a video that shows it, and whether one does.
 
     Args:
-        place: (T,) the video's frames on the common axis, in frames of the reference, never
-            decreasing; NaN where they have no position.
-        moments: (M,) increasing, in frames of the reference, whose rate is `fps`.
+        position: the video's frames on the common axis, in frames of the reference, never
+            decreasing; NaN where unknown.
+        moments: increasing, in frames of the reference, whose rate is `fps`.
 
     A moment that no frame shows gets the frame of the nearest earlier moment that is shown, or the
     first.
     """
-    wanted = np.asarray(moments, dtype=np.float64)
-    known = np.flatnonzero(np.isfinite(place))
-    if not len(known):
-        return np.zeros(len(wanted), dtype=np.int64), np.zeros(len(wanted), dtype=bool)
-    there = np.maximum.accumulate(place[known])
-    index = np.rint(np.interp(wanted, there, known)).astype(np.int64)
-    distance = np.abs(there[None, :] - wanted[:, None]).min(axis=1)
-    inside = (wanted >= there[0] - END_FRAMES) & (wanted <= there[-1] + END_FRAMES)
+    placed = np.flatnonzero(np.isfinite(position))
+    if not len(placed):
+        return np.zeros(len(moments), dtype=np.int64), np.zeros(len(moments), dtype=bool)
+    there = np.maximum.accumulate(position[placed])
+    index = np.rint(np.interp(moments, there, placed)).astype(np.int64)
+    distance = np.abs(there[None, :] - moments[:, None]).min(axis=1)
+    inside = (moments >= there[0] - END_FRAMES) & (moments <= there[-1] + END_FRAMES)
     return np.maximum.accumulate(index), inside & (distance <= max(END_FRAMES, GAP_S * fps))
 
 
 def title_of(sync: SyncSummary, video: str) -> str:
-    """A video's id, and what became of it where that is unusual."""
-    at = next(m for m in sync.maps if m.id == video).reference_frame
+    """A video's id, with its role or treatment: reference, excluded, unmatched, mirrored."""
+    reference_frame = next(m for m in sync.maps if m.id == video).reference_frame
     if video == sync.reference:
         return f"{video} (reference)"
     if video in sync.excluded:
         return f"{video} (excluded)"
-    if not np.isfinite(at).any():
+    if not np.isfinite(reference_frame).any():
         return f"{video} (unmatched)"
     return f"{video} (mirrored)" if video in sync.mirrored else video

@@ -1,36 +1,34 @@
-"""How sure the result is: of which joint, and when."""
+"""Claimed standard deviation of each joint, overall and over time."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from imocap_core.artifacts.schemas import Keypoints, SyncSummary, Table, Uncertainty
 from imocap_core.conventions import EVAL_12, SMPL_JOINTS
 from imocap_core.figures.style import ACCENT, grid, headline, new_figure
 from imocap_core.figures.sync_summary import common_moments, positions_on_axis, retimed
 
-Array = NDArray[np.float64]
-
-SURE_TO_UNSURE = LinearSegmentedColormap.from_list(
-    "unsure", ["#f4f6f8", "#f0d3b8", "#d98b4a", "#a3432c", "#5a1f1a"]
+CERTAIN_TO_UNCERTAIN = LinearSegmentedColormap.from_list(
+    "uncertain", ["#f4f6f8", "#f0d3b8", "#d98b4a", "#a3432c", "#5a1f1a"]
 )
-AT = [SMPL_JOINTS.index(name) for name in EVAL_12]
+EVAL_INDICES = [SMPL_JOINTS.index(name) for name in EVAL_12]
 
 
 def uncertainty_figure(
     claimed: Uncertainty, keypoints: Keypoints, sync: SyncSummary, by_joint: Table | None
 ) -> Figure:
     """Bars: the claimed standard deviation of each joint and, where known, the true error. Map: the
-    claim of each joint over the common time axis, mean over the videos.
+    claimed standard deviation of each joint over the common time axis, mean over the videos.
 
     by_joint: the report's table `uncertainty_joints`, which has the errors.
     """
-    sigma_mm = np.concatenate([v.sigma_mm[:, AT] for v in claimed.videos])
+    sigma_mm = np.concatenate([v.sigma_mm[:, EVAL_INDICES] for v in claimed.videos])
     rms_mm = np.sqrt(np.nanmean(sigma_mm**2, axis=0))
     order = np.argsort(rms_mm)
     errors_mm = _errors(by_joint)
@@ -39,9 +37,9 @@ def uncertainty_figure(
     names = [EVAL_12[j].replace("_", " ") for j in order]
     lines = np.arange(len(order))
     bars.barh(lines, rms_mm[order], 0.62, color="#85a9cc", label="claimed standard deviation")
-    known = np.array([errors_mm.get(EVAL_12[j], np.nan) for j in order])
-    if np.isfinite(known).any():
-        bars.plot(known, lines, "D", color=ACCENT, ms=4.5, label="true error")
+    true_mm = np.array([errors_mm.get(EVAL_12[j], np.nan) for j in order])
+    if np.isfinite(true_mm).any():
+        bars.plot(true_mm, lines, "D", color=ACCENT, ms=4.5, label="true error")
     bars.set_yticks(lines, names)
     bars.set_ylim(-0.5, len(order) - 0.5)
     bars.tick_params(axis="y", length=0)
@@ -52,7 +50,7 @@ def uncertainty_figure(
     shown = by_moment[:, order].T
     image = over.imshow(
         shown,
-        cmap=SURE_TO_UNSURE,
+        cmap=CERTAIN_TO_UNCERTAIN,
         vmin=0,
         vmax=float(np.nanquantile(shown, 0.98)),
         aspect="auto",
@@ -66,21 +64,23 @@ def uncertainty_figure(
     figure.colorbar(image, ax=over, label="mm", pad=0.01, shrink=0.9)
     headline(
         figure,
-        "How sure is each joint?",
-        "left: over all frames; right: when (mean over the videos); about the middle of the hips",
+        "Uncertainty of each joint",
+        "relative to the hips' middle; left: all frames; right: over time, mean over the videos",
     )
     return figure
 
 
-def over_time(claimed: Uncertainty, keypoints: Keypoints, sync: SyncSummary) -> tuple[Array, Array]:
-    """Seconds (M,) on the common axis, and the claims (M, 12) in mm, root mean square over the
+def over_time(
+    claimed: Uncertainty, keypoints: Keypoints, sync: SyncSummary
+) -> tuple[Float[np.ndarray, " M"], Float[np.ndarray, "M 12"]]:
+    """Seconds on the common axis, and claimed standard deviations in mm, root mean square over the
     videos that show that moment; NaN where none does."""
     fps = next(v.fps for v in keypoints.videos if v.id == sync.reference)
     moments = common_moments(keypoints, sync)
-    total, count = np.zeros((len(moments), len(AT))), np.zeros((len(moments), 1))
+    total, count = np.zeros((len(moments), len(EVAL_INDICES))), np.zeros((len(moments), 1))
     for video in claimed.videos:
         index, matched = retimed(positions_on_axis(sync, video.id, fps), moments, fps)
-        sigma = video.sigma_mm[index][:, AT]
+        sigma = video.sigma_mm[index][:, EVAL_INDICES]
         shown = matched[:, None] & np.isfinite(sigma)
         total += np.where(shown, sigma**2, 0.0)
         count += shown.all(axis=1, keepdims=True)
@@ -89,7 +89,7 @@ def over_time(claimed: Uncertainty, keypoints: Keypoints, sync: SyncSummary) -> 
 
 
 def _errors(by_joint: Table | None) -> Mapping[str, float]:
-    """Joint -> error in mm, of those that are known."""
+    """Joint -> error in mm, where known."""
     if by_joint is None:
         return {}
     joint, error = (by_joint.columns.index(c) for c in ("joint", "error_mm"))

@@ -88,18 +88,18 @@ def draw_contact_sheets(
     together, sheets = [], []
     with quiet():
         for shot, found in zip(shots, sync.maps, strict=True):
-            own = [int(t) for t in spread(len(shot.seen.frames))]
+            own = [int(t) for t in spread(len(shot.keypoints.frames))]
             at = frames_of_moments(found, moments)
             wanted = sorted({*own, *(t for t in at if t is not None)})
             cells, where = read_cells(shot, wanted)
             together.append(moment_cells(shot, at, cells, where))
             figure = video_sheet(shot, model, own, cells, where)
-            caption = f"{shot.seen.id}: detections, monocular and final body."
-            sheets.append(_written(folder, figure, f"overlay_{shot.seen.id}.jpg", caption))
+            caption = f"{shot.keypoints.id}: detections, monocular and final body."
+            sheets.append(_written(folder, figure, f"overlay_{shot.keypoints.id}.jpg", caption))
         figure = contact_sheet(
             together,
-            [shot.seen.id for shot in shots],
-            [f"{sync.reference} frame {shots[reference].seen.frames[t]}" for t in moments],
+            [shot.keypoints.id for shot in shots],
+            [f"{sync.reference} frame {shots[reference].keypoints.frames[t]}" for t in moments],
             "The same moments in every video",
             "each column shows the frames that were matched; the skeleton is the final answer's",
         )

@@ -42,15 +42,15 @@ def draw_late_figures(
     where: dict[str, dict[int, Window]] = {}
     made = []
     for v, shot in enumerate(shots):
-        shown = wanted.get(shot.seen.id, set()) | {t for w, t in picks if w == v}
+        shown = wanted.get(shot.keypoints.id, set()) | {t for w, t in picks if w == v}
         if shown:
-            cells[shot.seen.id], where[shot.seen.id] = read_cells(shot, sorted(shown))
+            cells[shot.keypoints.id], where[shot.keypoints.id] = read_cells(shot, sorted(shown))
     with quiet():
         if len(trip) > 1:
             posed = {
-                shot.seen.id: _with_skeletons(shot, sorted(wanted[shot.seen.id]), cells, where)
+                shot.keypoints.id: _with_skeletons(shot, sorted(wanted[shot.keypoints.id]), cells, where)
                 for shot in shots
-                if shot.seen.id in wanted
+                if shot.keypoints.id in wanted
             }
             frames = {v.id: v.frames for v in keypoints.videos}
             save(cycle_figure(sync, trip, starts, posed, frames), folder / CYCLE)
@@ -69,6 +69,6 @@ def _with_skeletons(
     cells: dict[str, dict[int, Image]],
     where: dict[str, dict[int, Window]],
 ) -> dict[int, Image]:
-    video = shot.seen.id
+    video = shot.keypoints.id
     drawn = moment_cells(shot, frames, cells[video], where[video])
     return dict(zip(frames, drawn, strict=True))

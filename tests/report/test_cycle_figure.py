@@ -53,4 +53,4 @@ def test_the_figure_shows_what_it_asked_for(made: Made) -> None:
     assert len(figure.images) == 5 * len(starts)
     said = [text.get_text() for text in figure.texts]
     assert f"frame {starts[0]}" in said
-    assert f"{starts[0]} (home)" in said
+    assert f"{starts[0]} (0)" in said

@@ -89,11 +89,11 @@ def test_body_and_skeleton_cover_the_same_place(made: Made) -> None:
 
 
 def test_moments_find_the_nearest_frame_within_the_map_only() -> None:
-    at = np.array([np.nan, 2.0, 3.5, 5.0, 20.0])
-    found = SyncMap(id="v2", reference_frame=at, confidence=np.ones(5))
-    moments = [0.0, 2.2, 4.4, 12.0, 20.4, 21.0]
-    assert frames_of_moments(found, moments) == [None, 1, 3, None, 4, None]
-    unmatched = SyncMap(id="v2", reference_frame=at * np.nan, confidence=np.zeros(5))
+    matched = np.array([np.nan, 2.0, 3.5, 5.0, 20.0])
+    sync_map = SyncMap(id="v2", reference_frame=matched, confidence=np.ones(5))
+    moments = np.array([0.0, 2.2, 4.4, 12.0, 20.4, 21.0])
+    assert frames_of_moments(sync_map, moments) == [None, 1, 3, None, 4, None]
+    unmatched = SyncMap(id="v2", reference_frame=matched * np.nan, confidence=np.zeros(5))
     assert frames_of_moments(unmatched, moments) == [None] * 6
 
 

@@ -63,23 +63,23 @@ def test_rate_counts_different_frame_rates(made: Made) -> None:
 
 
 def test_retimed_takes_the_nearest_frame_and_never_goes_back() -> None:
-    index, matched = retimed(np.array([np.nan, 2.0, 3.0, 9.0, 10.0]), list(range(12)), 10.0)
+    index, matched = retimed(np.array([np.nan, 2.0, 3.0, 9.0, 10.0]), np.arange(12), 10.0)
     assert list(index[2:4]) == [1, 2]
     assert list(index[9:11]) == [3, 4]
     assert (np.diff(index) >= 0).all()
     assert list(np.flatnonzero(matched)) == [1, 2, 3, 4, 8, 9, 10, 11]
-    _, matched = retimed(np.array([0.0, 4.0, 20.0]), list(range(24)), 20.0)
+    _, matched = retimed(np.array([0.0, 4.0, 20.0]), np.arange(24), 20.0)
     assert list(np.flatnonzero(~matched)) == [8, 9, 10, 11, 12, 13, 14, 15, 16, 22, 23]
-    assert not retimed(np.array([np.nan] * 3), [0, 1], 30.0)[1].any()
-    back, _ = retimed(np.array([3.0, 2.0, 4.0]), [0, 1, 2, 3, 4], 30.0)
+    assert not retimed(np.array([np.nan] * 3), np.arange(2), 30.0)[1].any()
+    back, _ = retimed(np.array([3.0, 2.0, 4.0]), np.arange(5), 30.0)
     assert (np.diff(back) >= 0).all()
 
 
 def test_retiming_inverts_the_map() -> None:
-    at = np.cumsum(np.random.default_rng(0).uniform(0.4, 1.6, 60))
-    index, matched = retimed(at, list(range(5, 50)), 30.0)
+    position = np.cumsum(np.random.default_rng(0).uniform(0.4, 1.6, 60))
+    index, matched = retimed(position, np.arange(5, 50), 30.0)
     assert matched.all()
-    assert np.abs(at[index] - np.arange(5, 50)).max() < 1.7
+    assert np.abs(position[index] - np.arange(5, 50)).max() < 1.7
 
 
 def test_the_band_holds_what_the_confidence_says() -> None:
@@ -90,10 +90,10 @@ def test_the_band_holds_what_the_confidence_says() -> None:
 
 
 def test_pace_of_a_line_is_its_slope_and_gaps_stay_gaps() -> None:
-    own = np.arange(30) / 30.0
-    there = 0.5 * own + 3
+    here = np.arange(30) / 30.0
+    there = 0.5 * here + 3
     there[12:15] = np.nan
-    pace = pace_of(there, own, 3.0)
+    pace = pace_of(there, here, 3.0)
     np.testing.assert_allclose(pace[np.isfinite(there)], 0.5)
     assert np.isnan(pace[12:15]).all()
 
