@@ -57,9 +57,7 @@ def spread(count: int, columns: int = COLUMNS) -> Int[np.ndarray, " _"]:
     )
 
 
-def frames_of_moments(
-    sync_map: SyncMap, moments: Real[np.ndarray, " N"]
-) -> list[int | None]:
+def frames_of_moments(sync_map: SyncMap, moments: Real[np.ndarray, " N"]) -> list[int | None]:
     """For each moment (index into the reference) the video's frame that shows it, or None."""
     reference_frame = sync_map.reference_frame
     if not np.isfinite(reference_frame).any():

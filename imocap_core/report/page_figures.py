@@ -1,4 +1,4 @@
-"""The figures of a report that are made at the end of a run, beside those of `evaluate`."""
+"""Figures of the report's page, drawn at the end of a run beside those of the stage evaluate."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from imocap_core.report.files import Picture
 CYCLE, RESULTS, UNCERTAINTY = "cycle.jpg", "results.jpg", "uncertainty.png"
 
 
-def draw_late_figures(
+def draw_page_figures(
     folder: Path,
-    shots: Sequence[SheetVideo],
+    videos: Sequence[SheetVideo],
     results: Sequence[SheetResult],
     keypoints: Keypoints,
     refined: RefineSync,
@@ -29,46 +29,43 @@ def draw_late_figures(
     by_joint: Table | None,
     model: Model,
 ) -> list[Picture]:
-    """Round three videos and back; the same frames under each of `results`; how sure each joint is.
+    """Round trips over three videos; the same frames under each of `results`; the uncertainty of
+    each joint.
 
     by_joint: the table `uncertainty_joints`, which has the true errors.
     """
     sync = refined.sync
     trip = chosen_trip(sync)
     starts = cycle_starts(sync, trip)
-    wanted = cycle_frames(sync, trip, starts) if len(trip) > 1 else {}
-    picks = picks_of(shots)
+    of_trip = cycle_frames(sync, trip, starts) if len(trip) > 1 else {}
+    picks = picks_of(videos)
     cells: dict[str, dict[int, Image]] = {}
-    where: dict[str, dict[int, Window]] = {}
-    made = []
-    for v, shot in enumerate(shots):
-        shown = wanted.get(shot.keypoints.id, set()) | {t for w, t in picks if w == v}
+    cuts: dict[str, dict[int, Window]] = {}
+    for v, video in enumerate(videos):
+        name = video.keypoints.id
+        shown = of_trip.get(name, set()) | {t for w, t in picks if w == v}
         if shown:
-            cells[shot.keypoints.id], where[shot.keypoints.id] = read_cells(shot, sorted(shown))
+            cells[name], cuts[name] = read_cells(video, sorted(shown))
+    drawn = []
     with quiet():
         if len(trip) > 1:
             posed = {
-                shot.keypoints.id: _with_skeletons(shot, sorted(wanted[shot.keypoints.id]), cells, where)
-                for shot in shots
-                if shot.keypoints.id in wanted
+                name: _with_skeletons(video, sorted(of_trip[name]), cells[name], cuts[name])
+                for video in videos
+                if (name := video.keypoints.id) in of_trip
             }
             frames = {v.id: v.frames for v in keypoints.videos}
             save(cycle_figure(sync, trip, starts, posed, frames), folder / CYCLE)
-            made.append(Picture(CYCLE, "How frames of the videos lead to each other and back."))
-        save(results_sheet(shots, results, picks, cells, where, model), folder / RESULTS)
-        said = "The recovered body under each answer, over the frame and from the side."
-        made.append(Picture(RESULTS, said))
+            drawn.append(Picture(CYCLE, "Matches of frames from video to video and back."))
+        save(results_sheet(videos, results, picks, cells, cuts, model), folder / RESULTS)
+        caption = "The recovered body under each result, over the frame and from the side."
+        drawn.append(Picture(RESULTS, caption))
         save(uncertainty_figure(claimed, keypoints, sync, by_joint), folder / UNCERTAINTY)
-        made.append(Picture(UNCERTAINTY, "How uncertain each joint is, overall and over time."))
-    return made
+        drawn.append(Picture(UNCERTAINTY, "Uncertainty of each joint, overall and over time."))
+    return drawn
 
 
 def _with_skeletons(
-    shot: SheetVideo,
-    frames: Sequence[int],
-    cells: dict[str, dict[int, Image]],
-    where: dict[str, dict[int, Window]],
+    video: SheetVideo, frames: Sequence[int], cells: dict[int, Image], cuts: dict[int, Window]
 ) -> dict[int, Image]:
-    video = shot.keypoints.id
-    drawn = moment_cells(shot, frames, cells[video], where[video])
-    return dict(zip(frames, drawn, strict=True))
+    return dict(zip(frames, moment_cells(video, frames, cells, cuts), strict=True))

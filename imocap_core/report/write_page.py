@@ -22,7 +22,7 @@ from imocap_core.pipeline.runner import Job
 from imocap_core.pipeline.timings import timing_table
 from imocap_core.report.files import read_contents
 from imocap_core.report.page import PAGE, TEXT, html_page, markdown_page
-from imocap_core.report.page_figures import draw_late_figures
+from imocap_core.report.page_figures import draw_page_figures
 from imocap_core.report.sections import sections
 from imocap_core.workspace import video_files
 
@@ -45,7 +45,7 @@ def write_page(
     measured = stored["evaluate"].decode(Evaluate)
     model = load_free_body()
     tables = {table.name: table for table in measured.tables}
-    pictures = draw_late_figures(
+    pictures = draw_page_figures(
         folder,
         shots_of(job, stored, model),
         results_of(stored, single),
