@@ -36,17 +36,17 @@ def markdown(
     """The whole report."""
     errors = point_errors(films, names)
     parts = [
-        "# From pixels: captured performances rendered, found by a real detector",
+        "# From pixels: captured performances rendered, detected by a real detector",
         f"Made by `{command}`: performances of `trials` on the free body, each in its own scene "
-        "and before its own camera, found by MediaPipe Pose 0.10.21. "
+        "and before its own camera, detected by MediaPipe Pose 0.10.21. "
         f"{cost_sentence([s.costs for s in scores])} `estimator` is the detector's 3D alone."
         + missing_sentence(missing),
         motion_table(scores),
         "## The detector's errors",
         f"{len(films)} films, {sum(len(f.true_px) for f in films)} frames. Lengths are hundredths "
         "of the person's standing height in the picture (1.7 cm on a person of 1.7 m). `spread`: "
-        "an axis, about the film's own bias, without outliers. `lasts`: share and time constant of "
-        "what persists. An outlier is further than 5 spreads from the middle of its point.",
+        "per axis, about the mean of the film, without outliers. `lasts`: share and time constant "
+        "of what persists. An outlier is further than 5 spreads from the middle of its point.",
         points_table(errors),
         sides_table(films, names),
         "## What the simulated detector would need",
@@ -73,7 +73,7 @@ def motion_table(scores: Sequence[ActionScore]) -> str:
         for _, digits, of in columns
     ]
     rows.append(["**mean**", "", "", *means])
-    return "MPJPE, scaled, mm on 12 joints, where nothing else is said.\n\n" + markdown_table(
+    return "MPJPE, scaled, mm on 12 joints, unless the column says otherwise.\n\n" + markdown_table(
         ["action", "videos", "frames", *(name for name, _, _ in columns)], rows
     )
 

@@ -23,8 +23,8 @@ class GrowthRow:
     """SMPL-BA on one made scene.
 
     seconds: on the clock; processor_s: of all cores together. growth: exponent of the processor's
-    seconds by frames since the size before. load: mean number of processes that wanted the
-    processor in the minute before.
+    seconds by frames since the size before. load: mean number of processes ready to run in
+    the minute before.
     """
 
     videos: int

@@ -35,16 +35,16 @@ HEADS = {
     "stages": "From keypoints to the final motion: yoga, four videos of 146 to 186 frames",
     "race": f"To the same objective: the common motion of {RACE_SIZE[0]} x {RACE_SIZE[1]} frames "
     "and its cameras, one core",
-    "growth": "SMPL-BA and the number of frames: made scenes, two cores",
+    "growth": "SMPL-BA by number of frames: synthetic scenes, two cores",
 }
 NOTES = {
-    "stages": "Seconds on the clock and of the processor. camera_motion reads the videos "
-    "themselves and is not in the sum. load: processes that wanted the processor in the minute "
-    "before.",
+    "stages": "Seconds on the clock and of the processor. camera_motion reads the videos and is "
+    "not in the sum. load: mean number of processes ready to run in the minute before.",
     "race": "Processor seconds to an objective within 0.1 % of the lowest that Gauss-Newton "
-    f"settles at; a rival is stopped after {MOST_TIMES:g} times its time, and above_pct tells how "
-    "far it was then. times: of Gauss-Newton's time (median of three, between the rivals).",
-    "growth": "Every size in a process of its own; peak_gb is all that the process holds. growth: "
+    f"reaches; a rival is stopped after {MOST_TIMES:g} times its time. above_pct: lowest objective "
+    "above Gauss-Newton's. times: multiple of Gauss-Newton's time (median of three runs, between "
+    "the rivals).",
+    "growth": "Every size in its own process; peak_gb: its peak memory. growth: "
     "exponent of the processor's seconds by frames, 1 is linear.",
 }
 
