@@ -15,6 +15,10 @@ class WrongUse(ImocapError):
     """The command or call was not understood or does not fit the action. Exit code 2."""
 
 
+class ArtifactCorrupt(Exception):
+    """An artifact can't be read back whole; it must be computed again."""
+
+
 def program_fault(error: Exception) -> str:
     """The sentence about an error that is no fault of the input."""
     return (

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from imocap_core.artifacts.file_memory import load_memory
 from imocap_core.artifacts.store import Store
 from imocap_core.errors import WorkFailed
 from imocap_core.pipeline import builtin_actions as demos
@@ -42,6 +43,7 @@ class Workspace:
         """An action (by name or path) with its settings, its files not yet looked at."""
         if action in demos.BUILT_IN and not (self.root / "actions" / action).exists():
             raise WorkFailed(f"{action} is built in but not made yet; make it: imocap run {action}")
+        load_memory(self.store.folder)
         found = read_action(find_action(action, self.root))
         pipeline = self.pipeline()
         chosen = settings(pipeline, found.params, found.file, sets)

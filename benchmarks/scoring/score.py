@@ -68,7 +68,7 @@ def cached_score(job: Job | None, score_file: Path, *code: Path) -> ActionScore 
     if job is None or before is None:
         return None
     done: dict[str, Stored] = {}
-    for state in runner.standings(job):
+    for state in runner.stage_statuses(job):
         if state.stage in job.pipeline.upstream(LAST):
             if state.stored is None:
                 return None

@@ -3,6 +3,7 @@
     .cache/<stage>/<key>.mcap       results of stages
     .cache/detections/<key>.npz     detections of videos
     .cache/.used/<action>           `<stage>/<key>`, a line for every result that it has used
+    .cache/files.json               digests of files that have not changed (file_memory.py)
 
 The time of last use is the file's access time, which `mark_used` sets; a mount option (noatime,
 relatime) does not matter to it.
@@ -21,6 +22,7 @@ from pathlib import Path
 CACHE, USED = ".cache", ".used"
 SUFFIXES = (".mcap", ".npz")
 LEFTOVERS = (
+    f"{CACHE}/.*.part",
     f"{CACHE}/*/.*.part",
     f"{CACHE}/*/.detect-*",
     "*/.*.part",

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO, TypeVar
+from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -30,7 +30,10 @@ from pydantic import BaseModel, ValidationError
 from zstandard import ZstdError
 
 from imocap_core.artifacts import ndarray
-from imocap_core.artifacts.schemas.base import Artifact
+from imocap_core.errors import ArtifactCorrupt
+
+if TYPE_CHECKING:
+    from imocap_core.artifacts.schemas.base import Artifact
 
 LIBRARY = "imocap artifact 1"  # fixed: a file says what it holds, not who wrote it when
 LOG_TIME = 0
@@ -51,11 +54,7 @@ READER_ERRORS = (
     ValueError,
 )
 
-Kind = TypeVar("Kind", bound=Artifact)
-
-
-class ArtifactCorrupt(Exception):
-    """The file can't be read back whole; the artifact must be computed again."""
+Kind = TypeVar("Kind", bound="Artifact")
 
 
 @dataclass(frozen=True)

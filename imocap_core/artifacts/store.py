@@ -5,6 +5,7 @@
       <action>/report/           the side files of the stage that made some
       .cache/<stage>/<key>.mcap  every result ever made, so that going back costs nothing
       .cache/.used/<action>      the results that an action has used (cache.py)
+      .cache/files.json          digests of files that have not changed (file_memory.py)
 
 Files appear whole or not at all (written aside, synced, renamed); the current artifact is a hard
 link to its cached one where the file system has links.
@@ -18,44 +19,52 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import BinaryIO, TypeVar
+from typing import TYPE_CHECKING, BinaryIO, TypeVar
 
-from imocap_core.artifacts import codec
 from imocap_core.artifacts.cache import mark_used
-from imocap_core.artifacts.codec import ArtifactCorrupt, Content
+from imocap_core.artifacts.file_memory import remembered
 from imocap_core.artifacts.lock import exclusive
-from imocap_core.artifacts.schemas.base import Artifact
+from imocap_core.errors import ArtifactCorrupt
 
-Kind = TypeVar("Kind", bound=Artifact)
+if TYPE_CHECKING:  # numpy, MCAP and protobuf are imported only where an artifact is read
+    from imocap_core.artifacts.codec import Content
+    from imocap_core.artifacts.schemas.base import Artifact
+
+Kind = TypeVar("Kind", bound="Artifact")
 KEY = "key"
 REPORT = "report"
 
 
 @dataclass(frozen=True)
 class Stored:
-    """An artifact in the store, read back and checked, not yet validated by its schema."""
+    """An artifact in the store.
+
+    schema: its class name; digest: of what it contains (not of the file); key: the stage key that
+    it was made under.
+    """
 
     file: Path
-    content: Content
+    schema: str
+    digest: str
+    key: str
+    _content: Content | None = None
 
-    @property
-    def schema(self) -> str:
-        """The artifact's class name."""
-        return self.content.schema
+    @cached_property
+    def content(self) -> Content:
+        """What the file contains, every byte checked, not yet validated by its schema.
 
-    @property
-    def digest(self) -> str:
-        """Digest of what it holds (not of the file)."""
-        return self.content.digest
+        ArtifactCorrupt when it can't be read back.
+        """
+        from imocap_core.artifacts import codec
 
-    @property
-    def key(self) -> str:
-        """The stage key it was made under."""
-        return self.content.provenance.get(KEY, "")
+        return codec.read(self.file) if self._content is None else self._content
 
     def decode(self, kind: type[Kind]) -> Kind:
         """The artifact itself. ArtifactCorrupt when it does not fit `kind`."""
+        from imocap_core.artifacts import codec
+
         return codec.unpack(self.content, kind)
 
 
@@ -83,13 +92,23 @@ class Store:
         ArtifactCorrupt when it can't be read back.
         """
         file = self.current(action, stage)
-        return Stored(file, codec.read(file)) if file.is_file() else None
+        return _read(file) if file.is_file() else None
 
     def find(self, action: str, stage: str, key: str) -> Stored | None:
-        """The result made under `key`; None when there is none or it can't be read back."""
+        """The result made under `key`, read and checked; None when there is none or it can't be
+        read back."""
+        return self._first(action, stage, key, _read)
+
+    def look_up(self, action: str, stage: str, key: str) -> Stored | None:
+        """The same, but a file that was read before and has not changed is not read again."""
+        return self._first(action, stage, key, _unread)
+
+    def _first(
+        self, action: str, stage: str, key: str, read: Callable[[Path], Stored]
+    ) -> Stored | None:
         for file in (self.current(action, stage), self.cached(stage, key)):
             with suppress(ArtifactCorrupt):
-                if file.is_file() and (stored := Stored(file, codec.read(file))).key == key:
+                if file.is_file() and (stored := read(file)).key == key:
                     return stored
         return None
 
@@ -102,14 +121,16 @@ class Store:
         files: Mapping[str, bytes],
     ) -> Stored:
         """Keep a result under its key, with a note of how it was made and its side files."""
+        from imocap_core.artifacts import codec
+
         packed = codec.pack(artifact)
-        content = Content(
+        content = codec.Content(
             packed.schema, packed.header, packed.arrays, {**provenance, KEY: key}, dict(files)
         )
         file = self.cached(stage, key)
         with _appearing(file) as stream:
             codec.write(stream, content, type(artifact).model_json_schema())
-        return Stored(file, content)
+        return stored_as(file, content)
 
     def publish(self, action: str, stage: str, stored: Stored) -> None:
         """Make a result the current one of its stage, its side files the action's report.
@@ -129,6 +150,28 @@ class Store:
     def lock(self, action: str, waiting: Callable[[], None]) -> AbstractContextManager[None]:
         """Hold an action for one run; a second run calls `waiting` once and then waits."""
         return exclusive(self.folder / action / ".lock", waiting)
+
+
+def stored_as(file: Path, content: Content) -> Stored:
+    """An artifact whose content is at hand."""
+    return Stored(file, content.schema, content.digest, content.provenance.get(KEY, ""), content)
+
+
+def _read(file: Path) -> Stored:
+    from imocap_core.artifacts import codec
+
+    return stored_as(file, codec.read(file))
+
+
+def _unread(file: Path) -> Stored:
+    """An artifact of which schema, digest and key are known; its content is read when asked for."""
+
+    def read_head(file: Path) -> dict[str, str]:
+        stored = _read(file)
+        return {"schema": stored.schema, "digest": stored.digest, "key": stored.key}
+
+    head = remembered("artifact", file, read_head)
+    return Stored(file, head["schema"], head["digest"], head["key"])
 
 
 @contextmanager

@@ -74,12 +74,12 @@ def explain_command(
     """Everything that a stage's result depends on, and what has changed since it was made."""
     console = speaker(markup=False)
     explanation = explain(action, stage, root=root_of(context), params=sets)
-    console.print(f"{stage}: {explanation.standing.state}")
+    console.print(f"{stage}: {explanation.status.state}")
     recipe = explanation.recipe
     if recipe is None:
         console.print(f"  after {', '.join(explanation.missing)}")
         return
-    for why in explanation.standing.why:
+    for why in explanation.status.why:
         console.print(f"  because {why}")
     console.print(f"key     {recipe.key}\nseed    {recipe.seed}")
     for title, leaves in (("input", recipe.inputs), ("read", recipe.reads), ("code", recipe.code)):

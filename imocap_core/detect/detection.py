@@ -15,7 +15,7 @@ from imocap_core.detect.process import Worker
 from imocap_core.detect.results import frames_with_people
 from imocap_core.errors import WorkFailed
 from imocap_core.io.video import probe, read_rgb
-from imocap_core.pipeline.keys import content_digest
+from imocap_core.pipeline.content import content_digest
 
 FOLDER = "detections"
 Progress = Callable[[float, str], None]

@@ -12,7 +12,7 @@ from typing import Any
 from imocap_core.detect.results import Arrays, landmark_arrays, people_arrays
 from imocap_core.params import DetectParams
 from imocap_core.pipeline.action import DetectionFormat, InitialFormat, Layout
-from imocap_core.pipeline.source import Source
+from imocap_core.pipeline.source import SourceFile
 
 HERE = Path(__file__).parent
 FORMAT = 1  # raise when the files written mean something else
@@ -50,7 +50,14 @@ class Detector:
         """Digest of all that a video's detections depend on; `content` (the video's) and `models`
         are digests of files."""
         settings = {k: v for k, v in self.settings.items() if not k.endswith("_model")}
-        parts = [FORMAT, self.version, Source("", self.worker).digest, settings, content, *models]
+        parts = [
+            FORMAT,
+            self.version,
+            SourceFile("", self.worker).digest,
+            settings,
+            content,
+            *models,
+        ]
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 

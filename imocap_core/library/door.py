@@ -6,8 +6,7 @@ from collections.abc import Callable
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
-from imocap_core.artifacts.codec import ArtifactCorrupt
-from imocap_core.errors import ImocapError, WorkFailed, WrongUse
+from imocap_core.errors import ArtifactCorrupt, ImocapError, WorkFailed, WrongUse
 
 Parameters = ParamSpec("Parameters")
 Value = TypeVar("Value")

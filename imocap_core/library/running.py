@@ -16,7 +16,7 @@ from imocap_core.library.progress import Progress, displaying
 from imocap_core.library.result import MotionStage, Result
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.keys import Recipe
-from imocap_core.pipeline.runner import Job, Outcome, Standing
+from imocap_core.pipeline.runner import Job, Outcome, StageStatus
 from imocap_core.workspace import Workspace
 
 Params = Mapping[str, Any] | Sequence[str] | None
@@ -40,7 +40,7 @@ class Explanation:
     missing: inputs that have not been made yet; then there is no recipe.
     """
 
-    standing: Standing
+    status: StageStatus
     missing: list[str]
     recipe: Recipe | None
 
@@ -141,9 +141,11 @@ def run_stage(
 
 
 @plain_errors
-def status(action: str | Path, *, root: str | Path = ".", params: Params = None) -> list[Standing]:
+def status(
+    action: str | Path, *, root: str | Path = ".", params: Params = None
+) -> list[StageStatus]:
     """For every stage whether its result is cached, and if not, why it would run."""
-    return list(runner.standings(Workspace(Path(root)).job(str(action), one_off(params))))
+    return list(runner.stage_statuses(Workspace(Path(root)).job(str(action), one_off(params))))
 
 
 @plain_errors
@@ -154,13 +156,13 @@ def explain(
     job = Workspace(Path(root)).job(str(action), one_off(params))
     _upstream(job, stage)
     done = {}
-    for standing in runner.standings(job):
-        if standing.stage == stage:
+    for current in runner.stage_statuses(job):
+        if current.stage == stage:
             break
-        if standing.stored is not None:
-            done[standing.stage] = standing.stored
+        if current.stored is not None:
+            done[current.stage] = current.stored
     missing = [name for name in job.pipeline.stages[stage].inputs if name not in done]
-    return Explanation(standing, missing, None if missing else job.recipe(stage, done))
+    return Explanation(current, missing, None if missing else job.recipe(stage, done))
 
 
 def one_off(params: Params) -> list[str]:

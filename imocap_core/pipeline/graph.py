@@ -109,7 +109,7 @@ def read_pipeline(file: Path) -> Pipeline:
     """Read and check pipeline.yaml. WorkFailed names every fault in it at once."""
     parsed = parse(_PipelineFile, load_yaml(file), str(file))
     source = f"{file}: params"
-    params = _validated(_merge(asdict(Params()), parsed.params or {}, source), source)
+    params = _changed(Params(), parsed.params or {}, source)
     return Pipeline(file, parsed.seed, parsed.stages, params)
 
 
@@ -121,16 +121,12 @@ def settings(
     WorkFailed when action.yaml is at fault, WrongUse when a `--set` is.
     """
     source = f"{action_file}: params"
-    values = _merge(asdict(pipeline.params), action_params, source)
+    params = _changed(pipeline.params, action_params, source)
     seed = _seed(action_params.get(SEED, pipeline.seed), f"{source}.{SEED}")
-    params = _validated(values, source)
-    if not sets:
-        return RunSettings(seed, params)
     once = _parse_sets(sets)
     try:
-        values = _merge(values, once, "--set")
-        seed = _seed(once.get(SEED, seed), f"--set {SEED}")
-        return RunSettings(seed, _validated(values, "--set"))
+        params = _changed(params, once, "--set")
+        return RunSettings(_seed(once.get(SEED, seed), f"--set {SEED}"), params)
     except WorkFailed as error:
         raise WrongUse(str(error)) from None
 
@@ -140,10 +136,12 @@ def _adapter() -> TypeAdapter[Params]:
     return TypeAdapter(Params)
 
 
-def _validated(values: Mapping[str, Mapping[str, Any]], source: str) -> Params:
-    """All parameters with their types and bounds checked; WorkFailed names every fault."""
+def _changed(params: Params, changes: Mapping[str, Any], source: str) -> Params:
+    """Parameters with changes, types and bounds checked; WorkFailed names every fault."""
+    if not changes:
+        return params
     try:
-        return _adapter().validate_python(values)
+        return _adapter().validate_python(_merge(asdict(params), changes, source))
     except ValidationError as error:
         raise WorkFailed(explain_faults(error, source)) from None
 

@@ -10,12 +10,10 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
-from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
-from imocap_core.errors import WorkFailed
 from imocap_core.pipeline.action import DETECT, Action
+from imocap_core.pipeline.content import content_digest
 from imocap_core.pipeline.graph import Pipeline, RunSettings
 from imocap_core.pipeline.source import closure
 from imocap_core.pipeline.stage import Read
@@ -80,28 +78,6 @@ def differences(before: Mapping[str, str], now: Recipe) -> list[str]:
         changed = [n for n in sorted({*known, *present}) if known.get(n) != present.get(n)]
         lines += [f"{title}: {name} {_how(name, known, present)}" for name in changed]
     return lines
-
-
-def content_digest(path: Path) -> str:
-    """Digest of a file's bytes, or of a folder's files and their names in it."""
-    if path.is_dir():
-        sha = hashlib.sha256()
-        for file in sorted(p for p in path.rglob("*") if p.is_file()):
-            sha.update(file.relative_to(path).as_posix().encode() + b"\0")
-            sha.update(bytes.fromhex(content_digest(file)))
-        return sha.hexdigest()
-    try:
-        now = path.stat()
-        return _file_digest(path, now.st_size, now.st_mtime_ns)
-    except OSError as error:
-        raise WorkFailed(f"cannot read {path}: {error.strerror}") from None
-
-
-@lru_cache(maxsize=4096)
-def _file_digest(path: Path, size: int, mtime_ns: int) -> str:
-    """Size and time only keep one process from reading the same video for every stage."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _reads(kind: Read, action: Action) -> Iterator[tuple[str, str]]:

@@ -9,12 +9,11 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Protocol, cast
+from typing import TYPE_CHECKING, Any, Literal, Protocol, cast
 
-from imocap_core.artifacts.codec import ArtifactCorrupt
-from imocap_core.artifacts.schemas.base import Artifact
+from imocap_core.artifacts.file_memory import save_memory
 from imocap_core.artifacts.store import Store, Stored
-from imocap_core.errors import WorkFailed, program_fault
+from imocap_core.errors import ArtifactCorrupt, WorkFailed, program_fault
 from imocap_core.pipeline.action import Action
 from imocap_core.pipeline.graph import Pipeline, RunSettings
 from imocap_core.pipeline.keys import Recipe, differences, recipe
@@ -22,7 +21,10 @@ from imocap_core.pipeline.source import module_name
 from imocap_core.pipeline.stage import Context, Inputs, Progress
 from imocap_core.process import configure_process
 
-Run = Callable[[Context, Inputs, Any], Artifact]
+if TYPE_CHECKING:
+    from imocap_core.artifacts.schemas.base import Artifact
+
+Run = Callable[[Context, Inputs, Any], "Artifact"]
 
 
 class Display(Protocol):
@@ -55,7 +57,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Standing:
+class StageStatus:
     """What would happen to a stage if the action ran now."""
 
     stage: str
@@ -103,24 +105,26 @@ def run(
             done[stage] = stored
             outcomes.append(Outcome(stage, how, stored, time.perf_counter() - began))
             display.finished(outcomes[-1])
+    save_memory(job.store.folder)
     return outcomes
 
 
-def standings(job: Job) -> Iterator[Standing]:
+def stage_statuses(job: Job) -> Iterator[StageStatus]:
     """For each stage, whether it is cached, and if not, why it would run."""
     done: dict[str, Stored] = {}
     for stage, spec in job.pipeline.stages.items():
         missing = [name for name in spec.inputs if name not in done]
         if missing:
-            yield Standing(stage, "would run", [f"after {', '.join(missing)}"])
+            yield StageStatus(stage, "would run", [f"after {', '.join(missing)}"])
             continue
         wanted = job.recipe(stage, done)
-        stored = job.store.find(job.action.name, stage, wanted.key)
+        stored = job.store.look_up(job.action.name, stage, wanted.key)
         if stored is None:
-            yield Standing(stage, "would run", _reasons(job, stage, wanted))
+            yield StageStatus(stage, "would run", _reasons(job, stage, wanted))
         else:
             done[stage] = stored
-            yield Standing(stage, "cached", [], stored)
+            yield StageStatus(stage, "cached", [], stored)
+    save_memory(job.store.folder)
 
 
 def _reasons(job: Job, stage: str, wanted: Recipe) -> list[str]:
@@ -153,6 +157,8 @@ def _make(
 
 def _call(script: Path, context: Context, inputs: Inputs, params: Visible) -> Artifact:
     """Run a stage's script; whatever goes wrong in it becomes one sentence."""
+    from imocap_core.artifacts.schemas.base import Artifact
+
     try:
         artifact = _load(script)(context, inputs, params)
         assert isinstance(artifact, Artifact), f"returned a {type(artifact).__name__}"

@@ -10,12 +10,19 @@ The rooms in CARRIERS are left out: they carry values and compute none.
 
 from __future__ import annotations
 
-import ast
 import hashlib
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from imocap_core.artifacts.file_memory import remembered
+from imocap_core.pipeline.content import content_digest
+
+if TYPE_CHECKING:
+    from imocap_core.pipeline.source_tree import ParsedSource
 
 PROJECT = Path(__file__).resolve().parents[2]
 PACKAGES = ("imocap_core", "stages", "benchmarks")
@@ -26,23 +33,38 @@ CARRIERS = (
     "imocap_core.pipeline",
     "imocap_core.workspace",
 )
+CODE_FORMAT = 1  # raise when what `parse_source` returns means something else
 
 
 @dataclass(frozen=True)
-class Source:
+class SourceFile:
     """One Python file of the project (or a script outside it, with an empty module name)."""
 
     module: str
     file: Path
 
     @cached_property
-    def tree(self) -> ast.Module:
-        """Its syntax tree, without docstrings."""
-        tree = ast.parse(self.file.read_bytes(), filename=str(self.file))
-        for node in ast.walk(tree):
-            if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
-                node.body = _without_docstring(node.body)
-        return tree
+    def parsed(self) -> ParsedSource:
+        """Its code, imports and re-exports; parsed again only where the file has changed."""
+
+        def parse(file: Path) -> ParsedSource:
+            from imocap_core.pipeline.source_tree import parse_source
+
+            return parse_source(file, self.module, PACKAGES)
+
+        return remembered(f"source{CODE_FORMAT}:{self.module}", self.file, parse)
+
+    @cached_property
+    def digest(self) -> str:
+        """Digest of its syntax tree, and of the data files when it is a package."""
+        data = _data_files(self.file.parent) if self.is_package and self.module else ()
+        if not data:
+            return self.parsed["digest"]
+        sha = hashlib.sha256(bytes.fromhex(self.parsed["digest"]))
+        for file in data:
+            sha.update(file.relative_to(self.file.parent).as_posix().encode() + b"\0")
+            sha.update(bytes.fromhex(content_digest(file)))
+        return sha.hexdigest()
 
     @property
     def is_package(self) -> bool:
@@ -50,65 +72,39 @@ class Source:
         return self.file.name == "__init__.py"
 
     @cached_property
-    def digest(self) -> str:
-        """Digest of its syntax tree, and of the data files when it is a package."""
-        sha = hashlib.sha256(ast.dump(self.tree).encode())
-        if self.is_package and self.module:
-            for file in _data_files(self.file.parent):
-                sha.update(file.relative_to(self.file.parent).as_posix().encode() + b"\0")
-                sha.update(hashlib.sha256(file.read_bytes()).digest())
-        return sha.hexdigest()
-
-    @cached_property
     def imports(self) -> frozenset[str]:
-        """The modules that running this one runs too, as far as they can be this project's."""
-        return frozenset(m for m in self._imports() if m.split(".")[0] in PACKAGES)
-
-    def _imports(self) -> Iterator[str]:
-        for node in ast.walk(self.tree):
-            if isinstance(node, ast.Import):
-                for alias in node.names:
-                    yield from _parents_and_self(alias.name)
-            elif isinstance(node, ast.ImportFrom):
-                base = self._absolute(node)
-                for alias in node.names:
-                    yield from _defining(base, alias.name)
-
-    def _absolute(self, node: ast.ImportFrom) -> str:
-        if node.level == 0:
-            return node.module or ""
-        parts = self.module.split(".")
-        package = parts if self.is_package else parts[:-1]
-        package = package[: len(package) - node.level + 1]
-        return ".".join([*package, *([node.module] if node.module else [])])
+        """The modules of this project that running this one runs too."""
+        return frozenset(
+            module
+            for base, name in self.parsed["imports"]
+            for module in (_parents_and_self(base) if name is None else _defining(base, name))
+        )
 
 
 def closure(script: Path) -> dict[str, str]:
     """Digest of every file that `script`'s result depends on, by its module's name."""
-    start = Source(module_name(script), script)
-    found: dict[str, str] = {}
-    waiting = [start]
+    waiting = [SourceFile(module_name(script), script)]
+    digests: dict[str, str] = {}
     while waiting:
         source = waiting.pop()
         name = source.module or source.file.name
-        if name in found:
+        if name in digests:
             continue
-        found[name] = source.digest
-        for module in source.imports:
-            if not module.startswith(CARRIERS) and (known := _find(module)) is not None:
-                waiting.append(known)
-    return dict(sorted(found.items()))
+        digests[name] = source.digest
+        imported = (_find(m) for m in source.imports if not m.startswith(CARRIERS))
+        waiting += [source for source in imported if source is not None]
+    return dict(sorted(digests.items()))
 
 
 @cache
-def _find(module: str) -> Source | None:
+def _find(module: str) -> SourceFile | None:
     """The project's file of a module; None when it is no module of this project."""
     if module.split(".")[0] not in PACKAGES:
         return None
-    path = PROJECT.joinpath(*module.split("."))
-    for file in (path.with_suffix(".py"), path / "__init__.py"):
-        if file.is_file():
-            return Source(module, file)
+    path = os.path.join(PROJECT, *module.split("."))
+    for file in (f"{path}.py", os.path.join(path, "__init__.py")):
+        if os.path.isfile(file):
+            return SourceFile(module, Path(file))
     return None
 
 
@@ -146,31 +142,7 @@ def _reexports(module: str) -> dict[str, tuple[str, str]] | None:
     source = _find(module)
     if source is None or not source.is_package or _data_files(source.file.parent):
         return None
-    names: dict[str, tuple[str, str]] = {}
-    for node in source.tree.body:
-        if isinstance(node, ast.ImportFrom):
-            base = source._absolute(node)
-            names.update({a.asname or a.name: (base, a.name) for a in node.names})
-        elif not _is_all(node):
-            return None
-    return names
-
-
-def _is_all(node: ast.stmt) -> bool:
-    return isinstance(node, ast.Assign) and [
-        t.id for t in node.targets if isinstance(t, ast.Name)
-    ] == ["__all__"]
-
-
-def _without_docstring(body: list[ast.stmt]) -> list[ast.stmt]:
-    first = body[0] if body else None
-    if (
-        isinstance(first, ast.Expr)
-        and isinstance(first.value, ast.Constant)
-        and isinstance(first.value.value, str)
-    ):
-        return body[1:]
-    return body
+    return source.parsed["exports"]
 
 
 @cache

@@ -55,18 +55,18 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar
 
-from imocap_core.artifacts.schemas.base import Artifact
 from imocap_core.pipeline.action import DETECT, Action, Declaration
 from imocap_core.pipeline.hints import AnchorEntry, ForbiddenEntry
 
 if TYPE_CHECKING:
     import numpy as np
 
+    from imocap_core.artifacts.schemas.base import Artifact
     from imocap_core.artifacts.store import Stored
 
 Read = Literal["declarations", "detections", "videos", "initial", "hints", "truth"]
 Progress = Callable[[float, str], None]  # share done (0 to 1), what is being done
-Made = TypeVar("Made", bound=Artifact)
+Made = TypeVar("Made", bound="Artifact")
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,13 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from imocap_core.artifacts.schemas import Table
 from imocap_core.artifacts.store import Store
 from imocap_core.pipeline.runner import Outcome
+
+if TYPE_CHECKING:
+    from imocap_core.artifacts.schemas import Table
 
 FILE = "timings.json"
 
@@ -36,6 +39,8 @@ def seconds_of(store: Store, action: str, digests: Mapping[str, str]) -> dict[st
 
 def timing_table(seconds: Mapping[str, float | None], frames: int) -> Table:
     """A row a stage. frames: of all videos together."""
+    from imocap_core.artifacts.schemas import Table
+
     rows: list[list[str | bool | int | float | None]] = [
         [stage, took, None if took is None else 1000 * took / max(frames, 1)]
         for stage, took in seconds.items()

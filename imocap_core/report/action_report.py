@@ -7,14 +7,13 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from imocap_core.artifacts.codec import ArtifactCorrupt
 from imocap_core.artifacts.store import Stored
-from imocap_core.errors import WorkFailed
+from imocap_core.errors import ArtifactCorrupt, WorkFailed
 from imocap_core.pipeline.graph import settings
 from imocap_core.pipeline.runner import Job, Outcome
 from imocap_core.pipeline.source import PROJECT, closure
 from imocap_core.pipeline.timings import record, seconds_of
-from imocap_core.report.page import PAGE, TEXT
+from imocap_core.report.page_files import PAGE, TEXT
 
 MADE_BY = ("page_figures.py", "page.py")
 BESIDE = ("viewer.html", "compare/report.md", "observability.md")

@@ -14,7 +14,6 @@ from imocap_core.report.metric_words import WORDS
 from imocap_core.report.sections import Section
 
 MIME = {".png": "image/png", ".jpg": "image/jpeg", ".webp": "image/webp"}
-PAGE, TEXT = "report.html", "report.md"
 STAMP = "imocap-made-from"
 NUMBERS = "What the numbers mean"
 

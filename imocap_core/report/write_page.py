@@ -21,8 +21,9 @@ from imocap_core.figures.results_sheet import SheetResult
 from imocap_core.pipeline.runner import Job
 from imocap_core.pipeline.timings import timing_table
 from imocap_core.report.files import read_contents
-from imocap_core.report.page import PAGE, TEXT, html_page, markdown_page
+from imocap_core.report.page import html_page, markdown_page
 from imocap_core.report.page_figures import draw_page_figures
+from imocap_core.report.page_files import PAGE, TEXT
 from imocap_core.report.sections import sections
 from imocap_core.workspace import video_files
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
 
-from imocap_core.artifacts.codec import ArtifactCorrupt
 from imocap_core.artifacts.schemas import (
     CameraMotion,
     Evaluate,
@@ -20,7 +19,7 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.artifacts.schemas.base import Artifact
 from imocap_core.artifacts.store import Store, Stored
-from imocap_core.errors import WorkFailed
+from imocap_core.errors import ArtifactCorrupt, WorkFailed
 
 STAGE_OF: Mapping[type[Artifact], str] = {
     Keypoints: "keypoints",

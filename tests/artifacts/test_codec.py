@@ -13,7 +13,7 @@ from hypothesis.extra import numpy as arrays
 from mcap.reader import make_reader
 
 from imocap_core.artifacts import codec, ndarray
-from imocap_core.artifacts.codec import ArtifactCorrupt, Content
+from imocap_core.artifacts.codec import Content
 from imocap_core.artifacts.schemas import (
     CameraMotion,
     Evaluate,
@@ -23,6 +23,7 @@ from imocap_core.artifacts.schemas import (
     Table,
     VideoKeypoints,
 )
+from imocap_core.errors import ArtifactCorrupt
 
 
 def write(file: Path, content: Content) -> Path:

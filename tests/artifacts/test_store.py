@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from imocap_core.artifacts.codec import ArtifactCorrupt
 from imocap_core.artifacts.schemas import Sync
 from imocap_core.artifacts.store import Store, Stored
+from imocap_core.errors import ArtifactCorrupt
 
 
 @pytest.fixture

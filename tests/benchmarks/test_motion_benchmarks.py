@@ -174,7 +174,7 @@ def test_a_finished_action_is_not_scored_again_until_an_artifact_changes(
         display.finished(outcome)  # type: ignore[attr-defined]
         return [outcome]
 
-    def standings(_: object) -> list[SimpleNamespace]:
+    def stage_statuses(_: object) -> list[SimpleNamespace]:
         return [SimpleNamespace(stage="keypoints", stored=Kept(digest[0]))]
 
     def numbers(*_: object) -> dict:
@@ -182,7 +182,7 @@ def test_a_finished_action_is_not_scored_again_until_an_artifact_changes(
         return {"oracle": {"pa_mpjpe_mm": 1.0}}
 
     monkeypatch.setattr(score.runner, "run", run)
-    monkeypatch.setattr(score.runner, "standings", standings)
+    monkeypatch.setattr(score.runner, "stage_statuses", stage_statuses)
     monkeypatch.setattr(score, "_numbers", numbers)
     job = SimpleNamespace(
         action=SimpleNamespace(name="jump", truth=None, folder=tmp_path),

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from imocap_core.errors import WorkFailed
-from imocap_core.pipeline.keys import Recipe, content_digest, differences
+from imocap_core.pipeline.content import content_digest
+from imocap_core.pipeline.keys import Recipe, differences
 
 RECIPE = Recipe(
     code={"stages.sync": "c1", "imocap_core.sync.warp.dtw": "c2"},

@@ -9,11 +9,11 @@ import pytest
 from rich.console import Console
 
 from imocap_core.artifacts.codec import Content
-from imocap_core.artifacts.store import Stored
+from imocap_core.artifacts.store import stored_as
 from imocap_core.library.terminal import Terminal, reasons
 from imocap_core.pipeline.runner import Outcome
 
-STORED = Stored(Path("sync.mcap"), Content("Sync", b"{}", {}))
+STORED = stored_as(Path("sync.mcap"), Content("Sync", b"{}", {}))
 
 
 def shown(force_terminal: bool) -> str:

@@ -1,0 +1,122 @@
+"""What was computed from the content of files, remembered while the files stay unchanged.
+
+A large video is hashed once, not by every command. A file counts as unchanged while its size,
+modification time and inode do; a folder, while those of all its files do. This only decides
+whether something is read again: keys and artifacts are made from contents alone.
+
+Every process remembers for itself; `load_memory` and `save_memory` carry it over from one to the
+next in `artifacts/.cache/files.json`, which may be deleted at any time.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import TypeVar
+
+FILE = Path(".cache") / "files.json"
+FORMAT = 1  # raise when what is computed from a file means something else
+SETTLED_NS = 2_000_000_000  # a file changed later than this ago may change again unnoticed
+
+Value = TypeVar("Value")  # of JSON
+
+
+class _Memory:
+    def __init__(self) -> None:
+        self.entries: dict[str, tuple[str, object]] = {}  # kind and path: signature, value
+        self.changed = False
+
+
+@cache
+def _memory() -> _Memory:
+    return _Memory()
+
+
+def remembered(kind: str, path: Path, compute: Callable[[Path], Value]) -> Value:
+    """`compute(path)`, or what it returned for this content of the file or folder before.
+
+    kind: names the computation; the same for the same `compute`. OSError when there is no file.
+    """
+    name = f"{kind} {os.path.abspath(path)}"
+    signature, newest_ns = _signature(path)
+    known = _memory().entries.get(name)
+    if known is not None and known[0] == signature:
+        return known[1]  # type: ignore[return-value]
+    value = compute(path)
+    if time.time_ns() - newest_ns > SETTLED_NS and _signature(path)[0] == signature:
+        _memory().entries[name] = (signature, value)
+        _memory().changed = True
+    return value
+
+
+def load_memory(folder: Path) -> None:
+    """Remember what was saved below a folder of artifacts, if anything was."""
+    with suppress(OSError, ValueError, TypeError, LookupError):
+        saved = json.loads((folder / FILE).read_text(encoding="utf-8"))
+        if saved["made_by"] == _made_by():
+            entries = {name: (str(s), value) for name, (s, value) in saved["entries"].items()}
+            _memory().entries = entries | _memory().entries
+
+
+def save_memory(folder: Path) -> None:
+    """Save what is remembered below a folder of artifacts, where that folder exists."""
+    if not _memory().changed or not folder.is_dir():
+        return
+    entries = {name: e for name, e in _memory().entries.items() if _exists(name)}
+    text = json.dumps({"made_by": _made_by(), "entries": entries}, separators=(",", ":"))
+    target = folder / FILE
+    with suppress(OSError):
+        target.parent.mkdir(exist_ok=True)
+        with tempfile.NamedTemporaryFile(
+            "w", encoding="utf-8", prefix=".", suffix=".part", dir=target.parent, delete=False
+        ) as draft:
+            draft.write(text)
+        os.replace(draft.name, target)
+        _memory().changed = False
+
+
+def files_below(folder: Path) -> list[str]:
+    """Paths of all files in a folder and its folders, relative to it, in a fixed order."""
+    return [relative for relative, _ in sorted(_entries(folder), key=lambda e: e[0].split("/"))]
+
+
+def _entries(folder: Path) -> Iterator[tuple[str, os.stat_result]]:
+    waiting = [""]
+    while waiting:
+        inside = waiting.pop()
+        with os.scandir(folder / inside) as entries:
+            for entry in entries:
+                if entry.is_dir(follow_symlinks=False):
+                    waiting.append(f"{inside}{entry.name}/")
+                elif entry.is_file():
+                    yield inside + entry.name, entry.stat()
+
+
+def _signature(path: Path) -> tuple[str, int]:
+    """What changes when a file or folder does, and the newest modification time in it (ns)."""
+    now = path.stat()
+    if not path.is_dir():
+        return f"{now.st_size} {now.st_mtime_ns} {now.st_ino}", now.st_mtime_ns
+    sha, newest_ns = hashlib.sha256(), now.st_mtime_ns
+    for relative, status in sorted(_entries(path), key=lambda entry: entry[0]):
+        line = f"{relative}\0{status.st_size}\0{status.st_mtime_ns}\0{status.st_ino}\n"
+        sha.update(line.encode())
+        newest_ns = max(newest_ns, status.st_mtime_ns)
+    return sha.hexdigest(), newest_ns
+
+
+def _exists(name: str) -> bool:
+    return os.path.exists(name.partition(" ")[2])
+
+
+def _made_by() -> str:
+    """The code that computed the values; another Python may parse sources differently."""
+    return f"{FORMAT} {sys.version}"
