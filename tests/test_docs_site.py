@@ -14,10 +14,16 @@ from typing import Any
 
 import pytest
 import yaml
+from typer.main import get_command
+
+from imocap_core.cli.app import app
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 MKDOCS = shutil.which("mkdocs", path=f"{ROOT / '.venv-docs' / 'bin'}{os.pathsep}{os.defpath}")
+
+FOLDERS = "imocap|imocap_core|stages|benchmarks|tests|tools|docs|examples"
+GUIDE = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS.rglob("*.md")])
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +61,27 @@ def test_every_link_leads_to_a_file() -> None:
             if "://" not in target and path and not (file.parent / path).exists():
                 broken.append(f"{file.relative_to(ROOT)}: {target}")
     assert broken == []
+
+
+@pytest.mark.parametrize("file", GUIDE, ids=lambda file: str(file.relative_to(ROOT)))
+def test_every_file_and_module_that_a_page_names_exists(file: Path) -> None:
+    text = file.read_text(encoding="utf-8")
+    named = set(re.findall(rf"`((?:{FOLDERS})/[\w/.-]+)`", text))
+    modules = {name.replace(".", "/") for name in re.findall(r"`(imocap_core(?:\.\w+)+)`", text)}
+    missing = {name for name in named if not (ROOT / name).exists()}
+    missing |= {m for m in modules if not (ROOT / m).is_dir() and not (ROOT / f"{m}.py").is_file()}
+    assert missing == set()
+
+
+def test_every_command_that_a_page_names_exists() -> None:
+    commands = set(get_command(app).commands)  # type: ignore[attr-defined]
+    missing = {
+        f"{file.relative_to(ROOT)}: imocap {word}"
+        for file in GUIDE
+        for word in re.findall(r"(?:^|`|bin/)imocap ([a-z][\w-]*)", file.read_text(), flags=re.M)
+        if word not in commands
+    }
+    assert missing == set()
 
 
 def test_links_out_of_the_pages_become_text(hooks: ModuleType) -> None:
