@@ -65,7 +65,7 @@ def stages_of_code() -> list[StageBox]:
         columns[name] = 1 + max((columns[given] for given in spec["inputs"]), default=-1)
         tree = ast.parse((ROOT / spec["script"]).read_text(encoding="utf-8"))
         (run,) = (n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name == "run")
-        says, _, paper = first_line(tree).removeprefix(f"{name}: ").partition(" (")
+        says, _, paper = first_line(tree).partition(" (")
         artifact = ast.unparse(run.returns)
         inputs, reads = tuple(spec["inputs"]), tuple(spec["reads"])
         made.append(StageBox(name, columns[name], says, paper.rstrip(")"), inputs, reads, artifact))
@@ -97,8 +97,9 @@ def room_of_code(module: str) -> RoomBox:
 
 
 def first_line(tree: ast.Module) -> str:
-    """The first line of a module's docstring, without its full stop and backticks."""
-    return (ast.get_docstring(tree) or "").partition("\n")[0].replace("`", "").rstrip(".")
+    """The first line of a module's docstring, without full stop, backticks and a name before it."""
+    line = (ast.get_docstring(tree) or "").partition("\n")[0].replace("`", "").rstrip(".")
+    return re.sub(r"^(?:(?:[\w-]+ )?[\w-]+: )+", "", line)
 
 
 def picture(stages: list[StageBox], bands: list[list[RoomBox]]) -> str:
