@@ -49,7 +49,7 @@ def test_everybody_is_listed_the_performer_first(tmp_path: Path) -> None:
 
 def test_a_name_from_the_list_is_taken(tmp_path: Path) -> None:
     (video,) = people_of(job(tmp_path, person={"track": 2}))
-    assert "track 2 is the performer as action.yaml says" in video.notes[0]
+    assert "track 2 is the performer as action.yaml declares" in video.notes[0]
 
 
 def test_bad_input_is_a_sentence(tmp_path: Path) -> None:
