@@ -21,14 +21,14 @@ a function loads what it needs.
 from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS, SMPLH_JOINTS, SMPLH_PARENTS
 from imocap_core.errors import ImocapError, WorkFailed, WrongUse
 from imocap_core.library.new_action import init_action
-from imocap_core.library.outputs import Comparison, compare, export, report, view
+from imocap_core.library.outputs import ActionComparison, compare, export, report, view
 from imocap_core.library.people import detect, people
 from imocap_core.library.person_summary import PersonSummary, VideoPeople
 from imocap_core.library.result import Result, load
 from imocap_core.library.running import Explanation, Run, explain, run, run_stage, status
 from imocap_core.library.synchronising import synchronise
 from imocap_core.result.camera import VideoCamera
-from imocap_core.result.synchronisation import Matches, Synchronisation, VideoSync
+from imocap_core.result.synchronisation import FrameMatches, Synchronisation, VideoSync
 from imocap_core.result.video import HandMotion, JointUncertainty, VideoMoment, VideoResult
 
 __all__ = [
@@ -36,12 +36,12 @@ __all__ = [
     "SMPLH_PARENTS",
     "SMPL_JOINTS",
     "SMPL_PARENTS",
-    "Comparison",
+    "ActionComparison",
     "Explanation",
+    "FrameMatches",
     "HandMotion",
     "ImocapError",
     "JointUncertainty",
-    "Matches",
     "PersonSummary",
     "Result",
     "Run",

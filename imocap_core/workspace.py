@@ -1,4 +1,4 @@
-"""The folder one works in: actions/ and artifacts/ below it, and the pipeline.yaml in force."""
+"""The working folder: actions/ and artifacts/ below it, and the pipeline.yaml in force."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from imocap_core.pipeline.source import PROJECT
 
 @dataclass(frozen=True)
 class Workspace:
-    """Everything that is found by where one stands."""
+    """The working folder, and what belongs to it."""
 
     root: Path
 
@@ -33,29 +33,29 @@ class Workspace:
         for place in places:
             if place.is_file():
                 return place
-        raise WorkFailed(f"found no {PIPELINE}, neither in {self.root} nor beside the program")
+        raise WorkFailed(f"there is no {PIPELINE}, neither in {self.root} nor beside the program")
 
     def pipeline(self) -> Pipeline:
         """The graph in force."""
         return read_pipeline(self.pipeline_file())
 
     def job(self, action: str, sets: list[str]) -> Job:
-        """An action (by name or path) with its settings, its files not yet looked at."""
+        """An action (by name or path) with its settings, its files not yet checked."""
         if action in demos.BUILT_IN and not (self.root / "actions" / action).exists():
             raise WorkFailed(f"{action} is built in but not made yet; make it: imocap run {action}")
         load_memory(self.store.folder)
-        found = read_action(find_action(action, self.root))
+        declared = read_action(find_action(action, self.root))
         pipeline = self.pipeline()
-        chosen = settings(pipeline, found.params, found.file, sets)
-        if any(video.detected for video in found.videos):
+        chosen = settings(pipeline, declared.params, declared.file, sets)
+        if any(video.detected for video in declared.videos):
             from imocap_core.detect.action import with_detections
 
-            found = with_detections(found, chosen.params.detect, self.store)
-        return Job(pipeline, self.store, found, chosen)
+            declared = with_detections(declared, chosen.params.detect, self.store)
+        return Job(pipeline, self.store, declared, chosen)
 
     def ready_job(self, action: str, sets: list[str], display: Display) -> Job:
         """The same for running: a built-in action is made first, every file must be there, and
-        people are found where action.yaml says `keypoints: detect`."""
+        people are detected where action.yaml says `keypoints: detect`."""
         if action in demos.BUILT_IN:
             folder = self.root / "actions" / action
             with self.store.lock(action, display.waiting):
@@ -79,7 +79,7 @@ def video_files(action: Action) -> dict[str, Path | None]:
 
 
 def check_files(action: Action) -> None:
-    """WorkFailed, in one sentence a fault, when something that the action names is not there."""
+    """WorkFailed, one sentence per fault, when a file that the action names is not there."""
     blind = [v.id for v in action.videos if v.keypoints is None]
     if blind:
         one = len(blind) == 1

@@ -13,13 +13,21 @@ import tests.shape_check  # noqa: F401  (the hook names it)
 CHECKED: tuple[str, ...] = (
     "imocap_core.alignment",
     "imocap_core.camera",
+    "imocap_core.compare",
     "imocap_core.detect",
+    "imocap_core.export",
+    "imocap_core.film",
     "imocap_core.figures",
     "imocap_core.io",
+    "imocap_core.library",
     "imocap_core.lifter",
     "imocap_core.metrics",
     "imocap_core.people",
+    "imocap_core.result",
+    "imocap_core.standalone_sync",
     "imocap_core.technique",
+    "imocap_core.viewer",
+    "imocap_core.workspace",
 )
 
 install_import_hook(CHECKED, "tests.shape_check.checked")

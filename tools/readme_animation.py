@@ -16,7 +16,7 @@ from PIL import Image
 
 from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync
 from imocap_core.body import load_free_body
-from imocap_core.film.performer import Painter, performers
+from imocap_core.film.filmed_body import Painter, filmed_bodies
 from imocap_core.film.phase_bar import lock_step
 from imocap_core.library.outputs import result_of
 
@@ -36,7 +36,7 @@ def main() -> None:
     result, model = result_of(given.action, ROOT), load_free_body()
     keypoints, refined = result.artifacts.get(Keypoints), result.artifacts.get(RefineSync)
     files = {video.id: video.video for video in result}
-    cast = performers(
+    bodies = filmed_bodies(
         keypoints,
         result.artifacts.get(CameraMotion),
         refined.motion.videos,
@@ -44,7 +44,7 @@ def main() -> None:
         files,
         model,
     )
-    paints = {p.seen.id: Painter(p, model, alpha=given.opacity) for p in cast}
+    paints = {body.keypoints.id: Painter(body, model, alpha=given.opacity) for body in bodies}
     film = lock_step(keypoints, refined.sync, files, result.action, paints, given.every)
     frames = [Image.fromarray(smaller(frame, given.width)) for frame in film]
     fps = next(v.fps for v in keypoints.videos if v.id == refined.sync.reference) / given.every

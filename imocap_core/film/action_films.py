@@ -40,8 +40,8 @@ def films_of(
     """
     from imocap_core.body import load_free_body
     from imocap_core.figures.sync_summary import common_moments
+    from imocap_core.film.filmed_body import Painter, filmed_bodies
     from imocap_core.film.overlay_film import overlay_film
-    from imocap_core.film.performer import Painter, performers
     from imocap_core.film.phase_bar import lock_step
 
     artifacts = result.artifacts
@@ -54,22 +54,22 @@ def films_of(
         motions, cameras = read_monocular(artifacts), None
     files = {video.id: video.video for video in result}
     camera_motion = artifacts.get(CameraMotion)
-    cast = performers(keypoints, camera_motion, motions, cameras, files, model)
+    bodies = filmed_bodies(keypoints, camera_motion, motions, cameras, files, model)
 
     def overlay(number: int) -> Callable[[], Iterator[Any]]:
-        return lambda: overlay_film(cast[number], model, alpha=opacity)
+        return lambda: overlay_film(bodies[number], model, alpha=opacity)
 
     films = []
     if kind != "side-by-side":
         films += [
-            Film(f"overlay_{p.seen.id}.mp4", len(p.seen.frames), p.seen.fps, overlay(n))
-            for n, p in enumerate(cast)
+            Film(f"overlay_{v.id}.mp4", len(v.frames), v.fps, overlay(n))
+            for n, v in enumerate(keypoints.videos)
         ]
-    if kind != "overlay" and len(cast) > 1:
+    if kind != "overlay" and len(bodies) > 1:
         paints = {
-            p.seen.id: Painter(p, model, alpha=opacity if mesh else 0.0)
-            for p in cast
-            if mesh or p.file is None  # where there is no video, keypoints are shown
+            body.keypoints.id: Painter(body, model, alpha=opacity if mesh else 0.0)
+            for body in bodies
+            if mesh or body.file is None  # where there is no video, keypoints are shown
         }
 
         def together() -> Iterator[Any]:

@@ -5,25 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imocap_core.body import Model
 from imocap_core.figures.lettering import write_strip
-from imocap_core.film.performer import Painter, Performer, source_frames
-
-Image = NDArray[np.uint8]
+from imocap_core.film.filmed_body import FilmedBody, Image, Painter, source_frames
 
 USUAL_HEIGHT_PX = 720  # letters grow with the picture
 SMALLEST, LARGEST = 0.6, 2.5
 
 
-def overlay_film(performer: Performer, model: Model, *, alpha: float) -> Iterator[Image]:
+def overlay_film(filmed: FilmedBody, model: Model, *, alpha: float) -> Iterator[Image]:
     """Each used frame (height, width, 3) of a video with the body over it, named at the top."""
-    seen = performer.seen
-    painter = Painter(performer, model, alpha=alpha)
-    size = float(np.clip(seen.size[1] / USUAL_HEIGHT_PX, SMALLEST, LARGEST))
-    pictures = source_frames(performer.file, seen.frames, seen.size)
-    for t, (frame, picture) in enumerate(zip(seen.frames, pictures, strict=True)):
+    video = filmed.keypoints
+    painter = Painter(filmed, model, alpha=alpha)
+    size = float(np.clip(video.size[1] / USUAL_HEIGHT_PX, SMALLEST, LARGEST))
+    pictures = source_frames(filmed.file, video.frames, video.size)
+    for t, (frame, picture) in enumerate(zip(video.frames, pictures, strict=True)):
         drawn = painter(t, picture)
-        write_strip(drawn, seen.id, f"frame {frame}", performer.rgb, size)
+        write_strip(drawn, video.id, f"frame {frame}", filmed.rgb, size)
         yield drawn

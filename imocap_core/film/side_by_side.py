@@ -9,19 +9,16 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float, Int
 from scipy.ndimage import gaussian_filter1d
 
 from imocap_core.artifacts.schemas import Keypoints, SyncSummary, VideoKeypoints
 from imocap_core.figures.lettering import DIMMED, write, write_strip
 from imocap_core.figures.sync_summary import common_moments, positions_on_axis, retimed, title_of
-from imocap_core.film.performer import rgb_of, source_frames
+from imocap_core.film.filmed_body import Image, rgb_of, source_frames
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Image = NDArray[np.uint8]
-Paint = Callable[[int, Image, Array], Image]
-"""Paints over a part of the picture of a used frame, (3, 3) moving its pixels there."""
+Paint = Callable[[int, Image, Float[np.ndarray, "3 3"]], Image]
+"""Paints over a part of the picture of a used frame; (3, 3): from its pixels to the part's."""
 
 TILE_WIDTH_PX = 480
 FILM_HEIGHT_PX = 1200  # of more rows of tiles, each is smaller
@@ -33,42 +30,50 @@ FRAME_RGB = (24, 26, 29)
 
 
 @dataclass(frozen=True)
-class Track:
-    """One video on the common time axis, a value each moment."""
+class SyncedVideo:
+    """One video on the common time axis, one value per moment.
+
+    Attributes:
+        name, rgb, file: its title, colour (0 to 255) and video file. size: width, height, pixels.
+        index: (N,) positions among its used frames, never falling. frames: (N,) their source frame
+            numbers. matched: (N,) whether the video shows the moment. confidence: (N,) 0 to 1.
+        windows: (N, 4) x0 y0 width height of the part that is shown, pixels.
+        paint: what is painted over it.
+    """
 
     name: str
     rgb: tuple[int, int, int]
     file: Path | None
-    size: tuple[int, int]  # width, height
-    index: Ints  # (M,) of used frames, never going back
-    frames: Ints  # (M,) their source frame numbers
-    matched: NDArray[np.bool_]  # (M,)
-    confidence: Array  # (M,)
-    windows: Array  # (M, 4) x0 y0 width height of what is shown, pixels
+    size: tuple[int, int]
+    index: Int[np.ndarray, " N"]
+    frames: Int[np.ndarray, " N"]
+    matched: Bool[np.ndarray, " N"]
+    confidence: Float[np.ndarray, " N"]
+    windows: Float[np.ndarray, "N 4"]
     paint: Paint | None = None
 
 
-def tracks_of(
+def synced_videos(
     keypoints: Keypoints,
     sync: SyncSummary,
     files: Mapping[str, Path | None],
     paints: Mapping[str, Paint] | None = None,
-) -> list[Track]:
+) -> list[SyncedVideo]:
     """The reference first, then the other videos named in `files`; None: there is no file.
 
     The moments are those of `common_moments`. paints: what is painted over some videos.
     """
-    seen = {v.id: v for v in keypoints.videos}
-    moments, fps = common_moments(keypoints, sync), seen[sync.reference].fps
+    by_id = {v.id: v for v in keypoints.videos}
+    moments, fps = common_moments(keypoints, sync), by_id[sync.reference].fps
     order = [sync.reference, *(i for i in sync.ids if i != sync.reference)]
-    shown = [seen[i] for i in order if i in files]
+    shown = [by_id[i] for i in order if i in files]
     shape = tile_shape(shown)
-    tracks = []
+    videos = []
     for video in shown:
-        found = next(m for m in sync.maps if m.id == video.id)
+        matches = next(m for m in sync.maps if m.id == video.id)
         index, matched = retimed(positions_on_axis(sync, video.id, fps), moments, fps)
-        tracks.append(
-            Track(
+        videos.append(
+            SyncedVideo(
                 name=title_of(sync, video.id),
                 rgb=rgb_of(sync.ids, video.id),
                 file=files[video.id],
@@ -76,12 +81,12 @@ def tracks_of(
                 index=index,
                 frames=video.frames[index],
                 matched=matched,
-                confidence=np.nan_to_num(found.confidence)[index],
+                confidence=np.nan_to_num(matches.confidence)[index],
                 windows=crop_windows(video, shape)[index],
                 paint=(paints or {}).get(video.id),
             )
         )
-    return tracks
+    return videos
 
 
 def tile_shape(videos: Sequence[VideoKeypoints]) -> tuple[int, int]:
@@ -100,7 +105,7 @@ def grid_shape(count: int) -> tuple[int, int]:
     return rows, ceil(count / max(rows, 1))
 
 
-def crop_windows(video: VideoKeypoints, shape: tuple[int, int]) -> Array:
+def crop_windows(video: VideoKeypoints, shape: tuple[int, int]) -> Float[np.ndarray, "T 4"]:
     """Windows (T, 4) x0 y0 width height in pixels, of one size and the tile's proportions, that
     follow the performer slowly and don't leave the picture where they fit in."""
     height, width = shape
@@ -115,29 +120,29 @@ def crop_windows(video: VideoKeypoints, shape: tuple[int, int]) -> Array:
     return np.concatenate([corner, np.broadcast_to(side, corner.shape)], axis=1)
 
 
-def side_by_side(tracks: Sequence[Track], shape: tuple[int, int]) -> Iterator[Image]:
+def side_by_side(videos: Sequence[SyncedVideo], shape: tuple[int, int]) -> Iterator[Image]:
     """The frames of the film, one a moment; tiles of `shape` (height, width) in a grid."""
-    if not tracks:
-        raise ValueError("tracks: expected at least one video, got none")
-    rows, columns = grid_shape(len(tracks))
+    if not videos:
+        raise ValueError("videos: expected at least one, got none")
+    rows, columns = grid_shape(len(videos))
     height, width = shape
-    readers = [source_frames(track.file, track.frames, track.size) for track in tracks]
-    for moment in range(len(tracks[0].frames)):
+    readers = [source_frames(video.file, video.frames, video.size) for video in videos]
+    for moment in range(len(videos[0].frames)):
         film = np.full(
             (rows * (height + GAP_PX) - GAP_PX, columns * (width + GAP_PX) - GAP_PX, 3),
             FRAME_RGB,
             dtype=np.uint8,
         )
-        for number, (track, reader) in enumerate(zip(tracks, readers, strict=True)):
+        for number, (video, reader) in enumerate(zip(videos, readers, strict=True)):
             y, x = (height + GAP_PX) * (number // columns), (width + GAP_PX) * (number % columns)
-            film[y : y + height, x : x + width] = tile(track, moment, next(reader), shape)
+            film[y : y + height, x : x + width] = tile(video, moment, next(reader), shape)
         yield film
 
 
-def tile(track: Track, moment: int, picture: Image, shape: tuple[int, int]) -> Image:
+def tile(video: SyncedVideo, moment: int, picture: Image, shape: tuple[int, int]) -> Image:
     """One video at one moment: cut out, named, dimmed where nothing matches."""
     height, width = shape
-    x, y, shown, _ = track.windows[moment]
+    x, y, shown, _ = video.windows[moment]
     scale = width / shown
     move = np.array([[scale, 0, -x * scale], [0, scale, -y * scale]])
     smooth = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
@@ -145,17 +150,17 @@ def tile(track: Track, moment: int, picture: Image, shape: tuple[int, int]) -> I
         picture = np.asarray(cv2.GaussianBlur(picture, (0, 0), 0.35 / scale), dtype=np.uint8)
     moved = cv2.warpAffine(picture, move, (width, height), flags=smooth, borderValue=FRAME_RGB)
     cut: Image = np.asarray(moved, dtype=np.uint8)
-    if track.paint is not None:
-        cut = track.paint(int(track.index[moment]), cut, np.vstack([move, [0, 0, 1]]))
-    matched = bool(track.matched[moment])
+    if video.paint is not None:
+        cut = video.paint(int(video.index[moment]), cut, np.vstack([move, [0, 0, 1]]))
+    matched = bool(video.matched[moment])
     size = width / TILE_WIDTH_PX
     if not matched:
         cut = np.asarray(cut * DIMMED, dtype=np.uint8)
         write(cut, "unmatched", (width // 2, height // 2), 0.9 * size, before=0.5)
-    said = f"frame {track.frames[moment]}" if matched else ""
-    write_strip(cut, track.name, said, track.rgb, size)
+    caption = f"frame {video.frames[moment]}" if matched else ""
+    write_strip(cut, video.name, caption, video.rgb, size)
     if matched:
-        cut[-5:, : round(width * float(np.clip(track.confidence[moment], 0, 1)))] = track.rgb
+        cut[-5:, : round(width * float(np.clip(video.confidence[moment], 0, 1)))] = video.rgb
     return cut
 
 
@@ -166,10 +171,10 @@ def _sides(video: VideoKeypoints) -> tuple[float, float]:
     return max(float(width), 1.0), max(float(height), 1.0)
 
 
-def _bridged(boxes: Array, size: tuple[int, int]) -> Array:
+def _bridged(boxes: Float[np.ndarray, "T 4"], size: tuple[int, int]) -> Float[np.ndarray, "T 4"]:
     """Boxes (T, 4), those missing between their neighbours in time; the picture if all are."""
-    seen = np.flatnonzero(np.isfinite(boxes).all(axis=1))
-    if not len(seen):
+    visible = np.flatnonzero(np.isfinite(boxes).all(axis=1))
+    if not len(visible):
         return np.tile(np.array([0.0, 0.0, *size]), (len(boxes), 1))
     every = np.arange(len(boxes))
-    return np.stack([np.interp(every, seen, boxes[seen, k]) for k in range(4)], axis=1)
+    return np.stack([np.interp(every, visible, boxes[visible, k]) for k in range(4)], axis=1)

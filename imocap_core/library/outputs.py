@@ -38,7 +38,7 @@ class Viewer:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class ActionComparison:
     """How the performances of an action differ, or two actions; and the files that say so."""
 
     technique: Technique | None
@@ -150,7 +150,7 @@ def compare(
     *,
     out: str | Path | None = None,
     root: str | Path = ".",
-) -> Comparison:
+) -> ActionComparison:
     """Technique: what performances of an action share and how they differ; or two performers.
 
     Args:
@@ -170,7 +170,7 @@ def compare(
     first = performances_of(result_of(action, root))
     if second is None:
         technique = describe(several(first))
-        return Comparison(technique, None, write_technique(folder, technique))
+        return ActionComparison(technique, None, write_technique(folder, technique))
     other = _job(second, root).action.name
     if other == name:
         raise WrongUse(f"{name} and {second} are one action; leave the second out")
@@ -180,7 +180,7 @@ def compare(
         job.settings.params.sync,
         np.random.default_rng(job.settings.seed),
     )
-    return Comparison(None, pair, write_pair(folder if out else folder / other, pair))
+    return ActionComparison(None, pair, write_pair(folder if out else folder / other, pair))
 
 
 def report_page(job: Job) -> Path | None:

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol, cast
+from typing import TYPE_CHECKING, Any, Literal, Protocol, cast, runtime_checkable
 
 from imocap_core.artifacts.file_memory import save_memory
 from imocap_core.artifacts.store import Store, Stored
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 Run = Callable[[Context, Inputs, Any], "Artifact"]
 
 
+@runtime_checkable
 class Display(Protocol):
     """Who shows a run to its user."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, Self
+from typing import Literal, TypeVar
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from imocap_core.result.synchronisation import Synchronisation
 from imocap_core.result.video import VideoMoment, VideoResult
 
 Time = Literal["own", "common"]
+Kind = TypeVar("Kind", bound="ActionResult")
 
 CAMERA_UP = "-y"  # the world is the reference camera, whose y points down
 
@@ -85,7 +86,7 @@ class ActionResult:
         videos = ", ".join(f"{video.id} ({len(video)} frames)" for video in self.videos)
         return f"<Result of {self.action}: {videos}; reference {self.reference}>"
 
-    def levelled(self, up: str = "y") -> Self:
+    def levelled(self: Kind, up: str = "y") -> Kind:
         """The same in a world that stands on its ground: `up` ("y" or "z") points up, the ground
         under the feet of all videos of this action is at 0."""
         from imocap_core.result.ground import levelled
@@ -94,7 +95,7 @@ class ActionResult:
             raise WrongUse(f"up: expected y or z, got {up!r}")
         return replace(self, videos=levelled(self.videos, self.sync.excluded, up), up_axis=up)
 
-    def on_common_time(self) -> Self:
+    def on_common_time(self: Kind) -> Kind:
         """Every video at the moments of one grid, in steps of the reference's frames.
 
         Before a video's first and after its last moment it stands still in its nearest pose

@@ -13,7 +13,7 @@ from imocap_core.errors import WrongUse
 
 
 @dataclass(frozen=True, eq=False)
-class Matches:
+class FrameMatches:
     """For every used frame of one video the frame of another that shows the same moment.
 
     index (T,): fractional position among the other video's used frames. frame (T,): the same as a
@@ -99,7 +99,7 @@ class Synchronisation:
             raise WrongUse(f"no video {video!r}; there are: {', '.join(self.videos)}")
         return self.videos[video]
 
-    def matches(self, video: str, other: str) -> Matches:
+    def matches(self, video: str, other: str) -> FrameMatches:
         """For every used frame of `video` the frame of `other` that shows the same moment.
 
         Against the reference these are the correspondences of the artifact; between two other
@@ -114,7 +114,7 @@ class Synchronisation:
             confidence = np.minimum(one.confidence, theirs)
         matched = np.isfinite(index)
         frame = np.interp(index, np.arange(len(two.frames)), two.frames)
-        return Matches(
+        return FrameMatches(
             index=index,
             frame=np.where(matched, frame, np.nan),
             confidence=np.where(matched, confidence, 0.0),
@@ -125,10 +125,10 @@ def _index_at(
     phase_s: Float[np.ndarray, " S"], at_s: Float[np.ndarray, " T"]
 ) -> Float[np.ndarray, " T"]:
     """(T,) fractional frames of a video of phases (S,) that never fall; NaN outside of them."""
-    known = np.flatnonzero(np.isfinite(phase_s))
-    if not len(known):
+    placed = np.flatnonzero(np.isfinite(phase_s))
+    if not len(placed):
         return np.full(len(at_s), np.nan)
-    index = np.interp(at_s, phase_s[known], known, left=np.nan, right=np.nan)
+    index = np.interp(at_s, phase_s[placed], placed, left=np.nan, right=np.nan)
     return np.where(np.isfinite(at_s), index, np.nan)
 
 

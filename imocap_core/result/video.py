@@ -16,7 +16,7 @@ from imocap_core.artifacts.schemas import VideoKeypoints
 from imocap_core.conventions import SMPL_JOINTS, SMPLH_JOINTS
 from imocap_core.errors import WrongUse
 from imocap_core.result.camera import VideoCamera
-from imocap_core.result.synchronisation import Matches, Synchronisation
+from imocap_core.result.synchronisation import FrameMatches, Synchronisation
 
 WRISTS = SMPL_JOINTS.index("left_wrist")  # the right one follows; then joints that hands replace
 
@@ -189,7 +189,7 @@ class VideoResult:
         R = self.camera.R
         return np.asarray(R.T @ self.joint_uncertainty.covariance_mm2 @ R)
 
-    def matches(self, other: VideoResult | str) -> Matches:
+    def matches(self, other: VideoResult | str) -> FrameMatches:
         """For every used frame of this video the frame of another that shows the same moment."""
         return self.sync.matches(self.id, other if isinstance(other, str) else other.id)
 

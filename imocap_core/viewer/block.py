@@ -6,7 +6,8 @@ import base64
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from jaxtyping import Int16, Shaped
+from numpy.typing import ArrayLike
 
 ALIGNED = 8
 Entry = dict[str, Any]
@@ -20,7 +21,7 @@ class Block:
         self._size = 0
 
     def add(self, values: ArrayLike, kind: str) -> Entry:
-        """Keep an array as little-endian f4, i2, i4, u1, u2 or u4, flat; its entry.
+        """Append an array as little-endian f4, i2, i4, u1, u2 or u4, flat; its entry.
 
         ValueError when a whole number does not fit the kind.
         """
@@ -34,21 +35,22 @@ class Block:
             )
         padding = -self._size % ALIGNED
         self._parts += [bytes(padding), array.tobytes()]
-        at, self._size = self._size + padding, self._size + padding + array.nbytes
-        return {"$": kind, "at": at, "count": len(array)}
+        offset = self._size + padding
+        self._size = offset + array.nbytes
+        return {"$": kind, "at": offset, "count": len(array)}
 
     def base64(self) -> str:
         """Everything, as text for the page."""
         return base64.b64encode(b"".join(self._parts)).decode("ascii")
 
 
-def read_entry(entry: Entry, data: bytes) -> NDArray[np.generic]:
+def read_entry(entry: Entry, data: bytes) -> Shaped[np.ndarray, " N"]:
     """The array of an entry, as the page reads it (flat)."""
     return np.frombuffer(data, f"<{entry['$']}", entry["count"], entry["at"])
 
 
-def quantised(values: ArrayLike) -> tuple[NDArray[np.int16], float]:
-    """Finite numbers as 16-bit ones, and what 32767 of them stand for.
+def quantised(values: ArrayLike) -> tuple[Int16[np.ndarray, "..."], float]:
+    """Finite numbers as 16-bit integers, and the number that 32767 represents.
 
     The error is at most scale / 65534.
     """

@@ -8,27 +8,28 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float, Int, UInt8
 
 from imocap_core.io.video import read_rgb
 from imocap_core.viewer.block import Block
 
-Array = NDArray[np.float64]
 Window = tuple[int, int, int, int]  # x, y, width, height in pixels
 
 LONGEST_PX = 352
 QUALITY = 50
-MARGIN = 0.22  # beside the performer's outermost places, share of what these span
-ASPECTS = (0.75, 1.6)  # width / height of what is cut out, where the picture allows
+MARGIN = 0.22  # beside the performer's outermost positions, share of their span
+ASPECTS = (0.75, 1.6)  # width / height of the part that is shown, where the picture allows
 MOST_PICTURES = 1000  # of all videos together; of longer ones every second frame, or every third
 
 
 def stride(lengths: list[int], most: int = MOST_PICTURES) -> int:
-    """Every how many-th frame is kept, so that no more than about `most` are."""
+    """One of how many frames is shown, so that no more than about `most` are."""
     return max(1, -(-sum(lengths) // most))
 
 
-def windows(boxes_px: Sequence[Array], sizes: Sequence[tuple[int, int]]) -> list[Window]:
+def windows(
+    boxes_px: Sequence[Float[np.ndarray, "_ 4"]], sizes: Sequence[tuple[int, int]]
+) -> list[Window]:
     """For each video the part of its pictures in which the performer always is, of one aspect
     where the pictures allow.
 
@@ -37,22 +38,22 @@ def windows(boxes_px: Sequence[Array], sizes: Sequence[tuple[int, int]]) -> list
     reaches = [_reach(boxes, size) for boxes, size in zip(boxes_px, sizes, strict=True)]
     aspects = [(x1 - x0) / (y1 - y0) for x0, y0, x1, y1 in reaches]
     aspect = float(np.clip(np.median(aspects), *ASPECTS))
-    found = []
+    parts = []
     for reach, size in zip(reaches, sizes, strict=True):
         low, high = reach[:2], reach[2:]
         sides = np.maximum(high - low, [(high - low)[1] * aspect, (high - low)[0] / aspect])
         sides = np.minimum(np.round(sides), size)
         corner = np.clip(np.round((low + high - sides) / 2), 0, np.array(size) - sides)
-        found.append((int(corner[0]), int(corner[1]), int(sides[0]), int(sides[1])))
-    return found
+        parts.append((int(corner[0]), int(corner[1]), int(sides[0]), int(sides[1])))
+    return parts
 
 
-def _reach(boxes_px: Array, size: tuple[int, int]) -> Array:
+def _reach(boxes_px: Float[np.ndarray, "T 4"], size: tuple[int, int]) -> Float[np.ndarray, " 4"]:
     """x0 y0 x1 y1 about all boxes with a margin; the whole picture where there is none."""
-    seen = boxes_px[np.isfinite(boxes_px).all(axis=1)]
-    if not len(seen):
+    visible = boxes_px[np.isfinite(boxes_px).all(axis=1)]
+    if not len(visible):
         return np.array([0.0, 0.0, *size])
-    low, high = seen[:, :2].min(axis=0), seen[:, 2:].max(axis=0)
+    low, high = visible[:, :2].min(axis=0), visible[:, 2:].max(axis=0)
     margin = MARGIN * float((high - low).max()) + 1
     return np.concatenate([low - margin, high + margin])
 
@@ -60,14 +61,14 @@ def _reach(boxes_px: Array, size: tuple[int, int]) -> Array:
 def picture_entry(
     block: Block,
     file: Path,
-    frames: NDArray[np.int64],
+    frames: Int[np.ndarray, " T"],
     every: int,
     part: Window,
 ) -> dict[str, Any] | None:
     """Pictures of every `every`-th used frame; None when the file ends before the first.
 
-    frames (T,): source frame numbers. part: what is kept of each. A frame that the
-    file does not hold repeats the one before. ValueError when the file is no readable video.
+    frames (T,): source frame numbers. part: of each that is shown. A frame that
+    the file lacks repeats the one before. ValueError when the file is no readable video.
     """
     x, y, width, height = part
     wanted = {int(number): None for number in frames[::every]}
@@ -91,7 +92,7 @@ def picture_entry(
     }
 
 
-def small_jpeg(picture: NDArray[np.uint8]) -> bytes:
+def small_jpeg(picture: UInt8[np.ndarray, "H W 3"]) -> bytes:
     """An RGB picture as JPEG, its longer side at most LONGEST_PX."""
     scale = min(1.0, LONGEST_PX / max(picture.shape[:2]))
     size = (max(1, round(scale * picture.shape[1])), max(1, round(scale * picture.shape[0])))

@@ -11,21 +11,21 @@ import pytest
 import torch
 
 from imocap_core import rotations
-from imocap_core.film.overlay_film import overlay_film
-from imocap_core.film.performer import (
+from imocap_core.film.filmed_body import (
     NEUTRAL_RGB,
+    FilmedBody,
     Painter,
-    Performer,
-    performers,
+    filmed_bodies,
     projections,
     source_frames,
 )
+from imocap_core.film.overlay_film import overlay_film
 from imocap_core.io.video import write_h264
 from tests.report.made import FPS, SIZE, K, Made
 
 
-def _cast(made: Made, files: dict[str, Path | None]) -> list[Performer]:
-    return performers(made.keypoints, made.camera_motion, made.true, None, files, made.model)
+def _cast(made: Made, files: dict[str, Path | None]) -> list[FilmedBody]:
+    return filmed_bodies(made.keypoints, made.camera_motion, made.true, None, files, made.model)
 
 
 def _neutral() -> np.ndarray:
@@ -50,11 +50,11 @@ def test_the_body_covers_its_keypoints(made: Made) -> None:
         painter = Painter(performer, made.model, alpha=1.0)
         for t in (0, 15, 7):  # batches in any order
             painted = (painter(t, _neutral()) != _neutral()).any(axis=2)
-            x, y = np.rint(performer.seen.xy_px[t]).astype(int).T
+            x, y = np.rint(performer.keypoints.xy_px[t]).astype(int).T
             inside = (x >= 0) & (x < SIZE[0]) & (y >= 0) & (y < SIZE[1])
             assert painted[y[inside], x[inside]].mean() > 0.8
             rows, columns = np.nonzero(painted)
-            box = performer.seen.person_box_px[t]
+            box = performer.keypoints.person_box_px[t]
             centre = (box[:2] + box[2:]) / 2
             assert np.abs([columns.mean(), rows.mean()] - centre).max() < 40
 

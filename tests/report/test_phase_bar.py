@@ -9,7 +9,7 @@ from imocap_core.artifacts.schemas import SyncTrust
 from imocap_core.artifacts.schemas.sync import VideoTrust
 from imocap_core.figures.sync_summary import common_moments
 from imocap_core.film.phase_bar import HEAD_PX, SIDE_PX, framed, lock_step, phase_bar
-from imocap_core.film.side_by_side import tracks_of
+from imocap_core.film.side_by_side import synced_videos
 from tests.report.made import FPS, Made
 
 
@@ -36,7 +36,7 @@ def test_a_film_lasts_as_long_as_any_video_has_a_place(made: Made) -> None:
     common = sync.model_copy(update={"trust": _trusted(made)})
     moments = common_moments(made.keypoints, common)
     np.testing.assert_array_equal(moments, np.arange(20))  # v3 begins 4 frames late
-    reference, second, third = tracks_of(made.keypoints, common, dict.fromkeys(made.ids))
+    reference, second, third = synced_videos(made.keypoints, common, dict.fromkeys(made.ids))
     np.testing.assert_array_equal(np.flatnonzero(reference.matched), np.arange(17))  # 1 beyond
     np.testing.assert_array_equal(second.frames[1:17], np.arange(1, 17) + 1)
     assert third.matched[4:].all()
@@ -45,7 +45,7 @@ def test_a_film_lasts_as_long_as_any_video_has_a_place(made: Made) -> None:
 
 
 def test_rows_are_bright_where_the_video_matches(made: Made) -> None:
-    tracks = tracks_of(made.keypoints, made.refined.sync, dict.fromkeys(made.ids))
+    tracks = synced_videos(made.keypoints, made.refined.sync, dict.fromkeys(made.ids))
     bar = phase_bar(tracks, np.arange(16) / FPS, 400)
     late = bar[:, SIDE_PX : SIDE_PX + 20].astype(int)
     matched = bar[:, 300:320].astype(int)
@@ -55,7 +55,7 @@ def test_rows_are_bright_where_the_video_matches(made: Made) -> None:
 
 
 def test_the_line_moves_along_and_the_film_keeps_its_pictures(made: Made) -> None:
-    tracks = tracks_of(made.keypoints, made.refined.sync, dict.fromkeys(made.ids))
+    tracks = synced_videos(made.keypoints, made.refined.sync, dict.fromkeys(made.ids))
     film = [np.full((100, 400, 3), 90, np.uint8)] * 16
     shown = list(framed(film, tracks, np.arange(16) / FPS, "waving"))
     assert len(shown) == 16

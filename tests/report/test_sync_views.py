@@ -14,13 +14,13 @@ from imocap_core.figures.sync_picture import pace_of, sync_picture, uncertainty_
 from imocap_core.figures.sync_summary import retimed, sync_rows, title_of
 from imocap_core.film.side_by_side import (
     DIMMED,
-    Track,
+    SyncedVideo,
     crop_windows,
     grid_shape,
     side_by_side,
+    synced_videos,
     tile,
     tile_shape,
-    tracks_of,
 )
 from imocap_core.io.video import write_h264
 from tests.report.made import FPS, SIZE, Made
@@ -163,7 +163,7 @@ def _films(folder: Path, made: Made) -> dict[str, Path]:
 
 
 def test_tiles_show_the_frame_that_is_matched(made: Made, tmp_path: Path) -> None:
-    tracks = tracks_of(made.keypoints, made.refined.sync, _films(tmp_path, made))
+    tracks = synced_videos(made.keypoints, made.refined.sync, _films(tmp_path, made))
     assert [t.name for t in tracks] == ["v1 (reference)", "v2", "v3"]
     shape = tile_shape(made.keypoints.videos)
     film = list(side_by_side(tracks, shape))
@@ -184,7 +184,7 @@ def test_tiles_show_the_frame_that_is_matched(made: Made, tmp_path: Path) -> Non
 
 
 def test_an_unmatched_tile_is_dimmed_and_says_so() -> None:
-    track = Track(
+    track = SyncedVideo(
         name="v2",
         rgb=(200, 100, 0),
         file=Path("none"),

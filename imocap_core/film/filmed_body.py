@@ -1,4 +1,4 @@
-"""One video's performer with all that a film needs: frames, camera, body, colour."""
+"""One video with all that a film needs: frames, camera, body, colour."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float, Int, UInt8
 from matplotlib.colors import to_rgb
-from numpy.typing import NDArray
 
 from imocap_core.artifacts.schemas import (
     Camera,
@@ -26,72 +26,77 @@ from imocap_core.figures.style import color_of
 from imocap_core.io.video import read_rgb
 from imocap_core.render.painter import paint_mesh
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Image = NDArray[np.uint8]
+Image = UInt8[np.ndarray, "H W 3"]
 RGB = tuple[int, int, int]
 
 NEUTRAL_RGB = (52, 56, 61)
-"""What is shown where there is no video."""
+"""The ground where there is no video."""
 PALE = 0.6  # share of the body's colour that is the video's own, the rest is light grey
 LIGHT_GREY = 214.0
 CHUNK = 16  # bodies posed at once
 
 
 @dataclass(frozen=True)
-class Performer:
-    """A video, and the body recovered from it. P_px (T, 3, 3): for each used frame, from metres in
-    the axes of the first frame's camera to homogeneous pixels of that frame."""
+class FilmedBody:
+    """A video, and the body recovered from it.
 
-    seen: VideoKeypoints
+    P_px (T, 3, 3): for each used frame, from metres in the axes of the first frame's camera to
+    homogeneous pixels of that frame. layout_names (K,): the keypoints' names.
+    """
+
+    keypoints: VideoKeypoints
     motion: VideoMotion
-    P_px: Array
+    P_px: Float[np.ndarray, "T 3 3"]
     layout_names: tuple[str, ...]
     rgb: RGB
     file: Path | None
 
 
-def performers(
+def filmed_bodies(
     keypoints: Keypoints,
     camera_motion: CameraMotion,
     motions: Sequence[VideoMotion],
     cameras: Sequence[Camera] | None,
     files: Mapping[str, Path | None],
     model: Model,
-) -> list[Performer]:
-    """One a video, in the order of the keypoints; without `cameras` with those of each alone."""
+) -> list[FilmedBody]:
+    """One per video, in the order of the keypoints; without `cameras` each has the intrinsics that
+    its video alone gives."""
     ids = [v.id for v in keypoints.videos]
     intrinsics = {c.id: c.K for c in cameras or camera_motion.videos}
     return [
-        Performer(
-            seen=seen,
+        FilmedBody(
+            keypoints=video,
             motion=motion,
-            P_px=projections(camera, intrinsics[seen.id]),
-            layout_names=tuple(model.points(seen.layout).names),
-            rgb=rgb_of(ids, seen.id),
-            file=files.get(seen.id),
+            P_px=projections(camera, intrinsics[video.id]),
+            layout_names=tuple(model.points(video.layout).names),
+            rgb=rgb_of(ids, video.id),
+            file=files.get(video.id),
         )
-        for seen, camera, motion in zip(
+        for video, camera, motion in zip(
             keypoints.videos, camera_motion.videos, motions, strict=True
         )
     ]
 
 
 def rgb_of(ids: Sequence[str], video: str) -> RGB:
-    """The colour that a video keeps in every figure, in 0..255."""
+    """The colour of a video in every figure, 0 to 255."""
     r, g, b = (round(255 * c) for c in to_rgb(color_of(ids, video)))
     return r, g, b
 
 
-def projections(camera: VideoCameraMotion, K: Array) -> Array:
+def projections(
+    camera: VideoCameraMotion, K: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "T 3 3"]:
     """P_px (T, 3, 3) = H_frame_from_first K, scaled so that a turning camera keeps true depths."""
     H_frame_from_first = np.linalg.inv(camera.H_first_from_frame)
     scale = np.cbrt(np.linalg.det(H_frame_from_first))[:, None, None]
-    P_px: Array = H_frame_from_first / scale @ K
-    return P_px
+    return np.asarray(H_frame_from_first / scale @ K)
 
 
-def source_frames(file: Path | None, frames: Ints, size: tuple[int, int]) -> Iterator[Image]:
+def source_frames(
+    file: Path | None, frames: Int[np.ndarray, " T"], size: tuple[int, int]
+) -> Iterator[Image]:
     """The pictures of source frames that never go back, decoded once; without a file, a neutral
     picture of `size` (width, height). A video that ends early stands still."""
     blank: Image = np.full((size[1], size[0], 3), NEUTRAL_RGB, dtype=np.uint8)
@@ -110,37 +115,39 @@ def source_frames(file: Path | None, frames: Ints, size: tuple[int, int]) -> Ite
 
 
 class Painter:
-    """Paints a performer's body over pictures of their video, or parts of these.
+    """Paints the body over pictures of its video, or over parts of these.
 
-    Bodies are posed in small batches, and the last few batches kept.
+    Bodies are posed in small batches; the last two batches are cached.
     """
 
-    def __init__(self, performer: Performer, model: Model, *, alpha: float) -> None:
-        self._performer, self._alpha = performer, alpha
+    def __init__(self, filmed: FilmedBody, model: Model, *, alpha: float) -> None:
+        self._filmed, self._alpha = filmed, alpha
         self._faces = model.faces.numpy()
-        self._count = len(performer.seen.frames)
-        self._rgb = PALE * np.array(performer.rgb) + (1 - PALE) * LIGHT_GREY
+        self._count = len(filmed.keypoints.frames)
+        self._rgb = PALE * np.array(filmed.rgb) + (1 - PALE) * LIGHT_GREY
 
         @lru_cache(maxsize=2)
-        def batch(number: int) -> Array:
+        def batch(number: int) -> Float[np.ndarray, "F V 3"]:
             first = number * CHUNK
             last = min(first + CHUNK, self._count)
-            return surfaces(model, performer.motion, range(first, last))
+            return surfaces(model, filmed.motion, range(first, last))
 
         self._batch = batch
 
-    def __call__(self, t: int, picture: Image, move: Array | None = None) -> Image:
+    def __call__(
+        self, t: int, picture: Image, move: Float[np.ndarray, "3 3"] | None = None
+    ) -> Image:
         """The body of used frame `t` over a picture; `move` (3, 3) from the frame's pixels to the
         picture's. Where there is no video, the keypoints too."""
-        performer = self._performer
+        filmed = self._filmed
         move = np.eye(3) if move is None else move
         body = self._batch(t // CHUNK)[t % CHUNK]
-        P_px = move @ performer.P_px[t]
+        P_px = move @ filmed.P_px[t]
         drawn = paint_mesh(
             picture, body, self._faces, P_px, self._rgb, alpha=self._alpha, light=LIGHT
         )
-        if performer.file is not None:
+        if filmed.file is not None:
             return drawn
-        xy = performer.seen.xy_px[t] @ move[:2, :2].T + move[:2, 2]
-        confidence = performer.seen.confidence[t]
-        return draw_keypoints(drawn, xy, confidence, performer.layout_names)
+        xy = filmed.keypoints.xy_px[t] @ move[:2, :2].T + move[:2, 2]
+        confidence = filmed.keypoints.confidence[t]
+        return draw_keypoints(drawn, xy, confidence, filmed.layout_names)
