@@ -26,7 +26,7 @@ from imocap_core.figures.style import color_of
 from imocap_core.io.video import read_rgb
 from imocap_core.render.painter import paint_mesh
 
-Image = UInt8[np.ndarray, "H W 3"]
+Image = UInt8[np.ndarray, "_ _ 3"]
 RGB = tuple[int, int, int]
 
 NEUTRAL_RGB = (52, 56, 61)

@@ -22,7 +22,8 @@ def people(
     from imocap_core.library.tracked_people import people_of
 
     with displaying(progress) as display:
-        return people_of(Workspace(Path(root)).ready_job(str(action), one_off(params), display))
+        job = Workspace(Path(root)).ready_job(str(action), one_off(params), display)
+        return people_of(job.action, job.settings.params.keypoints)
 
 
 @plain_errors

@@ -6,16 +6,16 @@ from dataclasses import replace
 
 from imocap_core.errors import WorkFailed
 from imocap_core.library.person_summary import PersonSummary, VideoPeople
+from imocap_core.params import KeypointsParams
 from imocap_core.people.tracking import PersonTrack, box_of
-from imocap_core.pipeline.runner import Job
+from imocap_core.pipeline.action import Action
 from imocap_core.problem.cuts import advice, cuts_of
 from imocap_core.problem.detected_people import read_people
 from imocap_core.problem.tracked_people import TrackedVideo, choose_performers, track_people
 
 
-def people_of(job: Job) -> list[VideoPeople]:
+def people_of(action: Action, params: KeypointsParams) -> list[VideoPeople]:
     """Everybody in an action's videos; WorkFailed where these cannot be read."""
-    action, params = job.action, job.settings.params.keypoints
     detected = []
     try:
         for declared in action.videos:

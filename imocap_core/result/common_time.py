@@ -29,8 +29,7 @@ def on_common_time(videos: Sequence[VideoResult], fps: float) -> tuple[VideoResu
     """
     grid_s = common_grid([v.phase_s for v in videos], fps)
     return tuple(
-        replace(_resampled(v, moments_of(v.phase_s, grid_s)), fps=fps, phase_s=grid_s)
-        for v in videos
+        replace(_resampled(v, moments_of(v.phase_s, grid_s), grid_s), fps=fps) for v in videos
     )
 
 
@@ -43,7 +42,7 @@ def at_phase(videos: Sequence[VideoResult], phase_s: float) -> dict[str, VideoMo
         where = moments_of(video.phase_s, np.array([phase_s]))
         if not where.inside[0]:
             continue
-        shown = _resampled(video, where)
+        shown = _resampled(video, where, np.array([phase_s]))
         frame = float(shown.frames[0])
         moments[video.id] = VideoMoment(
             index=float(where.at[0]),
@@ -55,8 +54,8 @@ def at_phase(videos: Sequence[VideoResult], phase_s: float) -> dict[str, VideoMo
     return moments
 
 
-def _resampled(video: VideoResult, m: Moments) -> VideoResult:
-    """A video at fractional frames; its phases stay as they are."""
+def _resampled(video: VideoResult, m: Moments, phase_s: Float[np.ndarray, " N"]) -> VideoResult:
+    """A video at the fractional frames of the moments `phase_s`."""
     theta, trans = pose_at(video.theta, m.at), values_at(video.trans, m.at)
     model = body_model(video.model, video.action, hands=False)
     camera = video.camera
@@ -84,6 +83,7 @@ def _resampled(video: VideoResult, m: Moments) -> VideoResult:
         reprojection_px=values_at(video.reprojection_px, m.at),
         confidence=np.where(m.inside, values_at(video.confidence, m.at), 0.0),
         inside=m.inside,
+        phase_s=phase_s,
     )
 
 

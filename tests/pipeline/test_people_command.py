@@ -2,13 +2,13 @@
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from imocap_core.errors import WorkFailed
+from imocap_core.library.person_summary import VideoPeople
 from imocap_core.library.tracked_people import people_of
 from imocap_core.pipeline.action import Action, Declaration
 from tests.pipeline.test_people import PARAMS
@@ -20,7 +20,7 @@ def figure(x: float, scale: float = 1.0) -> dict[str, list[float]]:
     return {"pose_keypoints_2d": points.ravel().tolist()}
 
 
-def job(folder: Path, **changes: Any) -> Any:
+def people(folder: Path, **changes: Any) -> list[VideoPeople]:
     detections = folder / "keypoints" / "v1"
     detections.mkdir(parents=True)
     for t in range(20):
@@ -31,13 +31,11 @@ def job(folder: Path, **changes: Any) -> Any:
         "fps": 30.0, "size": (640, 360), "frames": (4, 20),
     }  # fmt: skip
     action = Action(folder, "made", (Declaration(**(declared | changes)),))
-    return SimpleNamespace(
-        action=action, settings=SimpleNamespace(params=SimpleNamespace(keypoints=PARAMS))
-    )
+    return people_of(action, PARAMS)
 
 
 def test_everybody_is_listed_the_performer_first(tmp_path: Path) -> None:
-    (video,) = people_of(job(tmp_path))
+    (video,) = people(tmp_path)
     first, second = video.tracks
     assert (first.number, second.number) == (1, 2)
     assert (first.first_frame, first.last_frame) == (4, 19)
@@ -48,10 +46,10 @@ def test_everybody_is_listed_the_performer_first(tmp_path: Path) -> None:
 
 
 def test_a_name_from_the_list_is_taken(tmp_path: Path) -> None:
-    (video,) = people_of(job(tmp_path, person={"track": 2}))
+    (video,) = people(tmp_path, person={"track": 2})
     assert "track 2 is the performer as action.yaml declares" in video.notes[0]
 
 
 def test_bad_input_is_a_sentence(tmp_path: Path) -> None:
     with pytest.raises(WorkFailed, match=r"videos\.v1\.person: track: expected 1 to 2, got 5"):
-        people_of(job(tmp_path, person={"track": 5}))
+        people(tmp_path, person={"track": 5})
