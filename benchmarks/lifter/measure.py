@@ -20,7 +20,7 @@ from benchmarks.scoring.score import truth_of
 from imocap_core.artifacts.schemas import CameraMotion, Keypoints
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WrongUse
-from imocap_core.evaluate.scoreboard import true_motion
+from imocap_core.evaluate.truth import true_joints
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.scoring import CameraJoints, ScoreRow, over_videos, pose_rows
 from imocap_core.pipeline import runner
@@ -109,7 +109,7 @@ def row_of(
     rows: list[ScoreRow] = []
     best, seconds, frames = [], 0.0, 0
     for video, camera in zip(keypoints.videos, cameras.videos, strict=True):
-        true = true_motion(truth.videos[video.id], video.frames)
+        true = true_joints(truth.videos[video.id], video.frames)
         began = time.process_time()
         lifted = lifted_joints(video, camera)
         seconds += time.process_time() - began

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.rendered.action import LAYOUT, POINTS
-from imocap_core.evaluate.scoreboard import true_motion
+from imocap_core.evaluate.truth import true_joints
 from imocap_core.io.detectors.mediapipe import read_mediapipe, read_mediapipe_world
 from imocap_core.io.estimators.estimates import PerformerBoxes
 from imocap_core.io.truth import read_truth
@@ -43,7 +43,7 @@ def detector_3d_errors(job: Job) -> dict[str, float]:
     used = {name: np.arange(info.frame_count) for name, info in infos.items()}
     truth = read_truth(job.action.folder / job.action.truth, used)
     for name, info in infos.items():
-        true = true_motion(truth.videos[name], used[name])
+        true = true_joints(truth.videos[name], used[name])
         if true is None:
             continue
         everywhere = np.tile([0.0, 0.0, *info.size], (len(used[name]), 1))

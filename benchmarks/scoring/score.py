@@ -22,8 +22,10 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.artifacts.store import Stored
 from imocap_core.body import load_free_body
 from imocap_core.errors import WorkFailed
-from imocap_core.evaluate.scoreboard import StageResult, against_truth, true_motion
-from imocap_core.figures.bodies import body_points
+from imocap_core.evaluate.body_points import body_points
+from imocap_core.evaluate.results import StageResult
+from imocap_core.evaluate.scoreboard import against_truth
+from imocap_core.evaluate.truth import true_joints
 from imocap_core.io.estimators.joints_npz import read_joints_npz
 from imocap_core.io.truth import Truth, read_truth
 from imocap_core.metrics.scoring import CameraJoints, over_videos, pose_rows
@@ -128,7 +130,7 @@ def _estimator(action: Action, keypoints: Keypoints, truth: Truth) -> dict[str, 
     """Errors of the monocular estimator before any fit; empty where there is no estimate."""
     rows = []
     for video in keypoints.videos:
-        true = true_motion(truth.videos[video.id], video.frames)
+        true = true_joints(truth.videos[video.id], video.frames)
         if video.initial is None or video.initial_format != "joints_npz" or true is None:
             continue
         estimate = read_joints_npz(action.folder / video.initial, video.frames)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +11,10 @@ from jaxtyping import Float, Int, Real
 from matplotlib.figure import Figure
 
 from imocap_core.artifacts.schemas import (
+    CameraMotion,
+    InitialSmpl,
+    Keypoints,
+    RefineSync,
     SyncMap,
     VideoCameraMotion,
     VideoKeypoints,
@@ -48,6 +52,28 @@ class SheetVideo:
     monocular: VideoMotion  # the estimate from this video alone
     final: VideoMotion
     K: Float[np.ndarray, "3 3"]  # of the final result
+
+
+def sheet_videos(
+    keypoints: Keypoints,
+    camera_motion: CameraMotion,
+    initial: InitialSmpl,
+    refined: RefineSync,
+    files: Mapping[str, Path | None],
+    model: Model,
+) -> list[SheetVideo]:
+    """Each video with its monocular and its final motion; files: video id -> its file."""
+    return [
+        SheetVideo(v, camera, files[v.id], model.points(v.layout).names, first, last, solved.K)
+        for v, camera, first, last, solved in zip(
+            keypoints.videos,
+            camera_motion.videos,
+            initial.videos,
+            refined.motion.videos,
+            refined.motion.cameras,
+            strict=True,
+        )
+    ]
 
 
 def spread(count: int, columns: int = COLUMNS) -> Int[np.ndarray, " _"]:

@@ -1,4 +1,4 @@
-"""The page of an action, made of its artifacts when a run has brought them up to date."""
+"""The report of a run: its page is written when the run's results differ from those it shows."""
 
 from __future__ import annotations
 
@@ -31,9 +31,10 @@ SINGLE = "motion.objective=single"
 
 
 def finish(job: Job, outcomes: Sequence[Outcome]) -> Path | None:
-    """Note how long the stages took, and make the page where it is not that of these results.
+    """Record the stages' times, and write the page unless it shows these results already.
 
-    None when the run did not get as far as a report. WorkFailed when it can't be made.
+    Returns the page, or None when the run has no complete results. WorkFailed when the page cannot
+    be written.
     """
     record(job.store, job.action.name, outcomes)
     stored = {outcome.stage: outcome.stored for outcome in outcomes}
@@ -43,12 +44,12 @@ def finish(job: Job, outcomes: Sequence[Outcome]) -> Path | None:
 
 
 def complete(stored: Mapping[str, Stored]) -> bool:
-    """Whether these are the results that a report is made of."""
+    """Whether all results of a report are there."""
     return all(stage in stored and stored[stage].schema == s for stage, s in NEEDED.items())
 
 
 def bring_up_to_date(job: Job, stored: Mapping[str, Stored]) -> Path:
-    """The page of these results, made again only where something has changed."""
+    """The page of these results, written only when something has changed."""
     folder = job.store.report(job.action.name)
     page = folder / PAGE
     seconds = seconds_of(job.store, job.action.name, {s: r.digest for s, r in stored.items()})
@@ -62,8 +63,8 @@ def bring_up_to_date(job: Job, stored: Mapping[str, Stored]) -> Path:
     try:
         write_page(job, folder, stored, single, seconds, beside, stamp)
     except ArtifactCorrupt as error:
-        said = str(error).splitlines()[0]
-        raise WorkFailed(f"report: {said}; run the action again") from None
+        reason = str(error).splitlines()[0]
+        raise WorkFailed(f"report: {reason}; run the action again") from None
     except OSError as error:
         raise WorkFailed(f"report: cannot use {error.filename}: {error.strerror}") from None
     except ValueError as error:
@@ -72,13 +73,12 @@ def bring_up_to_date(job: Job, stored: Mapping[str, Stored]) -> Path:
 
 
 def single_model(job: Job, stored: Mapping[str, Stored]) -> Stored | None:
-    """smpl_ba's result with one motion for all videos, where it has been made some time."""
+    """smpl_ba's result with one motion for all videos, when it is in the store."""
     chosen = settings(job.pipeline, job.action.params, job.action.file, [SINGLE])
-    alike = Job(job.pipeline, job.store, job.action, chosen)
-    key = alike.recipe("smpl_ba", stored).key
-    found = job.store.find(job.action.name, "smpl_ba", key)
-    same = found is not None and found.digest == stored["smpl_ba"].digest
-    return None if same else found
+    key = Job(job.pipeline, job.store, job.action, chosen).recipe("smpl_ba", stored).key
+    single = job.store.find(job.action.name, "smpl_ba", key)
+    same = single is not None and single.digest == stored["smpl_ba"].digest
+    return None if same else single
 
 
 def _stamp(
@@ -87,15 +87,21 @@ def _stamp(
     beside: Sequence[str],
     single: Stored | None,
 ) -> str:
-    """A digest of all that the page is made of."""
+    """A digest of everything that the page shows, and of the code that draws it."""
     views = PROJECT / "imocap_core" / "report"
     code = {name: digest for file in MADE_BY for name, digest in closure(views / file).items()}
     results = {stage: stored[stage].digest for stage in NEEDED}
-    said = [results, code, dict(seconds), list(beside), None if single is None else single.digest]
-    return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
+    content = [
+        results,
+        code,
+        dict(seconds),
+        list(beside),
+        None if single is None else single.digest,
+    ]
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def _head(page: Path) -> str:
-    """The page's beginning, where its stamp is."""
+    """The page's beginning, which has its stamp."""
     with page.open(encoding="utf-8") as stream:
         return stream.read(400)

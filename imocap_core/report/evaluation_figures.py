@@ -1,4 +1,4 @@
-"""All figures of a report, written to its folder."""
+"""Figures of the stage evaluate, written to the report's folder."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from imocap_core.artifacts.schemas import RefineSync, Sync
 from imocap_core.body import Model
 from imocap_core.conventions import EVAL_12
-from imocap_core.evaluate.scoreboard import StageResult, joint_errors_mm
+from imocap_core.evaluate.results import StageResult
+from imocap_core.evaluate.scoreboard import joint_errors_mm
 from imocap_core.figures.contact_sheets import (
     SheetVideo,
     frames_of_moments,
@@ -29,79 +30,78 @@ from imocap_core.figures.sync_figures import affinity_figure, rounds_figure, war
 from imocap_core.io.truth import Truth
 from imocap_core.report.files import Picture
 
-Array = NDArray[np.float64]
-
 ROUND_ERRORS = {"sync_error_pct": "sync error (%)", "pa_mpjpe_mm": "P-MPJPE (mm)"}
 
 
-def draw_numbers(
+def draw_plots(
     folder: Path,
     sync: Sync,
     refined: RefineSync,
-    answers: Sequence[StageResult],
+    results: Sequence[StageResult],
     truth: Truth | None,
-    true_positions: Mapping[str, Array],
+    true_positions: Mapping[str, Float[np.ndarray, " _"]],
     round_errors: Sequence[Mapping[str, float]],
 ) -> list[Picture]:
-    """Figures of numbers: errors, synchronisation, cameras and paths, the rounds of the loop.
+    """Plots: errors, synchronisation, cameras and paths, the rounds of the loop.
 
     Args:
+        sync, refined: the first synchronisation, and the loop's result.
         true_positions: video id -> (T,) index into the reference. round_errors: per round, metric
             -> mean over the videos; empty without truth.
     """
+    motion = refined.motion
     with quiet():
-        made = [
-            (_joint_errors(answers, truth), "joint_errors.png", "Error of each joint."),
+        figures = [
+            (_joint_errors(results, truth), "joint_errors.png", "Error of each joint."),
             (
                 warp_figure(sync, refined.sync, true_positions),
                 "warp.png",
-                "Where each frame of each video lies in the reference video.",
+                "Position of each frame of each video in the reference video.",
             ),
             (
                 affinity_figure(refined.sync, true_positions),
                 "affinity.png",
-                "Affinity of the poses before and after cycle consistency, with the path found.",
+                "Affinity of the poses before and after cycle consistency, with the matched path.",
             ),
             (
-                scene_figure(
-                    refined.motion.videos, refined.motion.cameras, refined.motion.reference
-                ),
+                scene_figure(motion.videos, motion.cameras, motion.reference),
                 "scene.png",
                 "Recovered cameras and the path of the root in each video.",
             ),
-            (
-                _rounds(refined, round_errors),
-                "rounds.png",
-                "What each round of the loop brought.",
-            ),
+            (_rounds(refined, round_errors), "rounds.png", "Cost and errors of each round."),
         ]
-        return [_written(folder, fig, name, said) for fig, name, said in made if fig is not None]
+        return [
+            _written(folder, figure, name, caption)
+            for figure, name, caption in figures
+            if figure is not None
+        ]
 
 
 def draw_contact_sheets(
-    folder: Path, shots: Sequence[SheetVideo], refined: RefineSync, model: Model
+    folder: Path, videos: Sequence[SheetVideo], refined: RefineSync, model: Model
 ) -> list[Picture]:
-    """Contact sheets over the real frames; the first one shows all videos at the same moments."""
+    """Contact sheets over the videos' frames; the first shows all videos at the same moments."""
     sync = refined.sync
-    reference = sync.ids.index(sync.reference)
-    moments = spread(sync.lengths[reference])
+    reference = videos[sync.ids.index(sync.reference)].keypoints
+    moments = spread(len(reference.frames))
     together, sheets = [], []
     with quiet():
-        for shot, found in zip(shots, sync.maps, strict=True):
-            own = [int(t) for t in spread(len(shot.keypoints.frames))]
-            at = frames_of_moments(found, moments)
-            wanted = sorted({*own, *(t for t in at if t is not None)})
-            cells, where = read_cells(shot, wanted)
-            together.append(moment_cells(shot, at, cells, where))
-            figure = video_sheet(shot, model, own, cells, where)
-            caption = f"{shot.keypoints.id}: detections, monocular and final body."
-            sheets.append(_written(folder, figure, f"overlay_{shot.keypoints.id}.jpg", caption))
+        for video, sync_map in zip(videos, sync.maps, strict=True):
+            name = video.keypoints.id
+            of_video = [int(t) for t in spread(len(video.keypoints.frames))]
+            of_moments = frames_of_moments(sync_map, moments)
+            needed = sorted({*of_video, *(t for t in of_moments if t is not None)})
+            cells, cuts = read_cells(video, needed)
+            together.append(moment_cells(video, of_moments, cells, cuts))
+            figure = video_sheet(video, model, of_video, cells, cuts)
+            caption = f"{name}: detections, monocular and final body."
+            sheets.append(_written(folder, figure, f"overlay_{name}.jpg", caption))
         figure = contact_sheet(
             together,
-            [shot.keypoints.id for shot in shots],
-            [f"{sync.reference} frame {shots[reference].keypoints.frames[t]}" for t in moments],
+            [video.keypoints.id for video in videos],
+            [f"{sync.reference} frame {reference.frames[t]}" for t in moments],
             "The same moments in every video",
-            "each column shows the frames that were matched; the skeleton is the final answer's",
+            "each column shows matched frames with the skeleton of the final result",
         )
         first = _written(
             folder, figure, "moments.jpg", "The same moments of the action in every video."
@@ -114,20 +114,20 @@ def _written(folder: Path, figure: Figure, name: str, caption: str) -> Picture:
     return Picture(name, caption)
 
 
-def _joint_errors(answers: Sequence[StageResult], truth: Truth | None) -> Figure | None:
-    errors = {a.name: joint_errors_mm(a, truth, EVAL_12) for a in answers}
-    known = {name: error for name, error in errors.items() if error is not None}
-    return joint_error_figure(EVAL_12, known) if known else None
+def _joint_errors(results: Sequence[StageResult], truth: Truth | None) -> Figure | None:
+    errors = {result.name: joint_errors_mm(result, truth, EVAL_12) for result in results}
+    scored = {name: error for name, error in errors.items() if error is not None}
+    return joint_error_figure(EVAL_12, scored) if scored else None
 
 
 def _rounds(refined: RefineSync, errors: Sequence[Mapping[str, float]]) -> Figure | None:
     if len(refined.rounds) < 2:
         return None
-    known = {
+    scored = {
         title: [error[metric] for error in errors]
         for metric, title in ROUND_ERRORS.items()
         if all(metric in error for error in errors)
     }
     costs = [r.cost for r in refined.rounds]
     changes = [r.sync_change_frames for r in refined.rounds]
-    return rounds_figure(costs, changes, known, refined.best)
+    return rounds_figure(costs, changes, scored, refined.best)

@@ -1,4 +1,4 @@
-"""What a report is made of, as files: tables for programs, and an index of tables and pictures."""
+"""The report's files for programs: tables as CSV and JSON, and an index of its pictures."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from imocap_core.artifacts.schemas import Table
-from imocap_core.report import tables as text
+from imocap_core.artifacts.schemas import RefineSync, Table
+from imocap_core.report import table_text
 
 CONTENTS = "contents.json"
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure's file, relative to the report, and what it shows."""
+    """A figure's file, relative to the report, and its caption."""
 
     file: str
     caption: str
@@ -23,7 +23,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Contents:
-    """What the report's page is about: its title, one sentence, its pictures."""
+    """The head of the report's page: its title, one sentence, its pictures."""
 
     title: str
     lead: str
@@ -38,26 +38,32 @@ def write_report(
     every: Table,
     pictures: Sequence[Picture],
 ) -> list[str]:
-    """Write contents.json, metrics.json and one CSV a table; returns the file names. The page
-    itself is made of these by `imocap_core.report.page`.
+    """Write contents.json, metrics.json and one CSV per table; returns the file names.
 
     Args:
         lead: one sentence under the title. tables: shown on the page. every: the long table, for
-            programs only. pictures: files that lie in the folder already.
+            programs only. pictures: files that are in the folder already.
     """
     contents = asdict(Contents(title, lead, tuple(pictures)))
     files = {
         CONTENTS: json.dumps(contents, indent=1, ensure_ascii=False) + "\n",
-        "metrics.json": text.json_text([*tables, every]),
-        **{f"{table.name}.csv": text.csv_text(table) for table in (*tables, every)},
+        "metrics.json": table_text.json_text([*tables, every]),
+        **{f"{table.name}.csv": table_text.csv_text(table) for table in (*tables, every)},
     }
     for name, content in files.items():
         (folder / name).write_text(content, encoding="utf-8", newline="\n")
     return sorted([*files, *(picture.file for picture in pictures)])
 
 
+def lead_of(refined: RefineSync) -> str:
+    """One sentence under the report's title: the number of videos, and how the loop ended."""
+    count = len(refined.sync.ids)
+    videos = "1 video" if count == 1 else f"{count} videos, reference {refined.sync.reference}"
+    return f"{videos}. The loop: {refined.status}."
+
+
 def read_contents(folder: Path) -> Contents:
-    """What `write_report` wrote. OSError or ValueError when it can't be read."""
-    said = json.loads((folder / CONTENTS).read_text(encoding="utf-8"))
-    pictures = tuple(Picture(p["file"], p["caption"]) for p in said["pictures"])
-    return Contents(said["title"], said["lead"], pictures)
+    """The contents that `write_report` wrote. OSError or ValueError when they cannot be read."""
+    fields = json.loads((folder / CONTENTS).read_text(encoding="utf-8"))
+    pictures = tuple(Picture(p["file"], p["caption"]) for p in fields["pictures"])
+    return Contents(fields["title"], fields["lead"], pictures)

@@ -1,11 +1,14 @@
-"""What the videos leave open, in sentences."""
+"""The observability report in sentences: similar views, missing views, uncertain joints."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from imocap_core.artifacts.schemas import NearPair, Table, Uncertainty, WeakSpan
 
-SHOWN = 8  # spans named on the report's page; observability.md has them all
-STANDS_OUT = 1.5  # the best side helps this many times as much as the worst
+FILE = "observability.md"
+SHOWN = 8  # spans listed on the report's page; observability.md lists all
+MIN_BENEFIT_RATIO = 1.5  # of the best side for one more camera to the worst, to name a side
 SIDES = (
     *("in front", "front left", "left", "back left"),
     *("behind", "back right", "right", "front right"),
@@ -13,42 +16,48 @@ SIDES = (
 
 
 def sentences(claimed: Uncertainty, most: int | None = SHOWN) -> list[str]:
-    """Near-identical viewpoints, the viewpoint that would help most, and ill-determined spans.
+    """Near-identical viewpoints, the most useful further viewpoint, and ill-determined spans.
 
-    ``most``: spans named at most, None for all.
+    most: maximum number of spans, None for all.
     """
-    said = [_near(pair) for pair in claimed.near]
-    said += _further(claimed)
+    lines = [_near(pair) for pair in claimed.near]
+    lines += _further(claimed)
     weak = claimed.weak if most is None else claimed.weak[:most]
-    said += [_weak(span) for span in weak]
+    lines += [_weak(span) for span in weak]
     if len(weak) < len(claimed.weak):
-        said.append(f"{len(claimed.weak) - len(weak)} more spans are in observability.md.")
+        lines.append(f"observability.md lists {len(claimed.weak) - len(weak)} more spans.")
     if not claimed.weak:
-        said.append(
+        lines.append(
             f"No joint's standard deviation stays above {claimed.weak_limit:g} times the action's "
             f"median of {claimed.median_mm:.0f} mm."
         )
-    return said
+    return lines
 
 
-def open_table(claimed: Uncertainty) -> Table:
+def observability_table(claimed: Uncertainty) -> Table:
     """The sentences as a table of the report."""
     return Table(
         name="open",
-        title="What the videos leave open",
+        title="Observability",
         columns=["sentence"],
-        rows=[[said] for said in sentences(claimed)],
+        rows=[[sentence] for sentence in sentences(claimed)],
     )
 
 
 def observability_markdown(title: str, claimed: Uncertainty) -> str:
-    """The whole report as a page."""
-    lines = "\n".join(f"* {said}" for said in sentences(claimed, most=None))
-    return f"# {title}: what the videos leave open\n\n{claimed.status}\n\n{lines}\n"
+    """The whole observability report as a page."""
+    lines = "\n".join(f"* {sentence}" for sentence in sentences(claimed, most=None))
+    return f"# {title}: observability\n\n{claimed.status}\n\n{lines}\n"
+
+
+def write_observability(folder: Path, title: str, claimed: Uncertainty) -> str:
+    """Write the whole observability report into a folder; returns its file name."""
+    (folder / FILE).write_text(observability_markdown(title, claimed), encoding="utf-8")
+    return FILE
 
 
 def side_of(azimuth_deg: float) -> str:
-    """A camera's side in words, from the performer's point of view."""
+    """Name of a camera's side, from the performer's point of view."""
     return SIDES[round(azimuth_deg / 45) % len(SIDES)]
 
 
@@ -56,8 +65,8 @@ def _near(pair: NearPair) -> str:
     a, b = pair.videos
     depth = "the other videos" if pair.seen_across else "priors"
     return (
-        f"{a} and {b} see the performer from nearly the same side ({pair.angle_deg:.0f} degrees "
-        f"apart): depth along it rests on {depth}."
+        f"{a} and {b} show the performer from nearly the same side ({pair.angle_deg:.0f} degrees "
+        f"apart): depth along their line of sight depends on {depth}."
     )
 
 
@@ -66,19 +75,19 @@ def _further(claimed: Uncertainty) -> list[str]:
         return []
     best = max(claimed.viewpoints, key=lambda v: v.reduction)
     least = min(v.reduction for v in claimed.viewpoints)
-    if best.reduction < STANDS_OUT * least:
+    if best.reduction < MIN_BENEFIT_RATIO * least:
         return [
-            "No side is missing: one more camera would lower the summed variance of the common "
-            f"motion by {least:.0%} to {best.reduction:.0%}, wherever it stood."
+            "No viewpoint is missing: from any side, one more camera would lower the summed "
+            f"variance of the common motion by {least:.0%} to {best.reduction:.0%}."
         ]
     if claimed.azimuth_from == "performer":
         side = side_of(best.azimuth_deg)
-        place = f"at {best.azimuth_deg:.0f} degrees ({side}, as the performer sees it)"
+        place = f"at {best.azimuth_deg:.0f} degrees ({side} of the performer)"
     else:
-        place = f"{best.azimuth_deg:.0f} degrees round the performer from the reference camera"
+        place = f"at {best.azimuth_deg:.0f} degrees around the performer from the reference camera"
     return [
-        f"One more camera would help most {place}: the summed variance of the common motion would "
-        f"fall by {best.reduction:.0%}."
+        f"One more camera would help most {place}: it would lower the summed variance of the "
+        f"common motion by {best.reduction:.0%}."
     ]
 
 

@@ -1,4 +1,4 @@
-"""The report as one page of HTML that holds its pictures, and as Markdown beside them."""
+"""The report's page: HTML with embedded pictures, and Markdown that links them."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from imocap_core.artifacts.schemas import Table
-from imocap_core.report import tables as text
+from imocap_core.report import table_text
 from imocap_core.report.files import Contents, Picture
-from imocap_core.report.metric_words import WORDS
+from imocap_core.report.metric_glossary import GLOSSARY
 from imocap_core.report.sections import Section
 
 MIME = {".png": "image/png", ".jpg": "image/jpeg", ".webp": "image/webp"}
 STAMP = "imocap-made-from"
-NUMBERS = "What the numbers mean"
+COLUMNS = "Glossary of the columns"
 
 STYLE = """
 :root { color-scheme: light; }
@@ -51,10 +51,10 @@ dt:target { background: #f3e6d5; }
 def html_page(
     folder: Path, contents: Contents, parts: Sequence[Section], links: Iterable[str], stamp: str
 ) -> str:
-    """One page that needs no other file. `links`: files in the folder that it may lead to."""
-    titles = [*(p.title for p in parts), NUMBERS]
+    """One page that needs no other file. `links`: files in the folder that it links to."""
+    titles = [*(p.title for p in parts), COLUMNS]
     nav = "".join(f'<a href="#{_anchor(title)}">{html.escape(title)}</a>' for title in titles)
-    words = {c: WORDS[c] for t in _tables(parts) for c in t.columns if c in WORDS}
+    glossary = {c: GLOSSARY[c] for t in _tables(parts) for c in t.columns if c in GLOSSARY}
     beside = "".join(f'<a href="{html.escape(x)}">{html.escape(x)}</a> ' for x in links)
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -64,67 +64,67 @@ def html_page(
         f"<h1>{html.escape(contents.title)}</h1>\n<p>{html.escape(contents.lead)}</p>\n"
         f"<nav>{nav}</nav>\n"
         + (f"<nav>Beside this page: {beside}</nav>\n" if beside else "")
-        + "".join(_section(folder, part, words) for part in parts)
-        + _glossary(words)
+        + "".join(_section(folder, part, glossary) for part in parts)
+        + _glossary(glossary)
         + "</body></html>\n"
     )
 
 
 def markdown_page(contents: Contents, parts: Sequence[Section]) -> str:
-    """The same without what the page folds, for a repository or a terminal."""
-    said = [f"# {contents.title}\n\n{contents.lead}\n"]
+    """The same as Markdown, nothing folded, for a repository or a terminal."""
+    text = [f"# {contents.title}\n\n{contents.lead}\n"]
     for part in parts:
-        said.append(f"## {part.title}\n")
-        if part.said:
-            said.append(f"{part.said}\n")
+        text.append(f"## {part.title}\n")
+        if part.lead:
+            text.append(f"{part.lead}\n")
         if part.sentences:
-            said.append("\n".join(f"* {sentence}" for sentence in part.sentences) + "\n")
+            text.append("\n".join(f"* {sentence}" for sentence in part.sentences) + "\n")
         pictures = (*part.pictures, *part.folded_pictures)
-        said += [f"![{p.caption}]({p.file})\n\n{p.caption}\n" for p in pictures]
-        said += [text.markdown(table) for table in (*part.tables, *part.folded_tables)]
-    return "\n".join(said)
+        text += [f"![{p.caption}]({p.file})\n\n{p.caption}\n" for p in pictures]
+        text += [table_text.markdown(table) for table in (*part.tables, *part.folded_tables)]
+    return "\n".join(text)
 
 
-def _section(folder: Path, part: Section, words: dict[str, str]) -> str:
+def _section(folder: Path, part: Section, glossary: dict[str, str]) -> str:
     sentences = "".join(f"<li>{html.escape(s)}</li>" for s in part.sentences)
     folded = "".join(
         f"<details><summary>{html.escape(p.caption)}</summary>{_figure(folder, p)}</details>\n"
         for p in part.folded_pictures
     ) + "".join(
-        f"<details><summary>{html.escape(t.title)}</summary>{_table(t, words)}</details>\n"
+        f"<details><summary>{html.escape(t.title)}</summary>{_table(t, glossary)}</details>\n"
         for t in part.folded_tables
     )
     return (
         f'<h2 id="{_anchor(part.title)}">{html.escape(part.title)}</h2>\n'
-        + (f"<p>{html.escape(part.said)}</p>\n" if part.said else "")
+        + (f"<p>{html.escape(part.lead)}</p>\n" if part.lead else "")
         + (f"<ul>{sentences}</ul>\n" if sentences else "")
-        + "".join(_table(t, words) for t in part.tables[:1])
+        + "".join(_table(t, glossary) for t in part.tables[:1])
         + "".join(_figure(folder, p) for p in part.pictures)
-        + "".join(_table(t, words) for t in part.tables[1:])
+        + "".join(_table(t, glossary) for t in part.tables[1:])
         + folded
     )
 
 
-def _table(table: Table, words: dict[str, str]) -> str:
-    return f'<div class="wide">{text.html_table(table, words)}</div>\n'
+def _table(table: Table, glossary: dict[str, str]) -> str:
+    return f'<div class="wide">{table_text.html_table(table, glossary)}</div>\n'
 
 
 def _figure(folder: Path, picture: Picture) -> str:
     data = base64.b64encode((folder / picture.file).read_bytes()).decode("ascii")
     source = f"data:{MIME[Path(picture.file).suffix]};base64,{data}"
-    said = html.escape(picture.caption)
-    return f'<figure><img src="{source}" alt="{said}"><figcaption>{said}</figcaption></figure>\n'
+    text = html.escape(picture.caption)
+    return f'<figure><img src="{source}" alt="{text}"><figcaption>{text}</figcaption></figure>\n'
 
 
-def _glossary(words: dict[str, str]) -> str:
+def _glossary(glossary: dict[str, str]) -> str:
     entries = "".join(
-        f'<dt id="{name}">{name}</dt><dd>{html.escape(said)}</dd>\n'
-        for name, said in sorted(words.items())
+        f'<dt id="{name}">{name}</dt><dd>{html.escape(meaning)}</dd>\n'
+        for name, meaning in sorted(glossary.items())
     )
     return (
-        f'<h2 id="{_anchor(NUMBERS)}">{NUMBERS}</h2>\n<dl>{entries}</dl>'
-        "<p>In full: docs/metrics.md and docs/uncertainty.md. Numbers for programs: metrics.json, "
-        "and a CSV for each table.</p>\n"
+        f'<h2 id="{_anchor(COLUMNS)}">{COLUMNS}</h2>\n<dl>{entries}</dl>'
+        "<p>In full: docs/metrics.md and docs/uncertainty.md. For programs: metrics.json and one "
+        "CSV per table.</p>\n"
     )
 
 

@@ -1,4 +1,4 @@
-"""Which picture and which table stands where in a report, and what is said about it."""
+"""Order of the report: its sections, with their pictures, tables and introductions."""
 
 from __future__ import annotations
 
@@ -8,27 +8,27 @@ from dataclasses import dataclass, field
 from imocap_core.artifacts.schemas import Table
 from imocap_core.report.files import Picture
 
-OPEN = "open"  # the table of sentences on what the videos leave open
+SENTENCES = "open"  # the table of the observability report's sentences
 PROGRAMS = "metrics"  # the long table, for programs only
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A section before it is filled: names of tables, beginnings of the names of picture files."""
+    """A section's content by name: names of tables, beginnings of the names of picture files."""
 
     title: str
-    said: str
+    lead: str
     pictures: tuple[str, ...] = ()
     tables: tuple[str, ...] = ()
-    folded: tuple[str, ...] = ()  # tables and pictures that wait for a click
+    folded: tuple[str, ...] = ()  # tables and pictures shown on a click
 
 
 @dataclass(frozen=True)
 class Section:
-    """A part of the page."""
+    """A section of the page, with its content."""
 
     title: str
-    said: str
+    lead: str
     sentences: list[str] = field(default_factory=list)
     pictures: list[Picture] = field(default_factory=list)
     tables: list[Table] = field(default_factory=list)
@@ -37,45 +37,44 @@ class Section:
 
     @property
     def empty(self) -> bool:
-        """Whether it would be a title and nothing below."""
+        """Whether there is only a title."""
         parts = (self.sentences, self.pictures, self.tables)
         return not any((*parts, self.folded_pictures, self.folded_tables))
 
 
 PLANS = (
     Plan(
-        "In short",
-        "Mean over the videos. Monocular: each video by itself; single pass: all videos together, "
-        "once; after loop: the result.",
+        "Summary",
+        "Mean over the videos. Monocular: each video alone; single pass: all videos jointly, once; "
+        "after loop: the final result.",
         ("moments.",),
         ("summary",),
     ),
     Plan(
-        "What the videos leave open",
-        "Read from the result's own covariances; no truth is needed.",
+        "Observability",
+        "What the videos determine poorly, from the covariances of the result; needs no truth.",
         (),
-        (OPEN,),
+        (SENTENCES,),
     ),
     Plan(
         "Synchronisation",
-        "Frames are matched through poses. Going from a video to a second, to a third and back "
-        "must end at the start: that is what cycle consistency asks for, and affinities alone "
-        "do not give it.",
+        "Frames are matched by their poses. A round trip from a video to a second, to a third and "
+        "back must end at its start (cycle consistency), which affinities alone do not ensure.",
         ("cycle.", "warp.", "affinity."),
         ("sync",),
         ("trust", "cycles"),
     ),
     Plan(
         "Motion",
-        "What one video says alone is right in its picture and wrong in depth; the videos "
-        "together correct it.",
+        "The estimate from one video alone fits its picture but errs in depth; the videos together "
+        "correct it.",
         ("results.", "joint_errors."),
         ("pose",),
         ("joint_sets", "overlay_"),
     ),
     Plan("Hands", "", ("hands",), ("hands",)),
     Plan(
-        "How sure",
+        "Uncertainty",
         "Claimed standard deviations, and true errors where the truth is known.",
         ("uncertainty.",),
         (),
@@ -84,43 +83,43 @@ PLANS = (
     Plan("Cameras and paths", "", ("scene.",), ("cameras", "videos")),
     Plan(
         "The loop",
-        "Synchronisation and motion in turn, until the correspondences settle.",
+        "Synchronisation and motion are solved in turn until the correspondences converge.",
         ("rounds.",),
         ("rounds",),
     ),
     Plan("Time", "", (), ("timings",)),
     Plan("Not scored", "", (), ("unscored",)),
 )
-REST = "Further"
+REST = "Other"
 
 
 def sections(tables: Sequence[Table], pictures: Sequence[Picture]) -> list[Section]:
-    """The page's parts, in order; what no plan names comes last. Empty parts are left out."""
-    known = {t.name: t for t in tables if t.name != PROGRAMS}
+    """The sections in order; content that no plan names comes last. Empty sections are omitted."""
+    by_name = {t.name: t for t in tables if t.name != PROGRAMS}
     left = list(pictures)
-    made = []
+    filled = []
     for plan in PLANS:
         shown = _taken(left, plan.pictures)
         folded = _taken(left, plan.folded)
-        named = [known.pop(name) for name in plan.tables if name in known]
-        sentences = [str(row[0]) for t in named if t.name == OPEN for row in t.rows]
-        made.append(
+        named = [by_name.pop(name) for name in plan.tables if name in by_name]
+        sentences = [str(row[0]) for t in named if t.name == SENTENCES for row in t.rows]
+        filled.append(
             Section(
                 plan.title,
-                plan.said,
+                plan.lead,
                 sentences,
                 shown,
-                [t for t in named if t.name != OPEN],
+                [t for t in named if t.name != SENTENCES],
                 folded,
-                [known.pop(name) for name in plan.folded if name in known],
+                [by_name.pop(name) for name in plan.folded if name in by_name],
             )
         )
-    made.append(Section(REST, "", pictures=left, tables=list(known.values())))
-    return [section for section in made if not section.empty]
+    filled.append(Section(REST, "", pictures=left, tables=list(by_name.values())))
+    return [section for section in filled if not section.empty]
 
 
 def _taken(left: list[Picture], beginnings: Sequence[str]) -> list[Picture]:
-    """The pictures whose files begin so, in that order; they are gone from `left`."""
+    """The pictures whose file names start so, in that order; removed from `left`."""
     taken = [p for beginning in beginnings for p in left if p.file.startswith(beginning)]
     left[:] = [p for p in left if p not in taken]
     return taken

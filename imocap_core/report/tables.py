@@ -1,11 +1,7 @@
-"""Rows of numbers to tables that people read, and tables to Markdown, CSV, JSON and HTML."""
+"""Scores and artifacts to the report's tables."""
 
 from __future__ import annotations
 
-import csv
-import html
-import io
-import json
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
@@ -55,15 +51,13 @@ ROUND = (
     "sync_error_frames",
     "matched_share",
 )
-DECIMALS = {"mm": 1, "px": 1, "pct": 2, "deg": 2, "frames": 2, "ms": 1, "s2": 2, "share": 2, "s": 1}
-DECIMALS |= {"seconds": 1, "frame": 1, "fps": 2}
 
 
 def metric_tables(rows: Sequence[ScoreRow], summary: Sequence[ScoreRow]) -> list[Table]:
-    """The report's tables: summary, pose, joint sets, sync, cameras, and what was not scored."""
+    """Summary, pose, joint sets, synchronisation, cameras, and metrics that are not scored."""
     rows_and_summary = [*(r for r in rows if r.video != ALL_VIDEOS), *summary]
     joint_sets = [r.metric for r in summary if "mpjpe" in r.metric and "hand" not in r.metric]
-    made = [
+    tables = [
         wide_table("summary", "In short: mean over the videos", summary, SUMMARY, per_video=False),
         wide_table("pose", "Pose, path and image, by video (12 joints)", rows_and_summary, POSE),
         wide_table(
@@ -79,11 +73,11 @@ def metric_tables(rows: Sequence[ScoreRow], summary: Sequence[ScoreRow]) -> list
         ),
         unscored_table(summary),
     ]
-    return [table for table in made if table.rows]
+    return [table for table in tables if table.rows]
 
 
 def unscored_table(summary: Sequence[ScoreRow]) -> Table:
-    """What could not be scored for any video, and why."""
+    """Metrics that could not be scored for any video, and the reasons."""
     why: dict[str, str] = {}
     for row in summary:
         if row.value is None:
@@ -97,7 +91,7 @@ def unscored_table(summary: Sequence[ScoreRow]) -> Table:
 
 
 def round_table(refined: RefineSync, errors: Sequence[Mapping[str, float]]) -> Table:
-    """The loop, round by round; errors: per round, metric -> mean over the videos."""
+    """The rounds of the loop; errors: per round, metric -> mean over the videos."""
     metrics = [m for m in ROUND if any(m in error for error in errors)]
     rows: list[list[Cell]] = [
         [i, i == refined.best, r.cost, r.sync_change_frames, *(error.get(m) for m in metrics)]
@@ -112,20 +106,20 @@ def round_table(refined: RefineSync, errors: Sequence[Mapping[str, float]]) -> T
 
 
 def video_table(keypoints: Keypoints, camera_motion: CameraMotion, refined: RefineSync) -> Table:
-    """What is known of each video: frames, people, camera, matches."""
+    """Properties of each video: frames, people, camera, matches."""
     sync, solved = refined.sync, refined.motion.cameras
     every = zip(keypoints.videos, camera_motion.videos, solved, sync.maps, strict=True)
     rows: list[list[Cell]] = []
-    for seen, camera, result, found in every:
-        matched = float(np.isfinite(found.reference_frame).mean())
+    for video, camera, result, sync_map in every:
+        matched = float(np.isfinite(sync_map.reference_frame).mean())
         rows.append(
             [
-                seen.id + (" (reference)" if seen.id == sync.reference else ""),
-                len(seen.frames),
-                seen.fps,
-                f"{seen.size[0]}x{seen.size[1]}",
-                seen.tracks_found,
-                seen.presence,
+                video.id + (" (reference)" if video.id == sync.reference else ""),
+                len(video.frames),
+                video.fps,
+                f"{video.size[0]}x{video.size[1]}",
+                video.tracks_found,
+                video.presence,
                 camera.motion,
                 camera.residual_px,
                 float(camera.K[0, 0]),
@@ -136,18 +130,18 @@ def video_table(keypoints: Keypoints, camera_motion: CameraMotion, refined: Refi
         )
     columns = ["video", "frames", "fps", "size", "people", "presence_share", "camera", "camera_px"]
     columns += ["focal_px", "focal", "solved_focal_px", "matched_share"]
-    note = " ".join(f"{seen.id}: {said}." for seen in keypoints.videos for said in remarks(seen))
+    note = " ".join(f"{v.id}: {remark}." for v in keypoints.videos for remark in remarks(v))
     return Table(name="videos", title="The videos", columns=columns, rows=rows, note=note)
 
 
-def remarks(seen: VideoKeypoints) -> list[str]:
-    """What a video's note says beyond who was followed: cuts, a performer chosen otherwise."""
-    parts = seen.note.split("; ")
+def remarks(video: VideoKeypoints) -> list[str]:
+    """The parts of a video's note on cuts, given tracks and swapped sides."""
+    parts = video.note.split("; ")
     return [part for part in parts if part.startswith(("a new shot", "track ", "left and right"))]
 
 
 def long_table(rows: Sequence[ScoreRow]) -> Table:
-    """Every number of every video, one a row: what other programs should read."""
+    """Every metric of every video in a separate row, for other programs."""
     return Table(
         name="metrics",
         title="Every metric",
@@ -164,98 +158,17 @@ def wide_table(
     *,
     per_video: bool = True,
 ) -> Table:
-    """One line for each result and video, one column a metric; empty columns are left out."""
+    """One row per result and video, one column per metric; empty columns are omitted."""
     cells: dict[tuple[str, str], dict[str, Cell]] = {}
     for row in rows:
         if row.metric in metrics:
             cells.setdefault((row.video, row.result), {})[row.metric] = row.value
     shown = [m for m in metrics if any(line.get(m) is not None for line in cells.values())]
     lines = sorted(cells, key=lambda key: key[0] == ALL_VIDEOS)  # stable: videos keep their order
-    heads = ["video", "result"] if per_video else ["result"]
+    first = ["video", "result"] if per_video else ["result"]
     table: list[list[Cell]] = [
         [*(key if per_video else key[1:]), *(cells[key].get(m) for m in shown)]
         for key in lines
         if any(cells[key].get(m) is not None for m in shown)
     ]
-    return Table(name=name, title=title, columns=[*heads, *shown], rows=table)
-
-
-def shown(column: str, value: Cell) -> str:
-    """A cell as people read it: rounded by the unit that ends the column's name."""
-    if value is None:
-        return "–"
-    if isinstance(value, bool):
-        return "yes" if value else ""
-    if isinstance(value, float):
-        return f"{value:.{DECIMALS.get(column.rsplit('_', 1)[-1], 3)}f}"
-    return str(value)
-
-
-def markdown(table: Table) -> str:
-    """A GitHub table with its title; numbers to the right."""
-    numeric = _numeric(table)
-    lines = [
-        f"### {table.title}",
-        "",
-        "| " + " | ".join(f"`{c}`" if "_" in c else c for c in table.columns) + " |",
-        "|" + "|".join(" ---: " if n else " --- " for n in numeric) + "|",
-    ]
-    for row in table.rows:
-        texts = [shown(c, v).replace("|", "\\|") for c, v in zip(table.columns, row, strict=True)]
-        lines.append("| " + " | ".join(texts) + " |")
-    return "\n".join([*lines, "", *([table.note, ""] if table.note else [])])
-
-
-def html_table(table: Table, words: Mapping[str, str] | None = None) -> str:
-    """The same as HTML; a column that `words` explain leads to its place (#name) in the page."""
-    numeric = _numeric(table)
-    head = "".join(
-        f"<th{_right(n)}>{_head(c, words or {})}</th>"
-        for c, n in zip(table.columns, numeric, strict=True)
-    )
-    body = []
-    for row in table.rows:
-        cells = zip(table.columns, row, numeric, strict=True)
-        total = ' class="total"' if ALL_VIDEOS in row else ""
-        inside = "".join(f"<td{_right(n)}>{html.escape(shown(c, v))}</td>" for c, v, n in cells)
-        body.append(f"<tr{total}>{inside}</tr>")
-    note = f"<p>{html.escape(table.note)}</p>" if table.note else ""
-    return (
-        f"<h3>{html.escape(table.title)}</h3>\n"
-        f"<table><thead><tr>{head}</tr></thead>\n<tbody>{''.join(body)}</tbody></table>{note}\n"
-    )
-
-
-def csv_text(table: Table) -> str:
-    """Comma-separated, full precision; an empty cell was not scored."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(table.columns)
-    writer.writerows([["" if v is None else v for v in row] for row in table.rows])
-    return out.getvalue()
-
-
-def json_text(tables: Sequence[Table]) -> str:
-    """All tables, each as a list of records; null was not scored."""
-    content = {t.name: [dict(zip(t.columns, row, strict=True)) for row in t.rows] for t in tables}
-    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
-
-
-def _numeric(table: Table) -> list[bool]:
-    """Which columns hold numbers."""
-    columns = zip(*table.rows, strict=True) if table.rows else [()] * len(table.columns)
-    return [
-        any(isinstance(v, int | float) and not isinstance(v, bool) for v in column)
-        for column in columns
-    ]
-
-
-def _head(column: str, words: Mapping[str, str]) -> str:
-    name = html.escape(column).replace("_", "_<wbr>")
-    if column not in words:
-        return name
-    return f'<a href="#{column}" title="{html.escape(words[column])}">{name}</a>'
-
-
-def _right(numeric: bool) -> str:
-    return ' class="n"' if numeric else ""
+    return Table(name=name, title=title, columns=[*first, *shown], rows=table)

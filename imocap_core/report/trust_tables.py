@@ -1,4 +1,4 @@
-"""How far the synchronisation can be trusted, as tables of the report; no truth is needed."""
+"""Plausibility of the synchronisation, without truth, as tables of the report."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ Cell = str | bool | int | float | None
 
 
 def trust_tables(sync: SyncSummary) -> list[Table]:
-    """A row a video, a row a triple of videos; none for a synchronisation that has no trust."""
+    """One row per video and per triple of videos; no table when `sync.trust` is missing."""
     if sync.trust is None or len(sync.ids) < 2:
         return []
     videos: list[list[Cell]] = [
         [
             v.id + (" (reference)" if v.id == sync.reference else ""),
             _treated(sync, v.id),
-            _known(v.outlier_score),
-            _known(v.mirror_margin),
-            _known(v.left_out_frames),
-            _known(v.left_out_s),
-            _known(v.left_out_share),
+            _finite(v.outlier_score),
+            _finite(v.mirror_margin),
+            _finite(v.left_out_frames),
+            _finite(v.left_out_s),
+            _finite(v.left_out_share),
         ]
         for v in sync.trust.videos
     ]
     triples: list[list[Cell]] = [
-        [" ".join(t.videos), _known(t.frames), _known(t.seconds), t.share]
+        [" ".join(t.videos), _finite(t.frames), _finite(t.seconds), t.share]
         for t in sync.trust.triples
     ]
     columns = ["video", "treated", "outlier_score", "mirror_margin"]
     columns += ["left_out_frames", "left_out_s", "left_out_share"]
-    made = [
+    tables = [
         Table(
             name="trust",
             title="Trust, by video (no truth needed)",
@@ -42,15 +42,15 @@ def trust_tables(sync: SyncSummary) -> list[Table]:
         )
     ]
     if triples:
-        made.append(
+        tables.append(
             Table(
                 name="cycles",
-                title="Going round three videos, by the maps found pair by pair",
+                title="Round trips over three videos, by the pairwise maps",
                 columns=["videos", "residual_frames", "residual_s", "share"],
                 rows=triples,
             )
         )
-    return made
+    return tables
 
 
 def _treated(sync: SyncSummary, video: str) -> str:
@@ -59,5 +59,5 @@ def _treated(sync: SyncSummary, video: str) -> str:
     return "mirrored" if video in sync.mirrored else ""
 
 
-def _known(value: float) -> float | None:
+def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""Artifacts to the report's last figures and its page; imported only when one is to be made."""
+"""Stored results to the page and its figures; imported only when a page is written."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.artifacts.store import Stored
 from imocap_core.body import Model, load_free_body
-from imocap_core.figures.contact_sheets import SheetVideo
+from imocap_core.figures.contact_sheets import SheetVideo, sheet_videos
 from imocap_core.figures.results_sheet import SheetResult
 from imocap_core.pipeline.runner import Job
 from imocap_core.pipeline.timings import timing_table
@@ -37,19 +37,20 @@ def write_page(
     beside: Sequence[str],
     stamp: str,
 ) -> None:
-    """Draw what `evaluate` has not drawn and write the page, as HTML and as Markdown.
+    """Draw the page's figures and write the page, as HTML and as Markdown.
 
-    single: smpl_ba's result with one motion for all videos. seconds: of each stage. beside: files
-    in the folder that the page leads to.
+    Args:
+        single: smpl_ba's result with one motion for all videos. seconds: of each stage. beside:
+            files in the folder that the page links to. stamp: see `action_report`.
     """
     keypoints = stored["keypoints"].decode(Keypoints)
-    measured = stored["evaluate"].decode(Evaluate)
+    evaluated = stored["evaluate"].decode(Evaluate)
     model = load_free_body()
-    tables = {table.name: table for table in measured.tables}
+    tables = {table.name: table for table in evaluated.tables}
     pictures = draw_page_figures(
         folder,
-        shots_of(job, stored, model),
-        results_of(stored, single),
+        sheet_videos_of(job, stored, model),
+        sheet_results_of(stored, single),
         keypoints,
         stored["refine_sync"].decode(RefineSync),
         stored["uncertainty"].decode(Uncertainty),
@@ -58,39 +59,34 @@ def write_page(
     )
     contents = read_contents(folder)
     frames = sum(len(video.frames) for video in keypoints.videos)
-    every = [*measured.tables, timing_table(seconds, frames)]
+    every = [*evaluated.tables, timing_table(seconds, frames)]
     parts = sections(every, [*contents.pictures, *pictures])
     (folder / TEXT).write_text(markdown_page(contents, parts), encoding="utf-8", newline="\n")
     page = html_page(folder, contents, parts, beside, stamp)
     (folder / PAGE).write_text(page, encoding="utf-8", newline="\n")
 
 
-def shots_of(job: Job, stored: Mapping[str, Stored], model: Model) -> list[SheetVideo]:
-    """Each video with its monocular fit and its final motion."""
-    files = video_files(job.action)
-    last = stored["refine_sync"].decode(RefineSync).motion
-    return [
-        SheetVideo(seen, camera, files[seen.id], model.points(seen.layout).names, a, b, solved.K)
-        for seen, camera, a, b, solved in zip(
-            stored["keypoints"].decode(Keypoints).videos,
-            stored["camera_motion"].decode(CameraMotion).videos,
-            stored["initial_smpl"].decode(InitialSmpl).videos,
-            last.videos,
-            last.cameras,
-            strict=True,
-        )
-    ]
+def sheet_videos_of(job: Job, stored: Mapping[str, Stored], model: Model) -> list[SheetVideo]:
+    """Each video with its monocular and its final motion."""
+    return sheet_videos(
+        stored["keypoints"].decode(Keypoints),
+        stored["camera_motion"].decode(CameraMotion),
+        stored["initial_smpl"].decode(InitialSmpl),
+        stored["refine_sync"].decode(RefineSync),
+        video_files(job.action),
+        model,
+    )
 
 
-def results_of(stored: Mapping[str, Stored], single: Stored | None) -> list[SheetResult]:
-    """The answers that are held side by side, in the order in which they come about."""
-    alone = stored["camera_motion"].decode(CameraMotion).videos
+def sheet_results_of(stored: Mapping[str, Stored], single: Stored | None) -> list[SheetResult]:
+    """The results that are shown side by side, in the order of the stages."""
+    cameras = stored["camera_motion"].decode(CameraMotion).videos
     initial = stored["initial_smpl"].decode(InitialSmpl).videos
-    results = [SheetResult("initial\n(monocular)", initial, {c.id: c.K for c in alone})]
+    results = [SheetResult("initial\n(monocular)", initial, {c.id: c.K for c in cameras})]
     solved = {"all videos,\nsingle pass": stored["smpl_ba"].decode(SmplBa)}
     if single is not None:
         solved = {"single model\n(one motion)": single.decode(SmplBa), **solved}
     solved["all videos,\nafter the loop"] = stored["refine_sync"].decode(RefineSync).motion
-    for name, found in solved.items():
-        results.append(SheetResult(name, found.videos, {c.id: c.K for c in found.cameras}))
+    for name, result in solved.items():
+        results.append(SheetResult(name, result.videos, {c.id: c.K for c in result.cameras}))
     return results

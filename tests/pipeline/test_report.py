@@ -32,8 +32,8 @@ def test_the_page_is_made_once_and_again_when_something_changed(made: Made, tmp_
     assert page is not None
     assert page.name == "report.html"
     text = page.read_text()
-    for said in ("In short", "Synchronisation", "Time for each stage", "mpjpe_mm"):
-        assert said in text
+    for part in ("Summary", "Synchronisation", "Time for each stage", "mpjpe_mm"):
+        assert part in text
     folder = page.parent
     for name in ("cycle.jpg", "results.jpg", "uncertainty.png", "report.md"):
         assert (folder / name).stat().st_size > 500

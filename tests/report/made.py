@@ -27,7 +27,7 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.figures.bodies import body_points
+from imocap_core.evaluate.body_points import body_points
 
 SIZE = (320, 240)
 K = np.array([[300.0, 0, 160], [0, 300, 120], [0, 0, 1]])

@@ -124,7 +124,7 @@ def test_claims_are_held_against_the_errors(made: Made, evaluate: Runs, tmp_path
     expected = np.sqrt(np.mean(np.square(np.array(every, dtype=float))))
     assert values["all videos"] == pytest.approx(expected, rel=0.02)
     assert "made" in (tmp_path / "r" / "observability.md").read_text()
-    assert any(t.title == "What the videos leave open" for t in result.tables)
+    assert any(t.title == "Observability" for t in result.tables)
 
 
 def test_report_is_whole_and_repeats_itself(made: Made, evaluate: Runs, tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from imocap_core.figures.results_sheet import most_different_frames, picks_of
 from imocap_core.figures.uncertainty_figure import over_time
 from imocap_core.metrics.scoring import ScoreRow, over_videos
 from imocap_core.report.files import Contents, Picture, read_contents, write_report
-from imocap_core.report.metric_words import WORDS
+from imocap_core.report.metric_glossary import GLOSSARY
 from imocap_core.report.page import html_page, markdown_page
 from imocap_core.report.sections import sections
 from imocap_core.report.tables import long_table, metric_tables
@@ -75,28 +75,28 @@ def test_links_within_the_page_lead_somewhere(tmp_path: Path) -> None:
 
 def test_nothing_is_lost_and_the_unplanned_comes_last(tmp_path: Path) -> None:
     page, text = _page(tmp_path)
-    for said in ("About summary", "About trust", "v1 and v2 are near.", "Nobody planned this."):
-        assert said in page
-        assert said in text
+    for part in ("About summary", "About trust", "v1 and v2 are near.", "Nobody planned this."):
+        assert part in page
+        assert part in text
     assert "About metrics" not in page  # for programs
     assert page.index("About extra") > page.index("About trust")
     assert "![Round and back.](cycle.jpg)" in text
-    assert text.index("## Synchronisation") > text.index("## In short")
+    assert text.index("## Synchronisation") > text.index("## Summary")
     folded = re.findall(r"<summary>(.*?)</summary>", page)
     assert folded == ["About trust", "v1 over its frames."]
 
 
-def test_every_metric_has_its_words_and_they_are_documented() -> None:
+def test_every_metric_is_explained_and_documented() -> None:
     metrics = ("mpjpe_mm", "mpjpe_17_scaled_mm", "sync_error_pct", "camera_rotation_error_deg")
     rows = [ScoreRow("after loop", "v1", metric, 1.0) for metric in metrics]
     tables = [*metric_tables(rows, over_videos(rows)), long_table(rows)]
     shown = {c for t in tables if t.name != "metrics" for c in t.columns} & set(metrics)
-    assert shown <= WORDS.keys()
+    assert shown <= GLOSSARY.keys()
     documents = "".join((DOCS / f"{n}.md").read_text() for n in ("metrics", "sync", "uncertainty"))
     for name in ("mpjpe_mm", "normalised_error", "matched_share", "outlier_score", "sync_error_ms"):
-        assert name in WORDS
+        assert name in GLOSSARY
         assert name in documents
-    assert all(said.endswith(".") and len(said) < 200 for said in WORDS.values())
+    assert all(meaning.endswith(".") and len(meaning) < 200 for meaning in GLOSSARY.values())
 
 
 def test_contents_come_back_as_written(tmp_path: Path) -> None:
@@ -106,7 +106,7 @@ def test_contents_come_back_as_written(tmp_path: Path) -> None:
     assert set(files) == {"a.png", "contents.json", "metrics.csv", "metrics.json"}
 
 
-def test_telling_frames_are_where_answers_differ_most(made: Made) -> None:
+def test_most_different_frames_are_where_results_differ_most(made: Made) -> None:
     last = made.final[0]
     joints = last.joints.copy()
     joints[[3, 12], 7] += 0.4
@@ -133,12 +133,12 @@ def test_a_column_is_chosen_for_every_video(made: Made) -> None:
     from imocap_core.figures.contact_sheets import SheetVideo
 
     names = load_free_body().points("body25").names
-    shots = [
+    videos = [
         SheetVideo(s, c, None, names, a, b, c.K)
         for s, c, a, b in zip(
             made.keypoints.videos, made.camera_motion.videos, made.bent, made.final, strict=True
         )
     ]
-    picks = picks_of(shots)
+    picks = picks_of(videos)
     assert [v for v, _ in picks] == [0, 0, 1, 1, 2, 2]
     assert all(t_a < t_b for (_, t_a), (_, t_b) in zip(picks[::2], picks[1::2], strict=True))

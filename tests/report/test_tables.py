@@ -6,15 +6,14 @@ import csv
 import json
 
 from imocap_core.metrics.scoring import ScoreRow, over_videos
-from imocap_core.report.tables import (
+from imocap_core.report.table_text import (
+    cell_text,
     csv_text,
     html_table,
     json_text,
-    long_table,
     markdown,
-    metric_tables,
-    shown,
 )
+from imocap_core.report.tables import long_table, metric_tables
 
 ROWS = [
     ScoreRow("monocular", "v1", "mpjpe_mm", 10.04),
@@ -35,10 +34,10 @@ def test_tables_hold_the_means_and_name_what_is_missing() -> None:
 
 
 def test_cells_are_rounded_by_their_unit() -> None:
-    assert shown("mpjpe_mm", 20.04) == "20.0"
-    assert shown("sync_error_pct", 0.456) == "0.46"
-    assert shown("mpjpe_mm", None) == "–"
-    assert shown("frames", 12) == "12"
+    assert cell_text("mpjpe_mm", 20.04) == "20.0"
+    assert cell_text("sync_error_pct", 0.456) == "0.46"
+    assert cell_text("mpjpe_mm", None) == "–"
+    assert cell_text("frames", 12) == "12"
 
 
 def test_markdown_aligns_numbers_and_escapes_bars() -> None:

@@ -1,19 +1,20 @@
-"""What the videos leave open, in sentences that people read."""
+"""The observability report in sentences, and the tables of uncertainty."""
 
 from __future__ import annotations
 
 import pytest
 
 from imocap_core.artifacts.schemas import NearPair, Uncertainty, Viewpoint, WeakSpan
+from imocap_core.evaluate.calibration import METRICS, normalised_rows
 from imocap_core.metrics.scoring import over_videos
 from imocap_core.report.observability_text import (
     SHOWN,
     observability_markdown,
-    open_table,
+    observability_table,
     sentences,
     side_of,
 )
-from imocap_core.report.uncertainty_tables import METRICS, normalised_rows, uncertainty_tables
+from imocap_core.report.uncertainty_tables import uncertainty_tables
 from tests.report.made import Made
 
 
@@ -35,48 +36,48 @@ def span(video: str, sigma_mm: float) -> WeakSpan:
 
 
 def test_a_joint_is_named_with_its_time(made: Made) -> None:
-    said = sentences(changed(made, weak=[span("v2", 85.0)]))
+    lines = sentences(changed(made, weak=[span("v2", 85.0)]))
     assert (
         "v2: left wrist from 1.2 to 1.9 s (frames 36 to 57): 85 mm, 4.2 times the action's median."
-        in said
+        in lines
     )
-    assert not any("No joint" in sentence for sentence in said)
+    assert not any("No joint" in line for line in lines)
 
 
-@pytest.mark.parametrize(("across", "rests"), [(False, "priors"), (True, "the other videos")])
-def test_near_identical_views_are_called_by_name(made: Made, across: bool, rests: str) -> None:
+@pytest.mark.parametrize(("across", "constraint"), [(False, "priors"), (True, "the other videos")])
+def test_near_identical_views_are_called_by_name(made: Made, across: bool, constraint: str) -> None:
     pair = NearPair(videos=["v2", "v3"], angle_deg=8.2, seen_across=across)
     assert sentences(changed(made, near=[pair]))[0] == (
-        "v2 and v3 see the performer from nearly the same side (8 degrees apart): depth along it "
-        f"rests on {rests}."
+        "v2 and v3 show the performer from nearly the same side (8 degrees apart): depth along "
+        f"their line of sight depends on {constraint}."
     )
 
 
 def test_a_missing_side_is_suggested_where_one_stands_out(made: Made) -> None:
     views = [Viewpoint(azimuth_deg=a, reduction=r) for a, r in ((0, 0.1), (90, 0.46), (180, 0.2))]
-    said = sentences(changed(made, viewpoints=views))[0]
-    assert "at 90 degrees (left, as the performer sees it)" in said
-    assert "by 46%" in said
-    said = sentences(changed(made, viewpoints=views, azimuth_from="camera"))[0]
-    assert "90 degrees round the performer from the reference camera" in said
+    line = sentences(changed(made, viewpoints=views))[0]
+    assert "at 90 degrees (left of the performer)" in line
+    assert "by 46%" in line
+    line = sentences(changed(made, viewpoints=views, azimuth_from="camera"))[0]
+    assert "at 90 degrees around the performer from the reference camera" in line
     even = [v.model_copy(update={"reduction": 0.2}) for v in views]
-    assert sentences(changed(made, viewpoints=even))[0].startswith("No side is missing")
+    assert sentences(changed(made, viewpoints=even))[0].startswith("No viewpoint is missing")
 
 
 def test_the_page_names_the_worst_and_the_file_all(made: Made) -> None:
     weak = [span("v1", 100.0 - k) for k in range(SHOWN + 3)]
     claimed = changed(made, weak=weak)
     assert sum("left wrist" in s for s in sentences(claimed)) == SHOWN
-    assert "3 more spans are in observability.md." in sentences(claimed)
+    assert "observability.md lists 3 more spans." in sentences(claimed)
     page = observability_markdown("yoga", claimed)
     assert page.count("left wrist") == SHOWN + 3
-    assert page.startswith("# yoga: what the videos leave open")
-    assert [row[0] for row in open_table(claimed).rows] == sentences(claimed)
+    assert page.startswith("# yoga: observability")
+    assert [row[0] for row in observability_table(claimed).rows] == sentences(claimed)
 
 
 def test_sides_are_named_as_the_performer_sees_them() -> None:
-    found = [side_of(a) for a in (0, 90, 180, 270, 359)]
-    assert found == ["in front", "left", "behind", "right", "in front"]
+    sides = [side_of(a) for a in (0, 90, 180, 270, 359)]
+    assert sides == ["in front", "left", "behind", "right", "in front"]
 
 
 def test_without_truth_claims_stand_alone(made: Made) -> None:

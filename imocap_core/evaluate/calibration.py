@@ -1,0 +1,59 @@
+"""Errors over claimed standard deviations (normalised errors), as rows of numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from imocap_core.artifacts.schemas import Uncertainty, VideoMotion
+from imocap_core.conventions import EVAL_12, SMPL_JOINTS
+from imocap_core.evaluate.truth import true_joints, video_truth
+from imocap_core.io.truth import Truth
+from imocap_core.metrics.calibration import normalised_error
+from imocap_core.metrics.joints import missing_joints, root_relative
+from imocap_core.metrics.scoring import ScoreRow
+
+METRICS = ("normalised_error", "normalised_depth_error", "normalised_across_error")
+EVAL_INDICES = [SMPL_JOINTS.index(name) for name in EVAL_12]
+
+
+def normalised_rows(
+    name: str, claimed: Uncertainty, motions: Sequence[VideoMotion], truth: Truth | None
+) -> list[ScoreRow]:
+    """Each video's normalised errors over 12 joints, or the reason why they cannot be scored."""
+    rows = []
+    for video, motion in zip(claimed.videos, motions, strict=True):
+        errors = joint_errors_mm(motion, truth)
+        if errors is None:
+            rows += [ScoreRow(name, video.id, metric, None, "no truth") for metric in METRICS]
+            continue
+        along = np.einsum("tjx,tx->tj", errors, _line_of_sight(motion))
+        across = np.sqrt(np.maximum((errors**2).sum(-1) - along**2, 0.0))
+        pairs = (
+            (np.linalg.norm(errors, axis=-1), video.sigma_mm),
+            (along, video.depth_mm),
+            (across, video.across_mm),
+        )
+        for metric, (error, sigma) in zip(METRICS, pairs, strict=True):
+            value = normalised_error(error, sigma[:, EVAL_INDICES])
+            scored = bool(np.isfinite(value))
+            note = "" if scored else "no frame"
+            rows.append(ScoreRow(name, video.id, metric, value if scored else None, note))
+    return rows
+
+
+def joint_errors_mm(motion: VideoMotion, truth: Truth | None) -> Float[np.ndarray, "T 12 3"] | None:
+    """Errors of 12 joints relative to the hips' middle, camera axes; None without truth."""
+    true = true_joints(video_truth(truth, motion.id), motion.frames)
+    if true is None or missing_joints(true.names, EVAL_12):
+        return None
+    predicted = root_relative(motion.joints, SMPL_JOINTS, EVAL_12)
+    return np.asarray(1000 * (predicted - root_relative(true.joints_m, true.names, EVAL_12)))
+
+
+def _line_of_sight(motion: VideoMotion) -> Float[np.ndarray, "T 3"]:
+    """Unit vectors from the camera to the root."""
+    root = motion.joints[:, 0]
+    return np.asarray(root / np.linalg.norm(root, axis=-1, keepdims=True))

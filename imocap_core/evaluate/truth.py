@@ -1,0 +1,53 @@
+"""An action's truth, in the axes and at the frames of the results that are scored."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from imocap_core.artifacts.schemas import Keypoints, SyncSummary
+from imocap_core.io.pose2sim_truth import has_pose2sim_truth, read_pose2sim_truth
+from imocap_core.io.truth import Truth, VideoTruth, read_truth
+from imocap_core.metrics.scoring import CameraJoints
+from imocap_core.metrics.sync import true_reference_frame
+
+
+def action_truth(folder: Path, file: Path | None, keypoints: Keypoints) -> Truth | None:
+    """The truth file that action.yaml names, or a calibrated rig's files in the action's folder.
+
+    None when there is neither. ValueError names the file and the faulty field.
+    """
+    used_frames = {v.id: v.frames for v in keypoints.videos}
+    if file is not None:
+        return read_truth(file, used_frames)
+    return read_pose2sim_truth(folder, used_frames) if has_pose2sim_truth(folder) else None
+
+
+def video_truth(truth: Truth | None, video: str) -> VideoTruth | None:
+    """One video's truth; None when there is none."""
+    return None if truth is None else truth.videos.get(video)
+
+
+def true_joints(video: VideoTruth | None, frames: Int[np.ndarray, " T"]) -> CameraJoints | None:
+    """True joints in the axes of the video's camera; None when joints or camera are unknown."""
+    if video is None or video.joints is None or video.R is None or video.t is None:
+        return None
+    assert len(video.joints) == len(frames), "truth and result must have the same frames"
+    return CameraJoints(video.joints @ video.R.T + video.t, video.joint_names, frames)
+
+
+def true_positions(sync: SyncSummary, truth: Truth | None) -> dict[str, Float[np.ndarray, " _"]]:
+    """Video id -> true (fractional) index into the reference's used frames, for videos whose true
+    phases are known."""
+    phases = {} if truth is None else {i: v.phase for i, v in truth.videos.items()}
+    reference = phases.get(sync.reference)
+    if reference is None or len(reference) != sync.lengths[sync.ids.index(sync.reference)]:
+        return {}
+    used = np.arange(len(reference))
+    return {
+        i: true_reference_frame(phase, used, reference)
+        for i, length in zip(sync.ids, sync.lengths, strict=True)
+        if (phase := phases.get(i)) is not None and i != sync.reference and len(phase) == length
+    }

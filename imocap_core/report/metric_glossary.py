@@ -1,0 +1,72 @@
+"""Meaning of each column of the report's tables, in one sentence; docs/metrics.md in full."""
+
+from __future__ import annotations
+
+_DISTANCE = "Mean distance of the joints to the truth, camera axes, relative to the hips' middle"
+
+GLOSSARY = {
+    "mpjpe_mm": f"{_DISTANCE}; not scaled.",
+    "mpjpe_scaled_mm": f"{_DISTANCE}; every frame scaled to the truth's size first "
+    "(comparable with the paper's MPJPE).",
+    "pa_mpjpe_mm": "The same after a similarity Procrustes alignment of each frame "
+    "(the paper's P-MPJPE).",
+    "mpjpe_14_mm": "mpjpe_mm on 14 joints.",
+    "mpjpe_14_scaled_mm": "mpjpe_scaled_mm on 14 joints.",
+    "pa_mpjpe_14_mm": "pa_mpjpe_mm on 14 joints.",
+    "mpjpe_17_mm": "mpjpe_mm on 17 joints.",
+    "mpjpe_17_scaled_mm": "mpjpe_scaled_mm on 17 joints.",
+    "pa_mpjpe_17_mm": "pa_mpjpe_mm on 17 joints.",
+    "acceleration_error_m_s2": "Mean difference of the joints' accelerations to the true ones.",
+    "root_path_error_mm": "Mean distance of the hips' middle to its true path, centroids aligned.",
+    "root_path_aligned_error_mm": "The same after one similarity alignment of the whole path.",
+    "foot_sliding_mm_s": "Mean speed of the ankles relative to their true motion, during true "
+    "foot contact.",
+    "planted_foot_speed_mm_s": "Median speed of the ankles during true foot contact.",
+    "reprojection_px": "Mean distance of the body's keypoints to the detections, weighted by "
+    "confidence.",
+    "reprojection_pct": "The same in percent of the person's height in the picture.",
+    "camera_rotation_error_deg": "Angle between the recovered and the true rotation from the "
+    "reference camera to this one.",
+    "sync_error_pct": "Mean distance of matched and true phase, as a share of the last phase.",
+    "sync_error_released_pct": "The same over frames whose phase equals that of a reference frame.",
+    "sync_error_frames": "Mean distance of the matched to the true position in the reference.",
+    "sync_error_ms": "The same in milliseconds.",
+    "sync_median_error_frames": "Median of the same.",
+    "offset_frames": "Median of reference frame minus the video's frame.",
+    "offset_error_frames": "Distance of that to the true offset.",
+    "matched_share": "Share of the frames with a counterpart that are matched.",
+    "false_match_share": "Share of the frames without a counterpart that are matched nevertheless.",
+    "cycle_residual_frames": "Distance of a frame's end from its start after a round trip over "
+    "three videos; median; needs no truth.",
+    "sigma_mm": "Claimed standard deviation: root of the covariance's trace.",
+    "depth_mm": "Claimed standard deviation along the line of sight.",
+    "across_mm": "Claimed standard deviation across the line of sight, both directions together.",
+    "error_mm": "Root mean square of the true error.",
+    "normalised_error": "Root mean square of error over claimed standard deviation; calibrated: 1.",
+    "normalised_depth_error": "The same along the line of sight.",
+    "normalised_across_error": "The same across the line of sight.",
+    "azimuth_deg": "Direction of a camera around the performer; 0: in front, 90: at their left.",
+    "reduction_share": "Share by which one more camera there would lower the summed variance.",
+    "outlier_score": "Above 1.1: another action; below 0.9: usual.",
+    "mirror_margin": "Above 0: the video fits the others better when reflected.",
+    "left_out_frames": "Mean distance of the direct match in the reference to that through "
+    "the other videos.",
+    "left_out_s": "The same in seconds.",
+    "left_out_share": "Share of the frames that both ways match.",
+    "residual_frames": "Distance of a frame's end from its start after a round trip over these "
+    "videos.",
+    "residual_s": "The same in seconds.",
+    "presence_share": "Share of the frames in which the performer is detected.",
+    "camera_px": "Distance of the camera's homographies to those of a pure rotation.",
+    "focal_px": "Focal length in pixels: given, estimated from the camera's rotation, or assumed.",
+    "solved_focal_px": "Focal length of the result; an assumed one is estimated with the motion.",
+    "moved_frames": "Mean change of the correspondences since the previous round.",
+    "cost": "Cost by which the rounds are compared.",
+    "hand_mpjpe_mm": "Mean distance of a hand's points to the truth, relative to its wrist.",
+    "hand_mpjpe_scaled_mm": "The same, every hand scaled to the truth's size first.",
+    "hand_pa_mpjpe_mm": "The same after a similarity alignment of each hand.",
+    "hand_mpjpe_seen_mm": "hand_mpjpe_mm where keypoints of the hand were used.",
+    "hand_seen_share": "Share of hands and frames whose keypoints were used.",
+    "ms_per_frame": "Milliseconds per frame of all videos together.",
+    "seconds": "Wall-clock time of the run that computed the result.",
+}
