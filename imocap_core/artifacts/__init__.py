@@ -1,4 +1,4 @@
-"""What the stages hand to one another: schemas, the MCAP codec, the store.
+"""Artifacts, the results of stages: schemas, the MCAP codec, the store.
 
-`schemas` says what an artifact holds, `codec` how it lies in a file, `store` where the file lies.
+`schemas` defines what an artifact contains, `codec` how it is written to a file, `store` where.
 """

@@ -35,7 +35,7 @@ from imocap_core.errors import ArtifactCorrupt
 if TYPE_CHECKING:
     from imocap_core.artifacts.schemas.base import Artifact
 
-LIBRARY = "imocap artifact 1"  # fixed: a file says what it holds, not who wrote it when
+LIBRARY = "imocap artifact 1"  # fixed, so that equal artifacts give equal files
 LOG_TIME = 0
 HEADER, PROVENANCE = "/header", "imocap.provenance"
 SCHEMA_PREFIX = "imocap."
@@ -59,7 +59,7 @@ Kind = TypeVar("Kind", bound="Artifact")
 
 @dataclass(frozen=True)
 class Content:
-    """What a file holds, decoded and checked by its checksums, not yet validated."""
+    """The content of a file, decoded and checked by its checksums, not yet validated."""
 
     schema: str  # the artifact's class
     header: bytes  # canonical JSON; arrays are {"$array": name}
@@ -92,7 +92,7 @@ def pack(artifact: Artifact) -> Content:
 def unpack(content: Content, kind: type[Kind]) -> Kind:
     """The artifact, validated by its schema. ArtifactCorrupt when it does not fit `kind`."""
     if content.schema != kind.__name__:
-        raise ArtifactCorrupt(f"holds a {content.schema}, expected a {kind.__name__}")
+        raise ArtifactCorrupt(f"expected a {kind.__name__}, got a {content.schema}")
     try:
         data = _with_arrays(json.loads(content.header), content.arrays)
         return kind.model_validate(data)
@@ -101,7 +101,7 @@ def unpack(content: Content, kind: type[Kind]) -> Kind:
 
 
 def write(stream: BinaryIO, content: Content, json_schema: Mapping[str, Any]) -> None:
-    """Write a file that any MCAP reader can list: the header's schema travels with it."""
+    """Write a file that any MCAP reader can list: it includes the header's JSON schema."""
     writer = Writer(stream, compression=CompressionType.ZSTD, enable_data_crcs=True)
     writer.start(profile="", library=LIBRARY)
     schema_text = json.dumps(json_schema, sort_keys=True).encode()
@@ -128,7 +128,7 @@ def write(stream: BinaryIO, content: Content, json_schema: Mapping[str, Any]) ->
 
 
 def read(file: Path) -> Content:
-    """Read a file back, every byte of it checked. ArtifactCorrupt for whatever is wrong with it."""
+    """Read a file and check every byte of it. ArtifactCorrupt for any fault."""
     try:
         data = file.read_bytes()
         _check_summary(data)
@@ -187,9 +187,9 @@ def _without_arrays(value: Any, path: str, arrays: dict[str, npt.NDArray]) -> An
         arrays[path] = value
         return {REFERENCE: path}
     if isinstance(value, BaseModel):
-        unsaid: frozenset[str] = getattr(value, "OPTIONAL", frozenset())
+        optional: frozenset[str] = getattr(value, "OPTIONAL", frozenset())
         fields = {name: getattr(value, name) for name in type(value).model_fields}
-        value = {k: v for k, v in fields.items() if v is not None or k not in unsaid}
+        value = {k: v for k, v in fields.items() if v is not None or k not in optional}
     inside = f"{path}/" if path else ""
     if isinstance(value, dict):
         return {k: _without_arrays(v, f"{inside}{k}", arrays) for k, v in value.items()}

@@ -47,9 +47,9 @@ def remembered(kind: str, path: Path, compute: Callable[[Path], Value]) -> Value
     """
     name = f"{kind} {os.path.abspath(path)}"
     signature, newest_ns = _signature(path)
-    known = _memory().entries.get(name)
-    if known is not None and known[0] == signature:
-        return known[1]  # type: ignore[return-value]
+    entry = _memory().entries.get(name)
+    if entry is not None and entry[0] == signature:
+        return entry[1]  # type: ignore[return-value]
     value = compute(path)
     if time.time_ns() - newest_ns > SETTLED_NS and _signature(path)[0] == signature:
         _memory().entries[name] = (signature, value)

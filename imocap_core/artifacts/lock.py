@@ -1,4 +1,4 @@
-"""One holder at a time, over processes; the lock goes with the process, however it ends."""
+"""A lock between processes; the operating system releases it when its process ends."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ else:
 
 @contextmanager
 def exclusive(file: Path, waiting: Callable[[], None], every_s: float = 0.1) -> Iterator[None]:
-    """Hold `file` while the body runs. While another process has it: `waiting` once, then wait."""
+    """Lock `file` while the body runs; if another process has it, call `waiting` and wait."""
     file.parent.mkdir(parents=True, exist_ok=True)
     with file.open("a+b") as stream:
         if not _try_lock(stream):

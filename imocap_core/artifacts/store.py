@@ -1,9 +1,9 @@
-"""Where artifacts lie: the current one of each stage, and every older one by its key.
+"""Where artifacts are stored: the current one of each stage, and every older one by its key.
 
     artifacts/
       <action>/<stage>.mcap      the current artifact
       <action>/report/           the side files of the stage that made some
-      .cache/<stage>/<key>.mcap  every result ever made, so that going back costs nothing
+      .cache/<stage>/<key>.mcap  every result, so that going back to old parameters costs nothing
       .cache/.used/<action>      the results that an action has used (cache.py)
       .cache/files.json          digests of files that have not changed (file_memory.py)
 
@@ -75,15 +75,15 @@ class Store:
     folder: Path
 
     def current(self, action: str, stage: str) -> Path:
-        """Where a stage's current artifact lies."""
+        """Path of a stage's current artifact."""
         return self.folder / action / f"{stage}.mcap"
 
     def report(self, action: str) -> Path:
-        """Where an action's report lies."""
+        """Folder of an action's report."""
         return self.folder / action / REPORT
 
     def cached(self, stage: str, key: str) -> Path:
-        """Where a result lies for good."""
+        """Path of a result in the cache."""
         return self.folder / ".cache" / stage / f"{key}.mcap"
 
     def load(self, action: str, stage: str) -> Stored | None:
@@ -100,7 +100,7 @@ class Store:
         return self._first(action, stage, key, _read)
 
     def look_up(self, action: str, stage: str, key: str) -> Stored | None:
-        """The same, but a file that was read before and has not changed is not read again."""
+        """As `find`, but a file that was read before and has not changed is not read again."""
         return self._first(action, stage, key, _unread)
 
     def _first(
@@ -120,7 +120,7 @@ class Store:
         provenance: Mapping[str, str],
         files: Mapping[str, bytes],
     ) -> Stored:
-        """Keep a result under its key, with a note of how it was made and its side files."""
+        """Store a result under its key, with its provenance and its side files."""
         from imocap_core.artifacts import codec
 
         packed = codec.pack(artifact)
@@ -135,8 +135,8 @@ class Store:
     def publish(self, action: str, stage: str, stored: Stored) -> None:
         """Make a result the current one of its stage, its side files the action's report.
 
-        What others put into the report stays until another result takes the place of this one:
-        then it was made from an older one.
+        Files that others added to the report stay until another result replaces this one: then
+        they were made from an older one.
         """
         target = self.current(action, stage)
         again = stored.file == target
@@ -148,7 +148,7 @@ class Store:
         mark_used(self.folder, action, stage, stored.key)
 
     def lock(self, action: str, waiting: Callable[[], None]) -> AbstractContextManager[None]:
-        """Hold an action for one run; a second run calls `waiting` once and then waits."""
+        """Lock an action for one run; a second run calls `waiting` once and then waits."""
         return exclusive(self.folder / action / ".lock", waiting)
 
 
@@ -202,7 +202,7 @@ def _sync_folder(folder: Path) -> None:
 
 
 def _link(source: Path, target: Path) -> None:
-    """Let `target` be the same file as `source`, or a copy where links are not to be had."""
+    """Make `target` a hard link to `source`, or a copy where the file system has no links."""
     target.parent.mkdir(parents=True, exist_ok=True)
     aside = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
@@ -217,9 +217,9 @@ def _link(source: Path, target: Path) -> None:
 
 def _same_files(folder: Path, files: Mapping[str, bytes], *, and_more: bool) -> bool:
     """Whether a folder holds these files, and no others unless `and_more`."""
-    there = {p.relative_to(folder).as_posix(): p for p in folder.rglob("*") if p.is_file()}
-    enough = there.keys() >= files.keys() if and_more else there.keys() == files.keys()
-    return enough and all(there[name].read_bytes() == data for name, data in files.items())
+    present = {p.relative_to(folder).as_posix(): p for p in folder.rglob("*") if p.is_file()}
+    complete = present.keys() >= files.keys() if and_more else present.keys() == files.keys()
+    return complete and all(present[name].read_bytes() == data for name, data in files.items())
 
 
 def _replace_folder(folder: Path, files: Mapping[str, bytes]) -> None:

@@ -1,1 +1,1 @@
-"""What the stages share: the action, the graph, keys, the runner. Nothing here computes."""
+"""Action files, the graph of stages, keys, and the runner. Nothing here computes."""

@@ -1,4 +1,4 @@
-"""What to capture: an action's folder and its action.yaml."""
+"""An action: the folder with the videos to capture, and its action.yaml."""
 
 from __future__ import annotations
 
@@ -73,28 +73,28 @@ class Declaration(BaseModel):
     focal_px: Positive | None = None
     initial: str | None = None
     initial_format: InitialFormat | None = None
-    mirrored: bool | None = None  # None: sync looks for itself
-    person: Person | None = None  # who performs; None: the program chooses
+    mirrored: bool | None = None  # None: sync decides
+    person: Person | None = None  # the performer; None: the program chooses
     repetitions: bool | None = None  # True: a long clip, cut into its repetitions
 
     @property
     def detected(self) -> bool:
-        """Whether the program is to find the keypoints itself."""
+        """Whether the program runs a detector for the keypoints."""
         return self.keypoints == DETECT
 
     @model_validator(mode="after")
     def _complete(self) -> Declaration:
         faults = []
         if self.frames is not None and self.frames[1] <= self.frames[0]:
-            faults.append(f"frames {list(self.frames)} are empty: expected [first, one past last]")
+            faults.append(f"frames: expected [first, one past last], got {list(self.frames)}")
         if self.video is None and (self.keypoints is None or self.keypoints == DETECT):
-            faults.append("needs a video, or keypoints with fps and size")
+            faults.append("expected a video, or keypoints with fps and size")
         if self.video is None and (self.fps is None or self.size is None):
-            faults.append("without a video, fps and size must be given")
+            faults.append("fps and size: expected where there is no video")
         if self.initial == DETECT and not self.detected:
-            faults.append("initial: detect goes with keypoints: detect")
+            faults.append("initial: detect requires keypoints: detect")
         if self.initial not in (None, DETECT) and self.initial_format is None:
-            faults.append("initial is given, so initial_format must be too")
+            faults.append("initial_format: expected where initial is given")
         if faults:
             raise ValueError("; ".join(faults))
         return self
@@ -113,9 +113,9 @@ class _ActionFile(BaseModel):
     @model_validator(mode="after")
     def _belongs_together(self) -> _ActionFile:
         ids = [v.id for v in self.videos]
-        twice = sorted({i for i in ids if ids.count(i) > 1})
-        if twice:
-            raise ValueError(f"video ids must be unique, got twice: {', '.join(twice)}")
+        repeated = sorted({i for i in ids if ids.count(i) > 1})
+        if repeated:
+            raise ValueError(f"videos: expected unique ids, got {', '.join(repeated)} twice")
         faults = hint_faults(self.anchors, self.forbidden, ids)
         if faults:
             raise ValueError("; ".join(faults))
@@ -133,16 +133,16 @@ class Action:
     params: dict[str, Any] = field(default_factory=dict)
     anchors: tuple[AnchorEntry, ...] = ()
     forbidden: tuple[ForbiddenEntry, ...] = ()
-    detected: Mapping[str, Path] = field(default_factory=dict)  # video -> file, where it is made
+    detected: Mapping[str, Path] = field(default_factory=dict)  # video id -> file of detections
 
     @property
     def file(self) -> Path:
-        """The action.yaml itself."""
+        """Path of its action.yaml."""
         return self.folder / FILE_NAME
 
     @property
     def truth_files(self) -> tuple[str, ...]:
-        """What scoring reads: the truth named, or a calibrated rig's files in the folder."""
+        """Files that scoring reads: the `truth` of action.yaml, or those of a calibrated rig."""
         from imocap_core.io.pose2sim_truth import FILES, has_pose2sim_truth
 
         if self.truth is not None:
@@ -153,7 +153,7 @@ class Action:
 def find_action(name_or_path: str, root: Path) -> Path:
     """The folder of an action, by name below root/actions or by path.
 
-    WrongUse when there is none; the message lists the actions there are.
+    WrongUse when there is none; the message lists all actions.
     """
     named = root / "actions" / name_or_path
     for folder in (named, Path(name_or_path)):
@@ -161,11 +161,11 @@ def find_action(name_or_path: str, root: Path) -> Path:
             folder = folder.parent
         if (folder / FILE_NAME).is_file():
             return folder
-    known = sorted(p.parent.name for p in (root / "actions").glob(f"*/{FILE_NAME}"))
-    here = f"There are: {', '.join(known)}." if known else "There are none yet."
+    names = sorted(p.parent.name for p in (root / "actions").glob(f"*/{FILE_NAME}"))
+    existing = f"Existing actions: {', '.join(names)}." if names else "No action exists yet."
     raise WrongUse(
         f"no action {name_or_path!r}: neither {named / FILE_NAME} nor "
-        f"{Path(name_or_path) / FILE_NAME} exists. {here} "
+        f"{Path(name_or_path) / FILE_NAME} exists. {existing} "
         f"Make one with: imocap init NAME VIDEO..."
     )
 
@@ -212,15 +212,15 @@ def explain_faults(error: ValidationError, file: str) -> str:
     lines = []
     for fault in error.errors(include_url=False):
         where = ".".join(map(str, fault["loc"])) or "(whole file)"
-        said = fault["msg"].removeprefix("Value error, ")
+        message = fault["msg"].removeprefix("Value error, ")
         if fault["type"] == "missing":
             lines.append(f"{file}: {where}: is missing")
         elif fault["type"] == "extra_forbidden":
-            lines.append(f"{file}: {where}: is no known field")
+            lines.append(f"{file}: {where}: unknown field")
         elif fault["type"] == "value_error":
-            lines.append(f"{file}: {where}: {said}")
+            lines.append(f"{file}: {where}: {message}")
         else:
-            lines.append(f"{file}: {where}: {said}, got {_short(fault['input'])}")
+            lines.append(f"{file}: {where}: {message}, got {_short(fault['input'])}")
     return "\n".join(lines)
 
 

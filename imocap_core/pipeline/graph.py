@@ -49,17 +49,17 @@ class _PipelineFile(BaseModel):
         before: list[str] = []
         for name, stage in self.stages.items():
             faults += [
-                f"{name}.inputs: {given!r} is no stage before it" + _there_are(before)
+                f"{name}.inputs: expected earlier stages{_listed(before)}, got {given!r}"
                 for given in stage.inputs
                 if given not in before
             ]
             faults += [
-                f"{name}.params: {group!r} is no group of params" + _there_are(GROUPS)
+                f"{name}.params: expected groups of parameters{_listed(GROUPS)}, got {group!r}"
                 for group in stage.params
                 if group not in GROUPS
             ]
             if "truth" in stage.reads and name != SCORING_STAGE:
-                faults.append(f"{name}.reads: truth is for {SCORING_STAGE} alone")
+                faults.append(f"{name}.reads: only {SCORING_STAGE} may read truth")
             before.append(name)
         if faults:
             raise ValueError("; ".join(faults))
@@ -82,7 +82,7 @@ class Pipeline:
         for place in places:
             if place.is_file():
                 return place.resolve()
-        raise WorkFailed(f"{self.file}: stages.{stage}.script: there is no {places[0]}")
+        raise WorkFailed(f"{self.file}: stages.{stage}.script: {places[0]} does not exist")
 
     def upstream(self, stage: str) -> list[str]:
         """A stage's inputs, their inputs, and so on, and the stage itself, in running order."""
@@ -156,14 +156,16 @@ def _merge(
             continue
         if group not in merged:
             raise WorkFailed(
-                f"{source}: {group!r} is no group of params" + _there_are(list(merged))
+                f"{source}: {group}: unknown group of parameters; expected one of "
+                f"{', '.join(merged)}"
             )
         if not isinstance(by_name, Mapping):
             raise WorkFailed(f"{source}: {group}: expected 'name: value' pairs, got {by_name!r}")
         unknown = [name for name in by_name if name not in merged[group]]
         if unknown:
             raise WorkFailed(
-                f"{source}: {group}.{unknown[0]} is no parameter" + _there_are(list(merged[group]))
+                f"{source}: {group}.{unknown[0]}: unknown parameter; expected one of "
+                f"{', '.join(merged[group])}"
             )
         merged[group].update(by_name)
     return merged
@@ -187,7 +189,7 @@ def _parse_sets(sets: list[str]) -> dict[str, Any]:
         try:
             read = yaml.safe_load(value)
         except yaml.YAMLError:
-            raise WrongUse(f"--set {text}: {value!r} is no value") from None
+            raise WrongUse(f"--set {text}: expected a YAML value, got {value!r}") from None
         if group == SEED:
             parsed[SEED] = read
         else:
@@ -195,5 +197,5 @@ def _parse_sets(sets: list[str]) -> dict[str, Any]:
     return parsed
 
 
-def _there_are(names: Sequence[str]) -> str:
-    return f" (there are: {', '.join(names)})" if names else ""
+def _listed(names: Sequence[str]) -> str:
+    return f" ({', '.join(names)})" if names else ""

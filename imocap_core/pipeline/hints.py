@@ -1,4 +1,4 @@
-"""What action.yaml says of the time in its videos: anchors and forbidden spans."""
+"""The user's hints for the synchronisation in action.yaml: anchors and forbidden spans."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ class AnchorEntry(BaseModel):
         return dict(self.__pydantic_extra__)
 
     @model_validator(mode="after")
-    def _ties_two(self) -> AnchorEntry:
+    def _has_two_videos(self) -> AnchorEntry:
         if len(self.frames) < 2:
             raise ValueError(
-                "an anchor ties frames of two videos or more, as {v1: 120, v2: 88}; got "
+                "expected frames of at least two videos, as in {v1: 120, v2: 88}; got "
                 f"{self.frames or 'none'}"
             )
         return self
 
 
 class ForbiddenEntry(BaseModel):
-    """`{video: v1, frames: [0, 40]}`: the first and one past the last frame that match nothing."""
+    """`{video: v1, frames: [0, 40]}`: frames [first, one past last] that match no other video."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -45,26 +45,24 @@ class ForbiddenEntry(BaseModel):
     @model_validator(mode="after")
     def _not_empty(self) -> ForbiddenEntry:
         if self.frames[1] <= self.frames[0]:
-            raise ValueError(
-                f"frames {list(self.frames)} are empty: expected [first, one past last]"
-            )
+            raise ValueError(f"frames: expected [first, one past last], got {list(self.frames)}")
         return self
 
 
 def hint_faults(
     anchors: Sequence[AnchorEntry], forbidden: Sequence[ForbiddenEntry], ids: Sequence[str]
 ) -> list[str]:
-    """Every video that is not there, every two anchors that cross in time, every anchor on a frame
-    that is forbidden."""
-    known = f"there are: {', '.join(ids)}"
+    """One sentence for every unknown video, every two anchors that contradict the order of time,
+    and every anchor on a forbidden frame."""
+    expected = f"expected one of {', '.join(ids)}"
     faults = [
-        f"anchors.{n}: no video {video!r}; {known}"
+        f"anchors.{n}: unknown video {video!r}; {expected}"
         for n, anchor in enumerate(anchors)
         for video in anchor.frames
         if video not in ids
     ]
     faults += [
-        f"forbidden.{n}: no video {span.video!r}; {known}"
+        f"forbidden.{n}: unknown video {span.video!r}; {expected}"
         for n, span in enumerate(forbidden)
         if span.video not in ids
     ]
@@ -75,11 +73,12 @@ def hint_faults(
                 x.frames[b],
             ) != (y.frames[a], y.frames[b]):
                 faults.append(
-                    f"anchors.{m} and anchors.{n} cross in time: {a} {x.frames[a]} = {b} "
-                    f"{x.frames[b]}, but {a} {y.frames[a]} = {b} {y.frames[b]}"
+                    f"anchors.{m} and anchors.{n} contradict the order of time: "
+                    f"{a} {x.frames[a]} = {b} {x.frames[b]}, "
+                    f"but {a} {y.frames[a]} = {b} {y.frames[b]}"
                 )
     faults += [
-        f"anchors.{n}: frame {frame} of {video} lies in a forbidden span {list(span.frames)}"
+        f"anchors.{n}: frame {frame} of {video} is in the forbidden span {list(span.frames)}"
         for n, anchor in enumerate(anchors)
         for video, frame in anchor.frames.items()
         for span in forbidden

@@ -23,7 +23,7 @@ FORMAT = 1  # raise when the way artifacts are made or stored changes what they 
 
 @dataclass(frozen=True)
 class Recipe:
-    """What a result was, or would be, made from; every leaf is a value or a digest."""
+    """Everything that determines a result; every leaf is a value or a digest."""
 
     code: Mapping[str, str]  # module -> digest
     params: Mapping[str, Mapping[str, Any]]
@@ -38,7 +38,7 @@ class Recipe:
         return hashlib.sha256(_canonical(asdict(self)).encode()).hexdigest()
 
     def provenance(self) -> dict[str, str]:
-        """The recipe as text, to be kept beside a result."""
+        """The recipe as text, to be stored with a result."""
         return {name: _canonical(value) for name, value in asdict(self).items()}
 
 
@@ -57,7 +57,7 @@ def recipe(
 
 
 def differences(before: Mapping[str, str], now: Recipe) -> list[str]:
-    """In words, why a result made from `before` (a provenance) is not what `now` would give."""
+    """In words, how a recipe differs from the stored one (`before`, a provenance)."""
     old = {name: json.loads(before.get(name, "null")) for name in asdict(now)}
     lines: list[str] = []
     if old["format"] != now.format:
@@ -70,20 +70,20 @@ def differences(before: Mapping[str, str], now: Recipe) -> list[str]:
         for name in sorted({*flat_old, *flat_now})
         if flat_old.get(name, "absent") != flat_now.get(name, "absent")
     ]
-    for title, known, present in (
+    for title, former, present in (
         ("code", old["code"] or {}, now.code),
         ("input", old["inputs"] or {}, now.inputs),
         ("read", old["reads"] or {}, now.reads),
     ):
-        changed = [n for n in sorted({*known, *present}) if known.get(n) != present.get(n)]
-        lines += [f"{title}: {name} {_how(name, known, present)}" for name in changed]
+        changed = [n for n in sorted({*former, *present}) if former.get(n) != present.get(n)]
+        lines += [f"{title}: {name} {_change(name, former, present)}" for name in changed]
     return lines
 
 
 def _reads(kind: Read, action: Action) -> Iterator[tuple[str, str]]:
     if kind == "declarations":
         for video in action.videos:
-            text = _canonical(video.model_dump(mode="json"))
+            text = _canonical(video.model_dump(mode="json", by_alias=True))
             yield f"declarations {video.id}", hashlib.sha256(text.encode()).hexdigest()
         order = _canonical([video.id for video in action.videos])
         yield "declarations (order)", hashlib.sha256(order.encode()).hexdigest()
@@ -115,7 +115,7 @@ def _flat(groups: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     return {f"{group}.{name}": v for group, values in groups.items() for name, v in values.items()}
 
 
-def _how(name: str, known: Mapping[str, str], present: Mapping[str, str]) -> str:
-    if name not in known:
+def _change(name: str, former: Mapping[str, str], present: Mapping[str, str]) -> str:
+    if name not in former:
         return "is new"
     return "has changed" if name in present else "is gone"

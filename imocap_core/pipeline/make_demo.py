@@ -1,7 +1,7 @@
-"""Made actions from a seed: `actions/yoga`, four videos of one sun salutation, and
+"""Synthetic demo actions from a seed: `actions/yoga`, four videos of one sun salutation, and
 `actions/taichi`, four of one tai chi form, whose detections have hands.
 
-By hand, and how docs/images/yoga_contact_sheet.jpg is made:
+To make one directly, and docs/images/yoga_contact_sheet.jpg:
 
     python -m imocap_core.pipeline.make_demo actions/yoga --sheet docs/images/yoga_contact_sheet.jpg
 """
@@ -21,11 +21,11 @@ import cv2
 import numpy as np
 import torch
 import yaml
+from jaxtyping import Float, UInt8
 
 from imocap_core.body import Shaped, load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.video import read_rgb, write_h264
-from imocap_core.render.arrays import Floats, Image
 from imocap_core.synthetic import taichi, yoga
 from imocap_core.synthetic.detector import Detections
 from imocap_core.synthetic.taichi_clip import TAICHI_CLIPS, taichi_body, taichi_take
@@ -44,7 +44,7 @@ _COUNT = {"yoga": len(YOGA_CLIPS), "taichi": len(TAICHI_CLIPS)}
 _DURATION_S = {"yoga": yoga.DURATION_S, "taichi": taichi.DURATION_S}
 DEFAULT_SEED = 7
 _WORKERS = 2
-_CRF = 18  # H.264 quality: little is lost
+_CRF = 18  # H.264 quality: hardly any loss
 _SHEET_COLUMNS = 8
 _SHEET_TILE = (224, 126)
 
@@ -60,13 +60,13 @@ def make_demo(
     if name not in DEMOS:
         raise ValueError(f"demo: expected one of {', '.join(DEMOS)}, got {name!r}")
     folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as made:
-        draft = Path(made) / "new"
-        truth = _film_all(name, seed, draft, progress)
+    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as aside:
+        draft = Path(aside) / "new"
+        truth = _write_videos(name, seed, draft, progress)
         np.savez(draft / "truth.npz", **truth)
         (draft / "action.yaml").write_text(yaml.safe_dump(_declaration(name), sort_keys=False))
         if folder.exists():
-            folder.rename(Path(made) / "old")
+            folder.rename(Path(aside) / "old")
         draft.rename(folder)
 
 
@@ -89,15 +89,17 @@ def _declaration(name: str) -> dict[str, Any]:
     return {"name": name, "videos": videos, "truth": "truth.npz"}
 
 
-def _film_all(
+def _write_videos(
     name: str, seed: int, draft: Path, progress: Callable[[str], None] | None
 ) -> dict[str, Any]:
     """Write all videos and keypoints below `draft`; return the arrays of truth.npz."""
     count = _COUNT[name]
-    truths: dict[int, dict[str, Floats]] = {}
+    truths: dict[int, dict[str, Float[np.ndarray, "..."]]] = {}
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(_WORKERS, mp_context=spawn) as pool:
-        jobs = {pool.submit(_film_one, name, seed, index, draft): index for index in range(count)}
+        jobs = {
+            pool.submit(_write_video, name, seed, index, draft): index for index in range(count)
+        }
         for done, job in enumerate(as_completed(jobs), start=1):
             truths[jobs[job]] = job.result()
             if progress is not None:
@@ -111,44 +113,46 @@ def _film_all(
     return truth
 
 
-def _film_one(demo: str, seed: int, index: int, draft: Path) -> dict[str, Floats]:
+def _write_video(
+    demo: str, seed: int, index: int, draft: Path
+) -> dict[str, Float[np.ndarray, "..."]]:
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
     if demo == "yoga":
         shaped = demo_body(seed)
-        take = yoga_take(seed, index, shaped)
+        clip = yoga_take(seed, index, shaped)
     else:
         shaped = taichi_body(seed)
-        take = taichi_take(seed, index, shaped)
+        clip = taichi_take(seed, index, shaped)
     name = video_id(index)
-    _write_keypoints(draft / "keypoints" / name, name, take)
+    _write_keypoints(draft / "keypoints" / name, name, clip)
     video = draft / "videos" / f"{name}.mp4"
     video.parent.mkdir(parents=True, exist_ok=True)
-    write_h264(video, pictures(take, seed, index, shaped), take.fps, crf=_CRF)
-    hands = {} if take.hands is None else {"hands": take.hands.points_m}
+    write_h264(video, pictures(clip, seed, index, shaped), clip.fps, crf=_CRF)
+    hands = {} if clip.hands is None else {"hands": clip.hands.points_m}
     return hands | {
-        "joints": take.joints,
-        "K": take.camera.K,
-        "R": take.camera.R_cam_from_world[0],
-        "t": take.camera.t[0],
-        "R_frames": take.camera.R_cam_from_world,
-        "phase": take.performance.phase,
+        "joints": clip.joints,
+        "K": clip.camera.K,
+        "R": clip.camera.R_cam_from_world[0],
+        "t": clip.camera.t[0],
+        "R_frames": clip.camera.R_cam_from_world,
+        "phase": clip.performance.phase,
     }
 
 
 def demo_body(seed: int) -> Shaped:
-    """The performer of yoga of a seed."""
+    """The body of the performer of yoga, for a seed."""
     model = load_free_body(dtype=torch.float64)
     return model.shape(torch.as_tensor(draw_betas(seed, model.num_betas)))
 
 
-def _write_keypoints(folder: Path, name: str, take: Take) -> None:
-    """One OpenPose BODY_25 file a frame; beside a stranger the performer may come second."""
+def _write_keypoints(folder: Path, name: str, clip: Take) -> None:
+    """One OpenPose BODY_25 file a frame; beside a second person the performer may come second."""
     folder.mkdir(parents=True)
-    for frame, stranger in enumerate(take.strangers):
-        people = [_person(take.detections, frame)]
-        if take.hands is not None:
-            people[0] |= _hands(take.hands.detections, frame)
+    for frame, stranger in enumerate(clip.strangers):
+        people = [_person(clip.detections, frame)]
+        if clip.hands is not None:
+            people[0] |= _hands(clip.hands.detections, frame)
         if stranger is not None:
             people.insert(frame % 2, _person(stranger, 0))
         file = folder / f"{name}_{frame:012d}_keypoints.json"
@@ -171,7 +175,7 @@ def _hands(detections: Detections, frame: int) -> dict[str, Any]:
     }
 
 
-def contact_sheet(folder: Path) -> Image:
+def contact_sheet(folder: Path) -> UInt8[np.ndarray, "H W 3"]:
     """RGB sheet of an action's videos: one row a video, frames at equal intervals."""
     rows = []
     for file in sorted((folder / "videos").glob("*.mp4")):

@@ -1,4 +1,4 @@
-"""Run the stages of an action: what is cached is reused, what has changed is made again."""
+"""Run the stages of an action: cached results are reused, what has changed is made again."""
 
 from __future__ import annotations
 
@@ -29,27 +29,27 @@ Run = Callable[[Context, Inputs, Any], "Artifact"]
 
 @runtime_checkable
 class Display(Protocol):
-    """Who shows a run to its user."""
+    """Shows a run to its user."""
 
     def started(self, stage: str, why: list[str]) -> None:
         """A stage begins, for these reasons."""
 
     def progress(self, share: float, what: str) -> None:
-        """The stage at work is this far."""
+        """The running stage has done this share of its work."""
 
     def finished(self, outcome: Outcome) -> None:
         """A stage has its artifact."""
 
     def made_demo(self, name: str, folder: Path) -> None:
-        """A built-in action has been made."""
+        """A built-in action has been generated."""
 
     def waiting(self) -> None:
-        """Another run of the same action is at work."""
+        """Another run of the same action is in progress."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a stage came to its artifact."""
+    """A stage's result in a run, and whether it was cached or made."""
 
     stage: str
     how: Literal["cached", "made"]
@@ -59,7 +59,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class StageStatus:
-    """What would happen to a stage if the action ran now."""
+    """Whether a stage's result is cached, and why it would run if not."""
 
     stage: str
     state: Literal["cached", "would run"]
@@ -69,7 +69,7 @@ class StageStatus:
 
 @dataclass(frozen=True)
 class Job:
-    """An action, the graph it goes through, its settings, and where results are kept."""
+    """An action, the graph of stages, the settings, and where results are stored."""
 
     pipeline: Pipeline
     store: Store
@@ -77,7 +77,7 @@ class Job:
     settings: RunSettings
 
     def recipe(self, stage: str, done: Mapping[str, Stored]) -> Recipe:
-        """What a stage's result would be made from now; `done` holds at least its inputs."""
+        """What a stage's result would be made from now. done: at least its inputs' results."""
         inputs = {name: done[name].digest for name in self.pipeline.stages[stage].inputs}
         return recipe(self.pipeline, stage, self.action, self.settings, inputs)
 
@@ -85,23 +85,24 @@ class Job:
 def run(
     job: Job, display: Display, stages: list[str], force: frozenset[str] = frozenset()
 ) -> list[Outcome]:
-    """Bring `stages` (in running order, closed under inputs) up to date; `force` ones run anyway.
+    """Bring stages up to date, in the order given; those of `force` run even when cached.
 
-    WorkFailed when a stage can't do its work; the artifacts made before it stay.
+    stages: every one after its inputs. WorkFailed when a stage fails; results of the stages before
+    it stay.
     """
     outcomes: list[Outcome] = []
     done: dict[str, Stored] = {}
     with job.store.lock(job.action.name, display.waiting):
         for stage in stages:
             began = time.perf_counter()
-            wanted = job.recipe(stage, done)
+            needed = job.recipe(stage, done)
             forced = stage in force
-            stored = None if forced else job.store.find(job.action.name, stage, wanted.key)
+            stored = None if forced else job.store.find(job.action.name, stage, needed.key)
             how: Literal["cached", "made"] = "cached" if stored else "made"
             if stored is None:
-                why = ["forced"] if forced else _reasons(job, stage, wanted)
+                why = ["forced"] if forced else _reasons(job, stage, needed)
                 display.started(stage, why)
-                stored = _make(job, stage, wanted, done, display.progress)
+                stored = _make(job, stage, needed, done, display.progress)
             job.store.publish(job.action.name, stage, stored)
             done[stage] = stored
             outcomes.append(Outcome(stage, how, stored, time.perf_counter() - began))
@@ -118,33 +119,35 @@ def stage_statuses(job: Job) -> Iterator[StageStatus]:
         if missing:
             yield StageStatus(stage, "would run", [f"after {', '.join(missing)}"])
             continue
-        wanted = job.recipe(stage, done)
-        stored = job.store.look_up(job.action.name, stage, wanted.key)
+        needed = job.recipe(stage, done)
+        stored = job.store.look_up(job.action.name, stage, needed.key)
         if stored is None:
-            yield StageStatus(stage, "would run", _reasons(job, stage, wanted))
+            yield StageStatus(stage, "would run", _reasons(job, stage, needed))
         else:
             done[stage] = stored
             yield StageStatus(stage, "cached", [], stored)
     save_memory(job.store.folder)
 
 
-def _reasons(job: Job, stage: str, wanted: Recipe) -> list[str]:
+def _reasons(job: Job, stage: str, needed: Recipe) -> list[str]:
     try:
         current = job.store.load(job.action.name, stage)
     except ArtifactCorrupt as error:
         return [f"the artifact is damaged: {error}"]
     if current is None:
         return ["never run"]
-    return differences(current.content.provenance, wanted) or ["its cached result is damaged"]
+    return differences(current.content.provenance, needed) or ["its cached result is damaged"]
 
 
 def _make(
-    job: Job, stage: str, wanted: Recipe, done: Mapping[str, Stored], progress: Progress
+    job: Job, stage: str, needed: Recipe, done: Mapping[str, Stored], progress: Progress
 ) -> Stored:
     configure_process()
     spec = job.pipeline.stages[stage]
     inputs = Inputs(stage, {name: done[name] for name in spec.inputs})
-    params = Visible(stage, {name: getattr(job.settings.params, name) for name in spec.params})
+    params = DeclaredParams(
+        stage, {name: getattr(job.settings.params, name) for name in spec.params}
+    )
     with tempfile.TemporaryDirectory(prefix="imocap-") as folder:
         report = Path(folder)
         context = Context(
@@ -153,11 +156,11 @@ def _make(
         artifact = _call(job.pipeline.script(stage), context, inputs, params)
         paths = sorted(p for p in report.rglob("*") if p.is_file())
         files = {path.relative_to(report).as_posix(): path.read_bytes() for path in paths}
-    return job.store.put(stage, wanted.key, artifact, wanted.provenance(), files)
+    return job.store.put(stage, needed.key, artifact, needed.provenance(), files)
 
 
-def _call(script: Path, context: Context, inputs: Inputs, params: Visible) -> Artifact:
-    """Run a stage's script; whatever goes wrong in it becomes one sentence."""
+def _call(script: Path, context: Context, inputs: Inputs, params: DeclaredParams) -> Artifact:
+    """Run a stage's script; every error in it becomes WorkFailed with one sentence."""
     from imocap_core.artifacts.schemas.base import Artifact
 
     try:
@@ -166,14 +169,14 @@ def _call(script: Path, context: Context, inputs: Inputs, params: Visible) -> Ar
     except (ValueError, OSError, ArtifactCorrupt) as error:
         raise WorkFailed(f"{context.stage}: {error}") from error
     except KeyboardInterrupt:
-        raise WorkFailed("stopped; what was finished is kept, run again to continue") from None
+        raise WorkFailed("stopped; finished stages are stored, run again to continue") from None
     except Exception as error:
         raise WorkFailed(f"{context.stage} broke: {program_fault(error)}") from error
     return artifact
 
 
 def _load(script: Path) -> Run:
-    """The `run` of a stage's script. Imported only now: a cached stage costs no heavy import."""
+    """The `run` of a stage's script, imported only when the stage runs."""
     module = module_name(script)
     if module:
         loaded = importlib.import_module(module)
@@ -186,8 +189,8 @@ def _load(script: Path) -> Run:
     return cast(Run, loaded.run)
 
 
-class Visible:
-    """The groups of parameters a stage declares; asking for another one is a fault."""
+class DeclaredParams:
+    """The groups of parameters that a stage declares; AttributeError for any other."""
 
     def __init__(self, stage: str, groups: Mapping[str, Any]) -> None:
         self._stage, self._groups = stage, groups

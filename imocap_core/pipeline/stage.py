@@ -12,7 +12,7 @@ A complete example, which a test runs:
         params: [keypoints]
 
     # stages/visibility.py
-    # visibility: in which share of the frames the detector saw each joint
+    # visibility: share of the frames in which the detector saw each joint
 
     from imocap_core.artifacts.schemas import Artifact, Keypoints
     from imocap_core.cli import stage_main
@@ -40,8 +40,8 @@ What the runner promises:
 
 * `run` is called only when something that it reads has changed: its code (followed through the
   imports inside this project), its groups of parameters, the seed, the content of its inputs, the
-  files and declarations it lists under `reads`. What is not listed can't be reached through `ctx`.
-* What it returns is validated, written atomically and kept.
+  files and declarations it lists under `reads`. `ctx` refuses what is not listed.
+* What it returns is validated and stored, whole or not at all.
 * Bad input is a ValueError (or OSError) with a clear sentence: which file, which field, expected,
   got, what to do. It ends the run with exit code 1 and no traceback.
 * The same seed and the same inputs must give the same artifact: `ctx.rng()` is the only source of
@@ -66,12 +66,12 @@ if TYPE_CHECKING:
 
 Read = Literal["declarations", "detections", "videos", "initial", "hints", "truth"]
 Progress = Callable[[float, str], None]  # share done (0 to 1), what is being done
-Made = TypeVar("Made", bound="Artifact")
+Kind = TypeVar("Kind", bound="Artifact")
 
 
 @dataclass(frozen=True)
 class Context:
-    """What a stage may reach of the action: only the kinds that its `reads` lists."""
+    """What a stage can read of the action: only the kinds that its `reads` lists."""
 
     stage: str
     seed: int
@@ -92,13 +92,13 @@ class Context:
         return self._action.videos
 
     def action_file(self) -> Path:
-        """action.yaml, to be named in messages."""
+        """Path of action.yaml, for messages."""
         return self._action.file
 
     def detections(self, video_id: str) -> Path | None:
         """Folder or file of a video's 2D detections (reads: detections); None when not given."""
         self._must_read("detections")
-        return self._found(video_id, self._declared(video_id).keypoints)
+        return self._given_or_detected(video_id, self._declared(video_id).keypoints)
 
     def video(self, video_id: str) -> Path | None:
         """A video file (reads: videos); None when action.yaml gives none."""
@@ -106,9 +106,9 @@ class Context:
         return self._path(self._declared(video_id).video)
 
     def initial(self, video_id: str) -> Path | None:
-        """A monocular estimator's result (reads: initial); None when action.yaml gives none."""
+        """File or folder of a monocular estimator's result (reads: initial), or None."""
         self._must_read("initial")
-        return self._found(video_id, self._declared(video_id).initial)
+        return self._given_or_detected(video_id, self._declared(video_id).initial)
 
     def hints(self) -> tuple[tuple[AnchorEntry, ...], tuple[ForbiddenEntry, ...]]:
         """Anchors and forbidden spans of action.yaml, in source frames (reads: hints)."""
@@ -116,7 +116,7 @@ class Context:
         return self._action.anchors, self._action.forbidden
 
     def mirrored(self) -> tuple[bool | None, ...]:
-        """What action.yaml says of each video's being mirrored (reads: hints)."""
+        """`mirrored` of each video in action.yaml, None where not given (reads: hints)."""
         self._must_read("hints")
         return tuple(video.mirrored for video in self._action.videos)
 
@@ -134,11 +134,11 @@ class Context:
         for declaration in self._action.videos:
             if declaration.id == video_id:
                 return declaration
-        known = ", ".join(v.id for v in self._action.videos)
-        raise ValueError(f"no video {video_id!r} in {self._action.file}; there are: {known}")
+        ids = ", ".join(v.id for v in self._action.videos)
+        raise ValueError(f"{self._action.file}: unknown video {video_id!r}; expected one of {ids}")
 
-    def _found(self, video_id: str, given: str | None) -> Path | None:
-        """What action.yaml names, or what was detected where it says so."""
+    def _given_or_detected(self, video_id: str, given: str | None) -> Path | None:
+        """The path in action.yaml, or the file of detections where it says `detect`."""
         return self._action.detected.get(video_id) if given == DETECT else self._path(given)
 
     def _path(self, given: str | None) -> Path | None:
@@ -147,13 +147,13 @@ class Context:
 
 @dataclass(frozen=True)
 class Inputs:
-    """The artifacts a stage declares as inputs, decoded when asked for."""
+    """The artifacts that a stage declares as inputs, decoded on request."""
 
     stage: str
     _stored: dict[str, Stored]
     _decoded: dict[type[Artifact], Artifact] = field(default_factory=dict)
 
-    def get(self, kind: type[Made]) -> Made:
+    def get(self, kind: type[Kind]) -> Kind:
         """The input artifact of this class: `inputs.get(Keypoints)`."""
         if kind not in self._decoded:
             matching = [s for s in self._stored.values() if s.schema == kind.__name__]
@@ -162,6 +162,6 @@ class Inputs:
                 f"{sorted(self._stored)}"
             )
             self._decoded[kind] = matching[0].decode(kind)
-        found = self._decoded[kind]
-        assert isinstance(found, kind)
-        return found
+        artifact = self._decoded[kind]
+        assert isinstance(artifact, kind)
+        return artifact

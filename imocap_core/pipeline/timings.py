@@ -20,7 +20,7 @@ FILE = "timings.json"
 
 
 def record(store: Store, action: str, outcomes: Sequence[Outcome]) -> None:
-    """Note the seconds of the stages that were made; those of cached ones stay."""
+    """Write the seconds of the stages that ran; those of cached results stay."""
     made = {o.stage: (o.stored.digest, round(o.seconds, 3)) for o in outcomes if o.how == "made"}
     if not made:
         return
@@ -32,7 +32,7 @@ def record(store: Store, action: str, outcomes: Sequence[Outcome]) -> None:
 
 
 def seconds_of(store: Store, action: str, digests: Mapping[str, str]) -> dict[str, float | None]:
-    """Stage -> seconds that its result of this digest took; None where that was not noted."""
+    """Stage -> seconds that the result of this digest took; None where not recorded."""
     noted = _read(_file(store, action))
     return {stage: noted.get(stage, {}).get(digest) for stage, digest in digests.items()}
 
@@ -45,16 +45,16 @@ def timing_table(seconds: Mapping[str, float | None], frames: int) -> Table:
         [stage, took, None if took is None else 1000 * took / max(frames, 1)]
         for stage, took in seconds.items()
     ]
-    known = [took for took in seconds.values() if took is not None]
-    if len(known) == len(seconds):
-        rows.append(["all stages", sum(known), 1000 * sum(known) / max(frames, 1)])
+    recorded = [took for took in seconds.values() if took is not None]
+    if len(recorded) == len(seconds):
+        rows.append(["all stages", sum(recorded), 1000 * sum(recorded) / max(frames, 1)])
     return Table(
         name="timings",
         title="Time for each stage",
         columns=["stage", "seconds", "ms_per_frame"],
         rows=rows,
         note=f"{frames} frames in all videos. Wall clock on the machine that made the result, "
-        "whatever else it was doing; – where that was not noted.",
+        "under whatever other load; – where not recorded.",
     )
 
 
@@ -63,7 +63,7 @@ def _file(store: Store, action: str) -> Path:
 
 
 def _read(file: Path) -> dict[str, dict[str, float]]:
-    """What is noted; nothing where the file is missing or damaged."""
+    """Seconds by stage and digest; empty where the file is missing or damaged."""
     try:
         noted = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -123,7 +123,7 @@ def _declared_row(video: TrackedVideo, file: Path) -> int | None:
         if person.track is not None:
             return row_of_number(video.ranked, person.track)
         frame = int(person.frame or 0) - int(video.frames[0])
-        return row_at_place(video.ranked, FramePlace(frame, person.at, person.box))
+        return row_at_place(video.ranked, FramePlace(frame, person.point_px, person.box))
     except ValueError as error:
         raise ValueError(
             f"{file}: videos.{video.id}.person: {error} (boxes x0 y0 x1 y1 in pixels; "

@@ -123,7 +123,7 @@ def _declaration(
 
 def _moved(declaration: Declaration, old: Path, new: Path) -> dict[str, Any]:
     """A declaration whose paths are relative to another folder."""
-    entry = declaration.model_dump(mode="json", exclude_none=True)
+    entry = declaration.model_dump(mode="json", exclude_none=True, by_alias=True)
     for field in ("video", "keypoints", "initial"):
         if entry.get(field, DETECT) != DETECT:
             entry[field] = _relative(old / entry[field], new)

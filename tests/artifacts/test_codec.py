@@ -98,7 +98,7 @@ def test_no_noise_is_an_artifact(tmp_path_factory: pytest.TempPathFactory, noise
 
 
 def test_another_kind_is_refused(content: Content) -> None:
-    with pytest.raises(ArtifactCorrupt, match="holds a Sync, expected a CameraMotion"):
+    with pytest.raises(ArtifactCorrupt, match="expected a CameraMotion, got a Sync"):
         codec.unpack(content, CameraMotion)
 
 

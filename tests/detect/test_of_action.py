@@ -141,5 +141,5 @@ def test_detect_needs_an_action_or_setup(place: Place, capsys: Capture) -> None:
 
 def test_initial_detect_goes_with_keypoints_detect(place: Place) -> None:
     place.declare({"keypoints": "some.json", "initial": "detect"})
-    with pytest.raises(WorkFailed, match="initial: detect goes with keypoints: detect"):
+    with pytest.raises(WorkFailed, match="initial: detect requires keypoints: detect"):
         read_action(place.folder)

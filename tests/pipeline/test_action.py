@@ -35,15 +35,24 @@ def test_a_good_action(tmp_path: Path) -> None:
         ("name: [", "is not YAML"),
         ("- 1", "expected fields like 'name: value', got [1]"),
         ("name: yoga", "action.yaml: videos: is missing"),
-        (GOOD.replace("v2", "v1"), "video ids must be unique, got twice: v1"),
-        (GOOD.replace("[0, 120]", "[9, 9]"), "videos.1: frames [9, 9] are empty"),
+        (GOOD.replace("v2", "v1"), "videos: expected unique ids, got v1 twice"),
+        (
+            GOOD.replace("[0, 120]", "[9, 9]"),
+            "videos.1: frames: expected [first, one past last], got [9, 9]",
+        ),
         (GOOD.replace("openpose", "openpoze"), "videos.0.format: Input should be 'openpose'"),
         (GOOD.replace("focal_px: null", "focal_px: -3"), "videos.1.focal_px: Input should be"),
-        (GOOD.replace("focal_px", "focal"), "videos.1.focal: is no known field"),
-        (GOOD.replace("video: b.mp4, ", ""), "videos.1: needs a video"),
+        (GOOD.replace("focal_px", "focal"), "videos.1.focal: unknown field"),
+        (GOOD.replace("video: b.mp4, ", ""), "videos.1: expected a video"),
         (GOOD.replace("body25", "body26"), "videos.0.layout: Input should be"),
-        (GOOD.replace("video: videos/v1.mp4, ", ""), "fps and size must be given"),
-        (GOOD.replace("focal_px: null", "initial: a.npz"), "initial_format must be too"),
+        (
+            GOOD.replace("video: videos/v1.mp4, ", ""),
+            "fps and size: expected where there is no video",
+        ),
+        (
+            GOOD.replace("focal_px: null", "initial: a.npz"),
+            "initial_format: expected where initial is given",
+        ),
         (GOOD.replace("name: yoga", "name: ../yoga"), "name: String should match"),
     ],
 )
@@ -70,5 +79,5 @@ def test_an_action_is_found_by_name_or_path(tmp_path: Path) -> None:
     assert find_action("yoga", tmp_path) == folder
     assert find_action(str(elsewhere), tmp_path) == elsewhere
     assert find_action(str(elsewhere / "action.yaml"), tmp_path) == elsewhere
-    with pytest.raises(WrongUse, match="There are: yoga"):
+    with pytest.raises(WrongUse, match="Existing actions: yoga"):
         find_action("dance", tmp_path)

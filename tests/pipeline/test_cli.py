@@ -25,8 +25,8 @@ Capture = pytest.CaptureFixture[str]
         (["stage", "dance", "toy"], "no stage 'dance'; there are: gather, scale, evaluate"),
         (["explain", "toy", "dance"], "no stage 'dance'"),
         (["run", "toy", "--set", "sync.method=magic"], "sync.method: Input should be 'als'"),
-        (["run", "toy", "--set", "sync.magic=1"], "--set: sync.magic is no parameter"),
-        (["run", "toy", "--set", "magic.x=1"], "--set: 'magic' is no group of params"),
+        (["run", "toy", "--set", "sync.magic=1"], "--set: sync.magic: unknown parameter"),
+        (["run", "toy", "--set", "magic.x=1"], "--set: magic: unknown group of parameters"),
         (["run", "toy", "--set", "sync.method"], "expected group.name=value"),
         (["run", "toy", "--set", "seed=-1"], "expected a whole number from 0 up, got -1"),
         (["export", "toy", "--format", "fbx", "--out", "x"], "'fbx'"),
@@ -154,7 +154,7 @@ def test_an_action_s_own_parameters_hold(toy: Toy, capsys: Capture) -> None:
     assert "sync.method = als" in capsys.readouterr().out
     file.write_text(plain + "params: {sync: {metod: als}}\n")
     assert toy.imocap(["run", "toy"]) == 1
-    assert "sync.metod is no parameter (there are: " in capsys.readouterr().err
+    assert "sync.metod: unknown parameter; expected one of " in capsys.readouterr().err
 
 
 def test_root_may_stand_anywhere() -> None:

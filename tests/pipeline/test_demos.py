@@ -46,7 +46,7 @@ def test_made_again_when_needed(tmp_path: Path, makes: list[int], display: Simpl
     (folder / "videos" / "v1.mp4").unlink()
     demos.ensure("yoga", folder, 7, display)
     demos.ensure("yoga", folder, 8, display)
-    (folder / demos.MADE).write_text("{")
+    (folder / demos.RECORD).write_text("{")
     demos.ensure("yoga", folder, 8, display)
     assert makes == [7, 7, 8, 8]
 

@@ -65,7 +65,7 @@ def test_an_artifact_of_another_version_is_one_sentence(
     made.publish("hands", CameraMotion(videos=[]))  # not what its name says
     code, _, said = imocap("export", "walk", "--out", str(tmp_path / "there"))
     assert (code, said.count("\n")) == (1, 1)
-    assert "hands of walk: holds a CameraMotion, expected a Hands" in said
+    assert "hands of walk: expected a Hands, got a CameraMotion" in said
     assert said.endswith("run it with: imocap run walk\n")
 
 

@@ -51,17 +51,23 @@ def test_hints_are_read(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("anchors: [{v1: 1, v9: 2}]", "anchors.0: no video 'v9'; there are: v1, v2, v3"),
-        ("anchors: [{v1: 1}]", "an anchor ties frames of two videos or more"),
+        ("anchors: [{v1: 1, v9: 2}]", "anchors.0: unknown video 'v9'; expected one of v1, v2, v3"),
+        ("anchors: [{v1: 1}]", "expected frames of at least two videos"),
         ("anchors: [{v1: 1, v2: -4}]", "anchors.0.v2: Input should be greater than or equal to 0"),
         ("anchors: [{v1: 1, v2: 2.5}]", "anchors.0.v2: Input should be a valid integer"),
-        ("anchors: [{v1: 10, v2: 20}, {v1: 30, v2: 5}]", "anchors.0 and anchors.1 cross in time"),
-        ("anchors: [{v1: 10, v2: 20}, {v1: 10, v2: 21}]", "cross in time: v1 10 = v2 20, but"),
-        ("forbidden: [{video: v9, frames: [0, 4]}]", "forbidden.0: no video 'v9'"),
-        ("forbidden: [{video: v1, frames: [4, 4]}]", "frames [4, 4] are empty"),
+        ("anchors: [{v1: 10, v2: 20}, {v1: 30, v2: 5}]", "anchors.0 and anchors.1 contradict"),
+        (
+            "anchors: [{v1: 10, v2: 20}, {v1: 10, v2: 21}]",
+            "contradict the order of time: v1 10 = v2 20, but",
+        ),
+        ("forbidden: [{video: v9, frames: [0, 4]}]", "forbidden.0: unknown video 'v9'"),
+        (
+            "forbidden: [{video: v1, frames: [4, 4]}]",
+            "frames: expected [first, one past last], got [4, 4]",
+        ),
         (
             "anchors: [{v1: 3, v2: 4}]\nforbidden: [{video: v1, frames: [0, 9]}]",
-            "anchors.0: frame 3 of v1 lies in a forbidden span [0, 9]",
+            "anchors.0: frame 3 of v1 is in the forbidden span [0, 9]",
         ),
     ],
 )

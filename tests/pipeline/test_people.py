@@ -104,8 +104,8 @@ def test_frames_count_as_in_the_file() -> None:
     [
         ({}, "expected one of track, at, box, got nothing"),
         ({"track": 1, "at": (3, 4), "frame": 0}, "got track and at"),
-        ({"at": (3, 4)}, "need the frame"),
-        ({"track": 1, "frame": 3}, "a frame beside track"),
+        ({"at": (3, 4)}, "expected with at and box, and not with track; got none"),
+        ({"track": 1, "frame": 3}, "got frame and track"),
         ({"frame": 0, "box": (5, 5, 3, 9)}, "x0 < x1"),
     ],
 )

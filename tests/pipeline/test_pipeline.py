@@ -56,15 +56,31 @@ def test_no_default_lives_in_the_file(pipeline: Pipeline, content: dict[str, Any
 @pytest.mark.parametrize(
     ("path", "value", "said"),
     [
-        (("stages", "sync", "inputs"), ["smpl_ba"], "sync.inputs: 'smpl_ba' is no stage before it"),
-        (("stages", "sync", "params"), ["zync"], "sync.params: 'zync' is no group of params"),
-        (("stages", "sync", "reads"), ["truth"], "sync.reads: truth is for evaluate alone"),
+        (
+            ("stages", "sync", "inputs"),
+            ["smpl_ba"],
+            "sync.inputs: expected earlier stages (keypoints",
+        ),
+        (
+            ("stages", "sync", "params"),
+            ["zync"],
+            "sync.params: expected groups of parameters (detect",
+        ),
+        (("stages", "sync", "reads"), ["truth"], "sync.reads: only evaluate may read truth"),
         (("stages", "sync", "reads"), ["mail"], "stages.sync.reads.0: Input should be"),
         (("seed",), "seven", "seed: Input should be a valid integer"),
         (("params", "sync"), {"method": "magic"}, "params: sync.method: Input should be 'als'"),
         (("params", "sync"), {"rounds": 0}, "params: sync.rounds: Input should be greater than"),
-        (("params", "sync"), {"magic": 1}, "params: sync.magic is no parameter (there are: affin"),
-        (("params", "magic"), {}, "params: 'magic' is no group of params (there are: detect, "),
+        (
+            ("params", "sync"),
+            {"magic": 1},
+            "params: sync.magic: unknown parameter; expected one of affin",
+        ),
+        (
+            ("params", "magic"),
+            {},
+            "params: magic: unknown group of parameters; expected one of detect, ",
+        ),
     ],
 )
 def test_faults_are_named(

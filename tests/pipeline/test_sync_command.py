@@ -117,7 +117,7 @@ def test_videos_with_keypoints_give_a_film_too(
         (["{in}/a", "{in}/b", *KNOWN, "--name", "x/y"], "invalid action name 'x/y'"),
         (["{in}/a", "{in}/b", *KNOWN, "--name", "mine"], "there is another action mine"),
         (["{in}/a", "{in}/b", *KNOWN, "--repetitions"], "expected one long clip, got 2"),
-        (["{in}/a", "{in}/b", *KNOWN, "--set", "sync.magic=1"], "sync.magic is no parameter"),
+        (["{in}/a", "{in}/b", *KNOWN, "--set", "sync.magic=1"], "sync.magic: unknown parameter"),
         (["{in}/a", "--format", "magic"], "'magic' is not one of"),
         (["yoga", "{in}/a"], "yoga is an action: give it alone"),
         (["{in}/a.mp4:{in}/none"], "there is no"),

@@ -1,4 +1,4 @@
-"""What each artifact holds, one file a stage; `base` checks arrays at the door."""
+"""What each artifact contains, one file a stage; `base` checks arrays when a value is made."""
 
 from imocap_core.artifacts.schemas.base import Artifact, Floats, Floats32, Ints, Shape, Value
 from imocap_core.artifacts.schemas.camera_motion import CameraMotion, VideoCameraMotion

@@ -1,4 +1,4 @@
-"""Values whose arrays are checked at the door: type, shape, and sizes shared between fields.
+"""Values whose arrays are checked when they are made: type, shape, sizes shared between fields.
 
 A field says its shape in symbols,
 
@@ -97,9 +97,11 @@ class Value(BaseModel):
             for axis, size in zip(shapes[0].axes, array.shape, strict=True):
                 if not isinstance(axis, str) or axis == "*":
                     continue
-                known, first = sizes.setdefault(axis, (size, name))
-                if known != size:
-                    faults.append(f"{name} has {axis} = {size}, but {first} has {axis} = {known}")
+                expected, first = sizes.setdefault(axis, (size, name))
+                if expected != size:
+                    faults.append(
+                        f"{name} has {axis} = {size}, but {first} has {axis} = {expected}"
+                    )
         if faults:
             raise ValueError("; ".join(faults))
         return self
@@ -111,7 +113,7 @@ class Artifact(Value):
 
 def unique(ids: list[str]) -> list[str]:
     """The ids themselves; ValueError when one appears twice."""
-    twice = sorted({i for i in ids if ids.count(i) > 1})
-    if twice:
-        raise ValueError(f"ids must be unique, got twice: {', '.join(twice)}")
+    repeated = sorted({i for i in ids if ids.count(i) > 1})
+    if repeated:
+        raise ValueError(f"expected unique ids, got {', '.join(repeated)} twice")
     return ids

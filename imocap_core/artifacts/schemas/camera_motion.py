@@ -1,4 +1,4 @@
-"""What `camera_motion` makes: how each camera turned, keypoints warped into its first frame."""
+"""Artifact of `camera_motion`: rotation and zoom, keypoints warped into the first frame."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `evaluate` makes: tables, and the names of the files of the report."""
+"""Artifact of `evaluate`: tables, and the names of the files of the report."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Table(Value):
 
 
 class Evaluate(Artifact):
-    """What was measured, and what lies in report/."""
+    """Tables of metrics, and the files of report/."""
 
     tables: list[Table]
     files: list[str]  # relative to report/

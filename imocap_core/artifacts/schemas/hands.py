@@ -1,4 +1,4 @@
-"""What `hands` makes: fingers and wrists, where the keypoints have any."""
+"""Artifact of `hands`: fingers and wrists, where the keypoints have any."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Hands(Artifact):
     """Hands of all videos in the order of the keypoints; no video when no keypoints have hands."""
 
     videos: list[VideoHands]
-    model: str  # whose fingers; empty when there is no video
+    model: str  # body model that the fingers belong to; empty when there is no video
     model_digest: str
     size: float  # of the hands, as a factor of the model's with the performer's shape
     status: str

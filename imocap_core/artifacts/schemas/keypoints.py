@@ -1,4 +1,4 @@
-"""What `keypoints` makes: the performer's 2D joints in every used frame of every video."""
+"""Artifact of `keypoints`: the performer's 2D joints in every used frame of every video."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from imocap_core.artifacts.schemas.base import Artifact, Floats, Ints, Shape, Va
 
 
 class HandKeypoints(Value):
-    """Both hands, left first, OpenPose's 21 points each; NaN with confidence 0 where unseen."""
+    """Both hands, left first, OpenPose's 21 points each; NaN with confidence 0 where undetected."""
 
     xy_px: Annotated[Floats, Shape("T", 2, 21, 2)]
     confidence: Annotated[Floats, Shape("T", 2, 21)]
 
 
 class VideoKeypoints(Value):
-    """One video's detections. A joint that was not seen is NaN with confidence 0."""
+    """One video's detections. A joint that was not detected is NaN with confidence 0."""
 
     OPTIONAL: ClassVar[frozenset[str]] = frozenset({"hands"})
 
@@ -32,7 +32,7 @@ class VideoKeypoints(Value):
     frames: Annotated[Ints, Shape("T")]  # source frame numbers
     xy_px: Annotated[Floats, Shape("T", "K", 2)]
     confidence: Annotated[Floats, Shape("T", "K")]
-    person_box_px: Annotated[Floats, Shape("T", 4)]  # x0 y0 x1 y1, NaN when unseen
+    person_box_px: Annotated[Floats, Shape("T", 4)]  # x0 y0 x1 y1, NaN where undetected
     tracks_found: int  # people followed before the performer was chosen
     presence: float  # share of frames in which the performer was found
     note: str

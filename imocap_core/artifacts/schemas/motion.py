@@ -1,4 +1,4 @@
-"""Body motion and cameras, as `initial_smpl` and `smpl_ba` make them."""
+"""Artifacts of `initial_smpl` and `smpl_ba`: body motion and cameras."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Hypothesis(Value):
 
 
 class InitialSmpl(Artifact):
-    """The monocular start: what each video alone says about its performer."""
+    """The monocular start: each video's motion from that video alone."""
 
     model: str
     model_digest: str

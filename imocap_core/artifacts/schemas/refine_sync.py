@@ -1,4 +1,4 @@
-"""What `refine_sync` makes: every round of sync and motion, and the best one."""
+"""Artifact of `refine_sync`: every round of sync and motion, and the best one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from imocap_core.artifacts.schemas.sync import Sync, SyncSummary
 
 
 class Round(Value):
-    """One alternation."""
+    """One alternation of synchronisation and joint solve."""
 
     sync: SyncSummary
     motion: SmplBa
@@ -21,6 +21,6 @@ class RefineSync(Artifact):
 
     rounds: list[Round]
     best: int  # index into rounds
-    sync: Sync  # of the best round, or what its motion tells where the loop settled
+    sync: Sync  # of the best round, or from its motion where the loop settled
     motion: SmplBa
     status: str

@@ -1,4 +1,4 @@
-"""What `sync` makes: for every frame, the frame of the reference video it corresponds to."""
+"""Artifact of `sync`: for every frame, the frame of the reference video it corresponds to."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ class SyncMap(Value):
 
 
 class VideoTrust(Value):
-    """One video's place on the common time axis, and what speaks for and against it; NaN where
-    that could not be told."""
+    """One video's place on the common time axis, and evidence for and against it; NaN where
+    unknown."""
 
     id: str
     phase_s: Annotated[Floats, Shape("T")]  # seconds of the reference
     outlier_score: float  # above 1.1 is another action, below 0.9 is usual
     mirror_margin: float  # > 0 when it fits the others better reflected
-    left_out_frames: float  # own map to the reference against the way through the others
+    left_out_frames: float  # direct map to the reference against that through the others
     left_out_s: float
     left_out_share: float  # of its frames that both ways match
 
 
 class CycleTriple(Value):
-    """Going round three videos by the maps found pair by pair: how far from the start one ends."""
+    """Cycle error of three videos: distance from the start after following their pairwise maps."""
 
     videos: list[str]
     frames: float  # of the first video
     seconds: float
-    share: float  # of the frames that come round
+    share: float  # of the frames that the three maps carry back
 
 
 class SyncTrust(Value):
-    """How far the correspondences can be trusted, without any truth."""
+    """How far the correspondences can be trusted, estimated without ground truth."""
 
     videos: list[VideoTrust]
     triples: list[CycleTriple]
@@ -58,27 +58,29 @@ class SyncSummary(Value):
     status: str
     excluded: list[str] = Field(default_factory=list)  # another action: unmatched throughout
     mirrored: list[str] = Field(default_factory=list)  # treated as their mirror image
-    notes: list[str] = Field(default_factory=list)  # what was found about the videos, and done
+    notes: list[str] = Field(default_factory=list)  # what was noticed about the videos, and done
     trust: SyncTrust | None = None
 
     @model_validator(mode="after")
     def _belongs_together(self) -> SyncSummary:
         unique(self.ids)
         if self.reference not in self.ids:
-            raise ValueError(f"reference {self.reference!r} is none of the videos {self.ids}")
+            raise ValueError(f"reference: expected one of {self.ids}, got {self.reference!r}")
         if [m.id for m in self.maps] != self.ids:
-            raise ValueError(f"maps are of {[m.id for m in self.maps]}, expected {self.ids}")
-        found = [len(m.reference_frame) for m in self.maps]
-        if found != self.lengths:
-            raise ValueError(f"maps have lengths {found}, expected {self.lengths}")
+            raise ValueError(f"maps: expected those of {self.ids}, got {[m.id for m in self.maps]}")
+        lengths = [len(m.reference_frame) for m in self.maps]
+        if lengths != self.lengths:
+            raise ValueError(f"maps: expected lengths {self.lengths}, got {lengths}")
         unknown = sorted({*self.excluded, *self.mirrored} - {*self.ids})
         if unknown:
-            raise ValueError(f"excluded and mirrored: {unknown} are none of the videos {self.ids}")
+            raise ValueError(f"excluded, mirrored: expected some of {self.ids}, got {unknown}")
         if self.reference in self.excluded:
-            raise ValueError(f"the reference {self.reference!r} can't be excluded")
+            raise ValueError(
+                f"excluded: expected videos beside the reference, got {self.reference!r}"
+            )
         phases = [] if self.trust is None else [len(v.phase_s) for v in self.trust.videos]
         if self.trust is not None and phases != self.lengths:
-            raise ValueError(f"phases have lengths {phases}, expected {self.lengths}")
+            raise ValueError(f"trust: expected phases of lengths {self.lengths}, got {phases}")
         return self
 
 

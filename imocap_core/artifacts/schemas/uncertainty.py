@@ -1,4 +1,4 @@
-"""What `uncertainty` makes: how far joints may be off, and what the videos leave open."""
+"""Artifact of `uncertainty`: standard deviations of joints, what the videos do not determine."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class VideoUncertainty(Value):
 
 
 class WeakSpan(Value):
-    """A joint that is ill-determined for a while."""
+    """A time span in which a joint is ill-determined."""
 
     video: str
     joint: str
@@ -29,7 +29,7 @@ class WeakSpan(Value):
     begin_s: float
     end_s: float
     sigma_mm: float  # root mean square over the span
-    of_median: float  # how many times the action's median
+    of_median: float  # as a multiple of the action's median
 
 
 class NearPair(Value):
