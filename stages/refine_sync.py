@@ -62,7 +62,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
             reference=first_sync.reference,
             decided=first_sync,
             hints=hints,
-            pictures=pictures(motion) if params.refine.evidence == "pictures" else None,
+            reprojection=pictures(motion) if params.refine.evidence == "pictures" else None,
         )
 
     def recover(sync: Sync, motion: SmplBa) -> SmplBa:

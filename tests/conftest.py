@@ -27,6 +27,7 @@ CHECKED: tuple[str, ...] = (
     "imocap_core.report",
     "imocap_core.result",
     "imocap_core.standalone_sync",
+    "imocap_core.sync",
     "imocap_core.technique",
     "imocap_core.viewer",
     "imocap_core.workspace",

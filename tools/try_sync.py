@@ -60,7 +60,7 @@ def main() -> None:
             began = time.perf_counter()
             n = args.videos
             found = synchronise(
-                scene.poses[:n], fps=scene.fps[:n], settings=own, rng=np.random.default_rng(0)
+                scene.poses[:n], fps=scene.fps[:n], params=own, rng=np.random.default_rng(0)
             )
             took = time.perf_counter() - began
             score = score_maps(scene, found.reference, found.reference_frame, found.confidence)

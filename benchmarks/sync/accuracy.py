@@ -122,7 +122,7 @@ def _settings_for(scene: SyncScene, settings: SyncParams) -> SyncParams:
 
 
 def _synchronised(scene: SyncScene, settings: SyncParams) -> SyncResult:
-    return synchronise(scene.poses, fps=scene.fps, settings=settings, rng=np.random.default_rng(0))
+    return synchronise(scene.poses, fps=scene.fps, params=settings, rng=np.random.default_rng(0))
 
 
 def _means(rows: Sequence[AccuracyRow]) -> list[AccuracyRow]:

@@ -15,9 +15,10 @@ from scipy.ndimage import gaussian_filter1d
 from imocap_core.params import SyncParams
 from imocap_core.sync import synchronise
 from imocap_core.sync.blocks import Blocks
-from imocap_core.sync.cycle.methods import relax, symmetric_affinity
-from imocap_core.sync.pairwise.distance_matrix import compare
-from imocap_core.sync.warp.posterior import directed_maps
+from imocap_core.sync.cycle.methods import relax
+from imocap_core.sync.cycle.row_contrast import symmetric_affinity
+from imocap_core.sync.pairwise.distance_matrix import distance_matrix
+from imocap_core.sync.warp.soft_maps import pairwise_soft_maps
 
 SIZES = (600, 1200, 1550, 4000)
 LARGEST = {"als": 1550, "svt": 1200}  # beyond it a method is not measured
@@ -49,24 +50,26 @@ def speed(settings: SyncParams) -> list[SpeedRow]:
     fps = [FPS] * VIDEOS
     for size in SIZES:
         poses = made_poses(size, np.random.default_rng(size))
-        work = partial(compare, poses, None, None, fps, settings)
+        work = partial(distance_matrix, poses, None, None, fps, settings)
         rows.append(_row(rows, "affinity", size, work))
-        c = work()
-        soft = symmetric_affinity(directed_maps(c, fps, settings)[0], c.blocks)
+        distances = work()
+        blocks = distances.blocks
+        maps = pairwise_soft_maps(distances, fps, settings)[0]
+        affinity = symmetric_affinity(maps, blocks)
         for method in ("softmap", "als", "svt"):
             if size <= LARGEST.get(method, size):
-                relaxed = partial(_relaxed, method, soft, c.blocks, settings.rounds)
+                relaxed = partial(_relaxed, method, affinity, blocks, settings.rounds)
                 rows.append(_row(rows, method, size, relaxed))
         rows.append(_row(rows, "whole, default", size, partial(_whole, poses, fps, settings)))
     return rows
 
 
-def _relaxed(method: str, soft: np.ndarray, blocks: Blocks, rounds: int) -> str:
-    return relax(method, soft, blocks, rounds=rounds, rng=np.random.default_rng(0))[1].status
+def _relaxed(method: str, affinity: np.ndarray, blocks: Blocks, rounds: int) -> str:
+    return relax(method, affinity, blocks, rounds=rounds, rng=np.random.default_rng(0))[1].status
 
 
 def _whole(poses: list[np.ndarray], fps: list[float], settings: SyncParams) -> None:
-    synchronise(poses, fps=fps, settings=settings, rng=np.random.default_rng(0))
+    synchronise(poses, fps=fps, params=settings, rng=np.random.default_rng(0))
 
 
 def _row(rows: list[SpeedRow], part: str, size: int, work: Callable[[], object]) -> SpeedRow:

@@ -122,7 +122,7 @@ def pair_of(
     sync = synchronise(
         means,
         fps=[first.performances.fps, second.performances.fps],
-        settings=settings,
+        params=settings,
         rng=rng,
         joint_weights=None if weights is None else weights[: means[0].shape[1]],
         reference=0,

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.sync.pairwise.affinity import procrustes_distances
+from imocap_core.sync.pairwise.procrustes import procrustes_distances
 
 RIVAL_SHARE = 0.4  # of the best score: people with less are not candidates
 DISTANCE_SCALE_M = 0.03  # pose distance that outweighs a factor of e in scores

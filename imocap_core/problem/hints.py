@@ -1,4 +1,4 @@
-"""action.yaml's anchors and forbidden spans, from source frames to used frames."""
+"""Anchors and forbidden spans of action.yaml, converted from source frames to used frames."""
 
 from __future__ import annotations
 
@@ -18,24 +18,23 @@ def hints_of(
 ) -> Hints:
     """Hints by index of video and used frame; `file` names action.yaml in messages.
 
-    ValueError names every anchor on a frame that is not used, and every span without any.
+    Raises:
+        ValueError: names every anchor on a frame that is not used, and every span without any.
     """
     index = {v.id: k for k, v in enumerate(keypoints.videos)}
     videos = {v.id: v for v in keypoints.videos}
     faults: list[str] = []
-    ties = []
+    ties: list[Anchor] = []
     for n, anchor in enumerate(anchors):
-        used = {v: _used(videos[v], frame) for v, frame in anchor.frames.items()}
+        indices = {v: _used_index(videos[v], frame) for v, frame in anchor.frames.items()}
         faults += [
             f"anchors.{n}: expected a used frame of {v}, {_range(videos[v])}, got "
             f"{anchor.frames[v]}"
-            for v, at in used.items()
-            if at is None
+            for v, t in indices.items()
+            if t is None
         ]
-        known = [(index[v], at) for v, at in used.items() if at is not None]
-        ties += [
-            Anchor(a, t, b, float(s), anchor.hard) for (a, t), (b, s) in combinations(known, 2)
-        ]
+        ends = [(index[v], t) for v, t in indices.items() if t is not None]
+        ties += [Anchor(a, t, b, float(s), anchor.hard) for (a, t), (b, s) in combinations(ends, 2)]
     spans = []
     for n, entry in enumerate(forbidden):
         video = videos[entry.video]
@@ -52,10 +51,10 @@ def hints_of(
     return Hints(tuple(ties), tuple(spans))
 
 
-def _used(video: VideoKeypoints, frame: int) -> int | None:
-    """The index of a source frame among the used ones, which follow each other."""
-    at = frame - int(video.frames[0])
-    return at if 0 <= at < len(video.frames) else None
+def _used_index(video: VideoKeypoints, frame: int) -> int | None:
+    """The index of a source frame among the used ones, which are consecutive."""
+    t = frame - int(video.frames[0])
+    return t if 0 <= t < len(video.frames) else None
 
 
 def _range(video: VideoKeypoints) -> str:

@@ -1,4 +1,4 @@
-"""Motions to correspondences: a synchronisation's artifact from poses, settings and hints."""
+"""Motions to correspondences: the artifact of a synchronisation from poses and hints."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.params import SyncParams
 from imocap_core.sync import Hints, SyncResult, synchronise
-from imocap_core.sync.screening.screening import Screening, sentences
+from imocap_core.sync.screening.messages import sentences
+from imocap_core.sync.screening.screening import Screening
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
 
 
@@ -34,33 +35,36 @@ def synchronise_motions(
     mirrored: Sequence[bool | None] | None = None,
     hints: Hints | None = None,
     decided: SyncSummary | None = None,
-    pictures: ReprojectionEvidence | None = None,
+    reprojection: ReprojectionEvidence | None = None,
 ) -> Sync:
     """Synchronise motions by their joints; frames without any detection are bridged.
 
-    `videos` in the order of `keypoints`; `reference` the id of the reference video, chosen by
-    centrality when None; `mirrored` what is known of each video; `hints` as of the core; `decided`:
-    an earlier synchronisation whose mirrored and excluded videos stay as they are.
+    Args:
+        videos: in the order of `keypoints`.
+        reference: id of the reference video, chosen by centrality when None.
+        mirrored: per video True or False where action.yaml states it.
+        hints, reprojection: as of `imocap_core.sync.synchronise`.
+        decided: an earlier synchronisation whose mirrored and excluded videos stay as they are.
     """
     ids = [video.id for video in videos]
-    seen = [(video.confidence > 0).max(axis=1).astype(float) for video in keypoints.videos]
+    detected = [(video.confidence > 0).max(axis=1).astype(float) for video in keypoints.videos]
     fps = [video.fps for video in keypoints.videos]
     result = synchronise(
         [video.joints for video in videos],
         fps=fps,
-        settings=params,
+        params=params,
         rng=rng,
         confidence=[
             np.repeat(s[:, None], video.joints.shape[1], axis=1)
-            for s, video in zip(seen, videos, strict=True)
+            for s, video in zip(detected, videos, strict=True)
         ],
         joint_weights=joint_weights_of(params),
         reference=None if reference is None else ids.index(reference),
         twins=mirror_indices(SMPL_JOINTS),
         mirrored=mirrored,
         hints=hints,
-        decided=None if decided is None else _screening_of(decided),
-        pictures=pictures,
+        screening=None if decided is None else _screening_of(decided),
+        reprojection=reprojection,
     )
     sync = sync_artifact(result, ids, fps)
     return sync if decided is None else sync.model_copy(update={"notes": decided.notes})
@@ -82,7 +86,7 @@ def synchronise_joints(
     result = synchronise(
         joints,
         fps=fps,
-        settings=params,
+        params=params,
         rng=rng,
         joint_weights=joint_weights_of(params),
         reference=None if reference is None else list(ids).index(reference),
@@ -98,8 +102,8 @@ def sync_artifact(result: SyncResult, ids: Sequence[str], fps: Sequence[float]) 
         ids=list(ids),
         lengths=[len(frames) for frames in result.reference_frame],
         maps=[
-            SyncMap(id=name, reference_frame=frame, confidence=trust)
-            for name, frame, trust in zip(
+            SyncMap(id=name, reference_frame=frame, confidence=confidence)
+            for name, frame, confidence in zip(
                 ids, result.reference_frame, result.confidence, strict=True
             )
         ],
@@ -115,35 +119,38 @@ def sync_artifact(result: SyncResult, ids: Sequence[str], fps: Sequence[float]) 
     )
 
 
-def joint_weights_of(params: SyncParams) -> np.ndarray | None:
-    """Weights (24,) of SMPL's joints, None where all are alike."""
+def joint_weights_of(params: SyncParams) -> Float[np.ndarray, "24"] | None:
+    """Weights of SMPL's joints, None where all are equal."""
     given = params.joint_weights
     return np.array([given.get(name, 1.0) for name in SMPL_JOINTS]) if given else None
 
 
 def _screening_of(decided: SyncSummary) -> Screening:
-    """What an earlier synchronisation found about the videos, and did."""
-    out, flipped = (
+    """The screening of an earlier synchronisation, from its artifact."""
+    excluded, flipped = (
         tuple(v for v, name in enumerate(decided.ids) if name in names)
         for names in (decided.excluded, decided.mirrored)
     )
-    known = [] if decided.trust is None else decided.trust.videos
+    videos = [] if decided.trust is None else decided.trust.videos
     scores, margins = (
-        np.array([getattr(v, name) for v in known]) if known else np.full(len(decided.ids), np.nan)
+        np.array([getattr(v, name) for v in videos])
+        if videos
+        else np.full(len(decided.ids), np.nan)
         for name in ("outlier_score", "mirror_margin")
     )
-    return Screening(out, flipped, out, flipped, scores, margins)
+    return Screening(excluded, flipped, excluded, flipped, scores, margins)
 
 
 def _trust(result: SyncResult, ids: Sequence[str], fps: Sequence[float]) -> SyncTrust:
-    found = result.screening
+    """The numbers that tell how far to trust each video's map."""
+    screening = result.screening
     return SyncTrust(
         videos=[
             VideoTrust(
                 id=name,
                 phase_s=result.phase[v],
-                outlier_score=float(found.outlier_score[v]),
-                mirror_margin=float(found.mirror_margin[v]),
+                outlier_score=float(screening.outlier_score[v]),
+                mirror_margin=float(screening.mirror_margin[v]),
                 left_out_frames=float(result.left_out_frames[v]),
                 left_out_s=float(result.left_out_frames[v]) / fps[result.reference],
                 left_out_share=float(result.left_out_share[v]),

@@ -1,4 +1,19 @@
-"""Synchronisation of videos by the 3D poses seen in them (section 3.1; Eq. 1, 2)."""
+"""Synchronisation of videos by 3D poses (section 3.1; Eq. 1, 2).
+
+Reading order:
+    synchronise            the entry: screening, then the joint synchronisation
+    screening/             mirrored videos, videos of another action
+    joint_synchronisation  the method, step by step, of the videos that show the action
+    blocks                 Eq. 1: all frames of all videos in one matrix
+    pairwise/              distances and affinities of all pairs of frames (Eq. 1)
+    warp/                  soft maps, DTW, templates, refinement of the maps to the reference
+    reference              the reference video by centrality
+    cycle/                 cycle consistency of the maps (Eq. 2)
+    map_consistency        cycle residuals of the pairwise maps
+    phase                  the common time axis
+    anchors, reference_anchors    frames tied by the user
+    repetition/            repetitions of one action in a long clip
+"""
 
 from imocap_core.sync.anchors import Anchor, Hints
 from imocap_core.sync.synchronise import SyncResult, synchronise

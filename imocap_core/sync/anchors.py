@@ -1,22 +1,23 @@
-"""What the user knows: frames that show the same moment, and spans that match nothing.
+"""Anchors: frames that show the same moment, given by the user; and spans without a counterpart.
 
-An anchor ties frame t of one video to frame s of another. It bends the squared distances that
-every warp is read from: a soft one as strong evidence among the rest, a hard one as strong as
-evidence may be, and in the end the map is led through it exactly.
+An anchor ties frame t of one video to frame s of another. It adds a penalty to the squared
+distances that every warp is computed from: a soft anchor as strong evidence among the rest, a hard
+one as strong as evidence may be, and finally the map is led through a hard anchor exactly.
 """
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float
 
-from imocap_core.sync.pairwise.distance_matrix import Comparison
-
-Array = NDArray[np.float64]
+from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
+from imocap_core.sync.warp.soft_maps import observations_per_frame
 
 SOFT_NATS, HARD_NATS = 10.0, 60.0  # how much less likely than the anchor any far position is
-REACH_S = 0.15  # at this distance from the anchor a position is `nats` less likely
+REACH_S = 0.15  # at this distance from the anchor a position is that much less likely
 
 
 @dataclass(frozen=True)
@@ -30,8 +31,8 @@ class Anchor:
     frame_b: float
     hard: bool = False
 
-    def seen_from(self, video: int) -> tuple[int, int, float] | None:
-        """The own frame, the other video and its frame; None where the video has no part."""
+    def from_video(self, video: int) -> tuple[int, int, float] | None:
+        """The video's frame, the other video, and the other's frame; None for a third video."""
         if video == self.a:
             return self.frame_a, self.b, self.frame_b
         if video == self.b:
@@ -40,21 +41,30 @@ class Anchor:
 
 
 @dataclass(frozen=True)
+class AnchorPoint:
+    """An anchor in one map: the row (frame of the one video) lies at a position of the other."""
+
+    row: int
+    position: float
+    hard: bool
+
+
+@dataclass(frozen=True)
 class Hints:
-    """All that the user says; `forbidden` (video, first frame, one past the last)."""
+    """All hints of the user; `forbidden`: (video, first frame, one past the last)."""
 
     anchors: tuple[Anchor, ...] = ()
     forbidden: tuple[tuple[int, int, int], ...] = ()
 
-    def forbids(self, lengths: Sequence[int]) -> list[NDArray[np.bool_]]:
-        """Per video (T_v,): the frames that match nothing."""
+    def forbidden_frames(self, lengths: Sequence[int]) -> list[Bool[np.ndarray, "_T"]]:
+        """Per video: the frames that match nothing."""
         out = [np.zeros(n, dtype=bool) for n in lengths]
         for video, first, stop in self.forbidden:
             out[video][first:stop] = True
         return out
 
-    def among(self, videos: Sequence[int]) -> "Hints":
-        """The hints that concern these videos alone, renumbered in their order."""
+    def among(self, videos: Sequence[int]) -> Hints:
+        """The hints that concern only these videos, renumbered in their order."""
         new = {v: k for k, v in enumerate(videos)}
         return Hints(
             tuple(
@@ -67,8 +77,8 @@ class Hints:
 
 
 def check_hints(hints: Hints, lengths: Sequence[int]) -> None:
-    """ValueError that names every hint of a video or frame that isn't there, and every two anchors
-    that cross each other in time."""
+    """Raise a ValueError that names every hint of a video or frame that does not exist, and every
+    two anchors that cross each other in time."""
     M, faults = len(lengths), []
     for n, anchor in enumerate(hints.anchors):
         for video, frame in ((anchor.a, anchor.frame_a), (anchor.b, anchor.frame_b)):
@@ -96,77 +106,91 @@ def check_hints(hints: Hints, lengths: Sequence[int]) -> None:
 
 
 def _cross(x: Anchor, y: Anchor) -> bool:
-    seen = x.seen_from(y.a)
-    if seen is None or seen[1] != y.b:
+    from_y = x.from_video(y.a)
+    if from_y is None or from_y[1] != y.b:
         return False
-    return (seen[0] - y.frame_a) * (seen[2] - y.frame_b) < 0
+    return (from_y[0] - y.frame_a) * (from_y[2] - y.frame_b) < 0
 
 
-def bent(
-    squares: Array,
-    ties: Sequence[tuple[int, float, bool]],
+def anchored_squares(
+    squares: Float[np.ndarray, "N S"],
+    points: Sequence[AnchorPoint],
     *,
-    near: float,
-    unit: float,
+    matched_square: float,
+    nat: float,
     fps_to: float,
     per_frame: int = 1,
-) -> Array:
-    """Squared distances (n, S) with what the user says: ties (row, frame of the columns' video,
-    hard).
+) -> Float[np.ndarray, "N S"]:
+    """Squared distances with the penalties of anchors.
 
-    `near`: the square of matching poses, which the anchor's own never exceeds; `unit`: the square
-    that costs one nat; `per_frame` columns make a frame of the columns' video.
+    Args:
+        matched_square: of matching poses; at an anchor the square is at most this.
+        nat: the square that costs one nat (`square_per_nat`).
+        fps_to: of the columns' video.
+        per_frame: columns per frame of the columns' video.
     """
-    if not ties:
+    if not points:
         return squares
     out = squares.copy()
-    at = np.arange(squares.shape[1]) / per_frame
-    for row, frame, hard in ties:
-        away = np.minimum(np.abs(at - frame) / (REACH_S * fps_to), 1.0)
-        base = np.fmin(out[row], near)
-        out[row] = base + (HARD_NATS if hard else SOFT_NATS) * unit * away**2
+    positions = np.arange(squares.shape[1]) / per_frame
+    for point in points:
+        away = np.minimum(np.abs(positions - point.position) / (REACH_S * fps_to), 1.0)
+        base = np.fmin(out[point.row], matched_square)
+        out[point.row] = base + (HARD_NATS if point.hard else SOFT_NATS) * nat * away**2
     return out
 
 
-def bent_comparison(
-    c: Comparison, hints: Hints, fps: Sequence[float], evidence_per_s: float
-) -> Comparison:
-    """All pairs of frames compared, with what the anchors say; symmetric as it was."""
+def anchored_distances(
+    distances: DistanceMatrix, hints: Hints, fps: Sequence[float], evidence_per_s: float
+) -> DistanceMatrix:
+    """All pairs of frames compared, with the penalties of all anchors in both directions."""
     if not hints.anchors:
-        return c
-    squares = c.squares.copy()
-    for i, j in c.blocks.pairs():
-        block = np.asarray(c.blocks.block(squares, i, j))
+        return distances
+    squares = distances.squares.copy()
+    for i, j in distances.blocks.pairs():
+        block = distances.blocks.block(squares, i, j)
         for a, b in ((i, j), (j, i)):
-            ties = [
-                (seen[0], seen[2], x.hard)
-                for x in hints.anchors
-                if (seen := x.seen_from(a)) is not None and seen[1] == b
-            ]
-            unit = unit_of(c.near, fps[a], evidence_per_s)
-            block = bent(block, ties, near=c.near, unit=unit, fps_to=fps[b]).T
-        c.blocks.block(squares, i, j)[...] = block
-        c.blocks.block(squares, j, i)[...] = block.T
-    return replace(c, squares=squares)
+            block = anchored_squares(
+                block,
+                _points_between(hints, a, b),
+                matched_square=distances.matched_square,
+                nat=square_per_nat(distances.matched_square, fps[a], evidence_per_s),
+                fps_to=fps[b],
+            ).T
+        distances.blocks.block(squares, i, j)[...] = block
+        distances.blocks.block(squares, j, i)[...] = block.T
+    return replace(distances, squares=squares)
 
 
-def unit_of(near: float, fps: float, evidence_per_s: float) -> float:
+def _points_between(hints: Hints, a: int, b: int) -> list[AnchorPoint]:
+    """The anchors of video a in video b."""
+    points = []
+    for anchor in hints.anchors:
+        from_a = anchor.from_video(a)
+        if from_a is not None and from_a[1] == b:
+            points.append(AnchorPoint(from_a[0], from_a[2], anchor.hard))
+    return points
+
+
+def square_per_nat(matched_square: float, fps: float, evidence_per_s: float) -> float:
     """The squared distance that makes a position of one frame one nat less likely."""
-    return near / min(evidence_per_s / fps, 4.0)
+    return matched_square / observations_per_frame(evidence_per_s, fps)
 
 
 def led_through(
-    positions: Array, confidence: Array, ties: Sequence[tuple[int, float]]
-) -> tuple[Array, Array]:
-    """A non-decreasing map (T,) led exactly through ties (frame, position); confidence 1 there.
+    positions: Float[np.ndarray, " T"],
+    confidence: Float[np.ndarray, " T"],
+    points: Sequence[tuple[int, float]],
+) -> tuple[Float[np.ndarray, " T"], Float[np.ndarray, " T"]]:
+    """A non-decreasing map led exactly through points (frame, position); confidence 1 there.
 
-    Frames before a tie lie at or before it, frames after it at or after: what evidence put on the
-    wrong side moves onto the tie.
+    Frames before a point lie at or before it, frames after it at or after: those that the evidence
+    places on the wrong side move onto the point.
     """
-    out, trust = positions.copy(), confidence.copy()
-    for frame, position in ties:
+    out, trusted = positions.copy(), confidence.copy()
+    for frame, position in points:
         out[:frame] = np.minimum(out[:frame], position)
         out[frame + 1 :] = np.maximum(out[frame + 1 :], position)
-    for frame, position in ties:
-        out[frame], trust[frame] = position, 1.0
-    return out, trust
+    for frame, position in points:
+        out[frame], trusted[frame] = position, 1.0
+    return out, trusted

@@ -1,13 +1,13 @@
 """The block structure of Eq. 1: all frames of all videos in one matrix, one block per pair of
 videos."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
+from jaxtyping import Float
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,10 @@ class Blocks:
         start = sum(self.lengths[:v])
         return slice(start, start + self.lengths[v])
 
-    def block(self, matrix: NDArray[np.floating], i: int, j: int) -> NDArray[np.floating]:
-        """The view (N_i, N_j) of videos i and j in a matrix (N_a, N_a)."""
+    def block(
+        self, matrix: Float[np.ndarray, "N_a N_a"], i: int, j: int
+    ) -> Float[np.ndarray, "N_i N_j"]:
+        """The view of videos i and j in a matrix."""
         return matrix[self.rows(i), self.rows(j)]
 
     def pairs(self) -> Iterator[tuple[int, int]]:
@@ -35,7 +37,7 @@ class Blocks:
         M = len(self.lengths)
         return ((i, j) for i in range(M) for j in range(i + 1, M))
 
-    def set_diagonal_to_identity(self, matrix: NDArray[np.floating]) -> None:
-        """Every frame matches itself and no other frame of its own video (in place)."""
+    def set_diagonal_to_identity(self, matrix: Float[np.ndarray, "N_a N_a"]) -> None:
+        """Every frame matches itself and no other frame of its video (in place)."""
         for v in range(len(self.lengths)):
             self.block(matrix, v, v)[...] = np.eye(self.lengths[v], dtype=matrix.dtype)

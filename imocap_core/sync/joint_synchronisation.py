@@ -1,122 +1,132 @@
-"""The synchronisation proper, of videos that all show the action: from poses to warps."""
+"""Joint synchronisation of videos that all show the action: from poses to warps (section 3.1).
+
+Distances of all pairs of frames -> soft maps -> reference -> cycle consistency -> maps to the
+reference -> common time axis.
+"""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float, Float32
 
 from imocap_core.params import SyncParams
-from imocap_core.sync.anchors import Hints, bent_comparison
+from imocap_core.sync.anchors import Hints, anchored_distances
 from imocap_core.sync.cycle.methods import relax, relax_auto
 from imocap_core.sync.cycle.report import CycleReport
 from imocap_core.sync.map_consistency import (
+    CycleResidual,
     PairMaps,
-    Triple,
     cycle_residuals,
     left_out_disagreement,
     pair_maps,
 )
 from imocap_core.sync.pairwise.affinity import gaussian_affinity, reciprocal_affinity
-from imocap_core.sync.pairwise.distance_matrix import centrality_of, compare
-from imocap_core.sync.phase import Link, common_phase, inside
+from imocap_core.sync.pairwise.distance_matrix import distance_matrix
+from imocap_core.sync.phase import WeightedMap, common_phase, inside
+from imocap_core.sync.reference import centrality, most_central
 from imocap_core.sync.reference_anchors import (
-    bend_of,
-    firm_links,
+    anchor_penalty,
+    anchors_to_reference,
+    hard_anchor_maps,
     through_hard_anchors,
-    ties_to_reference,
 )
 from imocap_core.sync.warp.dtw_paths import dtw_warps
-from imocap_core.sync.warp.posterior import directed_maps, posterior_warps
+from imocap_core.sync.warp.refinement import ReferenceAxis, refined_warps
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
+from imocap_core.sync.warp.soft_maps import pairwise_soft_maps
 
-Array = NDArray[np.float64]
-
+AFFINITIES = {"reciprocal": reciprocal_affinity, "gaussian": gaussian_affinity}
+WARPS = ("posterior", "dtw")
 # The refined map to the reference against one map between two videos, which carries the noise of
 # two single estimates.
 REFINED_WEIGHT = 8.0
 
 
 @dataclass(frozen=True)
-class Joint:
-    """What the videos say together; fields as in `SyncResult`."""
+class JointResult:
+    """Result of the joint synchronisation; fields as in `SyncResult`."""
 
     reference: int
-    reference_frame: list[Array]
-    confidence: list[Array]
-    phase: list[Array]
-    affinity: NDArray[np.float32]
-    relaxed: NDArray[np.float32]
-    centrality: Array
+    reference_frame: list[Float[np.ndarray, "_T"]]
+    confidence: list[Float[np.ndarray, "_T"]]
+    phase: list[Float[np.ndarray, "_T"]]
+    affinity: Float32[np.ndarray, "N_a N_a"]
+    relaxed: Float32[np.ndarray, "N_a N_a"]
+    centrality: Float[np.ndarray, " M"]
     matched_square: float
     cycle: CycleReport
-    triples: list[Triple]
-    left_out_frames: Array
-    left_out_share: Array
+    triples: list[CycleResidual]
+    left_out_frames: Float[np.ndarray, " M"]
+    left_out_share: Float[np.ndarray, " M"]
 
 
 def synchronise_jointly(
-    poses: Sequence[Array],
+    poses: Sequence[Float[np.ndarray, "_T J 3"]],
     *,
     fps: Sequence[float],
-    settings: SyncParams,
+    params: SyncParams,
     rng: np.random.Generator,
-    confidence: Sequence[Array] | None,
-    joint_weights: Array | None,
+    confidence: Sequence[Float[np.ndarray, "_T J"]] | None,
+    joint_weights: Float[np.ndarray, " J"] | None,
     reference: int | None,
     eligible: Sequence[bool],
     hints: Hints,
-    pictures: ReprojectionEvidence | None = None,
-) -> Joint:
-    """Every video against the others; arguments as of `synchronise`.
+    reprojection: ReprojectionEvidence | None = None,
+) -> JointResult:
+    """Synchronise every video with the others; arguments as of `synchronise`.
 
-    `eligible`: the videos to choose the reference from, when one of them is any.
+    `eligible`: the videos to choose the reference from, if any of them is.
     """
-    lengths = [len(x) for x in poses]
-    if settings.warp not in ("posterior", "dtw"):
-        raise ValueError(f"warp: expected posterior or dtw, got {settings.warp!r}")
-    to_affinity = {"reciprocal": reciprocal_affinity, "gaussian": gaussian_affinity}
-    if settings.affinity not in to_affinity:
-        raise ValueError(f"affinity: expected reciprocal or gaussian, got {settings.affinity!r}")
-    c = compare(poses, confidence, joint_weights, fps, settings)
-    c = bent_comparison(c, hints, fps, settings.evidence_per_s)
-    affinity = to_affinity[settings.affinity](np.sqrt(c.squares), np.sqrt(c.near))
-    c.blocks.set_diagonal_to_identity(affinity)
+    _check(params)
+    lengths, forbidden = [len(x) for x in poses], hints.forbidden_frames([len(x) for x in poses])
+    distances = distance_matrix(poses, confidence, joint_weights, fps, params)
+    distances = anchored_distances(distances, hints, fps, params.evidence_per_s)
+    blocks = distances.blocks
+    affinity = AFFINITIES[params.affinity](
+        np.sqrt(distances.squares), np.sqrt(distances.matched_square)
+    )
+    blocks.set_diagonal_to_identity(affinity)
 
-    maps, matched = directed_maps(c, fps, settings)
-    centrality = centrality_of(c, maps, matched)
-    able = np.where(eligible, centrality, -1.0) if any(eligible) else centrality
-    chosen = int(np.argmax(able)) if reference is None else reference
-    evidence = maps if settings.warp == "posterior" else affinity
-    if settings.method == "auto":
-        relaxed, report = relax_auto(evidence, c.blocks, rounds=settings.rounds, rng=rng)
+    soft_maps, matched = pairwise_soft_maps(distances, fps, params)
+    centralities = centrality(distances, soft_maps, matched)
+    chosen = most_central(centralities, eligible) if reference is None else reference
+
+    evidence = soft_maps if params.warp == "posterior" else affinity
+    if params.method == "auto":
+        relaxed, report = relax_auto(evidence, blocks, rounds=params.rounds, rng=rng)
     else:
-        relaxed, report = relax(
-            settings.method, evidence, c.blocks, rounds=settings.rounds, rng=rng
-        )
-    pairs = pair_maps(maps, matched, c.blocks, fps, settings.confidence_reach_s)
-    if settings.warp == "posterior":
-        ties = ties_to_reference(hints, pairs, len(poses), chosen)
-        bend = bend_of(ties, fps, chosen, settings.positions_per_frame)
-        frames, trust = posterior_warps(c, relaxed, matched, chosen, fps, settings, bend, pictures)
+        relaxed, report = relax(params.method, evidence, blocks, rounds=params.rounds, rng=rng)
+
+    pairs = pair_maps(soft_maps, matched, blocks, fps, params.confidence_reach_s)
+    if params.warp == "posterior":
+        points = anchors_to_reference(hints, pairs, len(poses), chosen)
+        penalty = anchor_penalty(points, fps, chosen, params.positions_per_frame)
+        axis = ReferenceAxis(chosen, fps, penalty)
+        frames, certainty = refined_warps(distances, relaxed, matched, axis, params, reprojection)
     else:
-        frames, trust = dtw_warps(c, relaxed, maps, chosen, fps, settings)
-    frames[chosen], trust[chosen] = np.arange(float(lengths[chosen])), np.ones(lengths[chosen])
-    forbidden = hints.forbids(lengths)
-    frames, trust = _obeyed(frames, trust, forbidden, chosen)
-    frames, trust = through_hard_anchors(frames, trust, hints, chosen)
-    pairs = _pairs_obeyed(pairs, forbidden)
-    phase = _phase(pairs, frames, trust, fps, lengths, chosen, hints)
+        frames, certainty = dtw_warps(relaxed, soft_maps, blocks, chosen, fps, params)
+    frames[chosen] = np.arange(float(lengths[chosen]))
+    certainty[chosen] = np.ones(lengths[chosen])
+    frames, certainty = _without_forbidden(frames, certainty, forbidden, chosen)
+    frames, certainty = through_hard_anchors(frames, certainty, hints, chosen)
+
+    pairs = _pairs_without_forbidden(pairs, forbidden)
+    maps = _maps_to_solve(pairs, frames, certainty, lengths, chosen)
+    maps += hard_anchor_maps(hints.anchors, lengths)
+    phase = common_phase(fps, lengths, chosen, maps)
     left_out, share = left_out_disagreement(pairs, lengths, chosen)
-    return Joint(
+    return JointResult(
         reference=chosen,
         reference_frame=frames,
-        confidence=trust,
+        confidence=certainty,
         phase=[np.where(f, np.nan, p) for f, p in zip(forbidden, phase, strict=True)],
         affinity=affinity.astype(np.float32),
         relaxed=relaxed.astype(np.float32),
-        centrality=centrality,
-        matched_square=c.near,
+        centrality=centralities,
+        matched_square=distances.matched_square,
         cycle=report,
         triples=cycle_residuals(pairs, lengths, fps),
         left_out_frames=left_out,
@@ -124,56 +134,64 @@ def synchronise_jointly(
     )
 
 
-def _phase(
+def _check(params: SyncParams) -> None:
+    if params.warp not in WARPS:
+        raise ValueError(f"warp: expected posterior or dtw, got {params.warp!r}")
+    if params.affinity not in AFFINITIES:
+        raise ValueError(f"affinity: expected reciprocal or gaussian, got {params.affinity!r}")
+
+
+def _maps_to_solve(
     pairs: PairMaps,
-    frames: Sequence[Array],
-    trust: Sequence[Array],
-    fps: Sequence[float],
+    frames: Sequence[np.ndarray],
+    certainty: Sequence[np.ndarray],
     lengths: Sequence[int],
     reference: int,
-    hints: Hints,
-) -> list[Array]:
-    """The common time axis from all pairwise maps and the refined maps to the reference."""
-    links = [
-        Link(i, j, at, pairs.confidence[i, j] * inside(at, lengths[j]))
-        for (i, j), at in pairs.positions.items()
+) -> list[WeightedMap]:
+    """The equations of the common time axis: all pairwise maps, and the refined maps to the
+    reference."""
+    maps = [
+        WeightedMap(i, j, position, pairs.confidence[i, j] * inside(position, lengths[j]))
+        for (i, j), position in pairs.positions.items()
     ]
-    links += [
-        Link(
-            v,
-            reference,
-            frames[v],
-            REFINED_WEIGHT * trust[v] * inside(frames[v], lengths[reference]),
-        )
-        for v in range(len(lengths))
-        if v != reference
-    ]
-    return common_phase(fps, lengths, reference, links + firm_links(hints.anchors, lengths))
+    for v in range(len(lengths)):
+        if v != reference:
+            valid = inside(frames[v], lengths[reference])
+            weights = REFINED_WEIGHT * certainty[v] * valid
+            maps.append(WeightedMap(v, reference, frames[v], weights))
+    return maps
 
 
-def _obeyed(
-    frames: list[Array], trust: list[Array], forbidden: list[NDArray[np.bool_]], reference: int
-) -> tuple[list[Array], list[Array]]:
+def _without_forbidden(
+    frames: list[np.ndarray],
+    certainty: list[np.ndarray],
+    forbidden: list[np.ndarray],
+    reference: int,
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Forbidden frames match nothing, and nothing matches forbidden frames of the reference, which
     keep their own number with confidence 0."""
-    out, sure = list(frames), list(trust)
-    for v, at in enumerate(frames):
-        sure[v] = np.where(forbidden[v] | _into(at, forbidden[reference]), 0.0, trust[v])
+    positions, confidence = list(frames), list(certainty)
+    for v, position in enumerate(frames):
+        unmatched = forbidden[v] | _into(position, forbidden[reference])
+        confidence[v] = np.where(unmatched, 0.0, certainty[v])
         if v != reference:
-            out[v] = np.where(forbidden[v] | _into(at, forbidden[reference]), np.nan, at)
-    return out, sure
+            positions[v] = np.where(unmatched, np.nan, position)
+    return positions, confidence
 
 
-def _pairs_obeyed(pairs: PairMaps, forbidden: list[NDArray[np.bool_]]) -> PairMaps:
+def _pairs_without_forbidden(pairs: PairMaps, forbidden: list[np.ndarray]) -> PairMaps:
+    """The pairwise maps without those from or to forbidden frames."""
     positions, confidence = {}, {}
-    for (i, j), at in pairs.positions.items():
-        no = forbidden[i] | _into(at, forbidden[j])
-        positions[i, j] = np.where(no, np.nan, at)
-        confidence[i, j] = np.where(no, 0.0, pairs.confidence[i, j])
+    for (i, j), position in pairs.positions.items():
+        unmatched = forbidden[i] | _into(position, forbidden[j])
+        positions[i, j] = np.where(unmatched, np.nan, position)
+        confidence[i, j] = np.where(unmatched, 0.0, pairs.confidence[i, j])
     return PairMaps(positions, confidence)
 
 
-def _into(positions: Array, forbidden: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which positions (T,) fall on forbidden frames."""
+def _into(
+    positions: Float[np.ndarray, " T"], forbidden: Bool[np.ndarray, " S"]
+) -> Bool[np.ndarray, " T"]:
+    """Which positions fall on forbidden frames."""
     nearest = np.clip(np.rint(np.nan_to_num(positions)).astype(int), 0, len(forbidden) - 1)
     return np.asarray(np.isfinite(positions) & forbidden[nearest])

@@ -1,18 +1,19 @@
-"""One time axis for all videos: a phase for every frame, on which all pairwise maps agree.
+"""Common time axis: a phase for every frame of every video, solved from all pairwise maps at once.
 
-Each pairwise map says of a frame of video i where in video j it lies, so that its phase is that of
-video j there: one linear equation in the phases of three frames. All equations of all pairs are
-solved together by robust least squares (Geman-McClure weights, re-estimated), with a weak wish for
-an even pace, each video's usual one, that carries the axis over frames without a counterpart.
-Frames that two other videos share and the reference does not show get a phase too, before its
-start or after its end.
+Each pairwise map gives a frame of video i a position in video j, whose phase must be the same: one
+linear equation in the phases of three frames. All equations of all pairs are solved together by
+robust least squares (Geman-McClure weights, re-estimated), with a weak prior for an even pace, each
+video's usual one, that carries the axis over frames without a counterpart. Frames that two other
+videos share and the reference does not show get a phase too, before its start or after its end.
 """
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float
 from scipy.optimize import isotonic_regression
 from scipy.sparse import coo_array, csr_array, vstack
 from scipy.sparse.csgraph import connected_components
@@ -20,110 +21,114 @@ from scipy.sparse.linalg import splu
 
 from imocap_core.robust import geman_mcclure_weight
 
-Array = NDArray[np.float64]
-
-ROUNDS = 8
+ROUNDS = 8  # of iteratively reweighted least squares
 EVEN_PACE_S = 0.3  # a bend of the axis is spread over about this long
-PACE_WEIGHT = 0.1  # of one equation of bend or pace, against a sure match
-FIRM = 1e3  # weight of an equation that must hold
-LEAST_SCALE_S = 0.02
-END_FRAMES = 0.75
+PACE_WEIGHT = 0.1  # of one equation of bend or pace, against a certain match
+HARD_WEIGHT = 1e3  # weight of an equation that must hold
+LEAST_SCALE_S = 0.02  # of the Geman-McClure weights
+END_FRAMES = 0.75  # positions nearer to an end of a video may lie beyond it
 
 
 @dataclass(frozen=True)
-class Link:
-    """Where frames of video i lie in video j: positions (T_i,) fractional, NaN unknown; weights
-    (T_i,) >= 0."""
+class WeightedMap:
+    """Positions of the frames of video i in video j, fractional, NaN unknown; weights >= 0."""
 
     i: int
     j: int
-    positions: Array
-    weights: Array
+    positions: Float[np.ndarray, " T"]
+    weights: Float[np.ndarray, " T"]
 
 
 def common_phase(
-    fps: Sequence[float], lengths: Sequence[int], reference: int, links: Sequence[Link]
-) -> list[Array]:
-    """Phase (T_v,) of every frame in seconds of the reference, non-decreasing in each video.
+    fps: Sequence[float], lengths: Sequence[int], reference: int, maps: Sequence[WeightedMap]
+) -> list[Float[np.ndarray, "_T"]]:
+    """Phase of every frame of each video in seconds of the reference, non-decreasing.
 
-    The reference's frames have the phase frame / fps. A video that no chain of links connects with
+    The reference's frames have the phase frame / fps. A video that no chain of maps connects with
     the reference gets NaN.
     """
-    at = np.concatenate([[0], np.cumsum(lengths)])
-    known = np.zeros(at[-1], dtype=bool)
-    known[at[reference] : at[reference + 1]] = True
-    x = np.zeros(at[-1])
-    x[known] = np.arange(lengths[reference]) / fps[reference]
-    joined = _joined(len(lengths), reference, links)
-    rows, weights = _equations(at, [k for k in links if joined[k.i] and joined[k.j]])
-    pace, bends = _pace(at, fps, lengths, joined)
-    free = np.flatnonzero(~known & np.repeat(joined, lengths))
+    offsets = np.concatenate([[0], np.cumsum(lengths)])
+    fixed = np.zeros(offsets[-1], dtype=bool)
+    fixed[offsets[reference] : offsets[reference + 1]] = True
+    x = np.zeros(offsets[-1])
+    x[fixed] = np.arange(lengths[reference]) / fps[reference]
+    connected = _connected(len(lengths), reference, maps)
+    rows, weights = _equations(offsets, [k for k in maps if connected[k.i] and connected[k.j]])
+    pace, bends = _pace(offsets, fps, lengths, connected)
+    free = np.flatnonzero(~fixed & np.repeat(connected, lengths))
     if len(free):
         robust = np.ones(len(weights))
-        steps = [np.full(n - 1, 1.0 / f) for n, f, j in zip(lengths, fps, joined, strict=True) if j]
-        wanted = np.concatenate([np.zeros(bends), *steps])
+        steps = [
+            np.full(n - 1, 1.0 / f) for n, f, c in zip(lengths, fps, connected, strict=True) if c
+        ]
+        expected = np.concatenate([np.zeros(bends), *steps])
         for _ in range(ROUNDS):
-            x[free] = _solved(rows, weights * robust, pace, wanted, x, known, free)
-            wanted = np.concatenate([np.zeros(bends), _usual_steps(x, at, joined)])
-            off = np.abs(rows @ x)
-            heard = (weights > 0) & (weights < FIRM)
-            scale = max(2.0 * float(np.median(off[heard])) if heard.any() else 0.0, LEAST_SCALE_S)
-            robust = np.where(weights < FIRM, geman_mcclure_weight(off, scale), 1.0)
+            x[free] = _solved(rows, weights * robust, pace, expected, x, fixed, free)
+            expected = np.concatenate([np.zeros(bends), _usual_steps(x, offsets, connected)])
+            residual = np.abs(rows @ x)
+            soft = (weights > 0) & (weights < HARD_WEIGHT)
+            median = float(np.median(residual[soft])) if soft.any() else 0.0
+            scale = max(2.0 * median, LEAST_SCALE_S)
+            robust = np.where(weights < HARD_WEIGHT, geman_mcclure_weight(residual, scale), 1.0)
     phases = []
     for v, length in enumerate(lengths):
-        own = x[at[v] : at[v + 1]]
-        held = np.ones(length)
-        for link in links:
-            if link.i == v:
-                held = np.maximum(held, np.where(link.weights >= FIRM, FIRM, 1.0))
-        phases.append(isotonic_regression(own, weights=held).x if joined[v] else own * np.nan)
+        phase = x[offsets[v] : offsets[v + 1]]
+        weight = np.ones(length)
+        for k in maps:
+            if k.i == v:
+                weight = np.maximum(weight, np.where(k.weights >= HARD_WEIGHT, HARD_WEIGHT, 1.0))
+        phases.append(
+            isotonic_regression(phase, weights=weight).x if connected[v] else phase * np.nan
+        )
     return phases
 
 
-def inside(positions: Array, length: int) -> NDArray[np.bool_]:
-    """Positions that say where a frame lies: at the very ends of a video it may lie beyond."""
+def inside(positions: Float[np.ndarray, " T"], length: int) -> Bool[np.ndarray, " T"]:
+    """Positions away from the ends of a video: a frame matched to an end may lie beyond it."""
     return np.asarray((positions > END_FRAMES) & (positions < length - 1 - END_FRAMES))
 
 
-def positions_in(phase: Array, other: Array) -> Array:
-    """Where phases (T,) lie among another video's frames, fractional; NaN outside its range."""
+def positions_in(
+    phase: Float[np.ndarray, " T"], other: Float[np.ndarray, " S"]
+) -> Float[np.ndarray, " T"]:
+    """Position of phases among another video's frames, fractional; NaN outside its range."""
     frames = np.arange(len(other), dtype=np.float64)
     if not np.isfinite(other).all():
         return np.full(len(phase), np.nan)
-    rising = other + 1e-9 * frames  # frames of equal phase: any of them will do
+    rising = other + 1e-9 * frames  # of frames of equal phase, any will do
     return np.interp(phase, rising, frames, left=np.nan, right=np.nan)
 
 
-def _joined(count: int, reference: int, links: Sequence[Link]) -> NDArray[np.bool_]:
-    """Which videos a chain of links connects with the reference."""
+def _connected(count: int, reference: int, maps: Sequence[WeightedMap]) -> np.ndarray:
+    """Which videos (M,) a chain of maps connects with the reference."""
     table = np.zeros((count, count))
-    for link in links:
-        if (np.isfinite(link.positions) & (link.weights > 0)).any():
-            table[link.i, link.j] = 1
+    for k in maps:
+        if (np.isfinite(k.positions) & (k.weights > 0)).any():
+            table[k.i, k.j] = 1
     _, label = connected_components(csr_array(table), directed=False)
     return np.asarray(label == label[reference])
 
 
-def _equations(at: NDArray[np.int64], links: Sequence[Link]) -> tuple[csr_array, Array]:
+def _equations(offsets: np.ndarray, maps: Sequence[WeightedMap]) -> tuple[csr_array, np.ndarray]:
     """Rows of phase_i(t) - (1 - a) phase_j(k) - a phase_j(k + 1), and their weights."""
-    entries: list[tuple[NDArray, NDArray, Array]] = []
-    weights: list[Array] = []
+    entries: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+    weights: list[np.ndarray] = []
     count = 0
-    for link in links:
-        length = int(at[link.j + 1] - at[link.j])
-        t = np.flatnonzero(np.isfinite(link.positions) & (link.weights > 0))
-        position = np.clip(link.positions[t], 0.0, length - 1.0)
+    for m in maps:
+        length = int(offsets[m.j + 1] - offsets[m.j])
+        t = np.flatnonzero(np.isfinite(m.positions) & (m.weights > 0))
+        position = np.clip(m.positions[t], 0.0, length - 1.0)
         low = np.minimum(position.astype(int), max(length - 2, 0))
         high = np.minimum(low + 1, length - 1)
         share, row = position - low, count + np.arange(len(t))
         entries += [
-            (row, at[link.i] + t, np.ones(len(t))),
-            (row, at[link.j] + low, share - 1.0),
-            (row, at[link.j] + high, -share),
+            (row, offsets[m.i] + t, np.ones(len(t))),
+            (row, offsets[m.j] + low, share - 1.0),
+            (row, offsets[m.j] + high, -share),
         ]
-        weights.append(link.weights[t])
+        weights.append(m.weights[t])
         count += len(t)
-    shape = (count, int(at[-1]))
+    shape = (count, int(offsets[-1]))
     if not count:
         return csr_array(shape), np.zeros(0)
     row, column, value = (np.concatenate(part) for part in zip(*entries, strict=True))
@@ -131,58 +136,55 @@ def _equations(at: NDArray[np.int64], links: Sequence[Link]) -> tuple[csr_array,
 
 
 def _pace(
-    at: NDArray[np.int64],
-    fps: Sequence[float],
-    lengths: Sequence[int],
-    joined: NDArray[np.bool_],
+    offsets: np.ndarray, fps: Sequence[float], lengths: Sequence[int], connected: np.ndarray
 ) -> tuple[csr_array, int]:
     """Rows of second differences (their count is returned), then of first differences, weighted so
     that a bend and a departure from the pace cost alike over EVEN_PACE_S."""
-    total = int(at[-1])
+    total = int(offsets[-1])
     bends, steps = [csr_array((0, total))], [csr_array((0, total))]
     for v, length in enumerate(lengths):
-        if not joined[v]:
+        if not connected[v]:
             continue
-        span = EVEN_PACE_S * fps[v]
-        bends.append(_stencil(int(at[v]), length - 2, span**2 * np.array([1.0, -2.0, 1.0]), total))
-        steps.append(_stencil(int(at[v]), length - 1, span * np.array([-1.0, 1.0]), total))
+        first, span = int(offsets[v]), EVEN_PACE_S * fps[v]
+        bends.append(_stencil(first, length - 2, span**2 * np.array([1.0, -2.0, 1.0]), total))
+        steps.append(_stencil(first, length - 1, span * np.array([-1.0, 1.0]), total))
     return csr_array(vstack([*bends, *steps])), sum(b.shape[0] for b in bends)
 
 
-def _stencil(first: int, count: int, values: Array, total: int) -> csr_array:
-    """`count` rows that hold `values` from columns first, first + 1, ... on."""
+def _stencil(first: int, count: int, values: np.ndarray, total: int) -> csr_array:
+    """`count` rows with `values` in columns first, first + 1, ..., shifted by one each row."""
     row = np.arange(max(count, 0))
     column = np.concatenate([first + row + k for k in range(len(values))])
     entries = (np.repeat(values, len(row)), (np.tile(row, len(values)), column))
     return csr_array(coo_array(entries, shape=(len(row), total)))
 
 
-def _usual_steps(x: Array, at: NDArray[np.int64], joined: NDArray[np.bool_]) -> Array:
+def _usual_steps(x: np.ndarray, offsets: np.ndarray, connected: np.ndarray) -> np.ndarray:
     """For each pair of neighbouring frames the video's median step."""
-    steps = [np.diff(x[at[v] : at[v + 1]]) for v in np.flatnonzero(joined)]
+    steps = [np.diff(x[offsets[v] : offsets[v + 1]]) for v in np.flatnonzero(connected)]
     return np.concatenate([np.full(len(s), np.median(s) if len(s) else 0.0) for s in steps])
 
 
 def _solved(
     rows: csr_array,
-    weights: Array,
+    weights: np.ndarray,
     pace: csr_array,
-    wanted: Array,
-    x: Array,
-    known: NDArray[np.bool_],
-    free: NDArray[np.int64],
-) -> Array:
-    """Weighted least squares for the free phases, the known ones as they are."""
+    expected: np.ndarray,
+    x: np.ndarray,
+    fixed: np.ndarray,
+    free: np.ndarray,
+) -> np.ndarray:
+    """Weighted least squares for the free phases, the fixed ones as they are."""
     scaled = rows.multiply(np.sqrt(weights)[:, None])
     strength = PACE_WEIGHT * pace
     every = csr_array(vstack([scaled, strength]))
-    # a row of first differences says: step = wanted step, both times the row's own strength
+    # a row of first differences means: step = expected step, both times the row's strength
     target = np.concatenate(
-        [np.zeros(rows.shape[0]), strength.max(axis=1).toarray().ravel() * wanted]
+        [np.zeros(rows.shape[0]), strength.max(axis=1).toarray().ravel() * expected]
     )
-    fixed = every @ np.where(known, x, 0.0) - target
-    own = every[:, free]
-    normal = (own.T @ own).tocsc()
+    constant = every @ np.where(fixed, x, 0.0) - target
+    columns = every[:, free]
+    normal = (columns.T @ columns).tocsc()
     tiny = 1e-9 * float(normal.diagonal().max())
     normal.setdiag(normal.diagonal() + tiny)
-    return np.asarray(splu(normal).solve(-(own.T @ fixed) + tiny * x[free]))
+    return np.asarray(splu(normal).solve(-(columns.T @ constant) + tiny * x[free]))

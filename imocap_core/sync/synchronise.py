@@ -1,80 +1,104 @@
-"""Synchronisation of videos by the 3D poses seen in them (section 3.1), from poses to warps.
+"""Synchronisation of videos by 3D poses (section 3.1; Eq. 1, 2): screening, then the joint
+synchronisation.
 
-Mirrored videos are reflected and videos of another action taken out first (`screening`), the rest
-is synchronised jointly (`jointly`), and the answer speaks of all videos again.
+Mirrored videos are reflected and videos of another action excluded (`screening`), the rest is
+synchronised jointly (`joint_synchronisation`), and the result covers all videos again.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float, Float32
 
 from imocap_core.params import SyncParams
 from imocap_core.sync.anchors import Hints, check_hints
 from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.cycle.report import CycleReport
-from imocap_core.sync.joint_synchronisation import Joint, synchronise_jointly
-from imocap_core.sync.map_consistency import Triple
+from imocap_core.sync.joint_synchronisation import JointResult, synchronise_jointly
+from imocap_core.sync.map_consistency import CycleResidual
 from imocap_core.sync.pairwise.poses import body_scales, check_poses, joint_weights_of
 from imocap_core.sync.screening.mirror import mirrored_poses
 from imocap_core.sync.screening.screening import Screening, screen
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
 
-Array = NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class SyncResult:
-    """Where every frame of every video lies in the reference video, and how far to trust it.
+    """Position of every frame of every video in the reference video, with confidences.
 
-    A video that was excluded is unmatched throughout: NaN, confidence 0, no phase, zeros in the
-    matrices.
+    An excluded video is unmatched throughout: NaN, confidence 0, no phase, zeros in the matrices.
+
+    Attributes:
+        reference: index of the reference video.
+        reference_frame: per video, fractional index into the reference; NaN unmatched.
+        confidence: per video, in [0, 1].
+        phase: per video, seconds of the reference on the common time axis.
+        affinity: Eq. 1, all frames of all videos.
+        relaxed: after cycle consistency (Eq. 2), row-stochastic per block.
+        centrality: the reference has the largest unless it was given.
+        matched_square: squared distance typical of matching frames.
+        cycle: outcome of the cycle-consistency method.
+        triples: cycle residuals of the pairwise maps.
+        left_out_frames: distance of each video's map to the reference from the maps through the
+            others.
+        left_out_share: of the frames that both match.
+        screening: mirrored and excluded videos.
+        status: one sentence.
     """
 
     reference: int
-    reference_frame: list[
-        Array
-    ]  # per video (T_v,) fractional index into the reference; NaN unmatched
-    confidence: list[Array]  # per video (T_v,) in [0, 1]
-    phase: list[Array]  # per video (T_v,) seconds of the reference on the common time axis
-    affinity: NDArray[np.float32]  # (N_a, N_a)
-    relaxed: NDArray[np.float32]  # (N_a, N_a), row-stochastic per block
-    centrality: Array  # (M,), the reference has the largest unless it was given
-    matched_square: float  # squared distance typical of matching frames
+    reference_frame: list[Float[np.ndarray, "_T"]]
+    confidence: list[Float[np.ndarray, "_T"]]
+    phase: list[Float[np.ndarray, "_T"]]
+    affinity: Float32[np.ndarray, "N_a N_a"]
+    relaxed: Float32[np.ndarray, "N_a N_a"]
+    centrality: Float[np.ndarray, " M"]
+    matched_square: float
     cycle: CycleReport
-    triples: list[Triple]  # going round three videos, pairwise maps
-    left_out_frames: Array  # (M,) own map to the reference against the way through the others
-    left_out_share: Array  # (M,) of the frames that both ways match
+    triples: list[CycleResidual]
+    left_out_frames: Float[np.ndarray, " M"]
+    left_out_share: Float[np.ndarray, " M"]
     screening: Screening
     status: str
 
 
 def synchronise(
-    poses: Sequence[Array],
+    poses: Sequence[Float[np.ndarray, "_T J 3"]],
     *,
     fps: Sequence[float],
-    settings: SyncParams,
+    params: SyncParams,
     rng: np.random.Generator,
-    confidence: Sequence[Array] | None = None,
-    joint_weights: Array | None = None,
+    confidence: Sequence[Float[np.ndarray, "_T J"]] | None = None,
+    joint_weights: Float[np.ndarray, " J"] | None = None,
     reference: int | None = None,
     twins: Sequence[int] | None = None,
     mirrored: Sequence[bool | None] | None = None,
     hints: Hints | None = None,
-    decided: Screening | None = None,
-    pictures: ReprojectionEvidence | None = None,
+    screening: Screening | None = None,
+    reprojection: ReprojectionEvidence | None = None,
 ) -> SyncResult:
-    """Find for every frame of every video its counterpart in the reference video.
+    """Find the counterpart in the reference video of every frame of every video.
 
-    `poses`: per video (T_v, J, 3), one unit for all, any axes and origin (each pose is aligned
-    rigidly), NaN = missing; `fps` per video; `confidence` per video (T_v, J) in [0, 1];
-    `joint_weights` (J,); `reference`: the index of the reference video, chosen by centrality when
-    None; `twins` (J,): each joint's mirror twin, needed to find mirrored videos; `mirrored`: per
-    video True or False where that is known; `hints`: anchors and forbidden spans; `decided`: which
-    videos are mirrored or another action, when that was found before; `pictures`: of the videos
-    that are not excluded, as reflected. Raises ValueError for shapes that don't fit and for hints
-    that can't be.
+    Args:
+        poses: per video, one unit for all, any axes and origin (each pose is aligned rigidly),
+            NaN = missing.
+        fps: per video.
+        params: all but `joint_weights`, which name SMPL's joints.
+        rng: draws the starting factor of the method `als`.
+        confidence: per video, in [0, 1].
+        joint_weights: of the joints of the poses, in their order.
+        reference: index of the reference video; chosen by centrality when None.
+        twins: each joint's mirror twin, needed to detect mirrored videos.
+        mirrored: per video True or False where that is given by the user.
+        hints: anchors and forbidden spans.
+        screening: mirrored and excluded videos, when they were determined before.
+        reprojection: keypoints and cameras of the videos that are not excluded, as reflected.
+
+    Raises:
+        ValueError: shapes that don't fit, or impossible hints; names every fault.
     """
     check_poses(poses, confidence, fps)
     M = len(poses)
@@ -83,101 +107,96 @@ def synchronise(
     lengths = [len(x) for x in poses]
     hints = hints or Hints()
     check_hints(hints, lengths)
-    seen = _without_forbidden(poses, confidence, hints)
-    found = decided or screen(
-        [x / s for x, s in zip(poses, body_scales(poses), strict=True)],
-        joint_weights_of(poses, seen, joint_weights),
-        fps,
-        outliers=settings.outliers,
-        mirrored=settings.mirrored,
-        twins=twins,
-        declared=mirrored or [None] * M,
-        max_rate=settings.max_rate,
-        kept=[v == reference for v in range(M)],
-    )
-    used = [v for v in range(M) if v not in found.excluded]
-    own = [_as_seen(v, poses, seen, found, twins) for v in used]
+    confidence = _without_forbidden(poses, confidence, hints)
+    if screening is None:
+        screening = screen(
+            [x / s for x, s in zip(poses, body_scales(poses), strict=True)],
+            joint_weights_of(poses, confidence, joint_weights),
+            fps,
+            outliers=params.outliers,
+            mirrored=params.mirrored,
+            twins=twins,
+            declared=mirrored or [None] * M,
+            max_rate=params.max_rate,
+            never_outliers=[v == reference for v in range(M)],
+        )
+    used = [v for v in range(M) if v not in screening.excluded]
+    upright = [_reflected(v, poses, confidence, screening, twins) for v in used]
     joint = synchronise_jointly(
-        [x for x, _ in own],
+        [x for x, _ in upright],
         fps=[fps[v] for v in used],
-        settings=settings,
+        params=params,
         rng=rng,
-        confidence=None if seen is None else [c for _, c in own if c is not None],
+        confidence=None if confidence is None else [c for _, c in upright if c is not None],
         joint_weights=joint_weights,
         reference=None if reference is None else used.index(reference),
-        eligible=[v not in found.flipped for v in used],
+        eligible=[v not in screening.flipped for v in used],
         hints=hints.among(used),
-        pictures=pictures,
+        reprojection=reprojection,
     )
-    return _of_all(joint, used, lengths, found)
+    return _of_all_videos(joint, used, lengths, screening)
 
 
 def _without_forbidden(
-    poses: Sequence[Array], confidence: Sequence[Array] | None, hints: Hints
-) -> list[Array] | None:
-    """Confidences in which forbidden frames have no say."""
+    poses: Sequence[np.ndarray], confidence: Sequence[np.ndarray] | None, hints: Hints
+) -> list[np.ndarray] | None:
+    """Confidences (T_v, J), 0 in forbidden frames."""
     if not hints.forbidden:
         return None if confidence is None else list(confidence)
     given = confidence or [np.ones(x.shape[:2]) for x in poses]
-    no = hints.forbids([len(x) for x in poses])
-    return [np.where(f[:, None], 0.0, c) for f, c in zip(no, given, strict=True)]
+    forbidden = hints.forbidden_frames([len(x) for x in poses])
+    return [np.where(f[:, None], 0.0, c) for f, c in zip(forbidden, given, strict=True)]
 
 
-def _as_seen(
+def _reflected(
     v: int,
-    poses: Sequence[Array],
-    confidence: Sequence[Array] | None,
-    found: Screening,
+    poses: Sequence[np.ndarray],
+    confidence: Sequence[np.ndarray] | None,
+    screening: Screening,
     twins: Sequence[int] | None,
-) -> tuple[Array, Array | None]:
-    """Poses and confidences of a video, reflected when it is to be flipped."""
-    own = None if confidence is None else confidence[v]
-    if v not in found.flipped or twins is None:
-        return poses[v], own
-    return mirrored_poses(poses[v], twins), None if own is None else own[:, list(twins)]
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Poses and confidences of a video, reflected if it is to be flipped."""
+    of_video = None if confidence is None else confidence[v]
+    if v not in screening.flipped or twins is None:
+        return poses[v], of_video
+    return mirrored_poses(poses[v], twins), None if of_video is None else of_video[:, list(twins)]
 
 
-def _of_all(joint: Joint, used: list[int], lengths: list[int], found: Screening) -> SyncResult:
-    """The joint answer with the excluded videos in their places."""
-    nan = [np.full(n, np.nan) for n in lengths]
-    frames, phase, trust = list(nan), list(nan), [np.zeros(n) for n in lengths]
+def _of_all_videos(
+    joint: JointResult, used: list[int], lengths: list[int], screening: Screening
+) -> SyncResult:
+    """The joint result extended by the excluded videos."""
+    unmatched = [np.full(n, np.nan) for n in lengths]
+    frames, phase, confidence = list(unmatched), list(unmatched), [np.zeros(n) for n in lengths]
     centrality, left_out, share = np.zeros(len(lengths)), *np.full((2, len(lengths)), np.nan)
     for k, v in enumerate(used):
-        frames[v], phase[v], trust[v] = (
-            joint.reference_frame[k],
-            joint.phase[k],
-            joint.confidence[k],
-        )
-    centrality[used], left_out[used], share[used] = (
-        joint.centrality,
-        joint.left_out_frames,
-        joint.left_out_share,
-    )
+        frames[v], phase[v] = joint.reference_frame[k], joint.phase[k]
+        confidence[v] = joint.confidence[k]
+    centrality[used], left_out[used] = joint.centrality, joint.left_out_frames
+    share[used] = joint.left_out_share
     return SyncResult(
         reference=used[joint.reference],
         reference_frame=frames,
-        confidence=trust,
+        confidence=confidence,
         phase=phase,
-        affinity=_spread_out(joint.affinity, used, lengths),
-        relaxed=_spread_out(joint.relaxed, used, lengths),
+        affinity=_matrix_of_all(joint.affinity, used, lengths),
+        relaxed=_matrix_of_all(joint.relaxed, used, lengths),
         centrality=centrality,
         matched_square=joint.matched_square,
         cycle=joint.cycle,
         triples=[
-            Triple((used[t.videos[0]], used[t.videos[1]], used[t.videos[2]]), *t.numbers)
+            replace(t, videos=(used[t.videos[0]], used[t.videos[1]], used[t.videos[2]]))
             for t in joint.triples
         ],
         left_out_frames=left_out,
         left_out_share=share,
-        screening=found,
+        screening=screening,
         status=_status(joint),
     )
 
 
-def _spread_out(
-    matrix: NDArray[np.float32], used: list[int], lengths: list[int]
-) -> NDArray[np.float32]:
-    """A matrix of the used videos' frames as one of all frames; the others know themselves only."""
+def _matrix_of_all(matrix: np.ndarray, used: list[int], lengths: list[int]) -> np.ndarray:
+    """A matrix of the used videos' frames extended to all frames; the others match themselves."""
     if len(used) == len(lengths):
         return matrix
     blocks = Blocks(tuple(lengths))
@@ -187,8 +206,8 @@ def _spread_out(
     return out
 
 
-def _status(joint: Joint) -> str:
-    """One sentence on what was found."""
+def _status(joint: JointResult) -> str:
+    """One sentence: share of matched frames, mean confidence, cycle consistency."""
     others = [v for v in range(len(joint.reference_frame)) if v != joint.reference]
     if not others:
         return "one video: nothing to synchronise"

@@ -4,20 +4,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.sync.pairwise.affinity import (
-    gaussian_affinity,
-    optimal_trace,
-    procrustes_distances,
-    reciprocal_affinity,
-)
+from imocap_core.sync.pairwise.affinity import gaussian_affinity, reciprocal_affinity
+from imocap_core.sync.pairwise.procrustes import optimal_trace, procrustes_distances
 
 
 def distance_naive(a: np.ndarray, b: np.ndarray, w: np.ndarray) -> float:
     """One pair, by the singular value decomposition."""
-    seen = w > 0
-    if seen.sum() < 3:
+    shared = w > 0
+    if shared.sum() < 3:
         return np.nan
-    a, b, w = a[seen], b[seen], w[seen, None]
+    a, b, w = a[shared], b[shared], w[shared, None]
     a, b = a - (w * a).sum(0) / w.sum(), b - (w * b).sum(0) / w.sum()
     U, s, Vt = np.linalg.svd((w * a).T @ b)
     s[2] *= np.sign(np.linalg.det(U @ Vt))
@@ -41,15 +37,15 @@ def poses() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 
 def test_matches_one_svd_per_pair(poses) -> None:
     a, b, wa, wb = poses
-    found = procrustes_distances(a, b, wa, wb)
+    distances = procrustes_distances(a, b, wa, wb)
     naive = np.array(
         [
             [distance_naive(x, y, u * v) for y, v in zip(b, wb, strict=True)]
             for x, u in zip(a, wa, strict=True)
         ]
     )
-    assert np.isnan(found[7]).all()
-    np.testing.assert_allclose(found, naive, atol=1e-7)
+    assert np.isnan(distances[7]).all()
+    np.testing.assert_allclose(distances, naive, atol=1e-7)
 
 
 def test_chunks_do_not_matter(poses) -> None:
@@ -87,6 +83,7 @@ def test_affinity_falls_from_one(affinity) -> None:
     assert (values >= 0).all()
 
 
+@pytest.mark.usefixtures("unchecked_shapes")
 def test_shapes_are_named() -> None:
     with pytest.raises(ValueError, match="equal J"):
         procrustes_distances(

@@ -5,7 +5,8 @@ import pytest
 
 from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.cycle.als import als
-from imocap_core.sync.cycle.methods import held_out_residual, relax, relax_auto, symmetric_affinity
+from imocap_core.sync.cycle.methods import held_out_residual, relax, relax_auto
+from imocap_core.sync.cycle.row_contrast import symmetric_affinity
 from imocap_core.sync.cycle.softmap import row_stochastic, softmap
 from imocap_core.sync.cycle.svt import shrink_spectrum, svt
 
@@ -57,8 +58,8 @@ def softmap_naive(affinity: np.ndarray, blocks: Blocks) -> np.ndarray:
 def test_softmap_is_its_formula() -> None:
     blocks = Blocks((4, 5, 6))
     affinity = RNG(0).random((15, 15)) + 0.01
-    found, report = softmap(affinity, blocks, rounds=1)
-    np.testing.assert_allclose(found, softmap_naive(affinity, blocks), atol=1e-5)
+    relaxed, report = softmap(affinity, blocks, rounds=1)
+    np.testing.assert_allclose(relaxed, softmap_naive(affinity, blocks), atol=1e-5)
     assert report.iterations == 1
 
 
@@ -92,11 +93,11 @@ def test_softmap_sharpens_noisy_soft_maps() -> None:
     relaxed, _ = softmap(maps, blocks)
 
     def error(matrix: np.ndarray) -> float:
-        found = [
+        errors = [
             np.asarray(blocks.block(matrix, i, j)) @ phases[j] - phases[i]
             for i, j in blocks.pairs()
         ]
-        return float(np.mean(np.abs(found)))
+        return float(np.mean(np.abs(errors)))
 
     assert error(relaxed) < 0.95 * error(maps)
 
@@ -134,8 +135,8 @@ def test_an_uninformative_video_does_not_blur_the_others() -> None:
     for v in (0, 1, 2):
         blocks.block(dark, 3, v)[...], blocks.block(dark, v, 3)[...] = 1.0, 1.0
     relaxed, _ = softmap(dark, blocks)
-    kept = np.asarray(blocks.block(relaxed, 0, 1))[np.asarray(blocks.block(truth, 0, 1)) > 0]
-    assert kept.min() > 0.9
+    matching = np.asarray(blocks.block(relaxed, 0, 1))[np.asarray(blocks.block(truth, 0, 1)) > 0]
+    assert matching.min() > 0.9
 
 
 def test_auto_prefers_the_smaller_held_out_residual() -> None:

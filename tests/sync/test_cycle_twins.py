@@ -5,8 +5,8 @@ import pytest
 
 from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.cycle.als import als
-from imocap_core.sync.cycle.methods import relax, symmetric_affinity
-from imocap_core.sync.cycle.row_contrast import contrasted
+from imocap_core.sync.cycle.methods import relax
+from imocap_core.sync.cycle.row_contrast import row_contrast, symmetric_affinity
 from imocap_core.sync.cycle.svt import svt
 from imocap_core.sync.warp.dtw import dtw, positions_of_rows
 
@@ -39,7 +39,7 @@ def next_mu(mu: float, primal: float, dual: float) -> float:
 
 def svt_naive(S: np.ndarray, blocks: Blocks, steps: int) -> tuple[np.ndarray, list[float]]:
     """ADMM on -<S - alpha, X> + lambda |Q|_*, X in C, X = Q, with a whole SVD each step."""
-    X, mu, Y, said = in_c(S, blocks), 64.0, np.zeros_like(S), []
+    X, mu, Y, residuals = in_c(S, blocks), 64.0, np.zeros_like(S), []
     W = X - ALPHA
     for _ in range(steps):
         U, s, Vt = np.linalg.svd(X + Y / mu)
@@ -47,16 +47,16 @@ def svt_naive(S: np.ndarray, blocks: Blocks, steps: int) -> tuple[np.ndarray, li
         before, X = X, in_c(Q - (Y - W) / mu, blocks)
         Y = Y + mu * (X - Q)
         primal, dual = (np.sqrt(((X - P) ** 2).sum()) / len(S) for P in (Q, before))
-        said.append(max(primal, mu * dual))
+        residuals.append(max(primal, mu * dual))
         mu = next_mu(mu, primal, mu * dual)
-    return X, said
+    return X, residuals
 
 
 def als_naive(
     S: np.ndarray, blocks: Blocks, rank: int, steps: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, list[float]]:
     """The same with Q = A B', every row of a factor by its own least squares with ridge rows."""
-    Z, mu, Y, said = in_c(S, blocks), 64.0, np.zeros_like(S), []
+    Z, mu, Y, residuals = in_c(S, blocks), 64.0, np.zeros_like(S), []
     W, A = Z - ALPHA, Z @ rng.standard_normal((len(S), rank), dtype=np.float32).astype(float) / 10
 
     def solved(factor: np.ndarray, target: np.ndarray, ridge: float) -> np.ndarray:
@@ -73,9 +73,9 @@ def als_naive(
         before, Z = Z, in_c(X + Y / mu, blocks)
         Y = Y + mu * (X - Z)
         primal, dual = (np.sqrt(((Z - P) ** 2).sum()) / len(S) for P in (X, before))
-        said.append(max(primal, mu * dual))
+        residuals.append(max(primal, mu * dual))
         mu = next_mu(mu, primal, mu * dual)
-    return Z, said
+    return Z, residuals
 
 
 def affinity_of(seed: int) -> tuple[np.ndarray, Blocks]:
@@ -86,21 +86,21 @@ def affinity_of(seed: int) -> tuple[np.ndarray, Blocks]:
 @pytest.mark.parametrize("seed", [0, 1])
 def test_svt_is_its_naive_twin(seed: int) -> None:
     S, blocks = affinity_of(seed)
-    found, report = svt(S, blocks, nuclear_weight=LAMBDA, tolerance=0.0, max_iterations=20)
-    slow, said = svt_naive(S, blocks, 20)
-    np.testing.assert_allclose(found, slow, atol=2e-4)
-    np.testing.assert_allclose(report.change, said, rtol=1e-2, atol=1e-5)
+    fast, report = svt(S, blocks, nuclear_weight=LAMBDA, tolerance=0.0, max_iterations=20)
+    slow, residuals = svt_naive(S, blocks, 20)
+    np.testing.assert_allclose(fast, slow, atol=2e-4)
+    np.testing.assert_allclose(report.change, residuals, rtol=1e-2, atol=1e-5)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_als_is_its_naive_twin(seed: int) -> None:
     S, blocks = affinity_of(seed)
-    found, report = als(
+    fast, report = als(
         S, blocks, rng=RNG(3), nuclear_weight=LAMBDA, tolerance=0.0, max_iterations=20
     )
-    slow, said = als_naive(S, blocks, 32, 20, RNG(3))
-    np.testing.assert_allclose(found, slow, atol=2e-3)
-    np.testing.assert_allclose(report.change, said, rtol=5e-2, atol=1e-4)
+    slow, residuals = als_naive(S, blocks, 32, 20, RNG(3))
+    np.testing.assert_allclose(fast, slow, atol=2e-3)
+    np.testing.assert_allclose(report.change, residuals, rtol=5e-2, atol=1e-4)
 
 
 def test_als_and_svt_solve_one_convex_problem() -> None:
@@ -111,10 +111,10 @@ def test_als_and_svt_solve_one_convex_problem() -> None:
 
     choice = {"nuclear_weight": LAMBDA, "tolerance": 1e-4, "max_iterations": 2000}
     # a rank of 9 times the longest clip is no bound
-    by_als, said_als = als(S, blocks, rng=RNG(0), rank_factor=9.0, **choice)  # type: ignore[arg-type]
-    by_svt, said_svt = svt(S, blocks, **choice)  # type: ignore[arg-type]
-    assert said_als.converged
-    assert said_svt.converged
+    by_als, als_report = als(S, blocks, rng=RNG(0), rank_factor=9.0, **choice)  # type: ignore[arg-type]
+    by_svt, svt_report = svt(S, blocks, **choice)  # type: ignore[arg-type]
+    assert als_report.converged
+    assert svt_report.converged
     assert objective(by_als) == pytest.approx(objective(by_svt), rel=1e-3)
     assert objective(by_svt) < objective(in_c(S, blocks))
 
@@ -139,9 +139,9 @@ def test_the_report_says_whether_the_residuals_are_below_the_tolerance(method: s
 def test_contrast_is_blind_to_a_constant_and_to_scale() -> None:
     _, blocks = soft_scene(RNG(4))
     maps = RNG(5).random((blocks.total, blocks.total))
-    np.testing.assert_allclose(contrasted(0.3 * maps + 0.4, blocks), contrasted(maps, blocks))
+    np.testing.assert_allclose(row_contrast(0.3 * maps + 0.4, blocks), row_contrast(maps, blocks))
     flat = np.full_like(maps, 0.4)
-    np.testing.assert_array_equal(contrasted(flat, blocks), np.eye(blocks.total))
+    np.testing.assert_array_equal(row_contrast(flat, blocks), np.eye(blocks.total))
 
 
 @pytest.mark.parametrize("method", ["als", "svt"])

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from imocap_core.params import SyncParams
-from tests.sync.test_synchronise import SETTINGS, error_s, run, seen
+from tests.sync.test_synchronise import PARAMS, error_s, estimated, run
 
 
 @pytest.mark.parametrize(("max_rate", "reference"), [(4.0, 0), (np.inf, 0), (np.inf, 1)])
 def test_a_video_at_a_quarter_of_the_speed(max_rate: float, reference: int) -> None:
     rng = np.random.default_rng(20)
     phases = [np.linspace(1.0, 4.0, 90), np.linspace(1.2, 3.8, 312), np.linspace(0.9, 4.2, 95)]
-    poses = [seen(p, rng) for p in phases]
-    result = run(poses, replace(SETTINGS, max_rate=max_rate), reference=reference)
+    poses = [estimated(p, rng) for p in phases]
+    result = run(poses, replace(PARAMS, max_rate=max_rate), reference=reference)
     assert error_s(phases, result.reference_frame, reference).mean() < 0.06
     other = 1 - reference
     f = result.reference_frame[other]
@@ -27,7 +27,7 @@ def test_a_video_at_a_quarter_of_the_speed(max_rate: float, reference: int) -> N
 def test_slow_motion_does_not_make_a_reference_beyond_the_largest_rate() -> None:
     rng = np.random.default_rng(20)
     phases = [np.linspace(1.0, 4.0, 90), np.linspace(1.2, 3.8, 312), np.linspace(0.9, 4.2, 95)]
-    result = run([seen(p, rng) for p in phases], replace(SETTINGS, max_rate=4.0))
+    result = run([estimated(p, rng) for p in phases], replace(PARAMS, max_rate=4.0))
     assert result.reference != 1
     assert error_s(phases, result.reference_frame, result.reference).mean() < 0.06
 
@@ -36,48 +36,48 @@ def test_three_frame_rates_give_one_axis_in_seconds() -> None:
     rng = np.random.default_rng(21)
     rates = [12.0, 25.0, 60.0]
     phases = [np.arange(0.5 * v, 4.0 + 0.3 * v, 1 / f) for v, f in enumerate(rates)]
-    result = run([seen(p, rng) for p in phases], fps=rates, reference=1)
+    result = run([estimated(p, rng) for p in phases], fps=rates, reference=1)
     assert error_s(phases, result.reference_frame, 1).mean() < 0.04
-    for p, found in zip(phases, result.phase, strict=True):
-        assert np.abs(found - (p - phases[1][0])).mean() < 0.06
+    for p, phase in zip(phases, result.phase, strict=True):
+        assert np.abs(phase - (p - phases[1][0])).mean() < 0.06
 
 
 def test_a_frozen_picture_stays_where_it_is_and_the_rest_is_as_without_it() -> None:
     rng = np.random.default_rng(22)
     phase = np.linspace(0.5, 4.5, 120)
-    other = seen(np.linspace(0.4, 4.6, 126), rng)
-    poses = seen(phase, rng)
+    other = estimated(np.linspace(0.4, 4.6, 126), rng)
+    poses = estimated(phase, rng)
     plain = run([other, poses], reference=0).reference_frame[1]
     frozen = np.concatenate([poses[:60], np.repeat(poses[60:61], 20, axis=0), poses[60:]])
-    found = run([other, frozen], reference=0).reference_frame[1]
-    assert np.abs(found[:55] - plain[:55]).mean() < 1.0
-    assert np.abs(found[85:] - plain[65:]).mean() < 1.0
-    assert (np.diff(found) >= 0).all()
-    assert found[80] - found[60] < 0.5 * 20
-    assert np.abs(found[60:80] - plain[60]).max() < 6.0
+    frames = run([other, frozen], reference=0).reference_frame[1]
+    assert np.abs(frames[:55] - plain[:55]).mean() < 1.0
+    assert np.abs(frames[85:] - plain[65:]).mean() < 1.0
+    assert (np.diff(frames) >= 0).all()
+    assert frames[80] - frames[60] < 0.5 * 20
+    assert np.abs(frames[60:80] - plain[60]).max() < 6.0
 
 
 def test_frames_shown_twice_share_their_place() -> None:
     rng = np.random.default_rng(23)
     phase = np.linspace(0.5, 4.5, 100)
-    poses = seen(phase, rng)
+    poses = estimated(phase, rng)
     twice = np.repeat(poses, 2, axis=0)
     phases = [np.linspace(0.4, 4.6, 126), np.repeat(phase, 2)]
-    result = run([seen(phases[0], rng), twice], reference=0)
+    result = run([estimated(phases[0], rng), twice], reference=0)
     assert error_s(phases, result.reference_frame, 0).mean() < 0.03
 
 
 def test_clips_that_share_their_middle_match_there_alone() -> None:
     rng = np.random.default_rng(24)
     phases = [np.linspace(0.0, 4.0, 120), np.linspace(2.0, 6.0, 120)]
-    result = run([seen(p, rng, 0.02) for p in phases], reference=0)
-    f, own = result.reference_frame[1], phases[1]
-    assert np.isfinite(f[own < 3.8]).mean() > 0.95
-    assert np.isnan(f[own > 4.3]).mean() > 0.9
+    result = run([estimated(p, rng, 0.02) for p in phases], reference=0)
+    f, true = result.reference_frame[1], phases[1]
+    assert np.isfinite(f[true < 3.8]).mean() > 0.95
+    assert np.isnan(f[true > 4.3]).mean() > 0.9
     assert error_s(phases, result.reference_frame, 0).mean() < 0.06
     # the common axis goes on where the reference has ended
-    late = own > 4.3
-    assert np.abs(result.phase[1][late] - own[late]).mean() < 0.35
+    late = true > 4.3
+    assert np.abs(result.phase[1][late] - true[late]).mean() < 0.35
 
 
 def test_a_longer_hold_is_crossed_at_one_pace() -> None:
@@ -86,7 +86,7 @@ def test_a_longer_hold_is_crossed_at_one_pace() -> None:
     def held(frames: int) -> np.ndarray:
         return np.concatenate([np.linspace(0, 2, 50), np.full(frames, 2.0), np.linspace(2, 4, 50)])
 
-    result = run([seen(held(80), rng, 0.02), seen(held(40), rng, 0.02)], reference=0)
+    result = run([estimated(held(80), rng, 0.02), estimated(held(40), rng, 0.02)], reference=0)
     f = result.reference_frame[1]
     assert np.abs(f[:45] - np.arange(45)).mean() < 1.0
     assert np.abs(f[95:] - np.arange(135, 180)).mean() < 1.0
@@ -104,8 +104,8 @@ def test_every_cycle_method_with_either_warp(method: str, warp: str) -> None:
         1.0 + 3.0 * np.linspace(0, 1, 48) ** 1.3,
         1.0 + 3.0 * np.linspace(0, 1, 54) ** 0.8,
     ]
-    chosen: SyncParams = replace(SETTINGS, method=method, warp=warp)
-    result = run([seen(p, rng) for p in phases], chosen, reference=0)
+    chosen: SyncParams = replace(PARAMS, method=method, warp=warp)
+    result = run([estimated(p, rng) for p in phases], chosen, reference=0)
     limit = 0.04 if warp == "posterior" else 0.12
     assert error_s(phases, result.reference_frame, 0).mean() < limit, result.status
     matched = np.isfinite(np.concatenate(result.reference_frame)).mean()

@@ -4,8 +4,8 @@ import numpy as np
 
 from imocap_core.sync.map_consistency import (
     PairMaps,
+    composed,
     cycle_residuals,
-    followed,
     left_out_disagreement,
 )
 
@@ -68,5 +68,5 @@ def test_two_videos_have_nothing_to_be_held_against() -> None:
 
 def test_following_a_map_interpolates_and_loses_what_is_unmatched() -> None:
     then = np.array([0.0, 2.0, np.nan, 6.0])
-    got = followed(np.array([0.0, 0.5, 1.0, 1.5, 3.0, np.nan]), then)
+    got = composed(np.array([0.0, 0.5, 1.0, 1.5, 3.0, np.nan]), then)
     np.testing.assert_allclose(got, [0.0, 1.0, 2.0, np.nan, 6.0, np.nan])

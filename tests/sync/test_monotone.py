@@ -5,7 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from imocap_core.sync.warp.monotone import interpolated_squares, monotone_posterior
+from imocap_core.sync.warp.monotone import monotone_posterior
+from imocap_core.sync.warp.soft_maps import at_fine_positions
 
 
 def posterior_naive(cost: np.ndarray, max_step: int | None) -> np.ndarray:
@@ -50,12 +51,9 @@ def test_time_reversal_reverses() -> None:
     np.testing.assert_allclose(matched_back[::-1], matched, atol=1e-9)
 
 
-def test_interpolated_squares_are_exact_for_straight_motion() -> None:
-    rng = np.random.default_rng(4)
-    points, line = rng.normal(size=(6, 3)), rng.normal(size=(5, 3))
-    squares = ((points[:, None] - line[None]) ** 2).sum(-1)
-    steps = (np.diff(line, axis=0) ** 2).sum(-1)
-    at = np.arange(17) / 4
-    fine = np.stack([np.interp(at, np.arange(5), line[:, k]) for k in range(3)], axis=-1)
-    expected = ((points[:, None] - fine[None]) ** 2).sum(-1)
-    np.testing.assert_allclose(interpolated_squares(squares, steps, 4), expected, atol=1e-12)
+def test_fine_positions_interpolate_the_map_and_sum_to_one() -> None:
+    soft_map = np.random.default_rng(4).dirichlet(np.ones(5), 6)
+    fine = at_fine_positions(soft_map, 4)
+    positions = np.arange(17) / 4
+    expected = np.stack([np.interp(positions, np.arange(5), row) for row in soft_map])
+    np.testing.assert_allclose(fine, expected / expected.sum(axis=1, keepdims=True), atol=1e-12)

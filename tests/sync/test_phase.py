@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from imocap_core.sync.phase import FIRM, Link, common_phase, positions_in
+from imocap_core.sync.phase import HARD_WEIGHT, WeightedMap, common_phase, positions_in
 
 FPS = 25.0
 
@@ -13,17 +13,17 @@ def clip(first_s: float, last_s: float, fps: float) -> np.ndarray:
     return np.arange(first_s, last_s, 1.0 / fps)
 
 
-def link(i: int, j: int, times: list[np.ndarray], weight: float = 1.0) -> Link:
-    """Where the frames of clip i truly lie in clip j; NaN outside."""
-    at = np.interp(
+def true_map(i: int, j: int, times: list[np.ndarray], weight: float = 1.0) -> WeightedMap:
+    """The true positions of the frames of clip i in clip j; NaN outside."""
+    positions = np.interp(
         times[i], times[j], np.arange(len(times[j]), dtype=float), left=np.nan, right=np.nan
     )
-    return Link(i, j, at, weight * np.isfinite(at))
+    return WeightedMap(i, j, positions, weight * np.isfinite(positions))
 
 
-def every_link(times: list[np.ndarray]) -> list[Link]:
+def every_map(times: list[np.ndarray]) -> list[WeightedMap]:
     M = len(times)
-    return [link(i, j, times) for i in range(M) for j in range(M) if i != j]
+    return [true_map(i, j, times) for i in range(M) for j in range(M) if i != j]
 
 
 def lengths(times: list[np.ndarray]) -> list[int]:
@@ -32,62 +32,62 @@ def lengths(times: list[np.ndarray]) -> list[int]:
 
 def test_true_maps_give_the_true_phases() -> None:
     times = [clip(0, 4, FPS), clip(1, 5, 30.0), clip(-1, 3, 50.0)]
-    found = common_phase([FPS, 30.0, 50.0], lengths(times), 0, every_link(times))
-    np.testing.assert_array_equal(found[0], np.arange(100) / FPS)
-    for phase, true in zip(found, times, strict=True):
+    phases = common_phase([FPS, 30.0, 50.0], lengths(times), 0, every_map(times))
+    np.testing.assert_array_equal(phases[0], np.arange(100) / FPS)
+    for phase, true in zip(phases, times, strict=True):
         inside = (true >= 0) & (true <= times[0][-1])
         np.testing.assert_allclose(phase[inside], true[inside], atol=2e-3)
 
 
 def test_frames_that_only_other_videos_share_lie_outside_the_reference() -> None:
     times = [clip(0, 3, FPS), clip(1, 6, FPS), clip(2, 7, FPS)]
-    found = common_phase([FPS] * 3, lengths(times), 0, every_link(times))
+    phases = common_phase([FPS] * 3, lengths(times), 0, every_map(times))
     for v in (1, 2):
-        np.testing.assert_allclose(found[v], times[v], atol=0.02)
-    assert found[1][-1] > 2 * found[0][-1] - 0.5
+        np.testing.assert_allclose(phases[v], times[v], atol=0.02)
+    assert phases[1][-1] > 2 * phases[0][-1] - 0.5
 
 
 def test_a_chain_of_videos_reaches_one_that_the_reference_never_meets() -> None:
     times = [clip(0, 3, FPS), clip(2, 5, FPS), clip(4, 7, FPS)]
-    links = [link(0, 1, times), link(1, 0, times), link(1, 2, times), link(2, 1, times)]
-    found = common_phase([FPS] * 3, lengths(times), 0, links)
-    np.testing.assert_allclose(found[2], times[2], atol=0.02)
+    maps = [true_map(i, j, times) for i, j in ((0, 1), (1, 0), (1, 2), (2, 1))]
+    phases = common_phase([FPS] * 3, lengths(times), 0, maps)
+    np.testing.assert_allclose(phases[2], times[2], atol=0.02)
 
 
-def test_a_video_without_any_link_has_no_phase() -> None:
+def test_a_video_without_any_map_has_no_phase() -> None:
     times = [clip(0, 3, FPS), clip(0, 3, FPS), clip(0, 3, FPS)]
-    links = [link(0, 1, times), Link(2, 0, np.full(75, np.nan), np.zeros(75))]
-    found = common_phase([FPS] * 3, lengths(times), 0, links)
-    assert np.isfinite(found[1]).all()
-    assert np.isnan(found[2]).all()
+    maps = [true_map(0, 1, times), WeightedMap(2, 0, np.full(75, np.nan), np.zeros(75))]
+    phases = common_phase([FPS] * 3, lengths(times), 0, maps)
+    assert np.isfinite(phases[1]).all()
+    assert np.isnan(phases[2]).all()
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_maps_through_phases_close_every_cycle_and_outliers_do_not_bend_them(seed: int) -> None:
     rng = np.random.default_rng(seed)
     times = [clip(0, 4, FPS), clip(0.2, 4.4, FPS), clip(-0.3, 3.8, 30.0)]
-    links = []
-    for k in every_link(times):
+    maps = []
+    for k in every_map(times):
         off = k.positions + rng.normal(0, 0.5, len(k.positions))
         off[40:52] += 20.0 * (k.i == 1 and k.j == 2)  # a dozen frames gone astray in one map
-        links.append(Link(k.i, k.j, off, k.weights))
-    phase = common_phase([FPS, FPS, 30.0], lengths(times), 0, links)
+        maps.append(WeightedMap(k.i, k.j, off, k.weights))
+    phase = common_phase([FPS, FPS, 30.0], lengths(times), 0, maps)
     for p, true in zip(phase, times, strict=True):
         assert (np.diff(p) >= 0).all()
         shared = (true > 0.2) & (true < 3.8)
         assert np.abs(p - true)[shared].max() < 0.06
     on = positions_in(phase[1], phase[2])
     back = positions_in(np.interp(on, np.arange(len(phase[2])), phase[2]), phase[1])
-    seen = np.isfinite(back)
-    assert seen.mean() > 0.8
-    assert np.abs(back - np.arange(len(back)))[seen].max() < 0.75  # where phases pause, a frame
+    matched = np.isfinite(back)
+    assert matched.mean() > 0.8
+    assert np.abs(back - np.arange(len(back)))[matched].max() < 0.75  # where phases pause, a frame
 
 
-def test_what_must_hold_holds_against_all_evidence() -> None:
+def test_a_hard_weight_prevails_against_all_evidence() -> None:
     times = [clip(0, 4, FPS), clip(0, 4, FPS), clip(0, 4, FPS)]
-    firm, weight = np.full(100, np.nan), np.zeros(100)
-    firm[50], weight[50] = 56.0, FIRM
-    links = [*every_link(times), Link(1, 2, firm, weight)]
-    phase = common_phase([FPS] * 3, lengths(times), 0, links)
+    hard, weight = np.full(100, np.nan), np.zeros(100)
+    hard[50], weight[50] = 56.0, HARD_WEIGHT
+    maps = [*every_map(times), WeightedMap(1, 2, hard, weight)]
+    phase = common_phase([FPS] * 3, lengths(times), 0, maps)
     assert abs(positions_in(phase[1][50:51], phase[2])[0] - 56.0) < 0.5
     assert abs(phase[1][10] - times[1][10]) < 0.02

@@ -11,7 +11,12 @@ from scipy.ndimage import gaussian_filter1d
 
 from imocap_core.params import RepetitionParams
 from imocap_core.sync.repetition.segmentation import Repetitions, find_repetitions
-from imocap_core.sync.repetition.template_matching import best_totals, chosen_spans, matches, values
+from imocap_core.sync.repetition.template_matching import (
+    best_totals,
+    chosen_spans,
+    match_values,
+    subsequence_dtw,
+)
 from imocap_core.synthetic.variation import Clip, pace
 
 Array = NDArray[np.float64]
@@ -75,9 +80,9 @@ def test_number_is_exact_and_cuts_are_near(count: int, pause_s: float) -> None:
     for seed in range(3):
         rng = np.random.default_rng([seed, count])
         poses, spans = _repeated(_from_rest_to_rest(75, rng), count, pause_s, rng)
-        found = _find(_unsure(poses, rng))
-        assert len(found.spans) == count, found.status
-        off = np.array(found.spans) - np.array(spans)
+        repetitions = _find(_unsure(poses, rng))
+        assert len(repetitions.spans) == count, repetitions.status
+        off = np.array(repetitions.spans) - np.array(spans)
         common = np.median(off, axis=0)  # the same share of the slow beginning and end left out
         assert np.abs(common).max() <= 15, off
         assert np.abs(off - common).max() <= 10, off
@@ -91,21 +96,22 @@ def test_a_periodic_motion_is_cut_at_one_phase() -> None:
     phase = pace(Clip(200, 0.0, 5.6 * 40, FPS), rng)
     low = phase.astype(int)
     share = (phase - low)[:, None, None]
-    found = _find(_unsure((1 - share) * cycle[low % 40] + share * cycle[(low + 1) % 40], rng, 0.01))
-    assert len(found.spans) in (5, 6)
-    cuts = phase[[first for first, _ in found.spans]] / 40
+    poses = (1 - share) * cycle[low % 40] + share * cycle[(low + 1) % 40]
+    repetitions = _find(_unsure(poses, rng, 0.01))
+    assert len(repetitions.spans) in (5, 6)
+    cuts = phase[[first for first, _ in repetitions.spans]] / 40
     spread = np.abs(np.exp(2j * np.pi * cuts).mean())
     assert spread > 0.95
-    lengths = np.diff(phase[[[a, b - 1] for a, b in found.spans]], axis=1) / 40
+    lengths = np.diff(phase[[[a, b - 1] for a, b in repetitions.spans]], axis=1) / 40
     assert np.abs(lengths[1:-1] - 1).max() < 0.1
 
 
 def test_nothing_is_found_where_nothing_repeats() -> None:
     for seed in range(6):
         rng = np.random.default_rng(seed)
-        found = _find(_unsure(_wandering(300, rng), rng))
-        assert found.spans == ((0, 300),)
-        assert found.status.startswith("no repetitions")
+        repetitions = _find(_unsure(_wandering(300, rng), rng))
+        assert repetitions.spans == ((0, 300),)
+        assert repetitions.status.startswith("no repetitions")
 
 
 def test_other_motion_between_repetitions_belongs_to_none() -> None:
@@ -113,21 +119,21 @@ def test_other_motion_between_repetitions_belongs_to_none() -> None:
     poses, spans = _repeated(_from_rest_to_rest(75, rng), 3, 0.0, rng)
     other = poses[:1] + (_wandering(60, rng) - _wandering(1, rng)) * 0.5
     cut = spans[1][0]
-    found = _find(np.concatenate([poses[:cut], other, poses[cut:]]))
-    assert len(found.spans) == 3
-    assert all(b <= cut + 8 or a >= cut + 52 for a, b in found.spans)
+    repetitions = _find(np.concatenate([poses[:cut], other, poses[cut:]]))
+    assert len(repetitions.spans) == 3
+    assert all(b <= cut + 8 or a >= cut + 52 for a, b in repetitions.spans)
 
 
 def test_view_size_and_still_ends_change_nothing() -> None:
     rng = np.random.default_rng(6)
     poses, _ = _repeated(_from_rest_to_rest(75, rng), 3, 0.5, rng)
-    found = _find(poses)
+    repetitions = _find(poses)
     turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     turn *= np.linalg.det(turn)
-    assert _find(2.5 * poses @ turn.T + [3.0, -1.0, 7.0]).spans == found.spans
+    assert _find(2.5 * poses @ turn.T + [3.0, -1.0, 7.0]).spans == repetitions.spans
     waiting = np.concatenate([np.repeat(poses[:1], 40, axis=0), poses])
     later = np.array(_find(waiting).spans) - 40
-    assert np.abs(later - np.array(found.spans)).max() <= 6
+    assert np.abs(later - np.array(repetitions.spans)).max() <= 6
 
 
 def test_missing_joints_and_frames_are_bridged() -> None:
@@ -138,8 +144,9 @@ def test_missing_joints_and_frames_are_bridged() -> None:
     assert len(_find(poses).spans) == len(spans)
 
 
+@pytest.mark.usefixtures("unchecked_shapes")
 @pytest.mark.parametrize("poses", [np.zeros((0, 3, 3)), np.zeros((9, 3))])
-def test_what_is_no_motion_is_refused(poses: Array) -> None:
+def test_shapes_that_are_no_motion_are_refused(poses: Array) -> None:
     with pytest.raises(ValueError, match="poses: expected"):
         _find(poses)
 
@@ -150,31 +157,31 @@ def test_a_still_or_short_clip_is_one_piece() -> None:
     assert _find(np.full((50, 5, 3), np.nan)).spans == ((0, 50),)
 
 
-def _best_warp_naive(worth: Array, e: int) -> float:
+def _best_warp_naive(similarity: Array, e: int) -> float:
     """Every warp of all the template's samples that ends at e, one by one."""
     best = -np.inf
-    n = len(worth)
+    n = len(similarity)
 
-    def go(k: int, at: int, total: float) -> None:
+    def go(k: int, sample: int, total: float) -> None:
         nonlocal best
         if k == 0:
             best = max(best, total)
             return
         for step in (1, 2):
-            if at >= step:
-                go(k - 1, at - step, total + worth[k - 1, at - step])
-        if k >= 2 and at >= 1:
-            go(k - 2, at - 1, total + worth[k - 1, at] + worth[k - 2, at - 1])
+            if sample >= step:
+                go(k - 1, sample - step, total + similarity[k - 1, sample - step])
+        if k >= 2 and sample >= 1:
+            go(k - 2, sample - 1, total + similarity[k - 1, sample] + similarity[k - 2, sample - 1])
 
-    go(n - 1, e, worth[n - 1, e])
+    go(n - 1, e, similarity[n - 1, e])
     return best
 
 
-def test_matches_equal_all_warps_tried_one_by_one() -> None:
-    worth = np.random.default_rng(8).uniform(-1, 1, size=(5, 9))
-    total, begin = matches(worth)
+def test_subsequence_dtw_equals_all_warps_tried_one_by_one() -> None:
+    similarity = np.random.default_rng(8).uniform(-1, 1, size=(5, 9))
+    total, begin = subsequence_dtw(similarity)
     for n in range(1, 6):
-        naive = [_best_warp_naive(worth[:n], e) for e in range(9)]
+        naive = [_best_warp_naive(similarity[:n], e) for e in range(9)]
         # a step of two template samples counts the skipped one where the warp goes on
         np.testing.assert_allclose(total[n - 1], naive)
     assert (begin <= np.arange(9)).all()
@@ -182,8 +189,8 @@ def test_matches_equal_all_warps_tried_one_by_one() -> None:
 
 def test_chosen_matches_do_not_overlap_and_no_choice_is_better() -> None:
     rng = np.random.default_rng(9)
-    total, begin = matches(rng.uniform(-0.6, 1, size=(3, 12)))
-    value = values(total[-1:], begin[-1:], np.array([3]), 0, 0.2)
+    total, begin = subsequence_dtw(rng.uniform(-0.6, 1, size=(3, 12)))
+    value = match_values(total[-1:], begin[-1:], np.array([3]), 0, 0.2)
     best = best_totals(value, begin[-1:])[0]
     spans = chosen_spans(best, begin[-1])
     assert all(a[1] <= b[0] for a, b in pairwise(spans))

@@ -26,18 +26,18 @@ def _clip(name: str) -> np.ndarray:
     return relative
 
 
-def _found(poses: np.ndarray) -> Repetitions:
+def _repetitions(poses: np.ndarray) -> Repetitions:
     return find_repetitions(poses, FPS, RepetitionParams())
 
 
 @pytest.mark.parametrize(("walk", "strides"), [("06_01", 3), ("12_02", 4), ("12_03", 3)])
 def test_strides_of_a_walk_are_counted(walk: str, strides: int) -> None:
-    assert len(_found(_clip(walk)).spans) == strides
+    assert len(_repetitions(_clip(walk)).spans) == strides
 
 
 @pytest.mark.parametrize("dance", ["05_04", "05_06", "05_09", "05_13", "05_20", "13_15"])
 def test_nothing_repeats_in_a_dance(dance: str) -> None:
-    assert len(_found(_clip(dance)).spans) == 1
+    assert len(_repetitions(_clip(dance)).spans) == 1
 
 
 @pytest.mark.parametrize("action", ["05_03", "05_15", "02_04", "06_14"])
@@ -52,10 +52,10 @@ def test_performances_in_a_row_are_counted_and_cut(action: str) -> None:
         share = (phase - low)[:, None, None]
         parts.append((1 - share) * once[low] + share * once[low + 1])
         phases.append(phase / (len(once) - 1))
-    found = _found(np.concatenate(parts))
-    assert len(found.spans) == 3, found.status
-    at = np.concatenate([phase + k for k, phase in enumerate(phases)])
-    cuts = np.array([(at[first], at[stop - 1]) for first, stop in found.spans])
+    repetitions = _repetitions(np.concatenate(parts))
+    assert len(repetitions.spans) == 3, repetitions.status
+    phase_of = np.concatenate([phase + k for k, phase in enumerate(phases)])
+    cuts = np.array([(phase_of[first], phase_of[stop - 1]) for first, stop in repetitions.spans])
     off = cuts - np.arange(3)[:, None]  # in performances; slow endings are trimmed
     assert np.abs(off[:, 0]).max() < 0.2, off
     assert (off[:, 1] > 0.6).all(), off

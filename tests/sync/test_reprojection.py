@@ -1,4 +1,4 @@
-"""Time told by pictures: the law is a known motion, known cameras and noise of known size."""
+"""Synchronisation by reprojection: given motion, cameras and size of the noise."""
 
 from dataclasses import replace
 
@@ -11,10 +11,10 @@ from imocap_core.sync.warp.reprojection import (
     CalibratedVideo,
     ReprojectionEvidence,
     projected,
-    squares_in_picture,
+    reprojection_squares,
     weights_and_precision,
 )
-from tests.sync.test_synchronise import SETTINGS
+from tests.sync.test_synchronise import PARAMS
 
 K = np.array([[900.0, 0, 500], [0, 900, 500], [0, 0, 1]])
 NOISE_PX = 3.0
@@ -55,18 +55,18 @@ def blurred(true_at: np.ndarray, positions: np.ndarray, width: float) -> np.ndar
     return soft / soft.sum(1, keepdims=True)
 
 
-def test_derivatives_by_strays_are_those_of_the_projection() -> None:
+def test_derivatives_by_rigid_offsets_are_those_of_the_projection() -> None:
     video = film(np.linspace(0, 1, 3), 0.7, 1)
     x = motion(np.linspace(0, 1, 3))
-    seen, middle, small = projected(x, video), x.mean(1, keepdims=True), 1e-5
+    template, middle, small = projected(x, video), x.mean(1, keepdims=True), 1e-5
     for axis in range(3):
         turn = np.zeros(3)
         turn[axis] = small
         moved = x + np.cross(turn, x - middle)
-        slope = (projected(moved, video).xy_px - seen.xy_px) / small
-        assert np.abs(slope - seen.by_stray[..., axis]).max() < 0.1  # px per rad, of some 200
-        slope = (projected(x + turn, video).xy_px - seen.xy_px) / small
-        assert np.abs(slope - seen.by_stray[..., 3 + axis]).max() < 0.1
+        slope = (projected(moved, video).xy_px - template.xy_px) / small
+        assert np.abs(slope - template.by_offset[..., axis]).max() < 0.1  # px per rad, of some 200
+        slope = (projected(x + turn, video).xy_px - template.xy_px) / small
+        assert np.abs(slope - template.by_offset[..., 3 + axis]).max() < 0.1
 
 
 def test_a_performance_turned_and_shifted_keeps_its_time() -> None:
@@ -75,14 +75,14 @@ def test_a_performance_turned_and_shifted_keeps_its_time() -> None:
     turned = CalibratedVideo(
         video.xyz_m, video.xy_px + np.array([15.0, -8.0]), video.weight, K, video.R, video.t
     )
-    squares = squares_in_picture(
+    squares = reprojection_squares(
         projected(motion(phase), video), turned, np.arange(81), MotionParams()
     )
     assert np.abs(squares.argmin(1) - np.arange(81)).mean() < 1.0
     assert np.median(squares.min(1)) < 1.5
 
 
-def test_pictures_sharpen_a_blurred_map() -> None:
+def test_reprojection_sharpens_a_blurred_map() -> None:
     per_frame, frames = 4, 61
     reference, other = np.linspace(0, 6, frames), np.linspace(0.3, 5.7, 140)
     third = np.linspace(0, 6, 90)
@@ -98,7 +98,7 @@ def test_pictures_sharpen_a_blurred_map() -> None:
 
 
 @pytest.mark.parametrize("frames_off", [3, 10, 30])
-def test_poses_that_agree_with_a_wrong_map_are_corrected_by_pictures(frames_off: int) -> None:
+def test_poses_that_agree_with_a_wrong_map_are_corrected_by_reprojection(frames_off: int) -> None:
     """As in the loop: each pose was found where its frame was taken to lie."""
     frames, rng = 121, np.random.default_rng(20)
     phase = np.linspace(0, 6, frames)
@@ -110,25 +110,25 @@ def test_poses_that_agree_with_a_wrong_map_are_corrected_by_pictures(frames_off:
         for k, (a, x) in enumerate(zip((0.0, 1.6, 3.1), found, strict=True))
     ]
     poses = [x + 0.005 * rng.normal(size=x.shape) for x in found]
-    settings = replace(SETTINGS, outliers="ignore", mirrored="ignore")
+    params = replace(PARAMS, outliers="ignore", mirrored="ignore")
 
-    def error(pictures: ReprojectionEvidence | None) -> float:
+    def error(reprojection: ReprojectionEvidence | None) -> float:
         result = synchronise(
             poses,
             fps=[30.0] * 3,
-            settings=settings,
+            params=params,
             rng=np.random.default_rng(0),
             reference=0,
-            pictures=pictures,
+            reprojection=reprojection,
         )
         return float(np.nanmean(np.abs(result.reference_frame[1] - np.arange(frames))))
 
-    by_poses, by_pictures = error(None), error(ReprojectionEvidence(films, MotionParams()))
+    by_poses, by_reprojection = error(None), error(ReprojectionEvidence(films, MotionParams()))
     assert by_poses > 0.55 * frames_off
-    assert by_pictures < 0.3
+    assert by_reprojection < 0.3
 
 
-def test_pictures_of_a_performance_that_differs_are_not_used() -> None:
+def test_reprojection_of_a_performance_that_differs_is_not_used() -> None:
     phase = np.linspace(0, 6, 61)
     videos = [film(phase, a, 7 + k, spread_m=0.08) for k, a in enumerate((0.0, 1.6, 3.1))]
     positions = np.arange(60 * 4 + 1) / 4
@@ -154,29 +154,29 @@ def test_the_others_motion_is_without_the_video_itself() -> None:
 
 @pytest.mark.parametrize("off", [-6, 5])
 def test_where_a_frame_was_taken_to_lie_does_not_hold_it(off: int) -> None:
-    """Strays found there would take up the time that it is off."""
+    """Rigid offsets fitted there would absorb the error of time."""
     phase = np.linspace(0, 4, 81)
     video = film(phase, 0.7, 30)
     believed = np.clip(np.arange(81) + off, 0, 80)
-    squares = squares_in_picture(projected(motion(phase), video), video, believed, MotionParams())
+    squares = reprojection_squares(projected(motion(phase), video), video, believed, MotionParams())
     inner = slice(8, 73)
     error = squares.argmin(1)[inner] - np.arange(81)[inner]
     assert abs(error.mean()) < 0.1 * abs(off)
     assert np.abs(error).mean() < 1.0
 
 
-def test_the_fit_of_strays_at_every_moment_is_the_one_found_by_itself() -> None:
+def test_the_fit_of_rigid_offsets_at_every_moment_is_a_ridge_regression() -> None:
     """Against a ridge regression for each frame and moment."""
     phase = np.linspace(0, 1, 6)
     video = film(phase, 0.4, 31)
-    seen, at = projected(motion(phase), video), np.array([0, 1, 1, 3, 4, 5])
-    squares = squares_in_picture(seen, video, at, MotionParams())
-    weight, precision = weights_and_precision(seen, video, at, MotionParams())
+    template, at = projected(motion(phase), video), np.array([0, 1, 1, 3, 4, 5])
+    squares = reprojection_squares(template, video, at, MotionParams())
+    weight, precision = weights_and_precision(template, video, at, MotionParams())
     for t in range(6):
         for s in range(6):
             root = np.sqrt(np.repeat(weight[t], 2))
-            rows = root[:, None] * seen.by_stray[s].reshape(-1, 6)
-            right = root * (video.xy_px[t] - seen.xy_px[s]).ravel()
+            rows = root[:, None] * template.by_offset[s].reshape(-1, 6)
+            right = root * (video.xy_px[t] - template.xy_px[s]).ravel()
             ridge = np.vstack([rows, np.diag(np.sqrt(precision))])
             answer, *_ = np.linalg.lstsq(ridge, np.concatenate([right, np.zeros(6)]))
             left = np.concatenate([right, np.zeros(6)]) - ridge @ answer

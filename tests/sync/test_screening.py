@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from imocap_core.sync import SyncResult
+from imocap_core.sync.screening.messages import sentences
 from imocap_core.sync.screening.mirror import agreed, find_mirrored, mirrored_poses, signs_of
 from imocap_core.sync.screening.outliers import find_outliers, outlier_scores
-from imocap_core.sync.screening.screening import sentences
-from tests.sync.test_synchronise import SETTINGS, four_phases, run, seen
+from tests.sync.test_synchronise import PARAMS, estimated, four_phases, run
 
-ALIKE = np.full((4, 4), 0.05)  # steady levels, metres, of which no video stands out
+EQUAL = np.full((4, 4), 0.05)  # persistent differences, metres, by which no video stands out
 TWINS = (1, 0, 3, 2, 5, 4, 7, 6, 8, 9, 11, 10)
 
 
 def stranger(rng: np.random.Generator) -> np.ndarray:
     """A clip of a part of the motion that the others never reach."""
-    return seen(np.linspace(40, 47, 120), rng)
+    return estimated(np.linspace(40, 47, 120), rng)
 
 
 def test_reflecting_twice_changes_nothing_and_swaps_sides_once() -> None:
@@ -30,7 +30,7 @@ def test_reflecting_twice_changes_nothing_and_swaps_sides_once() -> None:
 @pytest.mark.parametrize("where", [0, 1, 3])
 def test_a_video_of_another_action_is_excluded_and_the_rest_is_as_without_it(where: int) -> None:
     rng = np.random.default_rng(12)
-    poses = [seen(p, rng) for p in four_phases()]
+    poses = [estimated(p, rng) for p in four_phases()]
     alone = run(poses)
     with_it = [*poses[:where], stranger(rng), *poses[where:]]
     result = run(with_it)
@@ -42,35 +42,35 @@ def test_a_video_of_another_action_is_excluded_and_the_rest_is_as_without_it(whe
     for f, g in zip(rest, alone.reference_frame, strict=True):
         np.testing.assert_allclose(f, g, atol=0.5)
     assert len(result.affinity) == sum(len(x) for x in with_it)
-    said = sentences(result.screening, ["a", "b", "c", "d", "e"])
-    assert len(said) == 1
-    assert said[0].startswith("abcde"[where] + " seems to show another action")
+    messages = sentences(result.screening, ["a", "b", "c", "d", "e"])
+    assert len(messages) == 1
+    assert messages[0].startswith("abcde"[where] + " seems to show another action")
 
 
 def test_the_switch_reports_or_ignores() -> None:
     rng = np.random.default_rng(12)
-    poses = [*(seen(p, rng) for p in four_phases()), stranger(rng)]
-    told = run(poses, replace(SETTINGS, outliers="report"))
-    assert told.screening.outliers == (4,)
-    assert told.screening.excluded == ()
-    blind = run(poses, replace(SETTINGS, outliers="ignore"))
-    assert blind.screening.outliers == ()
-    assert "used all the same" in " ".join(sentences(told.screening, "abcde"))
-    assert sentences(blind.screening, "abcde") == []
+    poses = [*(estimated(p, rng) for p in four_phases()), stranger(rng)]
+    reported = run(poses, replace(PARAMS, outliers="report"))
+    assert reported.screening.outliers == (4,)
+    assert reported.screening.excluded == ()
+    ignored = run(poses, replace(PARAMS, outliers="ignore"))
+    assert ignored.screening.outliers == ()
+    assert "used nevertheless" in " ".join(sentences(reported.screening, "abcde"))
+    assert sentences(ignored.screening, "abcde") == []
     with pytest.raises(ValueError, match="outliers: expected one of exclude"):
-        run(poses, replace(SETTINGS, outliers="drop"))
+        run(poses, replace(PARAMS, outliers="drop"))
 
 
 def test_a_reference_that_was_given_stays() -> None:
     rng = np.random.default_rng(12)
-    poses = [stranger(rng), *(seen(p, rng) for p in four_phases())]
+    poses = [stranger(rng), *(estimated(p, rng) for p in four_phases())]
     assert run(poses, reference=0).screening.excluded == ()
 
 
 def test_no_clean_clip_is_an_outlier_or_mirrored() -> None:
     for seed in range(4):
         rng = np.random.default_rng(100 + seed)
-        result = run([seen(p, rng) for p in four_phases()], twins=TWINS)
+        result = run([estimated(p, rng) for p in four_phases()], twins=TWINS)
         assert result.screening.outliers == ()
         assert result.screening.mirrored == ()
 
@@ -82,7 +82,7 @@ def flipped(result: SyncResult) -> tuple[int, ...]:
 @pytest.mark.parametrize("where", [0, 2])
 def test_a_mirrored_video_is_found_and_matched_as_well_as_unmirrored(where: int) -> None:
     rng = np.random.default_rng(13)
-    poses = [seen(p, rng) for p in four_phases()]
+    poses = [estimated(p, rng) for p in four_phases()]
     straight = run(poses, twins=TWINS, reference=1)
     poses[where] = mirrored_poses(poses[where], TWINS)
     result = run(poses, twins=TWINS, reference=1)
@@ -94,9 +94,9 @@ def test_a_mirrored_video_is_found_and_matched_as_well_as_unmirrored(where: int)
 
 def test_reported_mirrored_videos_are_neither_flipped_nor_outliers() -> None:
     rng = np.random.default_rng(13)
-    poses = [seen(p, rng) for p in four_phases()]
+    poses = [estimated(p, rng) for p in four_phases()]
     poses[2] = mirrored_poses(poses[2], TWINS)
-    result = run(poses, replace(SETTINGS, mirrored="report"), twins=TWINS)
+    result = run(poses, replace(PARAMS, mirrored="report"), twins=TWINS)
     assert result.screening.mirrored == (2,)
     assert flipped(result) == ()
     assert result.screening.outliers == ()
@@ -106,7 +106,7 @@ def test_reported_mirrored_videos_are_neither_flipped_nor_outliers() -> None:
 def test_a_little_evidence_is_reported_and_flips_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("imocap_core.sync.screening.screening.CLEAR_MARGIN", 10.0)
     rng = np.random.default_rng(13)
-    poses = [seen(p, rng) for p in four_phases()]
+    poses = [estimated(p, rng) for p in four_phases()]
     poses[2] = mirrored_poses(poses[2], TWINS)
     result = run(poses, twins=TWINS)
     assert result.screening.mirrored == (2,)
@@ -114,14 +114,14 @@ def test_a_little_evidence_is_reported_and_flips_nothing(monkeypatch: pytest.Mon
     assert "mirrored: true in action.yaml" in sentences(result.screening, "abcd")[0]
 
 
-def test_what_the_user_declares_overrides_what_is_seen() -> None:
+def test_what_the_user_declares_overrides_the_evidence() -> None:
     rng = np.random.default_rng(13)
-    poses = [seen(p, rng) for p in four_phases()]
+    poses = [estimated(p, rng) for p in four_phases()]
     poses[2] = mirrored_poses(poses[2], TWINS)
-    told = run(poses, twins=TWINS, mirrored=[None, None, True, None])
-    assert flipped(told) == (2,)
+    declared = run(poses, twins=TWINS, mirrored=[None, None, True, None])
+    assert flipped(declared) == (2,)
     denied = run(
-        poses, replace(SETTINGS, outliers="ignore"), twins=TWINS, mirrored=[None, None, False, None]
+        poses, replace(PARAMS, outliers="ignore"), twins=TWINS, mirrored=[None, None, False, None]
     )
     assert 2 not in flipped(denied)
     with pytest.raises(ValueError, match="twins"):
@@ -130,7 +130,7 @@ def test_what_the_user_declares_overrides_what_is_seen() -> None:
 
 def test_of_two_videos_the_second_is_the_mirrored_one() -> None:
     rng = np.random.default_rng(14)
-    poses = [seen(p, rng) for p in four_phases()[:2]]
+    poses = [estimated(p, rng) for p in four_phases()[:2]]
     poses[0] = mirrored_poses(poses[0], TWINS)
     assert flipped(run(poses, twins=TWINS)) == (1,)
 
@@ -149,47 +149,47 @@ def test_signs_are_found_together_and_the_smaller_side_turns() -> None:
 
 
 def test_scores_do_not_change_with_noise_that_all_share_once_it_is_large() -> None:
-    levels, gains = np.full((4, 4), 1.0), np.zeros((4, 4))
-    levels[3, :3] = levels[:3, 3] = 1.5
-    low, high = (outlier_scores(k * levels, gains, ALIKE) for k in (1, 20))
+    residuals, gains = np.full((4, 4), 1.0), np.zeros((4, 4))
+    residuals[3, :3] = residuals[:3, 3] = 1.5
+    low, high = (outlier_scores(k * residuals, gains, EQUAL) for k in (1, 20))
     np.testing.assert_allclose(low, high, rtol=0.02)
     assert np.argmax(low) == 3
-    assert find_outliers(levels, gains, ALIKE)[0] == [3]
-    assert find_outliers(levels, gains, ALIKE, np.array([False, False, False, True]))[0] == []
+    assert find_outliers(residuals, gains, EQUAL)[0] == [3]
+    assert find_outliers(residuals, gains, EQUAL, np.array([False, False, False, True]))[0] == []
 
 
 def test_one_short_clip_that_fits_into_the_others_is_judged_by_that_direction() -> None:
-    levels, gains = np.full((4, 4), 1.0), np.zeros((4, 4))
-    levels[:3, 3] = 1.5  # the others don't fit into it
-    assert find_outliers(levels, gains, ALIKE)[0] == []
+    residuals, gains = np.full((4, 4), 1.0), np.zeros((4, 4))
+    residuals[:3, 3] = 1.5  # the others don't fit into it
+    assert find_outliers(residuals, gains, EQUAL)[0] == []
 
 
 def test_most_of_the_videos_are_left() -> None:
-    levels = 1.0 + np.add.outer(np.arange(6.0), np.arange(6.0)) ** 2
+    residuals = 1.0 + np.add.outer(np.arange(6.0), np.arange(6.0)) ** 2
     for M in (3, 4, 5, 6):
-        found, _ = find_outliers(levels[:M, :M], np.zeros((M, M)), np.ones((M, M)))
-        assert 2 * len(found) < M
-    assert np.isnan(outlier_scores(levels[:2, :2], np.zeros((2, 2)), ALIKE[:2, :2])).all()
+        outliers, _ = find_outliers(residuals[:M, :M], np.zeros((M, M)), np.ones((M, M)))
+        assert 2 * len(outliers) < M
+    assert np.isnan(outlier_scores(residuals[:2, :2], np.zeros((2, 2)), EQUAL[:2, :2])).all()
 
 
 def test_a_bad_estimate_that_follows_the_order_of_time_is_no_outlier() -> None:
     rng = np.random.default_rng(15)
     phases = four_phases()
-    poses = [seen(p, rng, 0.15 if v == 1 else 0.03) for v, p in enumerate(phases)]
+    poses = [estimated(p, rng, 0.15 if v == 1 else 0.03) for v, p in enumerate(phases)]
     result = run(poses)
     assert result.screening.outliers == ()
-    levels, gains = np.full((4, 4), 1.0), np.zeros((4, 4))
-    levels[1] = levels[:, 1] = 1.5
-    assert find_outliers(levels, gains, ALIKE)[0] == [1]
+    residuals, gains = np.full((4, 4), 1.0), np.zeros((4, 4))
+    residuals[1] = residuals[:, 1] = 1.5
+    assert find_outliers(residuals, gains, EQUAL)[0] == [1]
     gains[1] = gains[:, 1] = 0.3
-    assert find_outliers(levels, gains, ALIKE)[0] == []
+    assert find_outliers(residuals, gains, EQUAL)[0] == []
 
 
 def test_scores_fall_with_the_order_of_time_and_never_rise() -> None:
-    levels, gains = np.full((4, 4), 1.0), np.zeros((4, 4))
-    np.testing.assert_allclose(outlier_scores(levels, gains, ALIKE), 1.0)
-    np.testing.assert_allclose(outlier_scores(levels, gains - 0.2, ALIKE), 1.0)
-    some, much = (outlier_scores(levels, gains + g, ALIKE) for g in (0.2, 0.6))
+    residuals, gains = np.full((4, 4), 1.0), np.zeros((4, 4))
+    np.testing.assert_allclose(outlier_scores(residuals, gains, EQUAL), 1.0)
+    np.testing.assert_allclose(outlier_scores(residuals, gains - 0.2, EQUAL), 1.0)
+    some, much = (outlier_scores(residuals, gains + g, EQUAL) for g in (0.2, 0.6))
     assert (some < 0.8).all()
     assert (much < 0.5).all()
 
@@ -207,8 +207,8 @@ def walk(start: float, rng: np.random.Generator) -> np.ndarray:
     turns = 2 * np.pi * (start + np.linspace(0, 3, 150))
     poses = np.empty((150, 12, 3))
     for side, shift, sign in ((0, 0.0, 1.0), (1, np.pi, -1.0)):
-        at = turns + shift
-        curves = np.stack([np.ones_like(at), np.sin(at), np.cos(at)], axis=-1)
+        angle = turns + shift
+        curves = np.stack([np.ones_like(angle), np.sin(angle), np.cos(angle)], axis=-1)
         joints = np.einsum("tk,jkc->tjc", curves, left) + rest
         poses[:, side::2] = joints * [sign, 1.0, 1.0]
     return poses + 0.02 * rng.normal(size=poses.shape)

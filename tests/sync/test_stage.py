@@ -7,9 +7,9 @@ import pytest
 
 from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints, VideoMotion
 from imocap_core.problem.synchronisation import synchronise_motions
-from tests.sync.test_synchronise import SETTINGS, pose_at
+from tests.sync.test_synchronise import PARAMS, pose_at
 
-PARAMS = replace(SETTINGS, max_rate=20.0)
+PARAMS = replace(PARAMS, max_rate=20.0)
 
 
 def made(ids: list[str], offsets_s: list[float]) -> tuple[list[VideoMotion], Keypoints]:

@@ -9,9 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from imocap_core.params import SyncParams
 from imocap_core.sync import synchronise
-from imocap_core.sync.warp import posterior
+from imocap_core.sync.warp import refinement
 
-SETTINGS = SyncParams(
+PARAMS = SyncParams(
     affinity="reciprocal",
     velocity_weight_s=0.0,
     method="softmap",
@@ -48,7 +48,7 @@ def pose_at(phase: np.ndarray) -> np.ndarray:
     return np.asarray(rest + moved)
 
 
-def seen(phase: np.ndarray, rng: np.random.Generator, noise_m: float = 0.03) -> np.ndarray:
+def estimated(phase: np.ndarray, rng: np.random.Generator, noise_m: float = 0.03) -> np.ndarray:
     """The motion as one monocular estimate: its own axes, scale and noise."""
     pose = pose_at(phase) + noise_m * rng.normal(size=(len(phase), 12, 3))
     turned = pose @ Rotation.random(random_state=int(rng.integers(1000))).as_matrix()
@@ -67,39 +67,39 @@ def four_phases() -> list[np.ndarray]:
 
 
 def error_s(
-    phases: Sequence[np.ndarray], found: Sequence[np.ndarray], reference: int
+    phases: Sequence[np.ndarray], frames: Sequence[np.ndarray], reference: int
 ) -> np.ndarray:
-    """Per matched frame of the other videos: |phase found - own phase|, seconds of motion."""
-    at = np.arange(len(phases[reference]))
+    """Per matched frame of the other videos: |estimated - true phase|, seconds of motion."""
+    index = np.arange(len(phases[reference]))
     return np.concatenate(
         [
-            np.abs(np.interp(f, at, phases[reference]) - p)[np.isfinite(f)]
-            for v, (p, f) in enumerate(zip(phases, found, strict=True))
+            np.abs(np.interp(f, index, phases[reference]) - p)[np.isfinite(f)]
+            for v, (p, f) in enumerate(zip(phases, frames, strict=True))
             if v != reference
         ]
     )
 
 
-def run(poses: Sequence[np.ndarray], settings: SyncParams = SETTINGS, **given):
+def run(poses: Sequence[np.ndarray], params: SyncParams = PARAMS, **given):
     given = {"fps": [FPS] * len(poses), "rng": np.random.default_rng(0)} | given
-    return synchronise(poses, settings=settings, **given)
+    return synchronise(poses, params=params, **given)
 
 
 @pytest.mark.parametrize(
     ("settings", "limit_s"),
     [
-        (SETTINGS, 0.03),
-        (replace(SETTINGS, consensus_rounds=0), 0.1),
-        (replace(SETTINGS, method="none"), 0.03),
-        (replace(SETTINGS, method="als"), 0.03),
-        (replace(SETTINGS, method="auto", affinity="gaussian"), 0.03),
-        (replace(SETTINGS, method="none", warp="dtw"), 0.08),
+        (PARAMS, 0.03),
+        (replace(PARAMS, consensus_rounds=0), 0.1),
+        (replace(PARAMS, method="none"), 0.03),
+        (replace(PARAMS, method="als"), 0.03),
+        (replace(PARAMS, method="auto", affinity="gaussian"), 0.03),
+        (replace(PARAMS, method="none", warp="dtw"), 0.08),
     ],
 )
 def test_finds_known_warps(settings: SyncParams, limit_s: float) -> None:
     rng = np.random.default_rng(5)
     phases = four_phases()
-    result = run([seen(p, rng) for p in phases], settings, reference=0)
+    result = run([estimated(p, rng) for p in phases], settings, reference=0)
     assert error_s(phases, result.reference_frame, 0).mean() < limit_s, result.status
     for f in result.reference_frame:
         assert (np.diff(f[np.isfinite(f)]) >= 0).all()
@@ -108,9 +108,9 @@ def test_finds_known_warps(settings: SyncParams, limit_s: float) -> None:
 
 def test_sharper_last_refinements_claim_no_more_confidence(monkeypatch: pytest.MonkeyPatch) -> None:
     phases, rng = four_phases(), np.random.default_rng(3)
-    poses = [seen(p, rng) for p in phases]
+    poses = [estimated(p, rng) for p in phases]
     sharp = run(poses, reference=0)
-    monkeypatch.setattr(posterior, "SHARPNESS", 1.0)
+    monkeypatch.setattr(refinement, "SHARPNESS", 1.0)
     usual = run(poses, reference=0)
     moved = [np.nanmax(np.abs(a - b)) for a, b in zip(
         sharp.reference_frame[1:], usual.reference_frame[1:], strict=True)]  # fmt: skip
@@ -122,7 +122,7 @@ def test_sharper_last_refinements_claim_no_more_confidence(monkeypatch: pytest.M
 def test_what_the_reference_does_not_show_is_unmatched() -> None:
     rng = np.random.default_rng(6)
     phases = four_phases()
-    result = run([seen(p, rng) for p in phases], reference=0)
+    result = run([estimated(p, rng) for p in phases], reference=0)
     for phase, f, trust in zip(phases, result.reference_frame, result.confidence, strict=True):
         outside = (phase < phases[0][0] - 0.2) | (phase > phases[0][-1] + 0.2)
         inside = (phase > phases[0][0] + 0.2) & (phase < phases[0][-1] - 0.2)
@@ -133,15 +133,15 @@ def test_what_the_reference_does_not_show_is_unmatched() -> None:
 
 def test_without_unmatched_frames_every_frame_has_a_position() -> None:
     rng = np.random.default_rng(6)
-    poses = [seen(p, rng) for p in four_phases()]
-    result = run(poses, replace(SETTINGS, unmatched_level=np.inf))
+    poses = [estimated(p, rng) for p in four_phases()]
+    result = run(poses, replace(PARAMS, unmatched_level=np.inf))
     assert np.isfinite(np.concatenate(result.reference_frame)).all()
 
 
 def test_a_hold_is_crossed_evenly() -> None:
     rng = np.random.default_rng(7)
     hold = np.concatenate([np.linspace(0, 2, 60), np.full(60, 2.0), np.linspace(2, 4, 60)])
-    result = run([seen(hold, rng, 0.02), seen(hold, rng, 0.02)], reference=0)
+    result = run([estimated(hold, rng, 0.02), estimated(hold, rng, 0.02)], reference=0)
     f = result.reference_frame[1]
     assert np.abs(f - np.arange(180.0))[60:120].max() < 8
     assert np.diff(f)[65:115].max() < 3
@@ -151,14 +151,14 @@ def test_a_hold_is_crossed_evenly() -> None:
 def test_frame_rates_may_differ() -> None:
     rng = np.random.default_rng(8)
     phases = [np.arange(0, 5, 1 / 50), np.arange(0.5, 4.5, 1 / 24)]
-    result = run([seen(p, rng) for p in phases], fps=[50.0, 24.0], reference=0)
+    result = run([estimated(p, rng) for p in phases], fps=[50.0, 24.0], reference=0)
     assert error_s(phases, result.reference_frame, 0).mean() < 0.03
 
 
 def test_missing_joints_and_frames_are_bridged() -> None:
     rng = np.random.default_rng(9)
     phases = four_phases()
-    poses = [seen(p, rng) for p in phases]
+    poses = [estimated(p, rng) for p in phases]
     poses[1][40:45] = np.nan
     poses[2][:, 3] = np.nan
     poses[3][rng.random(poses[3].shape[:2]) < 0.2] = np.nan
@@ -170,7 +170,7 @@ def test_missing_joints_and_frames_are_bridged() -> None:
 def test_any_number_of_videos(count: int) -> None:
     rng = np.random.default_rng(10)
     phases = [np.linspace(0.1 * v, 4.0 + 0.1 * v, 60 + 5 * v) for v in range(count)]
-    result = run([seen(p, rng) for p in phases])
+    result = run([estimated(p, rng) for p in phases])
     assert len(result.centrality) == count
     assert result.reference == int(np.argmax(result.centrality))
     assert result.status
@@ -180,8 +180,8 @@ def test_any_number_of_videos(count: int) -> None:
 
 def test_a_stranger_is_never_the_reference() -> None:
     rng = np.random.default_rng(12)
-    poses = [seen(p, rng) for p in four_phases()]
-    poses[2] = seen(np.linspace(40, 47, 120), rng)
+    poses = [estimated(p, rng) for p in four_phases()]
+    poses[2] = estimated(np.linspace(40, 47, 120), rng)
     result = run(poses)
     assert result.reference != 2
     assert result.centrality.argmin() == 2

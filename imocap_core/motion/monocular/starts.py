@@ -14,7 +14,7 @@ from imocap_core.motion.observations import Observation, without_jumps
 from imocap_core.params import InitialSmplParams
 from imocap_core.rotations import exp, log
 from imocap_core.rotations import project as nearest_rotation
-from imocap_core.sync.pairwise.affinity import procrustes_distances
+from imocap_core.sync.pairwise.procrustes import procrustes_distances
 
 
 @dataclass(frozen=True)

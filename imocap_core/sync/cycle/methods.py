@@ -1,36 +1,36 @@
-"""Cycle consistency by name, and how far maps are from it."""
+"""Cycle-consistency methods by name, and the choice among them by held-out residual."""
+
+from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float
 
 from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.cycle.als import als
 from imocap_core.sync.cycle.report import CycleReport
-from imocap_core.sync.cycle.row_contrast import contrasted
+from imocap_core.sync.cycle.row_contrast import symmetric_affinity
 from imocap_core.sync.cycle.softmap import softmap
 from imocap_core.sync.cycle.svt import svt
 from imocap_core.sync.warp.positions import median_positions
-
-Array = NDArray[np.float64]
-Matrix = NDArray[np.floating]
 
 METHODS = ("softmap", "als", "svt", "none")
 AUTO_CANDIDATES = ("softmap", "als")
 AUTO_LARGEST = 1600  # frames of all videos up to which `auto` also tries the factorisation
 
 
-def symmetric_affinity(maps: Matrix, blocks: Blocks) -> Matrix:
-    """Directed soft maps or affinities as one symmetric affinity in [0, 1]: how far entries stand
-    out in their rows (`contrasted`), both directions averaged."""
-    risen = contrasted(maps, blocks)
-    return np.asarray(0.5 * (risen + risen.T))
-
-
 def relax(
-    method: str, maps: Matrix, blocks: Blocks, *, rounds: int, rng: np.random.Generator
-) -> tuple[Matrix, CycleReport]:
-    """Denoise soft maps or affinities (N_a, N_a) by one of METHODS; with fewer than three videos
-    there is no cycle."""
+    method: str,
+    maps: Float[np.ndarray, "N_a N_a"],
+    blocks: Blocks,
+    *,
+    rounds: int,
+    rng: np.random.Generator,
+) -> tuple[Float[np.ndarray, "N_a N_a"], CycleReport]:
+    """Denoise soft maps or affinities by one of METHODS; with fewer than three videos there is no
+    cycle and they are returned as they are.
+
+    `rounds` compositions of `softmap`; `rng` draws the starting factor of `als`.
+    """
     if method not in METHODS:
         raise ValueError(f"method: expected one of {', '.join(METHODS)}, auto; got {method!r}")
     if method == "none" or len(blocks.lengths) < 3:
@@ -45,13 +45,18 @@ def relax(
 
 
 def held_out_residual(
-    method: str, maps: Matrix, blocks: Blocks, *, rounds: int, rng: np.random.Generator
+    method: str,
+    maps: Float[np.ndarray, "N_a N_a"],
+    blocks: Blocks,
+    *,
+    rounds: int,
+    rng: np.random.Generator,
 ) -> float:
-    """How well the ways round predict a direct map that the method hasn't seen; mean error as a
-    share of the clip.
+    """Error of direct maps predicted through the other videos; mean, as a share of the clip.
 
-    Videos are paired off (0-1, 2-3, ...), those direct blocks are emptied, and the blocks the
-    method fills in by the other videos are compared, position by position, with what was there.
+    Videos are paired off (0-1, 2-3, ...), those direct blocks are emptied, and the blocks that the
+    method reconstructs through the other videos are compared, position by position, with the
+    emptied ones.
     """
     hidden = maps.copy()
     M = len(blocks.lengths)
@@ -63,14 +68,18 @@ def held_out_residual(
     errors = []
     for i, j in pairs:
         direct = median_positions(np.asarray(blocks.block(maps, i, j), dtype=float))
-        round_ = median_positions(np.asarray(blocks.block(filled, i, j), dtype=float))
-        errors.append(float(np.mean(np.abs(direct - round_))) / blocks.lengths[j])
+        indirect = median_positions(np.asarray(blocks.block(filled, i, j), dtype=float))
+        errors.append(float(np.mean(np.abs(direct - indirect))) / blocks.lengths[j])
     return float(np.mean(errors))
 
 
 def relax_auto(
-    maps: Matrix, blocks: Blocks, *, rounds: int, rng: np.random.Generator
-) -> tuple[Matrix, CycleReport]:
+    maps: Float[np.ndarray, "N_a N_a"],
+    blocks: Blocks,
+    *,
+    rounds: int,
+    rng: np.random.Generator,
+) -> tuple[Float[np.ndarray, "N_a N_a"], CycleReport]:
     """The method with the smallest held-out residual; the factorisation only where it is
     affordable."""
     if len(blocks.lengths) < 3:
@@ -79,6 +88,6 @@ def relax_auto(
     residual = {m: held_out_residual(m, maps, blocks, rounds=rounds, rng=rng) for m in names}
     best = min(names, key=lambda m: residual[m])
     relaxed, report = relax(best, maps, blocks, rounds=rounds, rng=rng)
-    found = ", ".join(f"{m} {100 * residual[m]:.2f} %" for m in names)
-    status = f"{report.status}; chosen by held-out residual ({found})"
+    residuals = ", ".join(f"{m} {100 * residual[m]:.2f} %" for m in names)
+    status = f"{report.status}; chosen by held-out residual ({residuals})"
     return relaxed, CycleReport(report.method, report.converged, report.change, status)

@@ -1,4 +1,6 @@
-"""What a cycle-consistency method says of its own run."""
+"""Outcome of a cycle-consistency method: iterations, convergence, one sentence."""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,8 +8,15 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class CycleReport:
-    """`change` holds one number per iteration: the relative change (softmap) or the larger ADMM
-    residual (als, svt)."""
+    """Outcome of a cycle-consistency method.
+
+    Attributes:
+        method: softmap, als, svt or none.
+        converged: the last residual is below the tolerance.
+        change: one number per iteration: the relative change (softmap) or the larger ADMM residual
+            (als, svt).
+        status: one sentence.
+    """
 
     method: str
     converged: bool
@@ -16,13 +25,20 @@ class CycleReport:
 
     @property
     def iterations(self) -> int:
-        """How many iterations were run."""
+        """Number of iterations."""
         return len(self.change)
 
 
-def outcome_of(residuals: Sequence[float], tolerance: float) -> str:
-    """Whether the last residual is below the tolerance, after how many iterations, for people."""
+def convergence_report(
+    method: str, residuals: Sequence[float], tolerance: float, detail: str = ""
+) -> CycleReport:
+    """Outcome of an iteration that stops when the residual is below the tolerance; the status ends
+    with `detail`."""
+    converged = residuals[-1] < tolerance
     after = f"after {len(residuals)} iterations"
-    if residuals[-1] < tolerance:
-        return f"converged {after}"
-    return f"not converged {after} (residual {residuals[-1]:.2g}, {tolerance:.2g} was asked)"
+    status = (
+        f"converged {after}"
+        if converged
+        else f"not converged {after} (residual {residuals[-1]:.2g}, {tolerance:.2g} was asked)"
+    )
+    return CycleReport(method, converged, tuple(residuals), f"{method}: {status}{detail}")

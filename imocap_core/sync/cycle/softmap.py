@@ -1,23 +1,25 @@
-"""Cycle consistency by composing soft maps.
+"""Cycle consistency by composition of stochastic maps.
 
-Each block of the affinity, its rows scaled to sum 1, is a stochastic map P_ij: where in video j is
-a frame of video i? Were the maps consistent, going through any third video would not matter: P_ij
-= P_ik P_kj. So P_ij is replaced by the mean over all k of P_ik P_kj, a few times. With P_ii = I
-the direct map counts twice (k = i and k = j). All blocks at once are one matrix product.
+Each block of the affinity, its rows scaled to sum 1, is a stochastic map P_ij: the distribution of
+a frame of video i over the frames of video j. Were the maps consistent, a composition through any
+third video would not change them: P_ij = P_ik P_kj. So P_ij is replaced by the mean over all k of
+P_ik P_kj, a few times. With P_ii = I the direct map counts twice (k = i and k = j). All blocks
+together are one matrix product.
 """
 
+from __future__ import annotations
+
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float
 
 from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.cycle.report import CycleReport
 
-Matrix = NDArray[np.floating]
 
-
-def row_stochastic(matrix: Matrix, blocks: Blocks) -> Matrix:
-    """Scale the rows of every block to sum 1. A row without any affinity becomes uniform: it says
-    nothing."""
+def row_stochastic(
+    matrix: Float[np.ndarray, "N_a N_a"], blocks: Blocks
+) -> Float[np.ndarray, "N_a N_a"]:
+    """Scale the rows of every block to sum 1; a row of zeros becomes uniform (no information)."""
     out = matrix.copy()
     for v, length in enumerate(blocks.lengths):
         part = out[:, blocks.rows(v)]
@@ -28,12 +30,13 @@ def row_stochastic(matrix: Matrix, blocks: Blocks) -> Matrix:
     return out
 
 
-def row_information(maps: Matrix, blocks: Blocks) -> Matrix:
-    """How much each row of each block says, (N_a, M) in [0, 1]: 1 - entropy / log(number of
-    frames).
+def row_information(
+    maps: Float[np.ndarray, "N_a N_a"], blocks: Blocks
+) -> Float[np.ndarray, "N_a M"]:
+    """Information in each row of each block, in [0, 1]: 1 - entropy / log(number of frames).
 
-    1 = the frame is located exactly, 0 = anywhere in the other video is as likely. A block that
-    carries no information would otherwise blur every map composed through it.
+    1 = the frame is located exactly, 0 = all frames of the other video are equally likely. A block
+    that carries no information would otherwise blur every map composed through it.
     """
     out = np.empty((len(maps), len(blocks.lengths)), dtype=maps.dtype)
     for v, length in enumerate(blocks.lengths):
@@ -43,11 +46,12 @@ def row_information(maps: Matrix, blocks: Blocks) -> Matrix:
     return np.clip(out, 1e-6, 1.0)
 
 
-def softmap(affinity: Matrix, blocks: Blocks, *, rounds: int = 2) -> tuple[Matrix, CycleReport]:
-    """Denoise an affinity (N_a, N_a) in [0, 1] by cycle consistency; returns row-stochastic maps
-    of the same shape.
+def softmap(
+    affinity: Float[np.ndarray, "N_a N_a"], blocks: Blocks, *, rounds: int = 2
+) -> tuple[Float[np.ndarray, "N_a N_a"], CycleReport]:
+    """Denoise an affinity in [0, 1] by cycle consistency; returns row-stochastic maps.
 
-    `rounds` >= 1 compositions, each way round weighted by what its two legs say
+    `rounds` >= 1 compositions, each composition weighted by the information of both maps
     (`row_information`). Works in float32: the maps are estimates of two digits at best and the
     product is the whole cost.
     """
@@ -58,8 +62,8 @@ def softmap(affinity: Matrix, blocks: Blocks, *, rounds: int = 2) -> tuple[Matri
     maps = row_stochastic(maps, blocks)
     change = []
     for _ in range(rounds):
-        told = maps * np.repeat(row_information(maps, blocks), blocks.lengths, axis=1)
-        new = told @ told
+        weighted = maps * np.repeat(row_information(maps, blocks), blocks.lengths, axis=1)
+        new = weighted @ weighted
         blocks.set_diagonal_to_identity(new)
         new = row_stochastic(new, blocks)
         change.append(float(np.linalg.norm(new - maps) / np.linalg.norm(maps)))

@@ -1,40 +1,40 @@
 """Cycle consistency by singular-value thresholding (Dong et al., CVPR 2019; Cai, Candes, Shen
 2010).
 
-The same problem as `als`, with the nuclear norm kept: the low-rank step shrinks the singular
-values. X + Y / mu is symmetric, so its eigenvalues do: one symmetric eigenproblem an iteration
-instead of a singular-value decomposition.
+Eq. 2 (see `admm`) with the nuclear norm itself: the low-rank step shrinks the singular values.
+X + Y / mu is symmetric, so they are the moduli of its eigenvalues: one symmetric eigenproblem an
+iteration instead of a singular-value decomposition.
 """
 
+from __future__ import annotations
+
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float
 from scipy.linalg import eigh
 
 from imocap_core.sync.blocks import Blocks
-from imocap_core.sync.cycle.als import balanced_penalty, project
-from imocap_core.sync.cycle.report import CycleReport, outcome_of
-
-Matrix = NDArray[np.floating]
+from imocap_core.sync.cycle.admm import FIRST_PENALTY, balanced_penalty, project
+from imocap_core.sync.cycle.report import CycleReport, convergence_report
 
 
-def shrink_spectrum(matrix: Matrix, threshold: float) -> Matrix:
+def shrink_spectrum(matrix: Float[np.ndarray, "N N"], threshold: float) -> Float[np.ndarray, "N N"]:
     """The proximal map of threshold * nuclear norm at a symmetric matrix."""
     values, vectors = eigh(matrix, check_finite=False, overwrite_a=True, driver="evd")
-    kept = np.abs(values) > threshold
-    small = np.sign(values[kept]) * (np.abs(values[kept]) - threshold)
-    return (vectors[:, kept] * small.astype(matrix.dtype)) @ vectors[:, kept].T
+    above = np.abs(values) > threshold
+    shrunk = np.sign(values[above]) * (np.abs(values[above]) - threshold)
+    return (vectors[:, above] * shrunk.astype(matrix.dtype)) @ vectors[:, above].T
 
 
 def svt(
-    affinity: Matrix,
+    affinity: Float[np.ndarray, "N_a N_a"],
     blocks: Blocks,
     *,
     sparsity: float = 0.1,
     nuclear_weight: float = 50.0,
     tolerance: float = 1e-3,
     max_iterations: int = 50,
-) -> tuple[Matrix, CycleReport]:
-    """Denoise an affinity (N_a, N_a) in [0, 1]; returns X of the same shape, entries in [0, 1].
+) -> tuple[Float[np.ndarray, "N_a N_a"], CycleReport]:
+    """Denoise an affinity in [0, 1]; returns X, entries in [0, 1].
 
     Parameters as in `als`. Exact but slow: one eigenproblem of size N_a per iteration.
     """
@@ -42,7 +42,7 @@ def svt(
     X = project(affinity.astype(np.float32), blocks)
     reward = X - np.float32(sparsity)
     Y = np.zeros_like(X)
-    mu = 64.0
+    mu = FIRST_PENALTY
     history: list[float] = []
     for _ in range(max_iterations):
         Q = shrink_spectrum(X + Y / np.float32(mu), nuclear_weight / mu)
@@ -53,6 +53,4 @@ def svt(
         if history[-1] < tolerance:
             break
         mu = balanced_penalty(mu, primal, dual)
-    converged = history[-1] < tolerance
-    status = f"svt: {outcome_of(history, tolerance)}"
-    return X, CycleReport("svt", converged, tuple(history), status)
+    return X, convergence_report("svt", history, tolerance)

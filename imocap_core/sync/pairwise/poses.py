@@ -1,18 +1,19 @@
-"""The poses of all videos made comparable: one array, weights for missing joints, one body
-scale."""
+"""Poses of all videos made comparable: input checks, weights of missing joints, body scale."""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float
 
 from imocap_core.sync.blocks import Blocks
 
-Array = NDArray[np.float64]
-
 
 def check_poses(
-    poses: Sequence[Array], confidence: Sequence[Array] | None, fps: Sequence[float]
+    poses: Sequence[Float[np.ndarray, "..."]],
+    confidence: Sequence[Float[np.ndarray, "..."]] | None,
+    fps: Sequence[float],
 ) -> None:
     """Raise one ValueError that names every fault in the videos' poses, confidences and frame
     rates."""
@@ -36,32 +37,35 @@ def check_poses(
 
 
 def joint_weights_of(
-    poses: Sequence[Array], confidence: Sequence[Array] | None, joint_weights: Array | None
-) -> list[Array]:
-    """Per video (T, J): the joint's weight times its confidence, 0 where the joint is missing
-    (NaN)."""
+    poses: Sequence[Float[np.ndarray, "_T J 3"]],
+    confidence: Sequence[Float[np.ndarray, "_T J"]] | None,
+    joint_weights: Float[np.ndarray, " J"] | None,
+) -> list[Float[np.ndarray, "_T J"]]:
+    """Per video: each joint's weight times its confidence, 0 where the joint is missing (NaN)."""
     weights = []
     for v, x in enumerate(poses):
         w = np.isfinite(x).all(axis=-1).astype(float)
         if confidence is not None:
             w = w * np.nan_to_num(confidence[v])
-        # a pair multiplies both frames' weights, so each brings the square root of the joint's
+        # a pair multiplies both frames' weights, so each contributes the square root of the joint's
         weights.append(w if joint_weights is None else w * np.sqrt(joint_weights))
     return weights
 
 
-def body_scales(poses: Sequence[Array], *, bones: int = 20) -> Array:
-    """Relative size of the body in each video (M,), geometric mean 1.
+def body_scales(
+    poses: Sequence[Float[np.ndarray, "_T J 3"]], *, bones: int = 20
+) -> Float[np.ndarray, " M"]:
+    """Relative size of the body in each video, geometric mean 1.
 
     Monocular estimates differ in scale. The most rigid pairs of joints, those whose distance
-    varies least within the videos, are bones (or as good as bones): their median lengths tell the
+    varies least within the videos, are bones (or as good as bones): their median lengths give the
     scale whatever the poses are.
     """
     J = poses[0].shape[1]
     a, b = np.triu_indices(J, 1)
     lengths = [np.linalg.norm(x[:, a] - x[:, b], axis=-1) for x in poses]
-    known = [np.isfinite(length).sum(axis=0) for length in lengths]
-    usable = np.min(known, axis=0) >= 1
+    counts = [np.isfinite(length).sum(axis=0) for length in lengths]
+    usable = np.min(counts, axis=0) >= 1
     if usable.sum() < 1:
         return np.ones(len(poses))
     median = np.stack([np.nanmedian(length[:, usable], axis=0) for length in lengths])
@@ -73,9 +77,10 @@ def body_scales(poses: Sequence[Array], *, bones: int = 20) -> Array:
     return np.asarray(np.exp(log_scale - log_scale.mean()))
 
 
-def stack(poses: Sequence[Array], scales: Array) -> tuple[Array, Blocks]:
-    """All frames of all videos (N_a, J, 3), each video divided by its scale, and the blocks they
-    form."""
+def stack(
+    poses: Sequence[Float[np.ndarray, "_T J 3"]], scales: Float[np.ndarray, " M"]
+) -> tuple[Float[np.ndarray, "N_a J 3"], Blocks]:
+    """All frames of all videos, each video divided by its scale, and the blocks they form."""
     return (
         np.concatenate([x / s for x, s in zip(poses, scales, strict=True)]),
         Blocks(tuple(len(x) for x in poses)),

@@ -1,4 +1,4 @@
-"""Which videos look mirrored, and which like another action: from poses and weights."""
+"""Evidence for mirrored videos and for videos of another action, from poses and weights."""
 
 from __future__ import annotations
 
@@ -6,104 +6,113 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float
 
 from imocap_core.sync.screening.mirror import agreed, find_mirrored, mirror_evidence
 from imocap_core.sync.screening.outliers import FITTING_SHARE, find_outliers
-from imocap_core.sync.screening.persistent_difference import steady_levels
-from imocap_core.sync.screening.temporal_order import alignment_gains, begun, motion_windows
+from imocap_core.sync.screening.persistent_difference import persistent_differences
+from imocap_core.sync.screening.temporal_order import begun, motion_windows, order_gains
 from imocap_core.sync.screening.warp_residual import (
-    PairSquares,
+    PairArrays,
     expected_by,
     expected_squares,
-    matched_levels,
     soft_maps,
     squares_between,
     typical_squares,
+    warp_residuals,
 )
 
-Array = NDArray[np.float64]
-
 BEGINS = (0.0, 1 / 6, 1 / 3, 1 / 2, 2 / 3, 5 / 6)  # of a video: where it may begin in the other
-FITTING_BEST = 0.6  # of the frames, where cycles that only one video shows are left out
+FITTING_BEST = 0.6  # of the frames: cycles that only one video shows are left out
 
 
 @dataclass(frozen=True)
-class Seen:
-    """Poses (T_v, J, 3) and weights (T_v, J) of all videos."""
+class WeightedPoses:
+    """Poses and weights of all videos."""
 
-    poses: list[Array]
-    weights: list[Array]
+    poses: list[Float[np.ndarray, "_T J 3"]]
+    weights: list[Float[np.ndarray, "_T J"]]
 
-    def swapped(self, videos: Sequence[int], other: Seen) -> tuple[Seen, Seen]:
+    def swapped(
+        self, videos: Sequence[int], other: WeightedPoses
+    ) -> tuple[WeightedPoses, WeightedPoses]:
         """Both, with some videos exchanged."""
-        mine, theirs = ([list(s.poses), list(s.weights)] for s in (self, other))
+        first, second = ([list(s.poses), list(s.weights)] for s in (self, other))
         for v in videos:
-            for a, b in zip(mine, theirs, strict=True):
+            for a, b in zip(first, second, strict=True):
                 a[v], b[v] = b[v], a[v]
-        return Seen(*mine), Seen(*theirs)
+        return WeightedPoses(*first), WeightedPoses(*second)
 
-    def in_motion(self, fps: Sequence[float]) -> Seen:
+    def in_motion(self, fps: Sequence[float]) -> WeightedPoses:
         """The same as windows of motion."""
-        return Seen(*motion_windows(self.poses, self.weights, fps))
+        return WeightedPoses(*motion_windows(self.poses, self.weights, fps))
+
+    def squares_to(self, other: WeightedPoses) -> PairArrays:
+        """`squares_between` these poses and others."""
+        return squares_between(self.poses, self.weights, other.poses, other.weights)
 
 
 def mirrored_among(
-    straight: Seen,
-    turned: Seen,
+    plain: WeightedPoses,
+    reflected: WeightedPoses,
     fps: Sequence[float],
     max_rate: float,
     pinned: Sequence[bool],
-) -> tuple[list[int], Array]:
-    """The mirrored videos and all margins; what costs more is looked at only on suspicion."""
-    first = _evidence(straight, turned, fps, max_rate, begins=(0.0,))[0]
-    found, margins = find_mirrored(first, pinned)
-    if not found:
-        return found, margins
+) -> tuple[list[int], Float[np.ndarray, " M"]]:
+    """The mirrored videos and all margins; the costly kinds of evidence only on suspicion.
+
+    `pinned`: videos whose reflection is given.
+    """
+    first = _mirror_evidence(plain, reflected, fps, max_rate, begins=(0.0,))[0]
+    mirrored, margins = find_mirrored(first, pinned)
+    if not mirrored:
+        return mirrored, margins
     kinds = [
         kind
-        for a, b in ((straight, turned), (straight.in_motion(fps), turned.in_motion(fps)))
-        for kind in _evidence(a, b, fps, max_rate, begins=BEGINS)
+        for a, b in ((plain, reflected), (plain.in_motion(fps), reflected.in_motion(fps)))
+        for kind in _mirror_evidence(a, b, fps, max_rate, begins=BEGINS)
     ]
     return find_mirrored(agreed(kinds), pinned)
 
 
-def _evidence(
-    straight: Seen, turned: Seen, fps: Sequence[float], max_rate: float, begins: Sequence[float]
-) -> list[Array]:
-    """`mirror_evidence` in the order of time, with each video begun where it fits best, and the
-    same of the frames that fit best."""
-    plain = squares_between(straight.poses, straight.weights, straight.poses, straight.weights)
-    other = squares_between(straight.poses, straight.weights, turned.poses, turned.weights)
-    near = typical_squares(plain)
-    upright, reflected = (
-        [expected_squares(s, fps, near, max_rate, begun(share)) for share in begins]
-        for s in (plain, other)
+def _mirror_evidence(
+    plain: WeightedPoses,
+    reflected: WeightedPoses,
+    fps: Sequence[float],
+    max_rate: float,
+    begins: Sequence[float],
+) -> list[np.ndarray]:
+    """`mirror_evidence` (M, M) in the order of time, with each video begun where it fits best, and
+    the same of the frames that fit best."""
+    squares, reflected_squares = plain.squares_to(plain), plain.squares_to(reflected)
+    typical = typical_squares(squares)
+    upright, mirrored = (
+        [expected_squares(s, fps, typical, max_rate, begun(share)) for share in begins]
+        for s in (squares, reflected_squares)
     )
     return [
-        mirror_evidence(_least(upright[:1]), _least(reflected[:1])),
-        mirror_evidence(_least(upright), _least(reflected)),
-        mirror_evidence(_least(upright, FITTING_BEST), _least(reflected, FITTING_BEST)),
+        mirror_evidence(_least(upright[:1]), _least(mirrored[:1])),
+        mirror_evidence(_least(upright), _least(mirrored)),
+        mirror_evidence(_least(upright, FITTING_BEST), _least(mirrored, FITTING_BEST)),
     ]
 
 
-def _least(expected: Sequence[PairSquares], share: float = 1.0) -> Array:
-    """The smallest matched level (M, M), mean of both directions."""
+def _least(expected: Sequence[PairArrays], share: float = 1.0) -> np.ndarray:
+    """The smallest warp residual (M, M), mean of both directions."""
     count = 1 + max(max(pair) for pair in expected[0])
-    levels = [matched_levels(e, count, share=share) for e in expected]
-    return np.asarray(np.min([0.5 * (level + level.T) for level in levels], axis=0))
+    residuals = [warp_residuals(e, count, share=share) for e in expected]
+    return np.asarray(np.min([0.5 * (r + r.T) for r in residuals], axis=0))
 
 
 def outliers_among(
-    seen: Seen, fps: Sequence[float], max_rate: float, kept: NDArray[np.bool_]
-) -> tuple[list[int], Array]:
-    """The videos of another action and all scores; `kept` (M,) are none."""
-    squares = squares_between(seen.poses, seen.weights, seen.poses, seen.weights)
-    near = typical_squares(squares)
-    maps = soft_maps(squares, fps, near, max_rate)
-    levels = matched_levels(expected_by(maps, squares), len(fps), share=FITTING_SHARE)
-    moving = seen.in_motion(fps)
-    motion = squares_between(moving.poses, moving.weights, moving.poses, moving.weights)
-    gains = alignment_gains(motion, fps, typical_squares(motion), max_rate)
-    steady = steady_levels(seen.poses, seen.weights, maps, fps, FITTING_SHARE)
-    return find_outliers(levels, gains, steady, kept)
+    videos: WeightedPoses, fps: Sequence[float], max_rate: float, never: Bool[np.ndarray, " M"]
+) -> tuple[list[int], Float[np.ndarray, " M"]]:
+    """The videos of another action and all scores; `never`: videos that are none."""
+    squares = videos.squares_to(videos)
+    maps = soft_maps(squares, fps, typical_squares(squares), max_rate)
+    residuals = warp_residuals(expected_by(maps, squares), len(fps), share=FITTING_SHARE)
+    moving = videos.in_motion(fps)
+    motion = moving.squares_to(moving)
+    gains = order_gains(motion, fps, typical_squares(motion), max_rate)
+    persistent = persistent_differences(videos.poses, videos.weights, maps, fps, FITTING_SHARE)
+    return find_outliers(residuals, gains, persistent, never)

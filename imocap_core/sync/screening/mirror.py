@@ -1,7 +1,7 @@
-"""Is one video the mirror image of the others? A left-handed flip of the picture or the performer.
+"""Mirrored videos: the picture was flipped, or the performer has the other hand.
 
 The mirror image of a pose has its joints reflected and left and right swapped. For each pair of
-videos the matched levels with and without reflection are compared; which videos are mirrored is
+videos the warp residuals with and without reflection are compared; which videos are mirrored is
 then a question of signs, s_i s_j = -1 where reflection fits better. The signs that agree with most
 of the evidence are found together, and the smaller side is the mirrored one.
 
@@ -12,46 +12,50 @@ the weakest counts where all agree. A movement that is its own mirror image has 
 way, and no video of it is called mirrored.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float, Int
 
-Array = NDArray[np.float64]
-
-# By how much (natural logarithm of the level) reflection must fit better. Training clips that are
-# not mirrored stay below 0.03. A video is flipped on clearer evidence than it is reported on: a
+# By how much (natural logarithm of the residual) reflection must fit better. Training clips that
+# are not mirrored stay below 0.03. A video is flipped on clearer evidence than it is reported on: a
 # wrong flip costs more than a missed one.
 LEAST_MARGIN, CLEAR_MARGIN = 0.07, 0.2
 SWEEPS = 20
 
 
-def mirrored_poses(poses: Array, twins: Sequence[int]) -> Array:
-    """The mirror image of poses (T, J, 3): x -> -x, and joint j becomes its twin `twins[j]`."""
-    reflected: Array = poses[:, list(twins)] * np.array([-1.0, 1.0, 1.0])
+def mirrored_poses(
+    poses: Float[np.ndarray, "T J 3"], twins: Sequence[int]
+) -> Float[np.ndarray, "T J 3"]:
+    """The mirror image of poses: x -> -x, and joint j becomes its twin `twins[j]`."""
+    reflected: np.ndarray = poses[:, list(twins)] * np.array([-1.0, 1.0, 1.0])
     return reflected
 
 
-def mirror_evidence(plain: Array, reflected: Array) -> Array:
-    """How much better a pair fits without reflection (M, M), symmetric, 0 where unknown.
+def mirror_evidence(
+    plain: Float[np.ndarray, "M M"], reflected: Float[np.ndarray, "M M"]
+) -> Float[np.ndarray, "M M"]:
+    """How much better a pair fits without reflection, symmetric, 0 where unknown.
 
-    log(level with reflection / level without), levels (M, M) averaged over both directions.
+    log(residual with reflection / residual without), averaged over both directions.
     """
     with_, without = 0.5 * (reflected + reflected.T), 0.5 * (plain + plain.T)
     ratio = np.maximum(with_, 1e-12) / np.maximum(without, 1e-12)
     return np.asarray(np.nan_to_num(np.log(ratio), nan=0.0))
 
 
-def agreed(kinds: Sequence[Array]) -> Array:
-    """Of several kinds of evidence (M, M) the weakest, where all say the same; else 0."""
+def agreed(kinds: Sequence[Float[np.ndarray, "M M"]]) -> Float[np.ndarray, "M M"]:
+    """The weakest of several kinds of evidence where all have the same sign; else 0."""
     every = np.stack(kinds)
     same = np.abs(np.sign(every).sum(axis=0)) == len(every)
     weakest = np.sign(every[0]) * np.abs(every).min(axis=0)
     return np.where(same, weakest, 0.0)
 
 
-def signs_of(evidence: Array, pinned: Sequence[bool]) -> NDArray[np.int64]:
-    """Signs (M,) of +1 and -1 that maximise the sum over pairs of s_i s_j evidence_ij.
+def signs_of(evidence: Float[np.ndarray, "M M"], pinned: Sequence[bool]) -> Int[np.ndarray, " M"]:
+    """Signs of +1 and -1 that maximise the sum over pairs of s_i s_j evidence_ij.
 
     Videos that are `pinned` keep +1. Without any, the larger side is +1; of equal sides the one
     with the first video.
@@ -60,7 +64,7 @@ def signs_of(evidence: Array, pinned: Sequence[bool]) -> NDArray[np.int64]:
     M = len(evidence)
     leading = np.linalg.eigh(evidence)[1][:, -1]
     starts = [np.ones(M, dtype=np.int64), np.where(leading >= 0, 1, -1)]
-    best, value = starts[0], -np.inf
+    best, best_value = starts[0], -np.inf
     for start in starts:
         signs = np.where(fixed, 1, start)
         for _ in range(SWEEPS):
@@ -70,30 +74,34 @@ def signs_of(evidence: Array, pinned: Sequence[bool]) -> NDArray[np.int64]:
                 signs[v] = signs[v] if pull == 0 else np.sign(pull)
             if (signs == before).all():
                 break
-        found = float(signs @ evidence @ signs)
-        if found > value + 1e-12:
-            best, value = signs, found
+        value = float(signs @ evidence @ signs)
+        if value > best_value + 1e-12:
+            best, best_value = signs, value
     if not fixed.any():
         total = int(best.sum())
         best = -best if total < 0 or (total == 0 and best[0] < 0) else best
     return best
 
 
-def mirror_margins(evidence: Array, signs: NDArray[np.int64]) -> Array:
-    """Per video (M,): how much better it fits the others reflected, the others as `signs` says.
+def mirror_margins(
+    evidence: Float[np.ndarray, "M M"], signs: Int[np.ndarray, " M"]
+) -> Float[np.ndarray, " M"]:
+    """Per video: how much better it fits the others reflected, the others with their signs.
 
-    Mean over the others of the logarithm of the ratio of levels; 0 for a single video.
+    Mean over the others of the logarithm of the ratio of residuals; 0 for a single video.
     """
     M = len(evidence)
     if M < 2:
         return np.zeros(M)
-    off = evidence - np.diag(np.diag(evidence))
-    return np.asarray(-(off @ signs) / (M - 1))
+    off_diagonal = evidence - np.diag(np.diag(evidence))
+    return np.asarray(-(off_diagonal @ signs) / (M - 1))
 
 
-def find_mirrored(evidence: Array, pinned: Sequence[bool]) -> tuple[list[int], Array]:
-    """The mirrored videos, and every video's margin (M,): positive fits better reflected."""
+def find_mirrored(
+    evidence: Float[np.ndarray, "M M"], pinned: Sequence[bool]
+) -> tuple[list[int], Float[np.ndarray, " M"]]:
+    """The mirrored videos, and every video's margin: positive fits better reflected."""
     signs = signs_of(evidence, pinned)
     margins = mirror_margins(evidence, signs)
-    found = [int(v) for v in np.flatnonzero((signs < 0) & (margins > LEAST_MARGIN))]
-    return found, margins
+    mirrored = [int(v) for v in np.flatnonzero((signs < 0) & (margins > LEAST_MARGIN))]
+    return mirrored, margins

@@ -1,17 +1,16 @@
-"""Before the videos are synchronised: which are mirrored, and which show another action?"""
+"""Screening before the synchronisation: mirrored videos, and videos of another action."""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float
 
-from imocap_core.sync.screening.evidence import Seen, mirrored_among, outliers_among
+from imocap_core.sync.screening.evidence import WeightedPoses, mirrored_among, outliers_among
 from imocap_core.sync.screening.mirror import CLEAR_MARGIN, mirrored_poses
-from imocap_core.sync.screening.outliers import LARGEST_SCORE
 from imocap_core.sync.screening.warp_residual import thinned
-
-Array = NDArray[np.float64]
 
 OUTLIERS = ("exclude", "report", "ignore")
 MIRRORED = ("flip", "report", "ignore")
@@ -19,28 +18,33 @@ MIRRORED = ("flip", "report", "ignore")
 
 @dataclass(frozen=True)
 class Screening:
-    """What was found about the videos, and what is done about it (indices of videos).
+    """Mirrored videos, videos of another action, and what is done about them (video indices).
 
-    outlier_score, mirror_margin (M,): see `outliers` and `mirror`; NaN where not looked at.
+    Attributes:
+        outliers: detected.
+        mirrored: detected or declared.
+        excluded: left out of the joint synchronisation and reconstruction.
+        flipped: treated as their mirror image.
+        outlier_score, mirror_margin: see `outliers` and `mirror`; NaN where not computed.
     """
 
-    outliers: tuple[int, ...]  # found
-    mirrored: tuple[int, ...]  # found or declared
-    excluded: tuple[int, ...]  # taken out of the joint work
-    flipped: tuple[int, ...]  # treated as their mirror image
-    outlier_score: Array
-    mirror_margin: Array
+    outliers: tuple[int, ...]
+    mirrored: tuple[int, ...]
+    excluded: tuple[int, ...]
+    flipped: tuple[int, ...]
+    outlier_score: Float[np.ndarray, " M"]
+    mirror_margin: Float[np.ndarray, " M"]
 
 
-def nothing_found(count: int, flipped: Sequence[int] = ()) -> Screening:
-    """The screening of videos that nobody looked at."""
+def not_screened(count: int, flipped: Sequence[int] = ()) -> Screening:
+    """The screening of videos that were not examined."""
     unknown = np.full(count, np.nan)
     return Screening((), tuple(flipped), (), tuple(flipped), unknown, unknown.copy())
 
 
 def screen(
-    poses: Sequence[Array],
-    weights: Sequence[Array],
+    poses: Sequence[Float[np.ndarray, "_T J 3"]],
+    weights: Sequence[Float[np.ndarray, "_T J"]],
     fps: Sequence[float],
     *,
     outliers: str,
@@ -48,87 +52,59 @@ def screen(
     twins: Sequence[int] | None,
     declared: Sequence[bool | None],
     max_rate: float,
-    kept: Sequence[bool] | None = None,
+    never_outliers: Sequence[bool] | None = None,
 ) -> Screening:
-    """Look for mirrored videos, then, with those reflected, for videos of another action.
+    """Detect mirrored videos, then, with those reflected, videos of another action.
 
-    `poses` (T_v, J, 3) of one body scale, `weights` (T_v, J), `fps`; `twins` (J,): each joint's
-    mirror twin, None when not known (then no video is called mirrored); `declared`: True or False
-    where the user has said whether a video is mirrored; `kept` (M,): videos that are no outliers,
-    whatever they look like. Raises ValueError for unknown switches.
+    Args:
+        poses: of one body scale.
+        weights: of the joints.
+        outliers, mirrored: what to do, one of OUTLIERS and of MIRRORED.
+        twins: each joint's mirror twin; None when not given (then no video is called mirrored).
+        declared: True or False where the user states whether a video is mirrored.
+        max_rate: largest rate, seconds of one video per second of another.
+        never_outliers: videos that are no outliers, whatever their score.
+
+    Raises:
+        ValueError: unknown switches, or a video declared mirrored without twins.
     """
     _check(outliers, mirrored)
     M = len(poses)
-    told = [v for v in range(M) if declared[v]]
-    if told and twins is None:
+    declared_mirrored = [v for v in range(M) if declared[v]]
+    if declared_mirrored and twins is None:
         raise ValueError(
             "mirrored: a video is declared mirrored, but the joints' twins are unknown"
         )
     look_mirrored = twins is not None and mirrored != "ignore"
     if M < 2 or (outliers == "ignore" and not look_mirrored):
-        return nothing_found(M, told)
+        return not_screened(M, declared_mirrored)
     thin, w, rates = thinned(poses, weights, fps)
     order = list(range(poses[0].shape[1])) if twins is None else list(twins)
-    straight = Seen(thin, w)
-    turned = Seen([mirrored_poses(x, order) for x in thin], [v[:, order] for v in w])
-    straight, turned = straight.swapped(told, turned)
-    found: list[int] = []
+    plain = WeightedPoses(thin, w)
+    reflected = WeightedPoses([mirrored_poses(x, order) for x in thin], [v[:, order] for v in w])
+    plain, reflected = plain.swapped(declared_mirrored, reflected)
+    detected: list[int] = []
     margins = np.full(M, np.nan)
     if look_mirrored:
         pinned = [d is not None for d in declared]
-        found, margins = mirrored_among(straight, turned, rates, max_rate, pinned)
-    strangers: list[int] = []
+        detected, margins = mirrored_among(plain, reflected, rates, max_rate, pinned)
+    other_action: list[int] = []
     scores = np.full(M, np.nan)
     if outliers != "ignore":
-        stay = np.zeros(M, dtype=bool) if kept is None else np.asarray(kept)
-        alike, _ = straight.swapped(found, turned)
-        strangers, scores = outliers_among(alike, rates, max_rate, stay)
-        found = [v for v in found if v not in strangers]  # another action has no mirror image here
-    flips = [v for v in found if margins[v] > CLEAR_MARGIN] if mirrored == "flip" else []
+        never = np.zeros(M, dtype=bool) if never_outliers is None else np.asarray(never_outliers)
+        upright, _ = plain.swapped(detected, reflected)
+        other_action, scores = outliers_among(upright, rates, max_rate, never)
+        # another action has no mirror image here
+        detected = [v for v in detected if v not in other_action]
+    flips = [v for v in detected if margins[v] > CLEAR_MARGIN] if mirrored == "flip" else []
     return Screening(
-        outliers=tuple(sorted(strangers)),
-        mirrored=tuple(sorted({*found, *told})),
-        excluded=tuple(sorted(strangers)) if outliers == "exclude" else (),
-        flipped=tuple(sorted({*flips, *told})),
+        outliers=tuple(sorted(other_action)),
+        mirrored=tuple(sorted({*detected, *declared_mirrored})),
+        excluded=tuple(sorted(other_action)) if outliers == "exclude" else (),
+        flipped=tuple(sorted({*flips, *declared_mirrored})),
         outlier_score=scores,
         mirror_margin=margins,
     )
-
-
-def sentences(found: Screening, names: Sequence[str]) -> list[str]:
-    """What was found and done, for people; `names` of the videos."""
-    said = []
-    for v in found.outliers:
-        done = (
-            "kept out of the joint work, its frames unmatched (sync.outliers: exclude)"
-            if v in found.excluded
-            else "used all the same (sync.outliers: report)"
-        )
-        said.append(
-            f"{names[v]} seems to show another action: it stays further from the other videos than "
-            f"they from each other, and their order of time explains little of it (score "
-            f"{found.outlier_score[v]:.2f}, above {LARGEST_SCORE} is another action): {done}"
-        )
-    for v in found.mirrored:
-        margin = found.mirror_margin[v]
-        why = (
-            f"fits the others {100 * (np.exp(margin) - 1):.0f} % better reflected"
-            if np.isfinite(margin) and margin > 0
-            else "is declared mirrored"
-        )
-        done = (
-            "treated as its mirror image"
-            if v in found.flipped
-            else "left as it is (mirrored: true in action.yaml flips it)"
-        )
-        said.append(f"{names[v]} {why}: {done}")
-    left = len(names) - len(found.excluded)
-    if found.excluded and left == 2:
-        said.append(
-            "only two videos are left, and of two nobody can say which shows another action; "
-            "check the excluded ones, or set sync.outliers: report"
-        )
-    return said
 
 
 def _check(outliers: str, mirrored: str) -> None:

@@ -7,16 +7,15 @@ diagonal step therefore weighs two (a frame of each video), a straight step one;
 videos transposes the path. An infinite `skip` closes the ends.
 """
 
-import numpy as np
-from numpy.typing import NDArray
+from __future__ import annotations
 
-Array = NDArray[np.float64]
-Path = NDArray[np.int64]
+import numpy as np
+from jaxtyping import Float, Int
 
 _START, _DIAGONAL, _DOWN, _RIGHT = 0, 1, 2, 3
 
 
-def _skewed(cost: Array) -> Array:
+def _skewed(cost: np.ndarray) -> np.ndarray:
     """Anti-diagonals as rows: out[i + j, i] = cost[i, j]; infinite elsewhere."""
     n, m = cost.shape
     out = np.full((n, n + m), np.inf)
@@ -25,16 +24,15 @@ def _skewed(cost: Array) -> Array:
     return np.ascontiguousarray(out.T[: n + m - 1])
 
 
-def _accumulate(cost: Array, skip: float) -> tuple[Array, NDArray[np.uint8]]:
-    """Skewed accumulated cost and, for each cell, the step it was reached by; one anti-diagonal at
+def _accumulate(cost: np.ndarray, skip: float) -> tuple[np.ndarray, np.ndarray]:
+    """Skewed accumulated cost and, for each cell, the step that leads to it; one anti-diagonal at
     a time."""
     n, m = cost.shape
     skew = _skewed(cost)
     step = np.zeros(skew.shape, dtype=np.uint8)
     total = np.full((n + m - 1, n), np.inf)
-    start = np.full(
-        (n + m - 1, n), np.inf
-    )  # cost of the frames skipped before a path starting here
+    # cost of the frames skipped before a path that starts in the cell
+    start = np.full((n + m - 1, n), np.inf)
     start[0, 0] = 0.0
     if np.isfinite(skip):
         start[np.arange(m), 0] = skip * np.arange(m)
@@ -54,22 +52,27 @@ def _accumulate(cost: Array, skip: float) -> tuple[Array, NDArray[np.uint8]]:
     return total, step
 
 
-def dtw(cost: Array, *, skip: float = np.inf) -> tuple[Path, float]:
-    """The cheapest monotone path through a cost matrix (n, m), as index pairs (L, 2), and its
-    total cost.
+def dtw(
+    cost: Float[np.ndarray, "N S"], *, skip: float = np.inf
+) -> tuple[Int[np.ndarray, "L 2"], float]:
+    """The cheapest monotone path through a cost matrix, as index pairs, and its total cost.
 
-    `skip`: what an unmatched frame before the path's start or after its end pays; inf = the path
-    must run from the first pair of frames to the last. NaN costs count as `skip` (or as the mean
-    cost when ends are closed).
+    Args:
+        cost: NaN costs count as `skip` (or as the mean cost when ends are closed).
+        skip: cost of an unmatched frame before the path's start or after its end; inf = the path
+            must run from the first pair of frames to the last.
+
+    Raises:
+        ValueError: cost is no matrix, or has no entries.
     """
     if cost.ndim != 2 or 0 in cost.shape:
         raise ValueError(f"cost: expected a matrix (n, m) with n, m >= 1, got shape {cost.shape}")
     n, m = cost.shape
-    unknown = np.isnan(cost)
-    if unknown.any():
-        known = cost[~unknown]
+    missing = np.isnan(cost)
+    if missing.any():
+        valid = cost[~missing]
         cost = np.where(
-            unknown, skip if np.isfinite(skip) else (known.mean() if known.size else 0.0), cost
+            missing, skip if np.isfinite(skip) else (valid.mean() if valid.size else 0.0), cost
         )
     total, step = _accumulate(cost, skip)
     finish = np.full(total.shape, np.inf)
@@ -89,9 +92,9 @@ def dtw(cost: Array, *, skip: float = np.inf) -> tuple[Path, float]:
     return np.array(path[::-1], dtype=np.int64), best
 
 
-def positions_of_rows(path: Path, n: int) -> Array:
-    """Where in the columns each of n rows lies: the mean of the columns its path cells name; NaN
-    off the path."""
+def positions_of_rows(path: Int[np.ndarray, "L 2"], n: int) -> Float[np.ndarray, " n"]:
+    """Position of each of n rows in the columns: the mean column of its path cells; NaN off the
+    path."""
     count = np.bincount(path[:, 0], minlength=n)
     total = np.bincount(path[:, 0], weights=path[:, 1], minlength=n)
     return np.divide(total, count, out=np.full(n, np.nan), where=count > 0)

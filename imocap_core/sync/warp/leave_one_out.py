@@ -1,71 +1,79 @@
-"""Warps refined against what the other videos agree on.
+"""Squared distances of each video to the template made of the other videos.
 
-Two single estimates compared carry the noise of both. Once the videos are roughly synchronised,
-the other videos' poses, turned onto the reference and averaged at each moment, are a template with
-a fraction of that noise; each video is warped onto the template made of the others (never of
-itself: it would agree with its own noise).
+The difference of two monocular estimates carries the noise of both. Once the videos are roughly
+synchronised, the other videos' poses, rotated onto the reference and averaged at each moment, are a
+template with a fraction of that noise; each video is warped onto the template made of the others
+(never of itself: it would agree with its own noise).
 """
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float
 
-from imocap_core.sync.pairwise.affinity import procrustes_distances
-from imocap_core.sync.pairwise.view_axes import centred, squared_distances_in_view
-from imocap_core.sync.pairwise.whitening import residuals_in_view, whitening
+from imocap_core.sync.pairwise.procrustes import procrustes_distances
+from imocap_core.sync.pairwise.rigid_alignment import centred
+from imocap_core.sync.pairwise.view_distance import align_with_template, squared_view_distances
+from imocap_core.sync.pairwise.whitening import whitening
 from imocap_core.sync.warp.template import (
-    ALIKE,
-    IN_VIEW,
-    Contribution,
-    contribute,
-    of_reference,
-    template,
+    ISOTROPIC,
+    VIEW_PRECISION,
+    TemplatePoses,
+    fused,
+    poses_of_reference,
+    poses_of_video,
 )
-
-Array = NDArray[np.float64]
 
 
 def squared_distances_to_others(
-    poses: Sequence[Array],
-    weights: Sequence[Array],
-    maps: Sequence[Array | None],
+    poses: Sequence[Float[np.ndarray, "_T J 3"]],
+    weights: Sequence[Float[np.ndarray, "_T J"]],
+    soft_maps: Sequence[Float[np.ndarray, "_T S"] | None],
     reference: int,
     per_frame: int,
     windows: Sequence[float] | None,
-) -> list[Array | None]:
-    """Per video (T_v, S): squared distance of its frames to the template made of all
-    other videos.
+) -> list[Float[np.ndarray, "_T S"] | None]:
+    """Per video: squared distance of its frames to the template made of all other videos.
 
-    With `windows` (frames) poses are compared in each video's own axes and its joints by how surely
-    they are known. `maps` (T_v, S) soft maps into the reference's positions, rows scaled by how
-    much the video counts; None for the reference, and None in the answer.
+    Args:
+        soft_maps: into the reference's positions, rows scaled by how much the frame counts; None
+            for the reference, and None in the result.
+        per_frame: positions per frame of the reference.
+        windows: frames over which each video's orientation changes. With them, poses are compared
+            in each video's camera axes and whitened joints; without, by their Procrustes distance.
     """
-    axes = ALIKE if windows is None else IN_VIEW
-    base = of_reference(poses[reference], weights[reference], per_frame, axes)
+    axes = ISOTROPIC if windows is None else VIEW_PRECISION
+    base = poses_of_reference(poses[reference], weights[reference], per_frame, axes)
     parts = [
-        base if p is None else contribute(x, w, p, base, axes, windows[v] if windows else 0.0)
-        for v, (x, w, p) in enumerate(zip(poses, weights, maps, strict=True))
+        base if p is None else poses_of_video(x, w, p, base, axes, windows[v] if windows else 0.0)
+        for v, (x, w, p) in enumerate(zip(poses, weights, soft_maps, strict=True))
     ]
-    squares: list[Array | None] = []
-    for v, p in enumerate(maps):
-        if p is None:
+    squares: list[np.ndarray | None] = []
+    for v, soft_map in enumerate(soft_maps):
+        if soft_map is None:
             squares.append(None)
             continue
-        others = template([part for u, part in enumerate(parts) if u != v])
+        others = fused([part for u, part in enumerate(parts) if u != v])
         x, w = poses[v], weights[v]
         if windows is None:
             squares.append(procrustes_distances(x, others.poses, w, others.weights) ** 2)
         else:
-            squares.append(_squares_of_features(x, w, others, p, windows[v]))
+            squares.append(_squares_of_features(x, w, others, soft_map, windows[v]))
     return squares
 
 
 def _squares_of_features(
-    poses: Array, weights: Array, others: Contribution, maps: Array, window: float
-) -> Array:
-    """Distances in the video's axes between features whose errors are independent."""
-    residuals = residuals_in_view(poses, weights, others.poses, others.weights, maps, window)
+    poses: np.ndarray,
+    weights: np.ndarray,
+    template: TemplatePoses,
+    soft_map: np.ndarray,
+    window: float,
+) -> np.ndarray:
+    """Squared distances in the video's axes between whitened joints."""
+    y, y_weights = template.poses, template.weights
+    residuals = align_with_template(poses, weights, y, y_weights, soft_map, window).residuals
     W = whitening(residuals, weights)
-    x, y = centred(poses, weights), centred(others.poses, others.weights)
-    return squared_distances_in_view(W @ x, weights, W @ y, others.weights, maps, window)
+    x, y = centred(poses, weights), centred(y, y_weights)
+    return squared_view_distances(W @ x, weights, W @ y, y_weights, soft_map, window)

@@ -1,88 +1,103 @@
-"""Synchronisation by what the pictures show of the common motion, once cameras are known.
+"""Reprojection evidence: each frame's keypoints against the projected motion of the other videos.
 
-Poses found together agree with the correspondences they were found with, so comparing them again
-confirms those. Detections do not: here every frame's keypoints are held against the projections of
-the other videos' motion at every moment, and the moment that fits best is its counterpart.
+For synchronisation once the cameras are estimated. Poses that were estimated with some
+correspondences agree with these, so comparing the poses again confirms them. Detections do not
+depend on correspondences: here every frame's keypoints are compared with the projections of the
+other videos' motion at every moment, and the moment of the smallest error is its counterpart.
 """
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float, Int
 
 from imocap_core.params import MotionParams
 from imocap_core.robust import geman_mcclure
 from imocap_core.sync.warp.positions import median_positions
-from imocap_core.sync.warp.template import Contribution, alike, positions_between, template
+from imocap_core.sync.warp.template import (
+    TemplatePoses,
+    fused,
+    interpolated_poses,
+    isotropic_poses,
+)
 
-Array = NDArray[np.float64]
-
-ROUNDS = 4
+ROUNDS = 4  # of iteratively reweighted least squares
 OUTLIER_SIGMA = 4.0  # scale of the Geman-McClure weights
-MOST_NOISE = 2.25  # mean square left, of the detector's variance: one half as bad again as assumed
+LARGEST_SQUARE = 2.25  # of the assumed detector variance: 1.5 times the assumed noise
 CHUNK = 16
-STRAYS = 6
-LOWER = [(i, j) for i in range(STRAYS) for j in range(i + 1)]
+OFFSET = 6  # parameters of a rigid offset: rotation vector, translation
+LOWER = [(i, j) for i in range(OFFSET) for j in range(i + 1)]
 DIAGONAL = [n for n, (i, j) in enumerate(LOWER) if i == j]
 
 
 @dataclass(frozen=True)
 class CalibratedVideo:
-    """One video.
+    """A video with its camera, detections and current 3D estimate.
 
     Attributes:
-        xyz_m: (T, K, 3) its performer's keypoints in the common world, as found so far.
-        xy_px: (T, K, 2) detections, any value where unseen; weight: (T, K) 1/px^2, 0 unseen.
-        K: (3, 3); R: (3, 3), t: (3,) camera from the common world.
+        xyz_m: its performer's keypoints in the common world, the current estimate.
+        xy_px: detections, any value where missing.
+        weight: of the detections, 1/px^2, 0 where missing.
+        K: camera matrix. R, t: camera from the common world.
     """
 
-    xyz_m: Array
-    xy_px: Array
-    weight: Array
-    K: Array
-    R: Array
-    t: Array
+    xyz_m: Float[np.ndarray, "T K 3"]
+    xy_px: Float[np.ndarray, "T K 2"]
+    weight: Float[np.ndarray, "T K"]
+    K: Float[np.ndarray, "3 3"]
+    R: Float[np.ndarray, "3 3"]
+    t: Float[np.ndarray, "3"]
 
 
 @dataclass(frozen=True)
-class Projected:
-    """A template of S moments in one camera: pixels (S, K, 2), and their derivatives (S, K, 2, 6)
-    by a turn about the body's middle and a shift."""
+class ProjectedTemplate:
+    """S moments of a template projected into one camera.
 
-    xy_px: Array
-    by_stray: Array
+    Attributes:
+        xy_px: the projections.
+        by_offset: their derivatives by a rigid offset: a rotation about the body's centre, rad,
+            and a translation, m.
+    """
+
+    xy_px: Float[np.ndarray, "S K 2"]
+    by_offset: Float[np.ndarray, "S K 2 6"]
 
 
-def others_motion(
+def leave_one_out_motion(
     videos: Sequence[CalibratedVideo],
-    maps: Sequence[Array],
+    soft_maps: Sequence[Float[np.ndarray, "_T S"]],
     without: int,
     reference: int,
     per_frame: int,
-) -> Array:
-    """(S, K, 3) the motion at the positions of the reference by all videos but one.
+) -> Float[np.ndarray, "S K 3"]:
+    """Mean motion of all videos but one at the positions of the reference.
 
     Args:
-        maps: (T_v, S) soft maps into the reference's positions.
+        soft_maps: per video, into the reference's positions.
+        without: the video left out.
+        per_frame: positions per frame of the reference.
     """
-    parts: list[Contribution] = []
-    for u, (video, soft) in enumerate(zip(videos, maps, strict=True)):
+    parts: list[TemplatePoses] = []
+    for u, (video, soft_map) in enumerate(zip(videos, soft_maps, strict=True)):
         if u == without:
             continue
-        seen = np.ones(video.xyz_m.shape[:2])
+        ones = np.ones(video.xyz_m.shape[:2])
         if u == reference:
-            parts.append(alike(*positions_between(video.xyz_m, seen, per_frame)))
+            parts.append(isotropic_poses(*interpolated_poses(video.xyz_m, ones, per_frame)))
             continue
-        total = (soft.T @ seen)[..., None]
-        mixed = (soft.T @ video.xyz_m.reshape(len(soft), -1)).reshape(-1, *video.xyz_m.shape[1:])
-        parts.append(alike(mixed / np.maximum(total, 1e-9), np.minimum(total[..., 0], 1.0)))
-    return template(parts).poses
+        total = (soft_map.T @ ones)[..., None]
+        flat = soft_map.T @ video.xyz_m.reshape(len(soft_map), -1)
+        mean = flat.reshape(-1, *video.xyz_m.shape[1:]) / np.maximum(total, 1e-9)
+        parts.append(isotropic_poses(mean, np.minimum(total[..., 0], 1.0)))
+    return fused(parts).poses
 
 
-def projected(xyz_m: Array, video: CalibratedVideo) -> Projected:
-    """A motion (S, K, 3) as a video's camera sees it."""
-    middle = xyz_m.mean(axis=1, keepdims=True)
+def projected(xyz_m: Float[np.ndarray, "S K 3"], video: CalibratedVideo) -> ProjectedTemplate:
+    """Project a motion into a video's camera."""
+    centre = xyz_m.mean(axis=1, keepdims=True)
     x = xyz_m @ video.R.T + video.t
     depth = np.maximum(x[..., 2:], 0.05)
     focal = np.array([video.K[0, 0], video.K[1, 1]])
@@ -91,93 +106,105 @@ def projected(xyz_m: Array, video: CalibratedVideo) -> Projected:
     rows[..., 0, 0], rows[..., 1, 1] = (focal / depth).transpose(2, 0, 1)
     rows[..., 2] = -(x[..., :2] / depth**2) * focal
     by_point = rows @ video.R
-    return Projected(pixels, np.concatenate([by_point @ -_skew(xyz_m - middle), by_point], axis=-1))
+    by_offset = np.concatenate([by_point @ -_skew(xyz_m - centre), by_point], axis=-1)
+    return ProjectedTemplate(pixels, by_offset)
 
 
-def squares_in_picture(
-    seen: Projected, video: CalibratedVideo, at: NDArray[np.int64], motion: MotionParams
-) -> Array:
-    """(T, S) mean squared distance of each frame's detections to each moment, in units of noise.
+def reprojection_squares(
+    template: ProjectedTemplate,
+    video: CalibratedVideo,
+    moments: Int[np.ndarray, " T"],
+    motion: MotionParams,
+) -> Float[np.ndarray, "T S"]:
+    """Mean squared reprojection error of each frame at each moment, in units of the noise.
 
-    At every moment the performance may turn and shift as a whole, and what fits best there counts
-    (variable projection): strays found where a frame lies so far would take up the time it is off.
-    How large strays are, and which detections are outliers, is told at those moments ``at`` (T,).
+    At every moment the best rigid offset of the body is fitted (variable projection): offsets that
+    were fitted at a frame's current moment would absorb the error of that moment.
+
+    Args:
+        moments: current moment of each frame; there the outlier weights and the size of rigid
+            offsets are estimated.
+        motion: of its fields, the spreads of rigid offsets.
     """
-    weight, precision = weights_and_precision(seen, video, at, motion)
+    weight, precision = weights_and_precision(template, video, moments, motion)
     count = np.maximum((weight / np.maximum(video.weight, 1e-12)).sum(1), 1e-6)
-    moments, points = seen.xy_px.shape[:2]
-    middle = seen.xy_px.mean(axis=(0, 1))
-    place = (seen.xy_px - middle).transpose(1, 2, 0)  # (K, 2, S)
-    found = np.where(weight[..., None] > 0, video.xy_px - middle, 0.0)
-    rows = seen.by_stray.transpose(1, 2, 3, 0)  # (K, 2, 6, S)
+    S, K = template.xy_px.shape[:2]
+    middle = template.xy_px.mean(axis=(0, 1))
+    predicted = (template.xy_px - middle).transpose(1, 2, 0)  # (K, 2, S)
+    detected = np.where(weight[..., None] > 0, video.xy_px - middle, 0.0)
+    rows = template.by_offset.transpose(1, 2, 3, 0)  # (K, 2, 6, S)
     pairs = np.stack([(rows[:, :, i] * rows[:, :, j]).sum(1) for i, j in LOWER], axis=1)
-    against = np.einsum("kacs,kas->kcs", rows, place)
-    squares = np.empty((len(at), moments))
-    for first in range(0, len(at), CHUNK):
-        own = slice(first, first + CHUNK)
-        w, x = weight[own], weight[own, :, None] * found[own]
+    gradient_of_prediction = np.einsum("kacs,kas->kcs", rows, predicted)
+    squares = np.empty((len(moments), S))
+    for first in range(0, len(moments), CHUNK):
+        chunk = slice(first, first + CHUNK)
+        w, x = weight[chunk], weight[chunk, :, None] * detected[chunk]
         flat = x.reshape(len(w), -1)
-        alone = (x * found[own]).sum((1, 2))[:, None]
-        apart = alone - 2 * flat @ place.reshape(-1, moments) + w @ (place**2).sum(1)
-        pull = flat @ rows.reshape(2 * points, -1) - w @ against.reshape(points, -1)
-        sharpness = (w @ pairs.reshape(points, -1)).reshape(len(w), -1, moments)
-        sharpness[:, DIAGONAL] += precision[:, None]
-        explained = _quadratic(sharpness, pull.reshape(len(w), -1, moments))
-        squares[own] = np.maximum(apart - explained, 0.0)
+        constant = (x * detected[chunk]).sum((1, 2))[:, None]
+        error = constant - 2 * flat @ predicted.reshape(-1, S) + w @ (predicted**2).sum(1)
+        gradient = flat @ rows.reshape(2 * K, -1) - w @ gradient_of_prediction.reshape(K, -1)
+        hessian = (w @ pairs.reshape(K, -1)).reshape(len(w), -1, S)
+        hessian[:, DIAGONAL] += precision[:, None]
+        explained = _quadratic(hessian, gradient.reshape(len(w), -1, S))
+        squares[chunk] = np.maximum(error - explained, 0.0)
     return squares / (2 * count)[:, None]
 
 
-def _quadratic(lower: Array, g: Array) -> Array:
+def _quadratic(lower: np.ndarray, g: np.ndarray) -> np.ndarray:
     """(T, S) g' H^-1 g for H given by its lower triangle (T, 21, S), row by row, and g (T, 6, S).
 
     Cholesky and forward substitution, every step for all T x S systems at once.
     """
     L = {pair: lower[:, n] for n, pair in enumerate(LOWER)}
-    y: list[Array] = []
-    for i in range(STRAYS):
+    y: list[np.ndarray] = []
+    for i in range(OFFSET):
         for j in range(i + 1):
             value = L[i, j] - sum(L[i, k] * L[j, k] for k in range(j))
             L[i, j] = np.sqrt(value) if i == j else value / L[j, j]
         y.append((g[:, i] - sum(L[i, k] * y[k] for k in range(i))) / L[i, i])
-    total: Array = sum(part**2 for part in y[1:]) + y[0] ** 2
+    total: np.ndarray = sum(part**2 for part in y[1:]) + y[0] ** 2
     return total
 
 
 def weights_and_precision(
-    seen: Projected, video: CalibratedVideo, at: NDArray[np.int64], motion: MotionParams
-) -> tuple[Array, Array]:
-    """The robust weights (T, K) of the detections and the inverse variances (6,) of strays, told
-    where each frame lies."""
-    rows, residual = seen.by_stray[at], video.xy_px - seen.xy_px[at]
+    template: ProjectedTemplate,
+    video: CalibratedVideo,
+    moments: Int[np.ndarray, " T"],
+    motion: MotionParams,
+) -> tuple[Float[np.ndarray, "T K"], Float[np.ndarray, "6"]]:
+    """Robust weights of the detections, and the inverse variances of rigid offsets, estimated at
+    each frame's current moment (iteratively reweighted least squares)."""
+    rows, residual = template.by_offset[moments], video.xy_px - template.xy_px[moments]
     residual = np.where(video.weight[..., None] > 0, residual, 0.0)
-    spread = _turn_and_shift(motion.rigid_offset_start_rad, motion.rigid_offset_start_m)
-    least = _turn_and_shift(motion.rigid_offset_floor_rad, motion.rigid_offset_floor_m)
-    strays, weight = np.zeros((len(at), STRAYS)), video.weight
+    spread = _rotation_and_translation(motion.rigid_offset_start_rad, motion.rigid_offset_start_m)
+    least = _rotation_and_translation(motion.rigid_offset_floor_rad, motion.rigid_offset_floor_m)
+    offsets, weight = np.zeros((len(moments), OFFSET)), video.weight
     for _ in range(ROUNDS):
-        left = residual - np.einsum("tkac,tc->tka", rows, strays)
-        robust = geman_mcclure(video.weight * (left**2).sum(-1), OUTLIER_SIGMA)[1]
+        error = residual - np.einsum("tkac,tc->tka", rows, offsets)
+        robust = geman_mcclure(video.weight * (error**2).sum(-1), OUTLIER_SIGMA)[1]
         weight = video.weight * robust
-        sharpness = np.einsum("tkac,tkad,tk->tcd", rows, rows, weight, optimize=True)
-        sharpness += np.diag(spread**-2.0)
-        pull = np.einsum("tkac,tka,tk->tc", rows, residual, weight, optimize=True)
-        strays = np.linalg.solve(sharpness, pull[..., None])[..., 0]
-        spread = _spread(strays, np.linalg.inv(sharpness), least)
+        hessian = np.einsum("tkac,tkad,tk->tcd", rows, rows, weight, optimize=True)
+        hessian += np.diag(spread**-2.0)
+        gradient = np.einsum("tkac,tka,tk->tc", rows, residual, weight, optimize=True)
+        offsets = np.linalg.solve(hessian, gradient[..., None])[..., 0]
+        spread = _spread(offsets, np.linalg.inv(hessian), least)
     return weight, spread**-2.0
 
 
-def _turn_and_shift(turn_rad: float, shift_m: float) -> Array:
-    """(6,) three turns and three shifts."""
-    return np.array([turn_rad] * 3 + [shift_m] * 3)
+def _rotation_and_translation(rotation_rad: float, translation_m: float) -> np.ndarray:
+    """(6,) one value for the three rotations, one for the three translations."""
+    return np.array([rotation_rad] * 3 + [translation_m] * 3)
 
 
-def _spread(strays: Array, covariance: Array, least: Array) -> Array:
-    """(6,) one spread of the turns and one of the shifts (expectation maximisation)."""
-    square = (strays**2 + np.diagonal(covariance, axis1=1, axis2=2)).mean(0)
+def _spread(offsets: np.ndarray, covariance: np.ndarray, least: np.ndarray) -> np.ndarray:
+    """(6,) standard deviations of rigid offsets, one for rotations and one for translations
+    (expectation maximisation)."""
+    square = (offsets**2 + np.diagonal(covariance, axis1=1, axis2=2)).mean(0)
     both = np.repeat([square[:3].mean(), square[3:].mean()], 3)
     return np.asarray(np.maximum(np.sqrt(both), least))
 
 
-def _skew(x: Array) -> Array:
+def _skew(x: np.ndarray) -> np.ndarray:
     """(..., 3, 3) cross product matrices."""
     zero = np.zeros_like(x[..., 0])
     a, b, c = x[..., 0], x[..., 1], x[..., 2]
@@ -186,28 +213,34 @@ def _skew(x: Array) -> Array:
 
 @dataclass(frozen=True)
 class ReprojectionEvidence:
-    """The pictures of all videos that are synchronised, in their order.
+    """All synchronised videos with their cameras, in their order.
 
     Attributes:
-        params: of them the spreads of rigid offsets.
+        params: of its fields, the spreads of rigid offsets.
     """
 
     videos: Sequence[CalibratedVideo]
     params: MotionParams
 
     def squares(
-        self, v: int, maps: Sequence[Array], reference: int, per_frame: int
-    ) -> Array | None:
-        """(T_v, S) squared distances of video v's frames to the others' motion, each frame's
-        in units of its best fit and of the typical one (`maps` as of `others_motion`).
+        self,
+        v: int,
+        soft_maps: Sequence[Float[np.ndarray, "_T S"]],
+        reference: int,
+        per_frame: int,
+    ) -> Float[np.ndarray, "T_v S"] | None:
+        """Squared reprojection errors of video v against the others' motion, each frame's in units
+        of its smallest and of the typical smallest one.
 
-        None where more than noise lies between: a performance that differs is taken for another
-        moment, so that its pictures tell time worse than its poses.
+        `soft_maps` as of `leave_one_out_motion`. None where the typical error exceeds the noise: a
+        performance that differs is mistaken for another moment, so that reprojection is less
+        accurate than comparing poses.
         """
-        motion = others_motion(self.videos, maps, v, reference, per_frame)
-        at = np.rint(median_positions(maps[v], per_frame) * per_frame).astype(np.int64)
-        seen = projected(motion, self.videos[v])
-        squares = squares_in_picture(seen, self.videos[v], at, self.params)
+        motion = leave_one_out_motion(self.videos, soft_maps, v, reference, per_frame)
+        positions = median_positions(soft_maps[v], per_frame) * per_frame
+        moments = np.rint(positions).astype(np.int64)
+        template = projected(motion, self.videos[v])
+        squares = reprojection_squares(template, self.videos[v], moments, self.params)
         best = squares.min(axis=1, keepdims=True)
         typical = float(np.median(best))
-        return squares / np.maximum(best, typical) if typical <= MOST_NOISE else None
+        return squares / np.maximum(best, typical) if typical <= LARGEST_SQUARE else None

@@ -1,203 +1,167 @@
-"""All warps whose rate changes slowly: people do not sprint for a tenth of a second.
+"""Posterior over all warps of slowly changing rate (forward-backward over position and rate).
 
-`monotone` calls every sequence of steps forward equally likely, which is right where frames were
-left out at random. A performance runs at a rate of its own that drifts, so here the hidden state is
-a position in the other video and a rate, both on grids; from frame to frame the position advances
-by the rate (split between the two grid points around it) and the rate moves to a neighbour now and
-then. Rates have limits on both sides; a rate of zero, a frozen picture or a hold, is one of them.
+`monotone` gives every sequence of steps forward the same prior, which is right where frames were
+left out at random. A performance proceeds at a rate that drifts, so here the hidden state is a
+position in the other video and a rate, both on grids; from frame to frame the position advances by
+the rate (split between the two grid points around it) and the rate follows its Markov chain
+(`rate_prior`).
 """
+
+from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float
 
-from imocap_core.sync.warp.monotone import WORST_FRAME
+from imocap_core.sync.warp.forward_backward import bounded_likelihoods, normalised
+from imocap_core.sync.warp.rate_prior import RatePrior
 
-Array = NDArray[np.float64]
-
-RATE_GRID = 0.17  # between neighbouring rates, in log units
-JUMPS_PER_S = 0.2  # a rate changes to any other about this often
-
-
-@dataclass(frozen=True)
-class Rates:
-    """advance (K,) positions per frame, rising; share (K,) of the time a priori, summing to 1;
-    moves (K, K), P(next rate | rate), whose long-run shares are `share`."""
-
-    advance: Array
-    share: Array
-    moves: Array
-
-
-def rates_between(
-    *, usual: float, spread: float, persistence_s: float, max_rate: float, fps: float
-) -> Rates:
-    """Rates around `usual` positions per frame, from 1 / `max_rate` to `max_rate` times it, and 0.
-
-    `spread`: standard deviation of a rate's logarithm; `persistence_s`: how long a rate lasts;
-    `fps`: of the video whose frames advance.
-    """
-    if not (usual > 0 and spread > 0 and persistence_s > 0 and max_rate >= 1 and fps > 0):
-        raise ValueError(
-            "usual, spread, persistence_s, fps: expected > 0 and max_rate >= 1, got "
-            f"{usual}, {spread}, {persistence_s}, {fps}, {max_rate}"
-        )
-    reach = min(np.log(max_rate), 4.0 * spread)
-    side = max(1, int(np.ceil(reach / RATE_GRID)))
-    log = np.arange(-side, side + 1) * (reach / side)
-    share = np.exp(-0.5 * (log / spread) ** 2)
-    share /= share.sum()
-    # a walk to the neighbours that moves log rates as fast as their spread and persistence say
-    drift = spread**2 / (persistence_s * fps) / max(reach / side, 1e-9) ** 2
-    K = len(share)
-    jump = min(JUMPS_PER_S / fps, 0.5)
-    moves = np.zeros((K, K))
-    for k in range(K):
-        for other in (k - 1, k + 1):
-            if 0 <= other < K:
-                moves[k, other] = min(drift, 0.4) * min(1.0, share[other] / share[k])
-    moves[np.diag_indices(K)] = 1.0 - moves.sum(axis=1)
-    moves = (1.0 - jump) * moves + jump * share
-    return Rates(usual * np.exp(log), share, moves)
-
-
-Places = list[tuple[NDArray[np.int64], Array]]  # flat indices (K, S) and how much of each
+# flat indices (K, S) of states, and the weight (K, S) of each; for the two grid points of a step
+Stencil = list[tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True)
-class _Walk:
-    """From frame to frame: what comes to a place (rate, position), and what it goes to."""
+class _Transition:
+    """From frame to frame: the states that a state (rate, position) comes from and goes to."""
 
-    moves: Array
-    sources: Places
-    targets: Places
+    moves: np.ndarray
+    sources: Stencil
+    targets: Stencil
 
     @classmethod
-    def of(cls, rates: Rates, S: int) -> "_Walk":
-        return cls(rates.moves, _places(rates, S, -1), _places(rates, S, 1))
+    def of(cls, prior: RatePrior, S: int) -> _Transition:
+        return cls(prior.moves, _stencil(prior, S, -1), _stencil(prior, S, 1))
 
-    def ahead(self, state: Array) -> Array:
-        """P(position, rate) one frame later, before the frame is seen: (K, S) -> (K, S)."""
+    def forward(self, state: np.ndarray) -> np.ndarray:
+        """P(rate, position) (K, S) one frame later, before the frame's evidence."""
         return np.asarray(self.moves.T @ _gathered(state, self.sources))
 
-    def behind(self, state: Array) -> Array:
-        """The transpose of `ahead`."""
+    def backward(self, state: np.ndarray) -> np.ndarray:
+        """The transpose of `forward`."""
         return _gathered(self.moves @ state, self.targets)
 
 
-def _places(rates: Rates, S: int, way: int) -> Places:
-    """The two positions one frame back (`way` -1) or ahead (1) between which a rate lies."""
-    K = len(rates.share)
-    whole = rates.advance.astype(np.int64)
-    part = rates.advance - whole
-    found = []
+def _stencil(prior: RatePrior, S: int, direction: int) -> Stencil:
+    """The two positions one frame back (`direction` -1) or ahead (1) around each rate's step."""
+    K = len(prior.share)
+    whole = prior.advance.astype(np.int64)
+    part = prior.advance - whole
+    stencil = []
     for step, share in ((whole, 1.0 - part), (whole + 1, part)):
-        at = np.arange(S) + way * step[:, None]
-        index = np.arange(K)[:, None] * S + np.clip(at, 0, S - 1)
-        found.append((index, np.where((at >= 0) & (at < S), share[:, None], 0.0)))
-    return found
+        position = np.arange(S) + direction * step[:, None]
+        index = np.arange(K)[:, None] * S + np.clip(position, 0, S - 1)
+        inside = (position >= 0) & (position < S)
+        stencil.append((index, np.where(inside, share[:, None], 0.0)))
+    return stencil
 
 
-def _gathered(state: Array, places: Places) -> Array:
-    (near, its), (far, other) = places
-    return np.asarray(its * state.take(near) + other * state.take(far))
+def _gathered(state: np.ndarray, stencil: Stencil) -> np.ndarray:
+    (near, near_weight), (far, far_weight) = stencil
+    return np.asarray(near_weight * state.take(near) + far_weight * state.take(far))
 
 
 @dataclass(frozen=True)
 class _Likelihoods:
-    match: Array  # (n, S)
-    skip: Array  # (n,)
-    enter: Array  # (K, edge) P(first matched frame lies in front here | those before are unmatched)
-    edge: int  # positions at either end; from the last ones a warp may leave
-    base: float  # log of what was taken out
+    """match (N, S) and skip (N,) of each frame; enter (K, edge): P(first matched frame lies there |
+    those before are unmatched); edge: positions at either end, from the last of which a warp may
+    leave; base: log likelihood divided out."""
 
+    match: np.ndarray
+    skip: np.ndarray
+    enter: np.ndarray
+    edge: int
+    base: float
 
-def _likelihoods(cost: Array, unmatched: float, rates: Rates) -> _Likelihoods:
-    S = cost.shape[1]
-    base = np.minimum(cost.min(axis=1), unmatched)
-    # No frame may rule a position out altogether: one bad pose would end every warp there.
-    match = np.exp(np.maximum(base[:, None] - cost, -WORST_FRAME))
-    skip = np.exp(np.maximum(base - unmatched, -WORST_FRAME))
-    edge = min(S, max(1, int(np.ceil(2.0 * float(rates.advance @ rates.share)))))
-    enter = np.repeat(rates.share[:, None] / edge, edge, axis=1)
-    return _Likelihoods(match, skip, enter, edge, float(-base.sum()))
+    @classmethod
+    def of(cls, cost: np.ndarray, unmatched: float, prior: RatePrior) -> _Likelihoods:
+        match, skip, base = bounded_likelihoods(cost, unmatched)
+        edge = min(cost.shape[1], max(1, int(np.ceil(2.0 * float(prior.advance @ prior.share)))))
+        enter = np.repeat(prior.share[:, None] / edge, edge, axis=1)
+        return cls(match, skip, enter, edge, float(-base.sum()))
 
 
 @dataclass(frozen=True)
-class _Front:
-    """All that the frames so far say: P(position, rate), P(before), P(after), up to one factor."""
+class _Message:
+    """Forward or backward message: weights of each state (K, S), of "before the warp's start" and
+    of "after its end", up to one factor."""
 
-    inside: Array
+    inside: np.ndarray
     before: float
     after: float
 
-    def scaled(self) -> tuple["_Front", float]:
+    def scaled(self) -> tuple[_Message, float]:
+        """The message with largest weight 1, and the factor divided out."""
         total = max(float(self.inside.max()), self.before, self.after)
-        return _Front(self.inside / total, self.before / total, self.after / total), total
+        return _Message(self.inside / total, self.before / total, self.after / total), total
 
 
-def _next(front: _Front, t: int, like: _Likelihoods, walk: _Walk) -> _Front:
-    inside = walk.ahead(front.inside)
-    inside[:, : like.edge] += front.before * like.enter
-    after = front.after + float(front.inside[:, -like.edge :].sum())
-    return _Front(inside * like.match[t], front.before * like.skip[t], after * like.skip[t])
+def smooth_rate_posterior(
+    cost: Float[np.ndarray, "N S"],
+    prior: RatePrior,
+    *,
+    unmatched: float,
+    skipped: float = 0.0,
+) -> tuple[Float[np.ndarray, "N S"], Float[np.ndarray, " N"], float]:
+    """P(frame t lies at position s) over all warps of slowly changing rate, rows summing to 1;
+    P(matched); and the log likelihood of all frames.
 
+    Forward messages are stored at some frames and recomputed between them: memory grows with
+    S sqrt(N).
 
-def regular_posterior(
-    cost: Array, rates: Rates, *, unmatched: float, skipped: float = 0.0
-) -> tuple[Array, Array, float]:
-    """P(frame t lies at position s) over all warps of slowly changing rate: (n, S), rows summing to
-    1; P(matched) (n,); and the log likelihood of all frames.
-
-    `cost` (n, S) and `unmatched` as in `monotone_posterior`; `skipped`: what a position of the
-    other video pays that lies before the warp's start or after its end. The forward fronts are kept
-    at some frames and made again between them: memory grows with S sqrt(n).
+    Args:
+        cost, unmatched: as in `monotone_posterior`.
+        skipped: cost of a position of the other video before the warp's start or after its end.
     """
-    n, S = cost.shape
-    like, walk = _likelihoods(cost, unmatched, rates), _Walk.of(rates, S)
+    N, S = cost.shape
+    like, transition = _Likelihoods.of(cost, unmatched, prior), _Transition.of(prior, S)
     early = np.exp(-skipped * np.arange(S))
-    first = _Front(
-        rates.share[:, None] * like.match[0] * early / early.sum(), float(like.skip[0]), 0.0
+    first = _Message(
+        prior.share[:, None] * like.match[0] * early / early.sum(), float(like.skip[0]), 0.0
     )
-    front, total = first.scaled()
+    message, total = first.scaled()
     evidence = np.log(total) + like.base
-    stride = max(1, int(np.sqrt(n)))
-    kept = {0: front}
-    for t in range(1, n):
-        front, total = _next(front, t, like, walk).scaled()
+    stride = max(1, int(np.sqrt(N)))
+    stored = {0: message}
+    for t in range(1, N):
+        message, total = _forward(message, t, like, transition).scaled()
         evidence += np.log(total)
         if t % stride == 0:
-            kept[t] = front
-    end = _Front(
-        np.broadcast_to(early[::-1], (len(rates.share), S)), float(np.exp(-skipped * S)), 1.0
+            stored[t] = message
+    end = _Message(
+        np.broadcast_to(early[::-1], (len(prior.share), S)), float(np.exp(-skipped * S)), 1.0
     )
-    last = front.inside * end.inside
-    evidence += np.log(last.sum() + front.before * end.before + front.after)
+    last = message.inside * end.inside
+    evidence += np.log(last.sum() + message.before * end.before + message.after)
 
-    posterior, matched = np.empty((n, S)), np.empty(n)
+    joint, outside = np.empty((N, S)), np.empty(N)
     back = end
-    for start in reversed(range(0, n, stride)):
-        stop = min(start + stride, n)
-        fronts = [kept[start]]
+    for start in reversed(range(0, N, stride)):
+        stop = min(start + stride, N)
+        messages = [stored[start]]
         for t in range(start + 1, stop):
-            fronts.append(_next(fronts[-1], t, like, walk).scaled()[0])
+            messages.append(_forward(messages[-1], t, like, transition).scaled()[0])
         for t in range(stop - 1, start - 1, -1):
-            if t < n - 1:
-                back = _before(back, t + 1, like, walk).scaled()[0]
-            here = fronts[t - start]
-            joint = (here.inside * back.inside).sum(axis=0)
-            inside = joint.sum()
-            outside = here.before * back.before + here.after * back.after
-            posterior[t] = joint / inside if inside > 0 else 1.0 / S
-            matched[t] = inside / (inside + outside) if inside + outside > 0 else 0.0
-    return posterior, matched, float(evidence)
+            if t < N - 1:
+                back = _backward(back, t + 1, like, transition).scaled()[0]
+            here = messages[t - start]
+            joint[t] = (here.inside * back.inside).sum(axis=0)
+            outside[t] = here.before * back.before + here.after * back.after
+    return *normalised(joint, outside), float(evidence)
 
 
-def _before(back: _Front, t: int, like: _Likelihoods, walk: _Walk) -> _Front:
-    """What frames t and later say of the frame before t."""
+def _forward(message: _Message, t: int, like: _Likelihoods, transition: _Transition) -> _Message:
+    """Message of frames 0 to t from that of frames 0 to t - 1."""
+    inside = transition.forward(message.inside)
+    inside[:, : like.edge] += message.before * like.enter
+    after = message.after + float(message.inside[:, -like.edge :].sum())
+    return _Message(inside * like.match[t], message.before * like.skip[t], after * like.skip[t])
+
+
+def _backward(back: _Message, t: int, like: _Likelihoods, transition: _Transition) -> _Message:
+    """Message of frames t and later to the frame before t."""
     match = back.inside * like.match[t]
-    inside, skip = walk.behind(match), like.skip[t]
+    inside, skip = transition.backward(match), like.skip[t]
     inside[:, -like.edge :] += back.after * skip
     enter = float((like.enter * match[:, : like.edge]).sum())
-    return _Front(inside, enter + back.before * skip, back.after * skip)
+    return _Message(inside, enter + back.before * skip, back.after * skip)

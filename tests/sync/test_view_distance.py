@@ -3,12 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from imocap_core.sync.pairwise.view_axes import (
-    axis_precisions,
-    centred,
-    rotations_onto,
-    squared_distances_in_view,
-)
+from imocap_core.sync.pairwise.rigid_alignment import centred, rotations_onto
+from imocap_core.sync.pairwise.view_distance import axis_precisions, squared_view_distances
 
 
 def test_is_the_weighted_distance_of_every_pair() -> None:
@@ -17,7 +13,7 @@ def test_is_the_weighted_distance_of_every_pair() -> None:
     R_other_from_pose = Rotation.random(random_state=1).as_matrix()
     poses = others[:7] @ R_other_from_pose + rng.normal(size=(7, 10, 3)) * [0.1, 0.1, 0.25]
     w, u, maps = np.ones((7, 10)), np.ones((9, 10)), np.eye(7, 9)
-    found = squared_distances_in_view(poses, w, others, u, maps, window=5.0)
+    squares = squared_view_distances(poses, w, others, u, maps, window=5.0)
 
     x, y = centred(poses, w), centred(others, u)
     R = rotations_onto(x, y[:7], w, 5.0)
@@ -26,11 +22,11 @@ def test_is_the_weighted_distance_of_every_pair() -> None:
         [float((((x[t] - y[s] @ R[t]) ** 2) * precision).sum(-1).mean()) for s in range(9)]
         for t in range(7)
     ]
-    np.testing.assert_allclose(found, naive, atol=1e-12)
+    np.testing.assert_allclose(squares, naive, atol=1e-12)
     assert precision[2] < 0.5 * precision[0]
 
 
-def test_rotations_are_recovered_and_steady() -> None:
+def test_rotations_are_recovered_and_smooth() -> None:
     rng = np.random.default_rng(2)
     truth = Rotation.random(random_state=3).as_matrix()
     poses, ones = rng.normal(size=(40, 12, 3)), np.ones((40, 12))
@@ -49,11 +45,11 @@ def test_missing_joints_do_not_count() -> None:
     w, u, maps = np.ones((6, 10)), np.ones((8, 10)), rng.random((6, 8))
     w[:, 4:] = 0.0
     u[:, 4:] = 0.0
-    whole = squared_distances_in_view(poses, w, others, u, maps, 2.0)
+    whole = squared_view_distances(poses, w, others, u, maps, 2.0)
     poses[:, 4:], others[:, 4:] = np.nan, 50.0
-    np.testing.assert_allclose(squared_distances_in_view(poses, w, others, u, maps, 2.0), whole)
+    np.testing.assert_allclose(squared_view_distances(poses, w, others, u, maps, 2.0), whole)
     u[2] = 0.0
-    assert np.isnan(squared_distances_in_view(poses, w, others, u, maps, 2.0)[:, 2]).all()
+    assert np.isnan(squared_view_distances(poses, w, others, u, maps, 2.0)[:, 2]).all()
 
 
 def test_equal_axes_have_equal_precision() -> None:

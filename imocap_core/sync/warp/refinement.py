@@ -1,0 +1,164 @@
+"""Maps to the reference, refined against what the other videos agree on.
+
+Round after round, each video is warped onto the template made of the others' poses, and finally,
+where cameras are given, onto the projections of the others' motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from jaxtyping import Float
+
+from imocap_core.params import SyncParams
+from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
+from imocap_core.sync.reference_anchors import AnchorPenalty
+from imocap_core.sync.warp.leave_one_out import squared_distances_to_others
+from imocap_core.sync.warp.positions import isotonic, mass_within, median_positions
+from imocap_core.sync.warp.reprojection import ReprojectionEvidence
+from imocap_core.sync.warp.soft_maps import at_fine_positions, soft_map, typical_matched_square
+from imocap_core.workers import at_once
+
+SHARP_ROUNDS = 2  # the last refinements, against a template that errs less than two estimates
+SHARPNESS = 3.0  # factor of their evidence
+REPROJECTION_ROUNDS = 4
+KEYPOINTS_PER_S = 60.0  # a detector's errors persist far less than those of poses
+
+
+@dataclass(frozen=True)
+class ReferenceAxis:
+    """The axis that maps lead to: the reference video, and every video's frame rate.
+
+    Attributes:
+        penalty: of the user's anchors; None without anchors.
+    """
+
+    reference: int
+    fps: Sequence[float]
+    penalty: AnchorPenalty | None = None
+
+    def soft_map(
+        self, v: int, squares: np.ndarray, matched_square: float, params: SyncParams
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """`soft_map` (T_v, S) of video v to the reference, with the user's anchors."""
+        if self.penalty is not None:
+            squares = self.penalty(v, squares, matched_square, params.evidence_per_s)
+        return soft_map(
+            squares,
+            matched_square,
+            fps=self.fps[v],
+            fps_to=self.fps[self.reference],
+            per_frame=params.positions_per_frame,
+            params=params,
+            smooth_rate_share=0.0,
+        )
+
+
+def refined_warps(
+    distances: DistanceMatrix,
+    relaxed: Float[np.ndarray, "N_a N_a"],
+    matched: Float[np.ndarray, "N_a M"],
+    axis: ReferenceAxis,
+    params: SyncParams,
+    reprojection: ReprojectionEvidence | None = None,
+) -> tuple[list[Float[np.ndarray, "_T"]], list[Float[np.ndarray, "_T"]]]:
+    """Positions of each video's frames in the reference, NaN unmatched, and confidences.
+
+    From the relaxed maps, refined `consensus_rounds` times against the other videos' poses, and by
+    `reprojection`, where that is more accurate than comparing poses.
+    """
+    M, blocks, per_frame = len(distances.poses), distances.blocks, params.positions_per_frame
+    maps = [
+        at_fine_positions(
+            np.asarray(blocks.block(relaxed, v, axis.reference), dtype=float), per_frame
+        )
+        for v in range(M)
+    ]
+    in_reference = [matched[blocks.rows(v), axis.reference] for v in range(M)]
+    certainty = _refine_by_poses(maps, in_reference, distances, axis, params)
+    if reprojection is not None:
+        for v in _refine_by_reprojection(maps, reprojection, axis, params):
+            certainty[v] = maps[v]
+    reach = params.confidence_reach_s * axis.fps[axis.reference]
+    positions, confidence = [], []
+    for v in range(M):
+        position = median_positions(maps[v], per_frame)
+        mass = mass_within(certainty[v], position, reach, per_frame)
+        position = isotonic(np.where(in_reference[v] >= 0.5, position, np.nan), mass)
+        positions.append(position)
+        trusted = np.minimum(mass * in_reference[v], 1.0)
+        confidence.append(np.where(np.isfinite(position), trusted, 0.0))
+    return positions, confidence
+
+
+def _refine_by_poses(
+    maps: list[np.ndarray],
+    matched: list[np.ndarray],
+    distances: DistanceMatrix,
+    axis: ReferenceAxis,
+    params: SyncParams,
+) -> list[np.ndarray]:
+    """Refine the maps (T_v, S) and P(matched) (T_v,) by the poses of the other videos, in place.
+
+    The last rounds weigh the evidence more: the template errs less than the two estimates for which
+    the evidence is set. The certainty of a position is that of the usual evidence: those maps are
+    returned.
+    """
+    sharp = replace(params, evidence_per_s=SHARPNESS * params.evidence_per_s)
+    usual = list(maps)
+    plan = [params] * params.consensus_rounds
+    plan += [sharp] * (SHARP_ROUNDS if plan else 0)
+    # the first refinement aligns frame by frame; only then are orientations accurate enough
+    windows = [params.orientation_window_s * f for f in axis.fps]
+    for round_, evidence in enumerate(plan):
+        weighted = [
+            None if v == axis.reference else m * p[:, None]
+            for v, (m, p) in enumerate(zip(maps, matched, strict=True))
+        ]
+        squares_of_videos = squared_distances_to_others(
+            distances.poses,
+            distances.weights,
+            weighted,
+            axis.reference,
+            params.positions_per_frame,
+            windows if round_ else None,
+        )
+        for v, squares in enumerate(squares_of_videos):
+            if squares is None:
+                continue
+            typical = typical_matched_square(squares, distances)
+            usual[v], matched[v] = axis.soft_map(v, squares, typical, params)
+            maps[v] = (
+                usual[v] if evidence is params else axis.soft_map(v, squares, typical, evidence)[0]
+            )
+    return usual
+
+
+def _refine_by_reprojection(
+    maps: list[np.ndarray],
+    reprojection: ReprojectionEvidence,
+    axis: ReferenceAxis,
+    params: SyncParams,
+) -> set[int]:
+    """Refine the maps (T_v, S) by the keypoints, in place; which frames are matched is unchanged.
+
+    Returns the videos that were refined.
+    """
+    sharp = replace(params, unmatched_level=np.inf, evidence_per_s=KEYPOINTS_PER_S)
+
+    def refined(v: int, before: Sequence[np.ndarray]) -> np.ndarray | None:
+        squares = reprojection.squares(v, before, axis.reference, params.positions_per_frame)
+        return None if squares is None else axis.soft_map(v, squares, 1.0, sharp)[0]
+
+    changed: set[int] = set()
+    others = [v for v in range(len(maps)) if v != axis.reference]
+    for _ in range(REPROJECTION_ROUNDS):
+        new_maps = at_once(partial(refined, before=tuple(maps)), others)
+        for v, new in zip(others, new_maps, strict=True):
+            if new is not None:
+                maps[v] = new
+                changed.add(v)
+    return changed

@@ -1,0 +1,129 @@
+"""Soft maps from squared distances: P(position in another video | frame)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from imocap_core.params import SyncParams
+from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
+from imocap_core.sync.warp.monotone import monotone_posterior
+from imocap_core.sync.warp.rate_prior import rate_prior
+from imocap_core.sync.warp.smooth_rate import smooth_rate_posterior
+
+# cost of a frame of the other video left over at an end, as a share of that of a matching pair
+SKIPPED_SHARE = 0.3
+MOST_OBSERVATIONS = 4.0  # independent ones per frame, however low the frame rate
+
+
+def observations_per_frame(evidence_per_s: float, fps: float) -> float:
+    """Independent observations of the pose per frame: the squared distance of matching frames
+    costs this many nats."""
+    return min(evidence_per_s / fps, MOST_OBSERVATIONS)
+
+
+def soft_map(
+    squares: Float[np.ndarray, "N S"],
+    matched_square: float,
+    *,
+    fps: float,
+    fps_to: float,
+    per_frame: int,
+    params: SyncParams,
+    smooth_rate_share: float,
+) -> tuple[Float[np.ndarray, "N S"], Float[np.ndarray, " N"]]:
+    """Soft map of one video into another from squared distances, and P(matched) of each frame.
+
+    The mean over all monotone warps, and, with weight `smooth_rate_share`, over those of slowly
+    changing rate: the first is right where frames were left out, the second where a performance
+    went on.
+
+    Args:
+        squares: NaN unknown.
+        matched_square: typical squared distance of matching frames.
+        fps, fps_to: of the two videos.
+        per_frame: positions (columns) per frame of the second video.
+    """
+    observations = observations_per_frame(params.evidence_per_s, fps)
+    valid = np.isfinite(squares)
+    mean = np.divide(
+        np.where(valid, squares, 0.0).sum(axis=1),
+        valid.sum(axis=1),
+        out=np.zeros(len(squares)),
+        where=valid.any(axis=1),
+    )
+    cost = observations / matched_square * np.where(valid, squares, mean[:, None])
+    unmatched = observations * (1.0 + 2.0 * params.unmatched_level)
+    usual = fps_to / fps * per_frame
+    step = params.max_rate * usual
+    max_step = int(np.ceil(step)) if np.isfinite(step) else None
+    posterior, matched = monotone_posterior(cost, unmatched=unmatched, max_step=max_step)
+    if smooth_rate_share == 0:
+        return posterior, matched
+    prior = rate_prior(
+        usual=usual,
+        spread=params.rate_spread,
+        persistence_s=params.rate_persistence_s,
+        max_rate=params.max_rate,
+        fps=fps,
+    )
+    skipped = SKIPPED_SHARE * observations / usual
+    smooth, smooth_matched, _ = smooth_rate_posterior(
+        cost, prior, unmatched=unmatched, skipped=skipped
+    )
+    return (
+        (1 - smooth_rate_share) * posterior + smooth_rate_share * smooth,
+        (1 - smooth_rate_share) * matched + smooth_rate_share * smooth_matched,
+    )
+
+
+def pairwise_soft_maps(
+    distances: DistanceMatrix, fps: Sequence[float], params: SyncParams
+) -> tuple[Float[np.ndarray, "N_a N_a"], Float[np.ndarray, "N_a M"]]:
+    """Soft maps between all videos at whole frames, and P(matched) of each frame in each video.
+
+    The blocks within a video are the identity.
+    """
+    blocks, M = distances.blocks, len(distances.poses)
+    maps, matched = np.zeros_like(distances.squares), np.ones((blocks.total, M))
+    for i in range(M):
+        for j in range(M):
+            if i != j:
+                squares = distances.block(i, j)
+                blocks.block(maps, i, j)[...], matched[blocks.rows(i), j] = soft_map(
+                    squares,
+                    typical_matched_square(squares, distances),
+                    fps=fps[i],
+                    fps_to=fps[j],
+                    per_frame=1,
+                    params=params,
+                    smooth_rate_share=params.regularity,
+                )
+    blocks.set_diagonal_to_identity(maps)
+    return maps, matched
+
+
+def typical_matched_square(squares: Float[np.ndarray, "N S"], distances: DistanceMatrix) -> float:
+    """Typical squared distance of matching frames of one pair: the median of the row minima."""
+    valid = np.isfinite(squares).any(axis=1)
+    typical = (
+        float(np.median(np.nanmin(squares[valid], axis=1)))
+        if valid.any()
+        else distances.matched_square
+    )
+    return max(typical, distances.least_square, 1e-6 * distances.matched_square)
+
+
+def at_fine_positions(
+    soft_map: Float[np.ndarray, "N S"], per_frame: int
+) -> Float[np.ndarray, "N S_fine"]:
+    """A row-stochastic map at whole frames, interpolated to `per_frame` positions a frame."""
+    N, S = soft_map.shape
+    fine = np.empty((N, (S - 1) * per_frame + 1))
+    fine[:, ::per_frame] = soft_map
+    for k in range(1, per_frame):
+        x = k / per_frame
+        fine[:, k::per_frame] = (1 - x) * soft_map[:, :-1] + x * soft_map[:, 1:]
+    return fine / np.maximum(fine.sum(axis=1, keepdims=True), 1e-300)
