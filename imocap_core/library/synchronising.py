@@ -15,6 +15,7 @@ from imocap_core.library.progress import Progress, displaying
 from imocap_core.library.running import Params, one_off
 from imocap_core.pipeline.action import DetectionFormat, Layout
 from imocap_core.result.synchronisation import Synchronisation, synchronisation_of
+from imocap_core.standalone_sync.sources import Declared, VideoSource, read_size, sources_of
 from imocap_core.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -65,15 +66,16 @@ def synchronise(
         raise WrongUse("clips: 2D keypoints as arrays need layout, fps and size=(width, height)")
     with tempfile.TemporaryDirectory(prefix="imocap-") as folder, displaying(progress) as display:
         from imocap_core.standalone_sync.run import synchronise_action
-        from imocap_core.standalone_sync.sources import Declared, sources_of
 
-        words = [
-            str(_keypoint_file(Path(folder), number, clip))
-            if isinstance(clip, np.ndarray)
-            else str(clip)
-            for number, clip in enumerate(clips, start=1)
-        ]
-        without = [s.stem for s in sources_of(words) if s.keypoints is None]
+        sources = sources_of(
+            [
+                _keypoint_file(Path(folder), f"v{number}", clip)
+                if isinstance(clip, np.ndarray)
+                else str(clip)
+                for number, clip in enumerate(clips, start=1)
+            ]
+        )
+        without = [source.stem for source in sources if source.keypoints is None]
         if without and root is None:
             raise WrongUse(
                 f"{', '.join(without)}: no keypoints beside the video; give root=..., the working "
@@ -81,7 +83,7 @@ def synchronise(
             )
         solved = synchronise_action(
             Workspace(Path(folder) if root is None else Path(root)),
-            words,
+            sources,
             Declared(None, layout, fps, size),
             name=None,
             reference=reference,
@@ -118,7 +120,6 @@ def synchronise_videos(
         repetitions: cut one long clip into its repetitions first.
     """
     from imocap_core.standalone_sync.run import synchronise_action, write_synchronised
-    from imocap_core.standalone_sync.sources import Declared, read_size
 
     with displaying(progress) as display:
         solved = synchronise_action(
@@ -134,17 +135,17 @@ def synchronise_videos(
         return write_synchronised(solved, None if out is None else Path(out), display)
 
 
-def _keypoint_file(folder: Path, number: int, clip: np.ndarray) -> Path:
-    """A 2D clip as the npz file that the program reads."""
+def _keypoint_file(folder: Path, label: str, clip: np.ndarray) -> VideoSource:
+    """A 2D clip, written to the npz file that the program reads."""
     if clip.ndim != 3 or clip.shape[-1] not in (2, 3):
         raise WrongUse(f"clips: expected 2D keypoints (T, K, 2 or 3), got {clip.shape}")
     points = np.asarray(clip, dtype=np.float64)
     if points.shape[-1] == 2:
         visible = np.isfinite(points).all(axis=-1, keepdims=True).astype(np.float64)
         points = np.concatenate([points, visible], axis=-1)
-    file = folder / f"v{number}.npz"
+    file = folder / f"{label}.npz"
     np.savez(file, keypoints=points)
-    return file
+    return VideoSource(None, file, label)
 
 
 def _of_joints(

@@ -18,7 +18,7 @@ from imocap_core.result.artifacts import artifacts_of_stages
 from imocap_core.result.synchronisation import Synchronisation, synchronisation_of
 from imocap_core.standalone_sync.action import write_sources
 from imocap_core.standalone_sync.repetitions import cut, job_in_parts
-from imocap_core.standalone_sync.sources import Declared, sources_of
+from imocap_core.standalone_sync.sources import Declared, VideoSource, sources_of
 from imocap_core.workspace import Workspace
 
 STAGE = "sync"
@@ -60,7 +60,7 @@ class SolvedSync:
 
 def synchronise_action(
     workspace: Workspace,
-    words: Sequence[str],
+    words: Sequence[str | VideoSource],
     declared: Declared,
     *,
     name: str | None,
@@ -116,10 +116,10 @@ def write_synchronised(solved: SolvedSync, out: Path | None, display: Display) -
 
 
 def _action_of(
-    workspace: Workspace, words: Sequence[str], declared: Declared, name: str | None
+    workspace: Workspace, words: Sequence[str | VideoSource], declared: Declared, name: str | None
 ) -> str:
     """The one action named, or one made of the videos and keypoints named."""
-    actions = [word for word in words if _is_action(workspace, word)]
+    actions = [w for w in words if isinstance(w, str) and _is_action(workspace, w)]
     if actions and (len(words) > 1 or name is not None):
         raise WrongUse(f"{actions[0]} is an action: give it alone, without --name")
     if actions:

@@ -32,23 +32,29 @@ class VideoSource:
 
     video: Path | None
     keypoints: Path | None  # None: to be detected
+    label: str | None = None  # its id; None: after the file
 
     @property
     def stem(self) -> str:
-        """The name of its file."""
+        """Its label, or the name of its file."""
+        if self.label is not None:
+            return self.label
         if self.video is not None:
             return self.video.stem
         return self.keypoints.name if self.keypoints is not None else ""
 
 
-def sources_of(words: Sequence[str]) -> list[VideoSource]:
-    """The videos and keypoints that the words name.
+def sources_of(words: Sequence[str | VideoSource]) -> list[VideoSource]:
+    """The videos and keypoints that the words name; sources as they are.
 
     A video beside which no keypoints lie has people detected in it. WrongUse when something is not
     there.
     """
     sources = []
     for word in words:
+        if isinstance(word, VideoSource):
+            sources.append(word)
+            continue
         video, keypoints = _parts(word)
         if keypoints is None and video is not None:
             keypoints = _beside(video)

@@ -1,0 +1,81 @@
+"""`import imocap`: one page of names, each documented; importing changes nothing."""
+
+from __future__ import annotations
+
+import inspect
+import subprocess
+import sys
+from importlib import metadata
+
+import imocap
+
+
+def test_at_most_sixty_names() -> None:
+    assert len(imocap.__all__) <= 60
+    assert len(set(imocap.__all__)) == len(imocap.__all__)
+    public = {n for n, v in vars(imocap).items() if not n.startswith("_")}
+    modules = {n for n in public if inspect.ismodule(getattr(imocap, n))}
+    assert public - modules == set(imocap.__all__) - {"__version__"}
+
+
+def test_every_name_is_documented_and_typed() -> None:
+    for name in imocap.__all__:
+        value = getattr(imocap, name)
+        if not callable(value):
+            continue
+        assert inspect.getdoc(value), name
+        function = value.__init__ if inspect.isclass(value) else value
+        if inspect.isclass(value) and issubclass(value, Exception):
+            continue
+        for parameter in inspect.signature(function).parameters.values():
+            if parameter.name != "self":
+                assert parameter.annotation is not inspect.Parameter.empty, (name, parameter)
+
+
+def test_public_members_are_documented() -> None:
+    for kind in (imocap.Result, imocap.VideoResult, imocap.VideoCamera, imocap.Synchronisation):
+        for name in dir(kind):
+            member = inspect.getattr_static(kind, name)
+            if not name.startswith("_") and (callable(member) or isinstance(member, property)):
+                assert inspect.getdoc(member), f"{kind.__name__}.{name}"
+
+
+def test_the_version_is_the_package_s() -> None:
+    assert imocap.__version__ == metadata.version("imocap")
+
+
+def test_importing_changes_no_setting_and_loads_nothing_heavy() -> None:
+    code = """
+import os, sys
+before = dict(os.environ)
+import imocap
+heavy = sorted({"torch", "av", "matplotlib", "scipy", "cv2"} & set(sys.modules))
+import torch
+threads = torch.get_num_threads(), torch.get_num_interop_threads()
+print(heavy, threads, dict(os.environ) == before)
+"""
+    plain = "import torch; print(torch.get_num_threads(), torch.get_num_interop_threads())"
+    with_imocap, without = (
+        subprocess.run([sys.executable, "-c", c], capture_output=True, text=True, check=True).stdout
+        for c in (code, plain)
+    )
+    threads = tuple(map(int, without.split()))
+    assert with_imocap.strip() == f"[] {threads} True"
+
+
+def test_importing_sets_no_allocator_option() -> None:
+    code = """
+import ctypes
+calls = []
+class Library:
+    def __init__(self, *_): pass
+    def __getattr__(self, name):
+        calls.append(name)
+        raise AttributeError(name)
+real = ctypes.CDLL
+ctypes.CDLL = lambda name=None, *a, **k: Library() if name is None else real(name, *a, **k)
+import imocap
+print(calls)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "mallopt" not in done.stdout

@@ -1,0 +1,255 @@
+"""A result as values: shapes, frames and identities between them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+import imocap
+from imocap_core.artifacts.schemas import Hands, Uncertainty, VideoHands, VideoUncertainty
+from imocap_core.body import load_free_body
+from tests.pipeline.made_result import (
+    FPS,
+    LENGTHS,
+    PHASES,
+    Made,
+    keypoints,
+    made_result,
+    motion,
+    refined,
+    turned,
+    world_motion,
+)
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> Made:
+    return made_result(tmp_path)
+
+
+@pytest.fixture
+def result(made: Made) -> imocap.Result:
+    return made.result()
+
+
+def hands(made: Made) -> None:
+    body = load_free_body(hands=True)
+    videos = [
+        VideoHands(
+            id=v,
+            frames=100 + np.arange(n),
+            fingers=np.full((n, 2, 15, 3), 0.2),
+            wrists=np.full((n, 2, 3), 0.1),
+            points_m=np.repeat(motion(v).joints[:, 20:22, None], 21, axis=2),
+            seen=np.ones((n, 2), dtype=np.int64),
+        )
+        for v, n in LENGTHS.items()
+    ]
+    artifact = Hands(
+        videos=videos, model=body.name, model_digest=body.digest, size=1.0, status="made"
+    )
+    made.publish("hands", artifact)
+
+
+def test_it_is_a_collection_of_videos(result: imocap.Result) -> None:
+    assert result.ids == ("a", "b")
+    assert len(result) == 2
+    assert [video.id for video in result] == ["a", "b"]
+    assert "a" in result
+    assert "c" not in result
+    assert result.reference == result.sync.reference == "a"
+    assert result.model.startswith("free_body ")
+    assert list(result.cameras) == ["a", "b"]
+    with pytest.raises(imocap.WrongUse, match="walk has no video 'c'; there are: a, b"):
+        result["c"]
+
+
+def test_arrays_and_their_shapes(result: imocap.Result) -> None:
+    video = result["b"]
+    T = LENGTHS["b"]
+    assert len(video) == T
+    assert video.joints.shape == (T, 24, 3)
+    assert len(video.joint_names) == 24
+    assert video.rotations.shape == (T, 24, 3, 3)
+    assert video.poses.shape == (T, 72)
+    assert video.betas.shape == (10,)
+    assert video.trans.shape == (T, 3)
+    assert video.vertices(np.array([0, 3])).shape == (2, video.faces.max() + 1, 3)
+    np.testing.assert_array_equal(video.frames, 100 + np.arange(T))
+    np.testing.assert_allclose(video.time_s, video.frames / FPS["b"])
+    np.testing.assert_allclose(video.phase_s, PHASES["b"])
+    np.testing.assert_allclose(video.joint("head"), video.joints[:, 15])
+    assert video.uncertainty is None
+    assert video.video is None
+    with pytest.raises(imocap.WrongUse, match="no joint 'nose'; there are: pelvis"):
+        video.joint("nose")
+
+
+def test_all_videos_are_in_one_world(result: imocap.Result) -> None:
+    """Both show the motion that was made, which is in the axes of `a`."""
+    theta, _ = world_motion(PHASES["b"])
+    made = load_free_body().shape(torch.as_tensor(result["b"].betas))
+    local = torch.as_tensor(result["b"].rotations)
+    posed = made.pose(local, torch.as_tensor(result["b"].trans)).joints.numpy()
+    np.testing.assert_allclose(posed, result["b"].joints, atol=1e-6)
+    np.testing.assert_allclose(result["b"].poses[:, 3:], theta[:, 3:], atol=1e-9)
+    a, b = result.at_phase(0.5)["a"], result.at_phase(0.5)["b"]
+    np.testing.assert_allclose(a.joints, b.joints, atol=1e-3)
+
+
+def test_a_camera_projects_what_its_video_shows(result: imocap.Result) -> None:
+    """A camera that turns and zooms: K R^T, frame by frame."""
+    video = result["b"]
+    camera, own = video.camera, motion("b").joints
+    R, zoom = turned("b").R_first_from_frame, turned("b").zoom
+    K = camera.K_per_frame
+    np.testing.assert_allclose(K[:, 0, 0], 600 * zoom)
+    ahead = np.einsum("tij,tnj->tni", camera.R_per_frame, video.joints - camera.centre)
+    np.testing.assert_allclose(ahead, own @ R, atol=1e-9)
+    assert not camera.is_static
+    assert result["a"].camera.is_static
+    px = result["a"].camera.project(result["a"].joints)
+    joints = motion("a").joints
+    np.testing.assert_allclose(px, (joints @ camera.K.T)[..., :2] / joints[..., 2:], atol=1e-9)
+    one = result["a"].camera.project(result["a"].joints[4], np.array([4]))
+    np.testing.assert_allclose(one[0], px[4])
+    behind = result["a"].camera.project(np.array([[0.0, 0.0, -1.0]]))
+    assert behind.shape == (LENGTHS["a"], 1, 2)
+    assert np.isnan(behind).all()
+
+
+def test_a_camera_that_turns_on_the_spot(made: Made) -> None:
+    """The measured homographies of a turning camera are K R K^-1: both ways give one pixel."""
+    from imocap_core.artifacts.schemas import CameraMotion
+
+    videos = []
+    for v in LENGTHS:
+        one = turned(v)
+        K_frame = np.tile(one.K, (LENGTHS[v], 1, 1))
+        K_frame[:, :2, :2] *= one.zoom[:, None, None]
+        H = one.K @ one.R_first_from_frame @ np.linalg.inv(K_frame)
+        videos.append(one.model_copy(update={"H_first_from_frame": 1.3 * H}))
+    made.publish("camera_motion", CameraMotion(videos=videos))
+    video = made.result()["b"]
+    camera = video.camera
+    ahead = np.einsum("tij,tnj->tni", camera.R_per_frame, video.joints - camera.centre)
+    homogeneous = np.einsum("tij,tnj->tni", camera.K_per_frame, ahead)
+    expected = homogeneous[..., :2] / homogeneous[..., 2:]
+    expected[homogeneous[..., 2] <= 0] = np.nan
+    np.testing.assert_allclose(camera.project(video.joints), expected, atol=1e-6)
+
+
+def test_a_moment_is_given_for_the_videos_that_show_it(result: imocap.Result) -> None:
+    assert list(result.at_phase(0.05)) == ["a"]  # b begins at 0.1 s
+    both = result.at_phase(0.35)
+    assert both["b"].index == pytest.approx(5.0)
+    assert both["b"].frame == pytest.approx(105.0)
+    assert both["b"].time_s == pytest.approx(105 / 20)
+    assert both["a"].index == pytest.approx(10.5)
+    assert both["a"].confidence == pytest.approx(1.0)
+    assert result.at_phase(99.0) == {}
+    with pytest.raises(imocap.WrongUse, match="phase_s: expected a finite number"):
+        result.at_phase(float("nan"))
+
+
+def test_which_frame_matches_which(result: imocap.Result) -> None:
+    to_reference = result["b"].matches("a")
+    np.testing.assert_allclose(to_reference.index, 30 * PHASES["b"])
+    np.testing.assert_allclose(to_reference.confidence, 1.0)
+    back = result["a"].matches(result["b"])
+    shown = np.isfinite(back.index)
+    np.testing.assert_array_equal(shown, PHASES["a"] >= 0.1 - 1e-12)
+    np.testing.assert_allclose(back.index[shown], (PHASES["a"][shown] - 0.1) * 20, atol=1e-9)
+    np.testing.assert_allclose(back.frame[shown], 100 + back.index[shown])
+    assert (back.confidence[~shown] == 0).all()
+    with pytest.raises(imocap.WrongUse, match="no video 'z'; there are: a, b"):
+        result["a"].matches("z")
+
+
+@pytest.mark.parametrize(("up", "axis"), [("y", 1), ("z", 2)])
+def test_a_levelled_world_keeps_what_cameras_see(result: imocap.Result, up: str, axis: int) -> None:
+    level = result.levelled(up)
+    assert isinstance(level, imocap.Result)
+    assert level.up_axis == up
+    assert level["a"].joint("head")[:, axis].min() > 1.2
+    for before, after in zip(result, level, strict=True):
+        np.testing.assert_allclose(
+            after.camera.project(after.joints), before.camera.project(before.joints), atol=1e-6
+        )
+        np.testing.assert_allclose(after.rotations[:, 1:], before.rotations[:, 1:], atol=1e-9)
+    with pytest.raises(imocap.WrongUse, match="up: expected y or z, got 'x'"):
+        result.levelled("x")
+
+
+def test_on_the_common_axis_everybody_has_the_same_phases(result: imocap.Result) -> None:
+    common = result.on_common_time()
+    np.testing.assert_allclose(common["a"].phase_s, common["b"].phase_s)
+    both = common["a"].inside & common["b"].inside
+    assert np.abs(common["a"].joints - common["b"].joints)[both].max() < 1e-3
+    assert (common["b"].confidence[~common["b"].inside] == 0).all()
+
+
+def test_hands_give_52_joints(made: Made) -> None:
+    bare = made.result()["b"]
+    hands(made)
+    video = made.result()["b"]
+    assert video.joints.shape == (LENGTHS["b"], 52, 3)
+    assert video.rotations.shape == (LENGTHS["b"], 52, 3, 3)
+    assert video.poses.shape == (LENGTHS["b"], 156)
+    assert len(video.joint_names) == 52
+    np.testing.assert_allclose(video.joints[:, :22], bare.joints[:, :22], atol=1e-6)
+    assert video.hands is not None
+    np.testing.assert_allclose(video.hands.points[:, :, 3], bare.joints[:, 20:22], atol=1e-9)
+    assert made.result().on_common_time()["b"].joints.shape == (34, 52, 3)
+
+
+def test_uncertainty_is_in_world_axes(made: Made) -> None:
+    rng = np.random.default_rng(0)
+    videos, covariances = [], {}
+    for v, n in LENGTHS.items():
+        half = rng.standard_normal((n, 24, 3, 3))
+        covariances[v] = half @ half.swapaxes(-1, -2)
+        trace = np.trace(covariances[v], axis1=-2, axis2=-1)
+        videos.append(
+            VideoUncertainty(
+                id=v, frames=100 + np.arange(n), sigma_mm=np.sqrt(trace), depth_mm=trace,
+                across_mm=trace, covariance_mm2=covariances[v].astype(np.float32), azimuth_deg=0.0,
+            )
+        )  # fmt: skip
+    made.publish(
+        "uncertainty",
+        Uncertainty(
+            videos=videos, median_mm=1.0, weak=[], near=[], near_limit_deg=1.0, weak_limit=1.0,
+            viewpoints=[], azimuth_from="camera", status="",
+        ),
+    )  # fmt: skip
+    video = made.result()["b"]
+    assert video.uncertainty is not None
+    assert video.covariance_mm2 is not None
+    trace = np.trace(video.covariance_mm2, axis1=-2, axis2=-1)
+    np.testing.assert_allclose(np.sqrt(trace), video.uncertainty, rtol=1e-5)
+    R = video.camera.R
+    back = R @ video.covariance_mm2 @ R.T
+    np.testing.assert_allclose(back, covariances["b"], atol=1e-4)
+
+
+def test_artifacts_of_other_frames_are_refused(made: Made) -> None:
+    from imocap_core.artifacts.schemas import Keypoints
+
+    short = [keypoints("a"), keypoints("b").model_copy(update={"frames": np.arange(21)})]
+    made.publish("keypoints", Keypoints(videos=short))
+    with pytest.raises(
+        imocap.WorkFailed, match=r"different frames \(keypoints of b\); run it with: imocap run"
+    ):
+        made.result()
+
+
+def test_without_a_common_axis_it_is_said(made: Made) -> None:
+    made.publish("refine_sync", refined(None))
+    result = made.result()
+    assert result.at_phase(0.1) == {}
+    with pytest.raises(imocap.WorkFailed, match="walk has no common time axis"):
+        result.on_common_time()

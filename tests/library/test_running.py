@@ -1,0 +1,168 @@
+"""run, load and what they say: the same sentences as the command line's, as exceptions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import imocap
+from imocap_core.cli import main
+from imocap_core.library.running import one_off
+from tests.library.conftest import SmallRun
+
+
+def test_a_run_reports_every_stage(small_run: SmallRun) -> None:
+    stages = ["keypoints", "camera_motion", "initial_smpl", "sync", "smpl_ba", "refine_sync"]
+    made = [stage for stage, share, what in small_run.reports if (share, what) == (1.0, "made")]
+    assert made[:6] == stages
+    assert all(0 <= share <= 1 for _, share, _ in small_run.reports)
+
+
+def test_load_gives_what_run_gave(small_run: SmallRun) -> None:
+    loaded = imocap.load(small_run.root / "artifacts" / "serve")
+    assert loaded.ids == small_run.result.ids == ("v1", "v2")
+    for one, two in zip(loaded, small_run.result, strict=True):
+        np.testing.assert_array_equal(one.joints, two.joints)
+        np.testing.assert_array_equal(one.uncertainty, two.uncertainty)
+        assert one.video == two.video
+        assert one.video is not None
+        assert one.video.is_file()
+    before = imocap.load(small_run.root / "artifacts" / "serve", stage="smpl_ba")
+    assert before["v1"].joints.shape == loaded["v1"].joints.shape
+
+
+def test_until_stops_early_and_params_hold_for_one_run(small_run: SmallRun) -> None:
+    again = imocap.run("serve", root=small_run.root, until="smpl_ba")
+    assert again["v1"].uncertainty is None
+    other = imocap.run(
+        "serve", root=small_run.root, until="smpl_ba", params={"motion": {"max_steps": 1}}
+    )
+    assert np.abs(other["v1"].joints - again["v1"].joints).max() > 0
+    states = {s.stage: s.state for s in imocap.status("serve", root=small_run.root)}
+    assert states["smpl_ba"] == "cached"
+
+
+def test_one_off_parameters() -> None:
+    assert one_off(None) == []
+    assert one_off({"sync": {"max_rate": 8}}) == ["sync.max_rate=8"]
+    assert one_off({"sync.method": "als", "seed": 3}) == ['sync.method="als"', "seed=3"]
+    weights = {"left_wrist": 2.0}
+    assert one_off({"sync.joint_weights": weights}) == ['sync.joint_weights={"left_wrist": 2.0}']
+    assert one_off(["sync.max_rate=8"]) == ["sync.max_rate=8"]
+
+
+def wrong_calls(root: Path) -> list[tuple[Callable[[], object], list[str]]]:
+    """Calls that must fail, each with the command that fails alike."""
+    return [
+        (lambda: imocap.run("nobody", root=root), ["run", "nobody"]),
+        (
+            lambda: imocap.run("serve", root=root, params={"sync": {"magic": 1}}),
+            ["run", "serve", "--set", "sync.magic=1"],
+        ),
+        (
+            lambda: imocap.run("serve", root=root, params={"sync.max_rate": "fast"}),
+            ["run", "serve", "--set", "sync.max_rate=fast"],
+        ),
+        (
+            lambda: imocap.run("serve", root=root, until="dance"),
+            ["run", "serve", "--until", "dance"],
+        ),
+        (lambda: imocap.explain("serve", "dance", root=root), ["explain", "serve", "dance"]),
+        (
+            lambda: imocap.init_action("a/b", ["x.mp4"], root=root),
+            ["init", "a/b", "x.mp4"],
+        ),
+        (
+            lambda: imocap.export("serve", "x", format="glb", up="z", root=root),
+            ["export", "serve", "--format", "glb", "--up", "z", "--out", "x"],
+        ),
+        (
+            lambda: imocap.view("serve", root, root=root),
+            ["view", "serve", "--out", str(root)],
+        ),
+        (lambda: imocap.compare("serve", "serve", root=root), ["compare", "serve", "serve"]),
+    ]
+
+
+def test_errors_say_what_the_command_line_prints(
+    small_run: SmallRun, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.argv", ["imocap"])
+    for call, words in wrong_calls(small_run.root):
+        with pytest.raises(imocap.ImocapError) as caught:
+            call()
+        code = main(["--root", str(small_run.root), *words])
+        printed = capsys.readouterr().err
+        assert printed == f"imocap: {caught.value}\n"
+        assert code == (2 if isinstance(caught.value, imocap.WrongUse) else 1)
+
+
+def test_what_load_says(tmp_path: Path, small_run: SmallRun) -> None:
+    with pytest.raises(imocap.WorkFailed, match="there is no such folder; expected the artifacts"):
+        imocap.load(tmp_path / "nowhere")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(imocap.WorkFailed, match="empty has no keypoints artifact yet; run it with"):
+        imocap.load(tmp_path / "empty")
+    (tmp_path / "empty" / "keypoints.mcap").write_bytes(b"nonsense")
+    with pytest.raises(imocap.WorkFailed, match=r"keypoints of empty: .*; run it with: imocap run"):
+        imocap.load(tmp_path / "empty")
+    with pytest.raises(imocap.WorkFailed, match=r"action: there is no .*action\.yaml"):
+        imocap.load(small_run.root / "artifacts" / "serve", action=tmp_path)
+
+
+def test_what_run_says(small_run: SmallRun) -> None:
+    with pytest.raises(imocap.WrongUse, match=r"expected an action or videos=\[\.\.\.\]"):
+        imocap.run()
+    with pytest.raises(imocap.WrongUse, match="until: expected a stage whose result has"):
+        imocap.run("serve", root=small_run.root, until="sync")
+    with pytest.raises(imocap.WrongUse, match=r"params: sync\.max_rate: expected numbers, words"):
+        imocap.run("serve", root=small_run.root, params={"sync.max_rate": object()})
+    with pytest.raises(imocap.WrongUse, match="there is no video"):
+        imocap.run(videos=["nowhere.mp4"], name="new", root=small_run.root)
+
+
+def test_videos_become_an_action_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a detector the run ends at the detection; the action is made all the same."""
+    from imocap_core.library.new_action import action_of_videos
+
+    clips = [tmp_path / "serve1.mp4", tmp_path / "serve2.mp4"]
+    for clip in clips:
+        clip.write_bytes(b"")
+    name = action_of_videos(tmp_path, None, clips)
+    assert name.startswith("serve-")
+    assert action_of_videos(tmp_path, None, clips) == name
+    assert action_of_videos(tmp_path, "mine", clips) == "mine"
+    with pytest.raises(imocap.WrongUse, match=r"action\.yaml is of other videos"):
+        action_of_videos(tmp_path, "mine", clips[:1])
+
+
+def test_files_of_a_result(small_run: SmallRun, tmp_path: Path) -> None:
+    result = small_run.result
+    names = [file.name for file in result.export("bvh", tmp_path / "bvh")]
+    assert names == ["v1.bvh", "v2.bvh", "sync.csv", "cameras.json", "export_bvh.json"]
+    level = result.levelled("z").on_common_time()
+    with np.load(level.export("npz", tmp_path / "npz")[0]) as data:
+        assert str(data["up_axis"]) == "z"
+        np.testing.assert_allclose(data["joints"], level["v1"].joints)
+        assert "phase_s" in data
+    page = result.view(tmp_path / "page.html")
+    assert page.read_text(encoding="utf-8").startswith("<!doctype html>")
+    with pytest.raises(imocap.WrongUse, match=r"expected the name of an \.html file"):
+        result.view(tmp_path)
+    with pytest.raises(imocap.WrongUse, match="--format: expected one of npz"):
+        result.export("fbx", tmp_path)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(imocap.WorkFailed, match="cannot write to"):
+        result.export("npz", tmp_path / "file")
+
+
+def test_a_film_of_a_result(small_run: SmallRun, tmp_path: Path) -> None:
+    done: list[tuple[str, float, str]] = []
+    files = small_run.result.film(
+        tmp_path, kind="side-by-side", progress=lambda *report: done.append(report)
+    )
+    assert [file.name for file in files] == ["side_by_side.mp4"]
+    assert done[-1][:2] == ("side_by_side.mp4", 1.0)
