@@ -47,8 +47,8 @@ def written(case: str, folder: Path, **changes: Any) -> tuple[Path, made.People,
 
 
 def refused(path: Path, kind: str, layout: str) -> str:
-    with pytest.raises(ValueError, match=r".") as said:
+    with pytest.raises(ValueError, match=r".") as error:
         read(path, kind, layout)
-    assert str(path) in str(said.value)
-    assert "\n" not in str(said.value)
-    return str(said.value)
+    assert str(path) in str(error.value)
+    assert "\n" not in str(error.value)
+    return str(error.value)

@@ -119,10 +119,10 @@ def write_wham(folder: Path, people: tuple[Truth, ...] = PEOPLE, **changes: Any)
     results: defaultdict[int, dict[str, Any]] = defaultdict(dict)
     focal = np.hypot(*SIZE)
     for n, p in enumerate(people):
-        at = 5.0 * (p.middle_px - np.array(SIZE) / 2) / focal
+        position = 5.0 * (p.middle_px - np.array(SIZE) / 2) / focal
         results[n] = {
             "pose": p.theta.astype("f4"),
-            "trans": np.column_stack([at, np.full(FRAMES, 5.0)]),
+            "trans": np.column_stack([position, np.full(FRAMES, 5.0)]),
             "pose_world": p.theta[::-1].copy(),
             "trans_world": np.zeros((FRAMES, 3)),
             "betas": np.zeros((FRAMES, 10)),
@@ -170,12 +170,12 @@ def write_tram(folder: Path, people: tuple[Truth, ...] = PEOPLE, **changes: Any)
     path = folder / "hps"
     path.mkdir()
     for n, p in enumerate(people):
-        at = np.column_stack([(p.middle_px - np.array(SIZE) / 2) / 100, np.full(FRAMES, 5.0)])
+        position = np.column_stack([(p.middle_px - np.array(SIZE) / 2) / 100, np.full(FRAMES, 5.0)])
         content = {
             "pred_cam": torch.zeros(FRAMES, 3),
             "pred_rotmat": torch.as_tensor(p.R).float(),
             "pred_shape": torch.zeros(FRAMES, 10),
-            "pred_trans": torch.as_tensor(at[:, None]),
+            "pred_trans": torch.as_tensor(position[:, None]),
             "frame": torch.arange(FRAMES),
             "img_focal": 500.0,
             "img_center": np.array(SIZE) / 2,

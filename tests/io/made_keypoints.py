@@ -37,8 +37,8 @@ def _flat(person: np.ndarray) -> list[float]:
 def write_openpose(folder: Path, made: People, hands: bool = False) -> Path:
     path = folder / "frames"
     path.mkdir()
-    for frame, found in made.items():
-        entries: list[dict[str, Any]] = [{"pose_keypoints_2d": _flat(p)} for p in found]
+    for frame, in_frame in made.items():
+        entries: list[dict[str, Any]] = [{"pose_keypoints_2d": _flat(p)} for p in in_frame]
         if hands:
             for entry in entries:
                 entry |= {f"hand_{side}_keypoints_2d": [1.0] * 63 for side in ("left", "right")}
@@ -52,7 +52,7 @@ def write_alphapose(folder: Path, made: People) -> Path:
     entries = [
         {"image_id": f"{frame}.jpg", "category_id": 1, "keypoints": _flat(person), "score": 2.5,
          "box": [1.0, 2.0, 3.0, 4.0], "idx": [0.0]}
-        for frame, found in made.items() for person in found
+        for frame, in_frame in made.items() for person in in_frame
     ]  # fmt: skip
     return _json(folder / "alphapose-results.json", entries)
 
@@ -60,7 +60,7 @@ def write_alphapose(folder: Path, made: People) -> Path:
 def write_coco(folder: Path, made: People) -> Path:
     entries = [
         {"image_id": frame, "category_id": 1, "keypoints": _flat(person), "score": 0.9}
-        for frame, found in made.items() for person in found
+        for frame, in_frame in made.items() for person in in_frame
     ]  # fmt: skip
     return _json(folder / "results.json", entries)
 
@@ -71,15 +71,15 @@ def write_coco_wholebody(folder: Path, made: People) -> Path:
     entries = [
         {"image_id": frame, "category_id": 1, "score": 0.9}
         | {n: _flat(person[a:b]) for n, a, b in zip(names, ends[:-1], ends[1:], strict=True)}
-        for frame, found in made.items() for person in found
+        for frame, in_frame in made.items() for person in in_frame
     ]  # fmt: skip
     return _json(folder / "wholebody.json", entries)
 
 
 def write_mmpose(folder: Path, made: People) -> Path:
     listed = [
-        {"frame_id": frame + 1, "instances": [_instance(person) for person in found]}
-        for frame, found in made.items()
+        {"frame_id": frame + 1, "instances": [_instance(person) for person in in_frame]}
+        for frame, in_frame in made.items()
     ]
     content = {"meta_info": {"dataset_name": "coco"}, "instance_info": listed}
     return _json(folder / "results_clip.json", content)
@@ -87,8 +87,8 @@ def write_mmpose(folder: Path, made: People) -> Path:
 
 def write_mmpose_inferencer(folder: Path, made: People) -> Path:
     listed = [
-        {"frame_id": frame, "instances": [_instance(person) for person in found]}
-        for frame, found in made.items()
+        {"frame_id": frame, "instances": [_instance(person) for person in in_frame]}
+        for frame, in_frame in made.items()
     ]
     return _json(folder / "clip.json", listed)
 
@@ -108,23 +108,23 @@ def write_npz(folder: Path, made: People) -> Path:
 
 def write_mediapipe(folder: Path, made: People, shares: bool = True) -> Path:
     listed = []
-    for frame, found in made.items():
+    for frame, in_frame in made.items():
         persons = [
             [
                 {"x": x / (SIZE[0] if shares else 1), "y": y / (SIZE[1] if shares else 1),
                  "z": 0.1, "visibility": v, "presence": 0.9}
                 for x, y, v in np.nan_to_num(person)
             ]
-            for person in found
+            for person in in_frame
         ]  # fmt: skip
-        world = [[{"x": 0.1 * k, "y": 0.2, "z": 0.3} for k in range(33)] for _ in found]
+        world = [[{"x": 0.1 * k, "y": 0.2, "z": 0.3} for k in range(33)] for _ in in_frame]
         listed.append({"frame": frame, "pose_landmarks": persons, "pose_world_landmarks": world})
     return _json(folder / "mediapipe.json", listed)
 
 
 def write_cpn_npz(folder: Path, made: People) -> Path:
     """One camera of one action: one person, no confidence."""
-    table = np.array([found[0][:, :2] for found in made.values()], dtype=np.float32)
+    table = np.array([in_frame[0][:, :2] for in_frame in made.values()], dtype=np.float32)
     return write_positions(folder, {"S9": {"Walking 1": [table]}}, "h36m")
 
 
@@ -140,7 +140,7 @@ def write_positions(folder: Path, positions: Any, layout_name: str) -> Path:
 
 
 def write_deeplabcut(folder: Path, made: People, layout: str = "coco17") -> Path:
-    persons = max(len(found) for found in made.values())
+    persons = max(len(in_frame) for in_frame in made.values())
     parts = [name.title().replace("_", "") for name in layout_names(layout)]
     heading = [(f"p{i}", part, c) for i in range(persons) for part in parts for c in _COORDS]
     rows = [["scorer"] + ["DLC_resnet50"] * len(heading)]
@@ -150,8 +150,8 @@ def write_deeplabcut(folder: Path, made: People, layout: str = "coco17") -> Path
         ["bodyparts", *(part for _, part, _ in heading)],
         ["coords", *(c for _, _, c in heading)],
     ]
-    for frame, found in made.items():
-        cells = [_cell(number) for person in found for number in person.ravel()]
+    for frame, in_frame in made.items():
+        cells = [_cell(number) for person in in_frame for number in person.ravel()]
         rows.append([str(frame), *cells, *[""] * (len(heading) - len(cells))])
     return _csv(folder / "clipDLC_resnet50.csv", rows)
 
@@ -163,8 +163,8 @@ def write_sleap(folder: Path, made: People, layout: str = "coco17") -> Path:
     names = [name.replace("_", "-") for name in layout_names(layout)]
     heading = [f"{name}.{what}" for name in names for what in ("x", "y", "score")]
     rows = [["track", "frame_idx", "instance.score", *heading]]
-    for frame, found in made.items():
-        for i, person in enumerate(found):
+    for frame, in_frame in made.items():
+        for i, person in enumerate(in_frame):
             rows.append([f"track_{i}", str(frame), "0.9", *(_cell(n) for n in person.ravel())])
     return _csv(folder / "clip.analysis.csv", rows)
 

@@ -52,22 +52,22 @@ def parse(text: str) -> tuple[list[Bone], float, np.ndarray]:
     return bones, step, numbers.reshape(frames, -1)
 
 
-def places(bones: list[Bone], row: np.ndarray) -> dict[str, np.ndarray]:
+def positions_of(bones: list[Bone], row: np.ndarray) -> dict[str, np.ndarray]:
     """World positions in one frame: every channel applied in its order, from the root down."""
     world: list[tuple[np.ndarray, np.ndarray]] = []
-    at = 0
+    column = 0
     for bone in bones:
         R, shift = np.eye(3), bone.offset.copy()
         for channel in bone.channels:
             axis = "XYZ".index(channel[0])
             if channel.endswith("position"):
-                shift[axis] += row[at]
+                shift[axis] += row[column]
             else:
-                R = R @ Rotation.from_euler(channel[0], row[at], degrees=True).as_matrix()
-            at += 1
+                R = R @ Rotation.from_euler(channel[0], row[column], degrees=True).as_matrix()
+            column += 1
         R_up, place_up = world[bone.parent] if bone.parent >= 0 else (np.eye(3), np.zeros(3))
         world.append((R_up @ R, place_up + R_up @ shift))
-    assert at == len(row)
+    assert column == len(row)
     return {b.name: w[1] for b, w in zip(bones, world, strict=True) if b.name != "Site"}
 
 
@@ -79,9 +79,9 @@ def test_joints_come_back(hands: bool, up: str) -> None:
     assert step == pytest.approx(1 / clip.fps, abs=1e-9)
     assert len(rows) == len(clip.frames)
     for t, row in enumerate(rows):
-        found = places(bones, row)
-        assert set(found) == set(clip.joint_names)
-        theirs = np.array([found[name] for name in clip.joint_names])
+        positions = positions_of(bones, row)
+        assert set(positions) == set(clip.joint_names)
+        theirs = np.array([positions[name] for name in clip.joint_names])
         assert 1000 * np.abs(theirs - clip.joints[t]).max() < 0.02  # millimetres
 
 
@@ -107,7 +107,7 @@ def test_angles_go_on_without_jumps() -> None:
     assert np.abs(np.diff(angles, axis=0)).max() < 5.0
 
 
-def test_the_same_take_gives_the_same_bytes(tmp_path: Path) -> None:
+def test_the_same_clip_gives_the_same_bytes(tmp_path: Path) -> None:
     clip = made_clip().clip
     write_bvh(tmp_path / "a.bvh", clip)
     write_bvh(tmp_path / "b.bvh", clip)

@@ -15,9 +15,9 @@ from tests.io.detector_cases import CASES, read, written
 @pytest.mark.parametrize("case", CASES)
 def test_what_was_written_is_read(case: str, tmp_path: Path) -> None:
     path, people, kind, layout = written(case, tmp_path)
-    found = read(path, kind, layout)
-    assert found.frames.tolist() == list(people)
-    for frame, here in zip(found.frames, found.people, strict=True):
+    detected = read(path, kind, layout)
+    assert detected.frames.tolist() == list(people)
+    for frame, here in zip(detected.frames, detected.people, strict=True):
         expected = np.stack(people[int(frame)])
         if kind == "cpn_npz":  # it knows no confidence
             expected[..., 2] = np.where(np.isfinite(expected[..., 0]), 1.0, 0.0)
@@ -41,23 +41,23 @@ def test_format_and_layout_are_told_by_the_files(case: str, tmp_path: Path) -> N
 def test_hands_and_faces_of_openpose_do_not_disturb(tmp_path: Path) -> None:
     people = made.people("body25b")
     path = made.write_openpose(tmp_path, people, hands=True)
-    found = read(path, "openpose", "body25b")
-    np.testing.assert_allclose(found.people[1], np.stack(people[1]))
+    detected = read(path, "openpose", "body25b")
+    np.testing.assert_allclose(detected.people[1], np.stack(people[1]))
 
 
 def test_scores_of_heat_maps_count_as_one_at_most(tmp_path: Path) -> None:
     people = made.people("coco17", persons=1)
     people[0][0][0, 2] = 3.7
-    found = read(made.write_alphapose(tmp_path, people), "alphapose", "coco17")
-    assert found.people[0][0, 0, 2] == 1.0
+    detected = read(made.write_alphapose(tmp_path, people), "alphapose", "coco17")
+    assert detected.people[0][0, 0, 2] == 1.0
 
 
 def test_frames_without_anybody_stay(tmp_path: Path) -> None:
     people = made.people("coco17")
     people[1] = []
     for write, kind in ((made.write_mmpose, "mmpose"), (made.write_deeplabcut, "deeplabcut")):
-        found = read(write(tmp_path, people), kind, "coco17")
-        assert [len(here) for here in found.people] == [2, 0, 2]
+        detected = read(write(tmp_path, people), kind, "coco17")
+        assert [len(here) for here in detected.people] == [2, 0, 2]
 
 
 def test_mmpose_lists_that_count_from_one_begin_with_frame_zero(tmp_path: Path) -> None:
@@ -69,9 +69,7 @@ def test_mediapipe_in_pixels_and_as_npz(tmp_path: Path) -> None:
     people = made.people("mediapipe33", persons=1)
     path = made.write_mediapipe(tmp_path, people, shares=False)
     np.testing.assert_allclose(read(path, "mediapipe", "mediapipe33").people[2][0], people[2][0])
-    table = np.array(
-        [[*found[0].T[:2], 0 * found[0][:, 0], found[0][:, 2]] for found in people.values()]
-    )
+    table = np.array([[*p.T[:2], 0 * p[:, 0], p[:, 2]] for (p, *_) in people.values()])
     path = tmp_path / "landmarks.npz"
     np.savez(path, pose_landmarks=np.swapaxes(np.nan_to_num(table), 1, 2))
     assert format_and_layout(path, None, None) == ("mediapipe", "mediapipe33")
@@ -112,8 +110,8 @@ def test_body_parts_may_be_written_in_many_ways(tmp_path: Path) -> None:
     path.write_text(text)
     np.testing.assert_allclose(read(path, "sleap", "coco17").people[0][0], people[0][0])
     path.write_text(path.read_text().replace("-", "x"))
-    found = read(path, "sleap", "body25")  # the neck is not in the file
-    assert np.isnan(found.people[0][0, 1]).any()
+    detected = read(path, "sleap", "body25")  # the neck is not in the file
+    assert np.isnan(detected.people[0][0, 1]).any()
     path.write_text("track,frame_idx,instance.score,snout.x,snout.y\n,0,1,2,3\n")
     with pytest.raises(ValueError, match="at least 4 body parts named like coco17's"):
         read(path, "sleap", "coco17")

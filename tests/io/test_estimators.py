@@ -77,8 +77,8 @@ def test_every_reader_is_tested() -> None:
 
 @ALL
 def test_the_performer_is_found_among_two_people(kind: str, tmp_path: Path) -> None:
-    found = read(kind, WRITERS[kind](tmp_path))
-    np.testing.assert_allclose(found, expected(kind), atol=1e-5)
+    estimate = read(kind, WRITERS[kind](tmp_path))
+    np.testing.assert_allclose(estimate, expected(kind), atol=1e-5)
 
 
 @ALL
@@ -91,9 +91,9 @@ def test_one_person_needs_no_box(kind: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", ["hmr2", "wham", "vibe", "tram", "sam3d_body", "mediapipe_world"])
 def test_frames_without_an_estimate_are_nan(kind: str, tmp_path: Path) -> None:
     path = WRITERS[kind](tmp_path)
-    found = read(kind, path, wanted(2, made.FRAMES + 2))
-    assert np.isfinite(found[:-2]).all()
-    assert np.isnan(found[-2:]).all()
+    estimate = read(kind, path, wanted(2, made.FRAMES + 2))
+    assert np.isfinite(estimate[:-2]).all()
+    assert np.isnan(estimate[-2:]).all()
     with pytest.raises(ValueError, match="expected an estimate in frames 50 to 51"):
         read(kind, path, PerformerBoxes(np.array([50, 51]), made.PERFORMER.box_px[:2], made.SIZE))
 
@@ -133,12 +133,12 @@ def test_a_file_of_something_else_is_refused(kind: str, content: Any, tmp_path: 
 @ALL
 @pytest.mark.parametrize("which", [1, 2])
 def test_a_field_of_wrong_length_or_kind_is_named(kind: str, which: int, tmp_path: Path) -> None:
-    name, said = FIELDS[kind][0], ""
+    name, message = FIELDS[kind][0], ""
     path = WRITERS[kind](tmp_path, **{name: FIELDS[kind][which]})
-    said = refused(kind, path)
-    assert "expected" in said
-    assert "got" in said
-    assert name in said or kind in ("hmr2", "mediapipe_world")
+    message = refused(kind, path)
+    assert "expected" in message
+    assert "got" in message
+    assert name in message or kind in ("hmr2", "mediapipe_world")
 
 
 @ALL
@@ -149,11 +149,11 @@ def test_a_missing_file_is_refused(kind: str, tmp_path: Path) -> None:
 
 
 def refused(kind: str, path: Path) -> str:
-    with pytest.raises(ValueError, match=r".") as said:
+    with pytest.raises(ValueError, match=r".") as message:
         read(kind, path)
-    assert str(path) in str(said.value)
-    assert "\n" not in str(said.value)
-    return str(said.value)
+    assert str(path) in str(message.value)
+    assert "\n" not in str(message.value)
+    return str(message.value)
 
 
 class Evil:
@@ -184,9 +184,9 @@ def test_a_pickle_runs_nothing(kind: str, how: str, tmp_path: Path) -> None:
             np.save(stream, np.array(content, dtype=object), allow_pickle=True)
     else:
         torch.save(content, path, _use_new_zipfile_serialization=how == "torch")
-    said = refused(kind, path)
-    assert "it names" in said
-    assert "touch" in said or "Path" in said or "getattr" in said
+    message = refused(kind, path)
+    assert "it names" in message
+    assert "touch" in message or "Path" in message or "getattr" in message
     assert not victim.exists()
     pickle.loads(pickle.dumps(Evil(victim)))
     assert victim.exists()  # it would have

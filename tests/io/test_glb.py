@@ -31,8 +31,8 @@ def camera(frames: int, turning: bool = True) -> ClipCamera:
 
 def actor(made: Made, **changes: Any) -> Actor:
     clip = replace(made.clip, **changes)
-    seen = replace(camera(len(clip.frames)), id=clip.id)
-    return Actor(clip, skin_of(made.shaped), seen, (0.2, 0.3, 0.4))
+    clip_camera = replace(camera(len(clip.frames)), id=clip.id)
+    return Actor(clip, skin_of(made.shaped), clip_camera, (0.2, 0.3, 0.4))
 
 
 class Read:
@@ -55,8 +55,8 @@ class Read:
         view = self.tree["bufferViews"][accessor["bufferView"]]
         dtype, shape = TYPES[accessor["componentType"]], WIDTHS[accessor["type"]]
         raw = self.block[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
-        found = np.frombuffer(raw, dtype).reshape(accessor["count"], *shape)
-        return found.swapaxes(1, 2) if shape == (4, 4) else found
+        array = np.frombuffer(raw, dtype).reshape(accessor["count"], *shape)
+        return array.swapaxes(1, 2) if shape == (4, 4) else array
 
     def animated(self, animation: int, frame: int) -> list[np.ndarray]:
         """World matrices (4, 4) of all nodes at a key of an animation."""
@@ -68,11 +68,11 @@ class Read:
         world = [np.eye(4)] * len(posed)
 
         def visit(index: int, above: np.ndarray) -> None:
-            own = np.eye(4)
-            own[:3, 3] = posed[index].get("translation", np.zeros(3))
+            matrix = np.eye(4)
+            matrix[:3, 3] = posed[index].get("translation", np.zeros(3))
             turn = posed[index].get("rotation", [0, 0, 0, 1])
-            own[:3, :3] = Rotation.from_quat(turn).as_matrix()
-            world[index] = above @ own
+            matrix[:3, :3] = Rotation.from_quat(turn).as_matrix()
+            world[index] = above @ matrix
             for child in posed[index].get("children", []):
                 visit(child, world[index])
 
@@ -154,9 +154,9 @@ def test_a_point_falls_on_the_pixel_that_our_camera_sees_it_at(frame: int) -> No
     clip = np.array([x / (-z * high * optics["aspectRatio"]), y / (-z * high)])
     pixel = np.array([320 + 320 * clip[0], 180 - 180 * clip[1]])
     ours = camera(12)
-    seen = ours.R_cam_from_world[frame] @ (point - ours.centre)
-    assert seen[2] > 0
-    expected = [320 + 690 * seen[0] / seen[2], 180 + 690 * seen[1] / seen[2]]
+    in_camera = ours.R_cam_from_world[frame] @ (point - ours.centre)
+    assert in_camera[2] > 0
+    expected = [320 + 690 * in_camera[0] / in_camera[2], 180 + 690 * in_camera[1] / in_camera[2]]
     np.testing.assert_allclose(pixel, expected, atol=0.01)
     assert read.tree["cameras"][0]["extras"]["K"] == K.tolist()
 

@@ -34,10 +34,10 @@ def _people(layout: str, frames: int = 8) -> list[np.ndarray]:
     people = []
     for angle in np.linspace(0, 3, frames):
         x = 200 * (np.cos(angle) * xyz[:, 0] + np.sin(angle) * xyz[:, 2]) + 500
-        seen = np.zeros((25, 3))
+        person = np.zeros((25, 3))
         xy = np.column_stack([x, 400 - 200 * xyz[:, 1]]) + rng.normal(size=(len(xyz), 2))
-        seen[list(points.columns or range(25))] = np.column_stack([xy, np.full(len(xy), 0.9)])
-        people.append(seen)
+        person[list(points.columns or range(25))] = np.column_stack([xy, np.full(len(xy), 0.9)])
+        people.append(person)
     return people
 
 
@@ -52,7 +52,7 @@ def test_the_number_of_points_tells_coco(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("people", "said"),
+    ("people", "message"),
     [
         ([np.ones((25, 3))], "fit both about equally; give --layout"),
         ([np.ones((16, 3))], "18 \\(coco18\\), 25 \\(body25 or body25b\\), 26 \\(halpe26\\)"),
@@ -61,10 +61,10 @@ def test_the_number_of_points_tells_coco(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_not_clear_is_asked_for(
-    people: list[np.ndarray], said: str, tmp_path: Path
+    people: list[np.ndarray], message: str, tmp_path: Path
 ) -> None:
     folder = _write(tmp_path / "v1", people)
-    with pytest.raises(ValueError, match=said):
+    with pytest.raises(ValueError, match=message):
         guess_detections(folder)
 
 

@@ -30,9 +30,9 @@ def test_joints_are_the_seventeen_that_move_and_lengths_the_shorter(tmp_path: Pa
         {"S9": {"Photo": joints, "Waiting": joints}, "S1": {"Photo": joints}},
         {"S9": {"Photo": views}},
     )
-    found = read_h36m(tmp_path)
-    assert {s: list(actions) for s, actions in found.items()} == {"S9": ["Photo"]}
-    recording = found["S9"]["Photo"]
+    recordings = read_h36m(tmp_path)
+    assert {s: list(actions) for s, actions in recordings.items()} == {"S9": ["Photo"]}
+    recording = recordings["S9"]["Photo"]
     assert recording.joints_m.shape == (5, 17, 3)
     assert recording.xy_px.shape == (4, 5, 17, 2)
     assert recording.xy_px[:, 0, 0, 0].tolist() == [0, 1, 2, 3]
@@ -48,7 +48,7 @@ def test_seventeen_joints_are_taken_as_they_are(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("joints", "views", "said"),
+    ("joints", "views", "message"),
     [
         (np.ones((4, 16, 3)), [np.ones((4, 17, 2))] * 4, r"S9, Photo: expected numbers \(T, 32, 3"),
         (np.ones((4, 17, 3)), [np.ones((4, 17, 2))] * 3, "expected 4 cameras, got 3"),
@@ -56,9 +56,9 @@ def test_seventeen_joints_are_taken_as_they_are(tmp_path: Path) -> None:
         (np.ones((4, 17, 3)), "no", "expected 4 cameras, got str"),
     ],
 )
-def test_wrong_shapes_are_named(tmp_path: Path, joints: Any, views: Any, said: str) -> None:
+def test_wrong_shapes_are_named(tmp_path: Path, joints: Any, views: Any, message: str) -> None:
     write_h36m(tmp_path, {"S9": {"Photo": joints}}, {"S9": {"Photo": views}})
-    with pytest.raises(ValueError, match=said):
+    with pytest.raises(ValueError, match=message):
         read_h36m(tmp_path)
 
 

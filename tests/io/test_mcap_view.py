@@ -46,7 +46,7 @@ def write(file: Path) -> None:
 
 def read(file: Path) -> tuple[dict[str, list[Any]], list[int]]:
     """Messages by topic and the log times, decoded by the schemas in the file."""
-    found: dict[str, list[Any]] = defaultdict(list)
+    messages: dict[str, list[Any]] = defaultdict(list)
     times = []
     with file.open("rb") as stream:
         for schema, channel, message in make_reader(stream, validate_crcs=True).iter_messages():
@@ -55,23 +55,23 @@ def read(file: Path) -> tuple[dict[str, list[Any]], list[int]]:
             for proto in descriptor_pb2.FileDescriptorSet.FromString(schema.data).file:
                 pool.Add(proto)
             kind = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
-            found[channel.topic].append(kind.FromString(message.data))
+            messages[channel.topic].append(kind.FromString(message.data))
             times.append(message.log_time)
-    return found, times
+    return messages, times
 
 
 def test_messages_come_back_in_order(tmp_path: Path) -> None:
     write(tmp_path / "a.mcap")
-    found, times = read(tmp_path / "a.mcap")
+    messages, times = read(tmp_path / "a.mcap")
     assert times == sorted(times)
-    assert {topic: len(messages) for topic, messages in found.items()} == {
+    assert {topic: len(of_topic) for topic, of_topic in messages.items()} == {
         f"/v1/{name}": 3
         for name in (
             *("camera/transform", "camera/calibration", "camera/image", "camera/keypoints"),
             *("joints", "skeleton"),
         )
     }
-    stamps = [m.timestamp.seconds * 10**9 + m.timestamp.nanos for m in found["/v1/joints"]]
+    stamps = [m.timestamp.seconds * 10**9 + m.timestamp.nanos for m in messages["/v1/joints"]]
     assert tuple(stamps) == TIMES
     with (tmp_path / "a.mcap").open("rb") as stream:
         notes = {m.name: m.metadata for m in make_reader(stream).iter_metadata()}
@@ -80,13 +80,13 @@ def test_messages_come_back_in_order(tmp_path: Path) -> None:
 
 def test_a_joint_is_seen_where_our_camera_sees_it(tmp_path: Path) -> None:
     write(tmp_path / "a.mcap")
-    found, _ = read(tmp_path / "a.mcap")
-    where, lens = found["/v1/camera/transform"][0], found["/v1/camera/calibration"][0]
+    messages, _ = read(tmp_path / "a.mcap")
+    where, lens = messages["/v1/camera/transform"][0], messages["/v1/camera/calibration"][0]
     assert (where.parent_frame_id, where.child_frame_id) == ("world", "v1_camera")
-    assert lens.frame_id == found["/v1/camera/image"][0].frame_id == "v1_camera"
+    assert lens.frame_id == messages["/v1/camera/image"][0].frame_id == "v1_camera"
     q, t = where.rotation, where.translation
     R_world_from_cam = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix()
-    pose = found["/v1/joints"][0].poses[2]
+    pose = messages["/v1/joints"][0].poses[2]
     point = np.array([pose.position.x, pose.position.y, pose.position.z])
     np.testing.assert_allclose(point, PLACES[2])
     x = np.reshape(lens.K, (3, 3)) @ R_world_from_cam.T @ (point - [t.x, t.y, t.z])
@@ -101,10 +101,10 @@ def test_a_joint_is_seen_where_our_camera_sees_it(tmp_path: Path) -> None:
 
 def test_keypoints_that_are_missing_are_left_out_and_bones_are_pairs(tmp_path: Path) -> None:
     write(tmp_path / "a.mcap")
-    found, _ = read(tmp_path / "a.mcap")
-    (points,) = found["/v1/camera/keypoints"][0].points
+    messages, _ = read(tmp_path / "a.mcap")
+    (points,) = messages["/v1/camera/keypoints"][0].points
     assert [(p.x, p.y) for p in points.points] == [(3, 4), (5, 6)]
-    (entity,) = found["/v1/skeleton"][1].entities
+    (entity,) = messages["/v1/skeleton"][1].entities
     ends = [(p.x, p.y, p.z) for p in entity.lines[0].points]
     np.testing.assert_allclose(ends, PLACES[[0, 1, 1, 2]])
     assert (entity.id, entity.frame_id) == ("v1", "world")

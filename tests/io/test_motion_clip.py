@@ -1,4 +1,4 @@
-"""Takes: the body's own kinematics, whatever the rest pose they are written with."""
+"""Motion clips: the body's kinematics, whichever rest pose they are written with."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def test_frames_that_are_not_there_are_named(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arrays", "said"),
+    ("arrays", "message"),
     [
         ({"joint_names": NAMES}, r"joints: expected an array \(T, J, 3\), it is missing"),
         ({"joints": np.zeros((4, 6)), "joint_names": NAMES}, r"joints: .* got float64 \(4, 6\)"),
@@ -54,8 +54,8 @@ def test_frames_that_are_not_there_are_named(tmp_path):
         ({"joints": np.zeros((4, 2, 3)), "joint_names": NAMES[:1]}, "expected 2 names"),
     ],
 )
-def test_wrong_joints_are_named(tmp_path, arrays, said):
-    with pytest.raises(ValueError, match=said):
+def test_wrong_joints_are_named(tmp_path, arrays, message):
+    with pytest.raises(ValueError, match=message):
         read_joints_npz(saved(tmp_path, **arrays), np.arange(4))
 
 
@@ -130,13 +130,13 @@ def test_truth_of_a_whole_video_serves_a_part_of_it(tmp_path):
         "v1/R": turned[0],
         "v1/t": -turned[0] @ centre,
     }
-    found = read_truth(saved(tmp_path, **whole, joint_names=NAMES), {"v1": used}).videos["v1"]
-    assert np.array_equal(found.joints, joints(6)[used])
-    assert found.phase.tolist() == [3.0, 4.0]
-    assert np.array_equal(found.R, turned[3])
-    np.testing.assert_allclose(-found.R.T @ found.t, centre)
+    truth = read_truth(saved(tmp_path, **whole, joint_names=NAMES), {"v1": used}).videos["v1"]
+    assert np.array_equal(truth.joints, joints(6)[used])
+    assert truth.phase.tolist() == [3.0, 4.0]
+    assert np.array_equal(truth.R, turned[3])
+    np.testing.assert_allclose(-truth.R.T @ truth.t, centre)
     listed = {"v1/phase": np.array([7.0, 8.0, 9.0]), "v1/frames": np.array([2, 3, 4])}
-    found = read_truth(saved(tmp_path, **listed), {"v1": used}).videos["v1"]
-    assert found.phase.tolist() == [8.0, 9.0]
+    truth = read_truth(saved(tmp_path, **listed), {"v1": used}).videos["v1"]
+    assert truth.phase.tolist() == [8.0, 9.0]
     with pytest.raises(ValueError, match="none for frame 5"):
         read_truth(saved(tmp_path, **listed), {"v1": np.array([4, 5])})

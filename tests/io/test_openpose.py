@@ -23,10 +23,10 @@ def body(points=25, x=10.0):
 def test_frames_people_and_points_keep_their_places(tmp_path):
     write(tmp_path, 3, [body(), body(x=200.0)])
     write(tmp_path, 5, [])
-    found = read_openpose(tmp_path, "body25")
-    assert found.frames.tolist() == [3, 5]
-    assert [len(people) for people in found.people] == [2, 0]
-    assert found.people[0][1, 4].tolist() == [204.0, 24.0, 0.5]
+    detected = read_openpose(tmp_path, "body25")
+    assert detected.frames.tolist() == [3, 5]
+    assert [len(people) for people in detected.people] == [2, 0]
+    assert detected.people[0][1, 4].tolist() == [204.0, 24.0, 0.5]
 
 
 def test_a_point_without_confidence_is_missing(tmp_path):
@@ -51,9 +51,9 @@ def test_layouts(tmp_path, layout, points):
 
 def test_a_wrong_layout_is_named_with_the_right_one(tmp_path):
     file = write(tmp_path, 0, [body(18)])
-    with pytest.raises(ValueError, match="got 54; set layout: coco18") as said:
+    with pytest.raises(ValueError, match="got 54; set layout: coco18") as error:
         read_openpose(tmp_path, "body25")
-    assert str(file) in str(said.value)
+    assert str(file) in str(error.value)
     with pytest.raises(ValueError, match="got 'h36m17'"):
         read_openpose(tmp_path, "h36m17")
 
@@ -64,9 +64,9 @@ def test_broken_files_are_all_named_at_once(tmp_path):
     (tmp_path / "clip_2_keypoints.json").write_text('{"persons": []}')
     (tmp_path / "clip_3_keypoints.json").write_text('{"people": [{"pose_keypoints_2d": ["a"]}]}')
     write(tmp_path, 4, [["x"] * 75])
-    with pytest.raises(ValueError, match="is not JSON") as said:
+    with pytest.raises(ValueError, match="is not JSON") as error:
         read_openpose(tmp_path, "body25")
-    lines = str(said.value).splitlines()
+    lines = str(error.value).splitlines()
     assert len(lines) == 4
     assert "people: expected a list of people, got nothing" in lines[1]
     assert "people[0].pose_keypoints_2d: expected 75 numbers" in lines[2]

@@ -35,9 +35,9 @@ def write(folder: Path, frame: int, people: list[dict]) -> None:
 def test_the_hands_of_this_very_person(tmp_path: Path) -> None:
     write(tmp_path, 4, [person(90, hand(1), hand(2)), person(0, hand(3), None)])
     write(tmp_path, 6, [person(0, [], hand(5)), person(90, hand(1), hand(2))])
-    found = read_openpose_hands(tmp_path, FRAMES, np.stack([BODY] * 3))
-    assert found is not None
-    xy, confidence = found
+    hands = read_openpose_hands(tmp_path, FRAMES, np.stack([BODY] * 3))
+    assert hands is not None
+    xy, confidence = hands
     assert (xy[0, 0] == 3).all()
     assert (xy[2, 1] == 5).all()
     assert np.isnan(xy[0, 1]).all()

@@ -37,16 +37,16 @@ def content() -> dict[str, Any]:
     }
 
 
-def check(found: Any) -> None:
+def check(result: Any) -> None:
     expected = content()
-    assert set(found) == set(expected)
-    np.testing.assert_array_equal(found["results"][3]["again"][1], expected["results"][3]["x"].T)
+    assert set(result) == set(expected)
+    np.testing.assert_array_equal(result["results"][3]["again"][1], expected["results"][3]["x"].T)
     for name in ("fortran", "big end first", "names", "flags", "empty", "single"):
-        np.testing.assert_array_equal(found[name], expected[name])
-    np.testing.assert_array_equal(found["tensor"], expected["tensor"].numpy())
-    np.testing.assert_array_equal(found["objects"][0]["y"], np.ones(2))
-    assert found["number"] == 2.5
-    assert found["ordered"]["a"] == [1, 2.5, "b", None, True]
+        np.testing.assert_array_equal(result[name], expected[name])
+    np.testing.assert_array_equal(result["tensor"], expected["tensor"].numpy())
+    np.testing.assert_array_equal(result["objects"][0]["y"], np.ones(2))
+    assert result["number"] == 2.5
+    assert result["ordered"]["a"] == [1, 2.5, "b", None, True]
 
 
 @pytest.mark.parametrize("protocol", [2, 3, 4, 5])

@@ -23,9 +23,9 @@ def test_an_error_comes_after_the_items_before_it() -> None:
         yield 2
         raise OSError("the disk is gone")
 
-    found = []
+    items = []
     with pytest.raises(OSError, match="the disk is gone"):
-        found.extend(prefetch(broken()))
+        items.extend(prefetch(broken()))
     made = prefetch(broken())
     assert [next(made), next(made)] == [1, 2]
     with pytest.raises(OSError, match="the disk is gone"):

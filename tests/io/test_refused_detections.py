@@ -43,9 +43,11 @@ def test_a_file_of_something_else_is_refused(case: str, content: str, tmp_path: 
 @pytest.mark.parametrize("case", [n for n in FILES if CASES[n][1] not in ("deeplabcut", "sleap")])
 def test_a_file_with_another_number_of_points_is_refused(case: str, tmp_path: Path) -> None:
     write, kind, layout = CASES[case]
-    people = {f: [p[:-1] for p in found] for f, found in made.people(layout, persons=1).items()}
-    said = refused(write(tmp_path, people), kind, layout)
-    assert "expected" in said
+    people = {
+        f: [p[:-1] for p in in_frame] for f, in_frame in made.people(layout, persons=1).items()
+    }
+    message = refused(write(tmp_path, people), kind, layout)
+    assert "expected" in message
 
 
 @EACH
@@ -58,10 +60,10 @@ def test_a_missing_file_is_refused(case: str, tmp_path: Path) -> None:
 @EACH
 def test_nobody_in_the_whole_file_is_refused(case: str, tmp_path: Path) -> None:
     write, kind, layout = CASES[case]
-    unseen = {f: [np.full_like(p, np.nan) * [1, 1, 0] for p in found]
-              for f, found in made.people(layout, persons=1).items()}  # fmt: skip
-    for found in unseen.values():
-        found[0][:, 2] = 0.0
+    unseen = {f: [np.full_like(p, np.nan) * [1, 1, 0] for p in in_frame]
+              for f, in_frame in made.people(layout, persons=1).items()}  # fmt: skip
+    for in_frame in unseen.values():
+        in_frame[0][:, 2] = 0.0
     path = write(tmp_path, unseen)
     if kind in ("alphapose", "coco", "mmpose", "mediapipe", "sleap"):
         assert all(np.isnan(p[..., 0]).all() for p in read(path, kind, layout).people)
@@ -90,7 +92,7 @@ def test_a_wrong_layout_is_named_with_the_right_one(tmp_path: Path) -> None:
 def test_wrong_entries_are_named(tmp_path: Path) -> None:
     path = made.write_coco(tmp_path, made.people("coco17"))
     entries = json.loads(path.read_text())
-    for field, value, said in (
+    for field, value, message in (
         ("keypoints", ["a"] * 51, r"\[2\].keypoints: expected numbers only"),
         ("keypoints", None, r"\[2\].keypoints: expected a list of numbers, got nothing"),
         ("image_id", "no number", r"\[2\].image_id: expected a frame number"),
@@ -101,7 +103,7 @@ def test_wrong_entries_are_named(tmp_path: Path) -> None:
         changed = [dict(entry) for entry in entries]
         changed[2][field] = value
         path.write_text(json.dumps(changed))
-        with pytest.raises(ValueError, match=said):
+        with pytest.raises(ValueError, match=message):
             read(path, "coco", "coco17")
 
 
@@ -127,9 +129,9 @@ def evil_npz(folder: Path, array: str, victim: Path) -> Path:
 def test_a_pickle_in_an_npz_runs_nothing(array: str, tmp_path: Path) -> None:
     victim = tmp_path / "victim"
     path = evil_npz(tmp_path, array, victim)
-    told = {"metadata": None, "positions_2d": "h36m17"}[array]
+    layouts = {"metadata": None, "positions_2d": "h36m17"}[array]
     with pytest.raises(ValueError, match="refused, it can't be read safely"):
-        read(path, *format_and_layout(path, "cpn_npz", told))
+        read(path, *format_and_layout(path, "cpn_npz", layouts))
     assert not victim.exists()
     pickle.loads(pickle.dumps(Evil(victim)))
     assert victim.exists()  # it would have

@@ -22,8 +22,8 @@ def made() -> Made:
 
 
 def _outcomes(job: Job, how: str = "cached") -> list[Outcome]:
-    found = {stage: job.store.load(NAME, stage) for stage in job.pipeline.stages}
-    return [Outcome(s, how, r, 1.5) for s, r in found.items() if r is not None]  # type: ignore[arg-type]
+    stored = {stage: job.store.load(NAME, stage) for stage in job.pipeline.stages}
+    return [Outcome(s, how, r, 1.5) for s, r in stored.items() if r is not None]  # type: ignore[arg-type]
 
 
 def test_the_page_is_made_once_and_again_when_something_changed(made: Made, tmp_path: Path) -> None:
@@ -78,8 +78,8 @@ def test_the_single_model_is_found_where_it_has_been_made(made: Made, tmp_path: 
     key = replace(job, settings=chosen).recipe("smpl_ba", stored).key
     one = made.single.model_copy(update={"status": "one motion for all"})
     job.store.put("smpl_ba", key, one, {}, {})
-    found = single_model(job, stored)
-    assert found is not None
-    assert found.decode(SmplBa).status == "one motion for all"
+    single = single_model(job, stored)
+    assert single is not None
+    assert single.decode(SmplBa).status == "one motion for all"
     job.store.put("smpl_ba", key, made.single, {}, {})
     assert single_model(job, stored) is None  # what is shown anyway

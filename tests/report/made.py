@@ -196,10 +196,14 @@ class Made:
         lengths = [len(f) for f in self.frames]
         maps = []
         for v, frames in enumerate(self.frames):
-            at = frames.astype(float) + (shift if v else 0.0)
-            at[at > self.frames[0][-1]] = np.nan
+            reference_frame = frames.astype(float) + (shift if v else 0.0)
+            reference_frame[reference_frame > self.frames[0][-1]] = np.nan
             maps.append(
-                SyncMap(id=self.ids[v], reference_frame=at, confidence=np.full(len(at), 0.8))
+                SyncMap(
+                    id=self.ids[v],
+                    reference_frame=reference_frame,
+                    confidence=np.full(len(reference_frame), 0.8),
+                )
             )
         phase = np.concatenate(self.frames)
         affinity = np.exp(-(((phase[:, None] - phase[None]) / 3.0) ** 2)).astype(np.float32)

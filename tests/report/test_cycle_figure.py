@@ -18,7 +18,7 @@ def test_consistent_maps_lead_home_and_inconsistent_ones_do_not() -> None:
     phase = np.concatenate([np.arange(n) for n in lengths])
     matrix = np.exp(-((phase[:, None] - phase[None]) ** 2))
     trip = round_trip(matrix, ["a", "b", "c"], lengths, ["a", "b", "c"])
-    assert [len(at) for at in trip] == [5] * 4
+    assert [len(positions) for positions in trip] == [5] * 4
     np.testing.assert_array_equal(trip[-1], trip[0])
     broken = matrix.copy()
     broken[5:11, 11:] = np.roll(broken[5:11, 11:], 2, axis=1)
@@ -51,6 +51,6 @@ def test_the_figure_shows_what_it_asked_for(made: Made) -> None:
     with quiet():
         figure = cycle_figure(sync, trip, starts, cells, frames)
     assert len(figure.images) == 5 * len(starts)
-    said = [text.get_text() for text in figure.texts]
-    assert f"frame {starts[0]}" in said
-    assert f"{starts[0]} (0)" in said
+    texts = [text.get_text() for text in figure.texts]
+    assert f"frame {starts[0]}" in texts
+    assert f"{starts[0]} (0)" in texts

@@ -39,9 +39,9 @@ class Context:
     def __init__(self, action: Path, report: Path, truth: Path | None) -> None:
         self.report, self._action, self._truth = report, action, truth
 
-    def progress(self, share: float, said: str) -> None:
+    def progress(self, share: float, message: str) -> None:
         assert 0 <= share <= 1
-        assert said
+        assert message
 
     def truth(self) -> Path | None:
         return self._truth

@@ -50,10 +50,10 @@ def test_cut_moves_pixels_as_points() -> None:
 
 def test_windows_share_one_scale_and_bridge_unseen_frames() -> None:
     boxes = np.array([[510.0, 510, 560, 610], [np.nan] * 4, [530.0, 510, 590, 630]])
-    found = windows(boxes, (2000, 2000))
-    assert len({w.scale for w in found}) == 1
-    assert found[1] in (found[0], found[2])
-    centre = found[0].points(np.array([535.0, 560.0]))
+    cuts = windows(boxes, (2000, 2000))
+    assert len({w.scale for w in cuts}) == 1
+    assert cuts[1] in (cuts[0], cuts[2])
+    centre = cuts[0].points(np.array([535.0, 560.0]))
     np.testing.assert_allclose(centre, np.array(CELL_PX) / 2)
     unseen = windows(np.full((2, 4), np.nan), (640, 360))[1]
     np.testing.assert_allclose(unseen.points(np.array([320.0, 180.0])), np.array(CELL_PX) / 2)
@@ -76,8 +76,8 @@ def test_a_keypoint_without_confidence_is_not_drawn() -> None:
 
 
 def test_body_and_skeleton_cover_the_same_place(made: Made) -> None:
-    seen, motion = made.keypoints.videos[0], made.true[0]
-    window = windows(seen.person_box_px[:1], (2000, 2000))[0]
+    keypoints, motion = made.keypoints.videos[0], made.true[0]
+    window = windows(keypoints.person_box_px[:1], (2000, 2000))[0]
     vertices, faces = surfaces(made.model, motion, [0])[0], made.model.faces.numpy()
     K_cell = window.camera(K)
     body = (draw_body(_paper(), vertices, faces, K_cell) != _paper()).any(axis=2)

@@ -9,7 +9,7 @@ FOLLOWED = "2 people followed; the performer is seen in 9 of 9 frames and scores
 
 
 @pytest.mark.parametrize(
-    ("said", "expected"),
+    ("note", "expected"),
     [
         ("", []),
         ("; a new shot begins with frame 4: use one", ["a new shot begins with frame 4: use one"]),
@@ -19,5 +19,5 @@ FOLLOWED = "2 people followed; the performer is seen in 9 of 9 frames and scores
         ),
     ],
 )
-def test_remarks(said: str, expected: list[str]) -> None:
-    assert remarks(VideoKeypoints.model_construct(note=FOLLOWED + said)) == expected
+def test_remarks(note: str, expected: list[str]) -> None:
+    assert remarks(VideoKeypoints.model_construct(note=FOLLOWED + note)) == expected

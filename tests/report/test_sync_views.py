@@ -139,8 +139,8 @@ def test_windows_have_the_tile_s_proportions_and_hold_the_performer(made: Made) 
 def test_titles_say_what_became_of_a_video(made: Made) -> None:
     sync = _without(made.sync, "v3")
     assert [title_of(sync, i) for i in sync.ids] == ["v1 (reference)", "v2", "v3 (unmatched)"]
-    told = sync.model_copy(update={"excluded": ["v3"], "mirrored": ["v2"]})
-    assert [title_of(told, i) for i in ("v2", "v3")] == ["v2 (mirrored)", "v3 (excluded)"]
+    treated = sync.model_copy(update={"excluded": ["v3"], "mirrored": ["v2"]})
+    assert [title_of(treated, i) for i in ("v2", "v3")] == ["v2 (mirrored)", "v3 (excluded)"]
 
 
 def test_many_tiles_stay_on_a_screen(made: Made) -> None:
