@@ -25,7 +25,8 @@ from imocap_core.library.outputs import ActionComparison, compare, export, repor
 from imocap_core.library.people import detect, people
 from imocap_core.library.person_summary import PersonSummary, VideoPeople
 from imocap_core.library.result import Result, load
-from imocap_core.library.running import Explanation, Run, explain, run, run_stage, status
+from imocap_core.library.running import Run, run, run_stage
+from imocap_core.library.status import Explanation, explain, status
 from imocap_core.library.synchronising import synchronise
 from imocap_core.result.camera import VideoCamera
 from imocap_core.result.synchronisation import FrameMatches, Synchronisation, VideoSync

@@ -1,4 +1,7 @@
-"""The commands, each a few lines: call the library, print the result."""
+"""The commands, each a few lines: call the library, print the result.
+
+A command imports what it needs of the library when it is called: `status` must not load NumPy.
+"""
 
 from __future__ import annotations
 

@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from imocap_core.cli.options import ActionName, root_of, speaker
-from imocap_core.library.outputs import compare
 
 
 def compare_command(
@@ -23,6 +22,8 @@ def compare_command(
     ] = None,
 ) -> None:
     """Technique: mean motion, spread of every joint, modes, consistency; or two performers."""
+    from imocap_core.library.outputs import compare
+
     comparison = compare(action, second, out=out, root=root_of(context))
     console = speaker(markup=False)
     technique = comparison.technique

@@ -9,8 +9,6 @@ from rich.markup import escape
 
 from imocap_core.cli.options import Sets, root_of, speaker
 from imocap_core.errors import WrongUse
-from imocap_core.library.people import detect, set_up_detector
-from imocap_core.library.terminal import Terminal
 
 
 def detect_command(
@@ -24,6 +22,9 @@ def detect_command(
     sets: Sets = [],  # noqa: B006
 ) -> None:
     """Detect people in the videos that say `keypoints: detect`, and print the keypoints' files."""
+    from imocap_core.library.people import detect, set_up_detector
+    from imocap_core.library.terminal import Terminal
+
     console = speaker()
     if (action is None) != setup:
         raise WrongUse("expected an action, or --setup alone: imocap detect ACTION")

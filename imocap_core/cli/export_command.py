@@ -8,7 +8,6 @@ from typing import Annotated, Literal
 import typer
 
 from imocap_core.cli.options import ActionName, root_of, speaker
-from imocap_core.library.outputs import export
 
 console = speaker(markup=False)
 
@@ -33,6 +32,8 @@ def export_command(
     ] = "own",
 ) -> None:
     """Write the motion, the cameras and the correspondences for other programs."""
+    from imocap_core.library.outputs import export
+
     exported = export(action, out, format=format, up=up, time=time, root=root_of(context))
     for line in [*exported.notes, *map(str, exported.files)]:
         console.print(line)

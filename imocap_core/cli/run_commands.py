@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.markup import escape
 
 from imocap_core.cli.options import ActionName, Sets, root_of, speaker
-from imocap_core.library.outputs import report_page
-from imocap_core.library.running import Run, explain, run_action, run_stage, status
+from imocap_core.library.status import explain, status
 from imocap_core.library.terminal import Terminal, reasons
+
+if TYPE_CHECKING:
+    from imocap_core.library.running import Run
 
 StageName = Annotated[str, typer.Argument(help="A stage of pipeline.yaml.")]
 Force = Annotated[bool, typer.Option("--force", help="Run even what is cached.")]
@@ -25,6 +27,8 @@ def run_command(
     until: Annotated[str | None, typer.Option(help="Stop after this stage.")] = None,
 ) -> None:
     """Run every stage of an action that has changed, to its report."""
+    from imocap_core.library.running import run_action
+
     console = speaker()
     with Terminal(console) as display:
         done = run_action(
@@ -46,6 +50,8 @@ def stage_command(
     sets: Sets = [],  # noqa: B006
 ) -> None:
     """Run one stage (and what it needs, where that is not cached)."""
+    from imocap_core.library.running import run_stage
+
     console = speaker()
     with Terminal(console) as display:
         done = run_stage(
@@ -91,6 +97,8 @@ def explain_command(
 
 
 def _print_summary(console: Console, done: Run) -> None:
+    from imocap_core.library.outputs import report_page
+
     for note in done.notes:
         console.print(escape(note))
     outcomes = done.outcomes

@@ -11,8 +11,6 @@ from rich.markup import escape
 from rich.table import Table
 
 from imocap_core.cli.options import Sets, root_of, speaker
-from imocap_core.library.synchronising import synchronise_videos
-from imocap_core.library.terminal import Terminal
 from imocap_core.pipeline.action import DetectionFormat, Layout
 
 if TYPE_CHECKING:
@@ -53,6 +51,9 @@ def sync_command(
     sets: Sets = [],  # noqa: B006
 ) -> None:
     """Synchronise videos: sync.csv, a picture and, where there are videos, one side by side."""
+    from imocap_core.library.synchronising import synchronise_videos
+    from imocap_core.library.terminal import Terminal
+
     console = speaker()
     began = time.perf_counter()
     with Terminal(console) as display:

@@ -10,7 +10,6 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from imocap_core.cli.options import ActionName, root_of, speaker
-from imocap_core.library.outputs import films, write_films
 
 if TYPE_CHECKING:
     from imocap_core.film.action_films import Film
@@ -38,6 +37,8 @@ def video_command(
     ] = 0.75,
 ) -> None:
     """Write films (H.264) of an action that has been run."""
+    from imocap_core.library.outputs import films, write_films
+
     console = speaker(markup=False)
     began = time.perf_counter()
     shown, folder = films(

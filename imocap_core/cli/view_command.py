@@ -9,7 +9,6 @@ import typer
 from rich.markup import escape
 
 from imocap_core.cli.options import ActionName, root_of, speaker
-from imocap_core.library.outputs import view
 
 
 def view_command(
@@ -20,6 +19,8 @@ def view_command(
     ] = None,
 ) -> None:
     """Write the viewer of an action, one HTML file that needs nothing else, and print its path."""
+    from imocap_core.library.outputs import view
+
     console = speaker()
     with console.status("") as status:
         viewer = view(

@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from imocap_core.artifacts.schemas import Keypoints, SyncSummary
-from imocap_core.io.pose2sim_truth import has_pose2sim_truth, read_pose2sim_truth
+from imocap_core.io.pose2sim_files import has_pose2sim_truth
+from imocap_core.io.pose2sim_truth import read_pose2sim_truth
 from imocap_core.io.truth import Truth, VideoTruth, read_truth
 from imocap_core.metrics.scoring import CameraJoints
 from imocap_core.metrics.sync import true_reference_frame

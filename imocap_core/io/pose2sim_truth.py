@@ -18,19 +18,11 @@ import numpy as np
 from jaxtyping import Int
 
 from imocap_core.io.npz import load_arrays, names, numbers
+from imocap_core.io.pose2sim_files import CALIBRATION, REFERENCE
 from imocap_core.io.truth import Truth, VideoTruth
-
-CALIBRATION = "calibration.npz"
-REFERENCE = "trc_reference.npz"
-FILES = (CALIBRATION, REFERENCE)
 
 # OpenPose's points of these names are on the surface, not at SMPL's joints of the same name.
 SURFACE_POINTS = {"neck": "upper_neck", "head": "head_top"}
-
-
-def has_pose2sim_truth(folder: Path) -> bool:
-    """Whether an action's folder has both files."""
-    return all((folder / name).is_file() for name in FILES)
 
 
 def read_pose2sim_truth(folder: Path, used_frames: Mapping[str, Int[np.ndarray, " _"]]) -> Truth:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from imocap_core.library.door import plain_errors
+from imocap_core.library.one_off import Params, one_off
 from imocap_core.library.person_summary import VideoPeople
 from imocap_core.library.progress import Progress, displaying
-from imocap_core.library.running import Params, one_off
 from imocap_core.workspace import Workspace
 
 

@@ -1,26 +1,22 @@
-"""Running an action: all of it, or one stage; what is cached and why something would run."""
+"""Running an action: all of it, or one stage."""
 
 from __future__ import annotations
 
-import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from imocap_core.errors import WrongUse
 from imocap_core.library.door import plain_errors
 from imocap_core.library.new_action import action_of_videos
+from imocap_core.library.one_off import Params, one_off
 from imocap_core.library.progress import Progress, displaying
 from imocap_core.library.result import MotionStage, Result
+from imocap_core.library.status import upstream
 from imocap_core.pipeline import runner
-from imocap_core.pipeline.keys import Recipe
-from imocap_core.pipeline.runner import Job, Outcome, StageStatus
+from imocap_core.pipeline.runner import Job, Outcome
 from imocap_core.workspace import Workspace
-
-Params = Mapping[str, Any] | Sequence[str] | None
-"""One-off parameters: {"sync": {"max_rate": 8}}, {"sync.max_rate": 8} or ["sync.max_rate=8"]."""
 
 
 @dataclass(frozen=True)
@@ -31,18 +27,6 @@ class Run:
     outcomes: list[Outcome]
     notes: list[str]
     seconds: float
-
-
-@dataclass(frozen=True)
-class Explanation:
-    """Everything that a stage's result depends on.
-
-    missing: inputs that have not been made yet; then there is no recipe.
-    """
-
-    status: StageStatus
-    missing: list[str]
-    recipe: Recipe | None
 
 
 @plain_errors
@@ -113,7 +97,7 @@ def run_action(
         began = time.perf_counter()
         workspace = Workspace(Path(root))
         job, notes = job_in_parts(workspace, str(action), one_off(params), display)
-        stages = list(job.pipeline.stages) if until is None else _upstream(job, until)
+        stages = list(job.pipeline.stages) if until is None else upstream(job, until)
         outcomes = runner.run(job, display, stages, frozenset(stages if force else []))
         finish(job, outcomes)
     return Run(job, outcomes, notes, time.perf_counter() - began)
@@ -135,64 +119,9 @@ def run_stage(
     with displaying(progress) as display:
         began = time.perf_counter()
         job = Workspace(Path(root)).ready_job(str(action), one_off(params), display)
-        outcomes = runner.run(job, display, _upstream(job, name), frozenset([name] * force))
+        outcomes = runner.run(job, display, upstream(job, name), frozenset([name] * force))
         finish(job, outcomes)
     return Run(job, outcomes, [], time.perf_counter() - began)
-
-
-@plain_errors
-def status(
-    action: str | Path, *, root: str | Path = ".", params: Params = None
-) -> list[StageStatus]:
-    """For every stage whether its result is cached, and if not, why it would run."""
-    return list(runner.stage_statuses(Workspace(Path(root)).job(str(action), one_off(params))))
-
-
-@plain_errors
-def explain(
-    action: str | Path, stage: str, *, root: str | Path = ".", params: Params = None
-) -> Explanation:
-    """Everything that a stage's result depends on, and what has changed since it was made."""
-    job = Workspace(Path(root)).job(str(action), one_off(params))
-    _upstream(job, stage)
-    done = {}
-    for current in runner.stage_statuses(job):
-        if current.stage == stage:
-            break
-        if current.stored is not None:
-            done[current.stage] = current.stored
-    missing = [name for name in job.pipeline.stages[stage].inputs if name not in done]
-    return Explanation(current, missing, None if missing else job.recipe(stage, done))
-
-
-def one_off(params: Params) -> list[str]:
-    """Parameters as the command line's `--set` takes them: group.name=value."""
-    if params is None:
-        return []
-    if not isinstance(params, Mapping):
-        return list(params)
-    texts = []
-    for key, value in params.items():
-        nested = value.items() if isinstance(value, Mapping) and "." not in key else None
-        pairs = [(key, value)] if nested is None else [(f"{key}.{n}", v) for n, v in nested]
-        texts += [f"{path}={_yaml(path, content)}" for path, content in pairs]
-    return texts
-
-
-def _yaml(path: str, value: Any) -> str:
-    try:
-        return json.dumps(value)
-    except TypeError:
-        raise WrongUse(
-            f"params: {path}: expected numbers, words, lists or mappings, "
-            f"got {type(value).__name__}"
-        ) from None
-
-
-def _upstream(job: Job, stage: str) -> list[str]:
-    if stage not in job.pipeline.stages:
-        raise WrongUse(f"no stage {stage!r}; there are: {', '.join(job.pipeline.stages)}")
-    return job.pipeline.upstream(stage)
 
 
 def _motion_stage(workspace: Workspace, until: str | None) -> MotionStage:

@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.io.pose2sim_files import FILES, has_pose2sim_truth
 from imocap_core.pipeline.hints import AnchorEntry, ForbiddenEntry, hint_faults
 from imocap_core.pipeline.person import Person
 
@@ -143,8 +144,6 @@ class Action:
     @property
     def truth_files(self) -> tuple[str, ...]:
         """Files that scoring reads: the `truth` of action.yaml, or those of a calibrated rig."""
-        from imocap_core.io.pose2sim_truth import FILES, has_pose2sim_truth
-
         if self.truth is not None:
             return (self.truth,)
         return FILES if has_pose2sim_truth(self.folder) else ()

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from imocap_core.io.pose2sim_files import has_pose2sim_truth
 from imocap_core.io.pose2sim_truth import (
-    has_pose2sim_truth,
     project_name,
     read_pose2sim_truth,
 )

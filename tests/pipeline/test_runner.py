@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -188,17 +189,25 @@ def test_nothing_before_evaluate_depends_on_the_truth(toy: Toy) -> None:
     assert toy.digests() == {name: before[name] for name in ("gather", "scale")}
 
 
-def test_a_cached_run_imports_nothing_heavy(toy: Toy) -> None:
+@pytest.mark.parametrize(
+    ("command", "heavy"),
+    [
+        ("run", "torch cv2 scipy matplotlib av"),
+        ("status", "torch cv2 scipy matplotlib av numpy jaxtyping mcap"),
+    ],
+)
+def test_what_is_cached_imports_nothing_heavy(toy: Toy, command: str, heavy: str) -> None:
     toy.imocap(["run", "toy"])
-    heavy = "torch cv2 scipy matplotlib av"
     code = (
         "import sys; from imocap_core.cli import main; code = main([]); "
         f"print(sorted(set('{heavy}'.split()) & set(sys.modules))); sys.exit(code)"
     )
+    words = [command, "toy", "--root", str(toy.root)]
+    if command == "status":  # files that have just been written are read again at first
+        for file in [*toy.root.rglob("*.mcap"), toy.action / "v1.txt", toy.action / "v2.txt"]:
+            os.utime(file, (1_600_000_000, 1_600_000_000))
+        assert toy.imocap(words[:2]) == 0
     done = subprocess.run(
-        [sys.executable, "-c", code, "run", "toy", "--root", str(toy.root)],
-        capture_output=True,
-        text=True,
-        check=True,
+        [sys.executable, "-c", code, *words], capture_output=True, text=True, check=True
     )
     assert done.stdout.splitlines()[-1] == "[]"

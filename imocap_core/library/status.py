@@ -1,0 +1,58 @@
+"""What is cached of an action, what would run, and why."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from imocap_core.errors import WrongUse
+from imocap_core.library.door import plain_errors
+from imocap_core.library.one_off import Params, one_off
+from imocap_core.pipeline import runner
+from imocap_core.pipeline.keys import Recipe
+from imocap_core.pipeline.runner import Job, StageStatus
+from imocap_core.workspace import Workspace
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Everything that a stage's result depends on.
+
+    missing: inputs that have not been made yet; then there is no recipe.
+    """
+
+    status: StageStatus
+    missing: list[str]
+    recipe: Recipe | None
+
+
+@plain_errors
+def status(
+    action: str | Path, *, root: str | Path = ".", params: Params = None
+) -> list[StageStatus]:
+    """For every stage whether its result is cached, and if not, why it would run."""
+    return list(runner.stage_statuses(Workspace(Path(root)).job(str(action), one_off(params))))
+
+
+@plain_errors
+def explain(
+    action: str | Path, stage: str, *, root: str | Path = ".", params: Params = None
+) -> Explanation:
+    """Everything that a stage's result depends on, and what has changed since it was made."""
+    job = Workspace(Path(root)).job(str(action), one_off(params))
+    upstream(job, stage)
+    done = {}
+    for current in runner.stage_statuses(job):
+        if current.stage == stage:
+            break
+        if current.stored is not None:
+            done[current.stage] = current.stored
+    missing = [name for name in job.pipeline.stages[stage].inputs if name not in done]
+    return Explanation(current, missing, None if missing else job.recipe(stage, done))
+
+
+def upstream(job: Job, stage: str) -> list[str]:
+    """A stage and all that it needs, in running order. WrongUse for an unknown stage."""
+    if stage not in job.pipeline.stages:
+        raise WrongUse(f"no stage {stage!r}; there are: {', '.join(job.pipeline.stages)}")
+    return job.pipeline.upstream(stage)
