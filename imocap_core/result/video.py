@@ -10,11 +10,11 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, UInt8
 
 from imocap_core.artifacts.schemas import VideoKeypoints
 from imocap_core.conventions import SMPL_JOINTS, SMPLH_JOINTS
-from imocap_core.errors import WrongUse
+from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.result.camera import VideoCamera
 from imocap_core.result.synchronisation import FrameMatches, Synchronisation
 
@@ -164,6 +164,23 @@ class VideoResult:
         from imocap_core.result.body import body_model, faces_of
 
         return faces_of(body_model(self.model, self.action, hands=self.hands is not None))
+
+    def picture(self, index: int) -> UInt8[np.ndarray, "H W 3"]:
+        """(H, W, 3) RGB picture of one used frame, by its position among them.
+
+        WorkFailed when there is no video file, it is no readable video, or it ends before.
+        """
+        from imocap_core.io.video import read_rgb
+
+        if self.video is None:
+            raise WorkFailed(f"{self.id}: there is no video file to read the frame from")
+        frame = int(self.keypoints.frames[index])
+        try:
+            for _, picture in read_rgb(self.video, frame, frame + 1):
+                return picture
+        except ValueError as error:
+            raise WorkFailed(str(error)) from None
+        raise WorkFailed(f"{self.video}: ends before frame {frame}")
 
     @property
     def time_s(self) -> Float[np.ndarray, " T"]:
