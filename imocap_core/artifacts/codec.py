@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 from google.protobuf.message import DecodeError
+from jaxtyping import Shaped
 from mcap.exceptions import McapError
 from mcap.records import Attachment, Channel, DataEnd, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
@@ -63,7 +63,7 @@ class Content:
 
     schema: str  # the artifact's class
     header: bytes  # canonical JSON; arrays are {"$array": name}
-    arrays: dict[str, npt.NDArray]
+    arrays: dict[str, Shaped[np.ndarray, "..."]]
     provenance: dict[str, str] = field(default_factory=dict)  # how it was made; not content
     files: dict[str, bytes] = field(default_factory=dict)  # side files; not content
 
@@ -83,7 +83,7 @@ class Content:
 
 def pack(artifact: Artifact) -> Content:
     """Split an artifact into its header and its arrays (named by their path in the header)."""
-    arrays: dict[str, npt.NDArray] = {}
+    arrays: dict[str, Shaped[np.ndarray, "..."]] = {}
     header = _without_arrays(artifact, "", arrays)
     text = json.dumps(header, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return Content(type(artifact).__name__, text.encode(), arrays)
@@ -152,7 +152,7 @@ def _collect(data: bytes) -> Content:
     schemas: dict[int, str] = {}
     topics: dict[int, tuple[str, int]] = {}
     header, kind = b"", ""
-    arrays: dict[str, npt.NDArray] = {}
+    arrays: dict[str, Shaped[np.ndarray, "..."]] = {}
     provenance: dict[str, str] = {}
     files: dict[str, bytes] = {}
     whole = False
@@ -180,7 +180,7 @@ def _collect(data: bytes) -> Content:
     return Content(kind, header, arrays, provenance, files)
 
 
-def _without_arrays(value: Any, path: str, arrays: dict[str, npt.NDArray]) -> Any:
+def _without_arrays(value: Any, path: str, arrays: dict[str, Shaped[np.ndarray, "..."]]) -> Any:
     """JSON of a value; arrays move to `arrays` and leave {"$array": path} behind."""
     if isinstance(value, np.ndarray):
         assert path not in arrays, f"two arrays are named {path}"
@@ -200,7 +200,7 @@ def _without_arrays(value: Any, path: str, arrays: dict[str, npt.NDArray]) -> An
     return value
 
 
-def _with_arrays(value: Any, arrays: Mapping[str, npt.NDArray]) -> Any:
+def _with_arrays(value: Any, arrays: Mapping[str, Shaped[np.ndarray, "..."]]) -> Any:
     """The inverse of `_without_arrays`, up to what the schema's types say."""
     if isinstance(value, dict):
         if value.keys() == {REFERENCE}:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from jaxtyping import Shaped
 
 NAME = "imocap.NdArray"
 
@@ -36,7 +36,7 @@ def descriptor_set() -> bytes:
     return descriptor_pb2.FileDescriptorSet(file=[_FILE]).SerializeToString(deterministic=True)
 
 
-def to_bytes(name: str, array: npt.NDArray) -> bytes:
+def to_bytes(name: str, array: Shaped[np.ndarray, "..."]) -> bytes:
     """One array as a message; little endian, C order."""
     little = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
     message = _NdArray(
@@ -45,7 +45,7 @@ def to_bytes(name: str, array: npt.NDArray) -> bytes:
     return message.SerializeToString(deterministic=True)
 
 
-def from_bytes(data: bytes) -> tuple[str, npt.NDArray]:
+def from_bytes(data: bytes) -> tuple[str, Shaped[np.ndarray, "..."]]:
     """Name and array (writable) of a message. ValueError when its parts don't fit each other."""
     message = _NdArray.FromString(data)
     dtype = np.dtype(message.dtype).newbyteorder("<")
