@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 
 from imocap_core.conventions import EVAL_12
 from imocap_core.metrics.position import mpjpe_mm, mpjpe_scaled_mm, pa_mpjpe_mm
-from imocap_core.synthetic.captured import VIEWPOINTS, place_camera, to_stage
+from imocap_core.synthetic.captured import CAMERA_PLACEMENTS, place_camera, to_scene
 from imocap_core.synthetic.estimator import EstimatorErrors, estimate
 
 TARGET_MM = (109.80, 78.26)  # HMMR in the paper's Table 2: MPJPE, P-MPJPE
@@ -30,9 +30,9 @@ def camera_clips(data: Path) -> list[tuple[np.ndarray, float]]:
         with np.load(path) as stored:
             joints = stored["joints"][:, stored["common14_idx"]].astype(float)
             fps = float(stored["fps"])
-        turn, shift = to_stage(joints)
+        turn, shift = to_scene(joints)
         world = turn.apply(joints.reshape(-1, 3)).reshape(joints.shape) + shift
-        for view in VIEWPOINTS:
+        for view in CAMERA_PLACEMENTS:
             _, R, t = place_camera(view, world, SIZE)
             clips.append((world @ R.T + t, fps))
     return clips

@@ -2,8 +2,8 @@
 
 Two seconds of training clips on the free body, filmed by four cameras as `imocap benchmark
 rendered` films performances of `trials`, found by the detector. Prints its habits, and below each
-the same of the simulated level `mediapipe` (imocap_core/synthetic/levels.py) on the same films.
-Films that were measured are kept.
+the same of the simulated detector `mediapipe` (imocap_core/synthetic/detector_presets.py) on the
+same films. Films that were measured are not measured again.
 """
 
 import argparse
@@ -25,11 +25,11 @@ from imocap_core.io.video import write_h264
 from imocap_core.metrics.detections import DetectedClip, exchanged_share
 from imocap_core.metrics.detector_bias import detector_bias, exchanged_body_share
 from imocap_core.params import DetectParams
-from imocap_core.synthetic.captured import VIEWPOINTS
+from imocap_core.synthetic.captured import CAMERA_PLACEMENTS
 from imocap_core.synthetic.detector import detect
-from imocap_core.synthetic.detector_levels import DETECTORS
-from imocap_core.synthetic.embodied import embody
-from imocap_core.synthetic.rendered import film_frames, shoot
+from imocap_core.synthetic.detector_presets import DETECTORS
+from imocap_core.synthetic.rendered import film_body, render_frames
+from imocap_core.synthetic.retarget import retarget
 
 CLIPS = ("02_05", "03_02", "05_02", "05_18", "06_12", "07_04", "10_04", "13_09")
 FRAMES = 64
@@ -49,18 +49,18 @@ def measure(train: Path, clip: str, view: int, python: Path) -> dict[str, np.nda
     joints = training_clip(train, clip)
     first = max(0, (len(joints) - FRAMES) // 2)
     model = load_free_body(dtype=torch.float64)
-    betas, motions = embody(model, [joints[first : first + FRAMES]])
+    betas, motions = retarget(model, [joints[first : first + FRAMES]])
     shaped = model.shape(torch.as_tensor(betas))
-    shooting = shoot(motions[0], shaped, VIEWPOINTS[view], SIZE)
+    filmed = film_body(motions[0], shaped, CAMERA_PLACEMENTS[view], SIZE)
     detector = detector_of(DetectParams(), ROOT)
     with tempfile.TemporaryDirectory() as folder:
         video, found = Path(folder) / "film.mp4", Path(folder) / "found.npz"
-        pictures = film_frames(shooting, shaped, view, SEED + CLIPS.index(clip))
+        pictures = render_frames(filmed, shaped, view, SEED + CLIPS.index(clip))
         write_h264(video, pictures, CAPTURED_FPS, crf=CRF)
         detect_video(video, found, detector, python, lambda share, what: None)
         with np.load(found) as stored:
             landmarks = stored["pose_landmarks"]
-    seen = true_points(shooting, shaped)
+    seen = true_points(filmed, shaped)
     found_px, trust = landmarks[:, seen["columns"], :2] * SIZE, landmarks[:, seen["columns"], 3]
     return seen | {"found_px": found_px, "trust": trust}
 
@@ -70,7 +70,7 @@ def films(train: Path, work: Path, python: Path) -> list[dict[str, np.ndarray]]:
     work.mkdir(parents=True, exist_ok=True)
     every = []
     for clip in CLIPS:
-        for view in range(len(VIEWPOINTS)):
+        for view in range(len(CAMERA_PLACEMENTS)):
             file = work / f"{clip}_{view}.npz"
             if not file.exists():
                 np.savez(file, **measure(train, clip, view, python))

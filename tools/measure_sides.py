@@ -14,8 +14,8 @@ from benchmarks.sync.training_scenes import training_clip
 from imocap_core.camera.projection import project
 from imocap_core.people.sides import limbs_of, swap_sides, swapped_frames
 from imocap_core.synthetic.captured import (
+    CAMERA_PLACEMENTS,
     COCO18,
-    VIEWPOINTS,
     coco18_points,
     hip_middle,
     place_camera,
@@ -55,7 +55,7 @@ def measure(file: Path, level: str, step: int) -> tuple[Count, float, float]:
     count, before, after = Count(), [], []
     for number, clip in enumerate(CLIPS):
         joints = training_clip(file, clip)[::step]
-        for v, view in enumerate(VIEWPOINTS):
+        for v, view in enumerate(CAMERA_PLACEMENTS):
             K, R, t = place_camera(view, joints, (1000, 1000))
             true = project(coco18_points(joints), K, R, t)
             height = K[0, 0] * stature_m(joints) / (hip_middle(joints) @ R.T + t)[:, 2]

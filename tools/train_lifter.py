@@ -1,8 +1,8 @@
 """Train the lifter: ``python tools/train_lifter.py DATA/train/cmu_train.npz``.
 
-One process, one thread, fixed seeds. Motions are the training clips as the free body performs them
-(tools/lifter/motions.py), their recombinations and poses of the prior, seen by random cameras and
-found by a detector that errs. Every eighth clip is held out and watched. The weights go to
+One process, one thread, fixed seeds. Motions are the training clips retargeted to the free body
+(tools/lifter/motions.py), their recombinations and poses of the prior, with random cameras and a
+simulated detector. Every eighth clip is held out for validation. The weights go to
 imocap_core/lifter/data, the curve beside the checkpoint; no motion is stored with either.
 """
 
@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from lifter.filming import detect, film
+from lifter.filming import detect, film_windows
 from lifter.motions import fit_all
-from lifter.performances import Motions, Performers, motions_of, windows
+from lifter.performances import Motions, TrainingBodies, motions_of, windows
 from torch import Tensor
 
 from imocap_core.lifter.network import Lifter, LifterOutput, count_weights
@@ -33,48 +33,50 @@ CHECK_EVERY = 500
 
 
 def batch_of(
-    motions: Motions, performers: Performers, count: int, rng: np.random.Generator
+    motions: Motions, bodies: TrainingBodies, count: int, rng: np.random.Generator
 ) -> tuple[Tensor, Tensor]:
-    """Features (B, L, F) and true joints (B, L, 24, 3) relative to the pelvis, turned camera."""
+    """Features (B, L, F) and true joints (B, L, 24, 3), relative to the pelvis, in person-centred
+    camera axes."""
     R_local, trans = windows(motions, count, rng)
-    points, joints = performers.perform(R_local, trans, rng)
-    rays, height, joints_cam = film(points, joints, rng)
-    seen = person_centred_features(*detect(rays, height, rng))
+    points, joints = bodies.perform(R_local, trans, rng)
+    rays, height, joints_cam = film_windows(points, joints, rng)
+    centred = person_centred_features(*detect(rays, height, rng))
     relative = joints_cam - joints_cam[:, :, :1]
-    return seen.features, torch.einsum("bij,blkj->blki", seen.R_turned_from_cam, relative)
+    return centred.features, torch.einsum("bij,blkj->blki", centred.R_turned_from_cam, relative)
 
 
-def loss_of(answer: LifterOutput, true: Tensor, there: Tensor) -> Tensor:
-    """Mean distance of joints and of their steps; the variance and the alternatives beside it."""
-    weight = (0.1 + 0.9 * there) / (0.1 + 0.9 * there).mean()
-    distance = (answer.joints - true).norm(dim=-1)
-    steps = (answer.joints.diff(dim=1) - true.diff(dim=1)).norm(dim=-1).mean()
+def loss_of(output: LifterOutput, true: Tensor, visible: Tensor) -> Tensor:
+    """Mean error of joints and of their steps, likelihood of the variance, best alternative."""
+    weight = (0.1 + 0.9 * visible) / (0.1 + 0.9 * visible).mean()
+    distance = (output.joints - true).norm(dim=-1)
+    steps = (output.joints.diff(dim=1) - true.diff(dim=1)).norm(dim=-1).mean()
     squared = distance.detach().square() + 1e-5
-    likely = (squared / answer.log_variance.exp() + answer.log_variance).mean()
-    others = (answer.alternatives - true[:, :, None]).norm(dim=-1).mean((1, 3))
+    likelihood = (squared / output.log_variance.exp() + output.log_variance).mean()
+    others = (output.alternatives - true[:, :, None]).norm(dim=-1).mean((1, 3))
     best = others.min(1)
-    taken = 0.95 * best.values.mean() + 0.05 * others.mean()
-    which = torch.nn.functional.cross_entropy(answer.logits, best.indices)
-    return (weight * distance).mean() + 0.5 * steps + 0.5 * taken + 0.005 * (likely + which)
+    alternative = 0.95 * best.values.mean() + 0.05 * others.mean()
+    which = torch.nn.functional.cross_entropy(output.logits, best.indices)
+    joint_loss = (weight * distance).mean() + 0.5 * steps
+    return joint_loss + 0.5 * alternative + 0.005 * (likelihood + which)
 
 
 @torch.no_grad()
 def errors_mm(network: Lifter, batches: list[tuple[Tensor, Tensor]]) -> dict[str, float]:
-    """Mean joint errors of held-out windows: of the answer where somebody is seen, and of whole
-    windows of the best of it and its alternatives."""
+    """Mean joint errors of held-out windows: of the mean output in frames with visible points, and
+    of the best among the mean output and the alternatives of each window."""
     network.eval()
     mean, best = [], []
     for features, true in batches:
-        answer = network(features)
-        there = features[..., -1] > 0
-        own = (answer.joints - true).norm(dim=-1).mean(-1)[there]
-        everyone = torch.cat([answer.joints[:, :, None], answer.alternatives], 2)
-        window = (everyone - true[:, :, None]).norm(dim=-1).mean((1, 3)).min(1).values
-        mean.append(own.mean())
+        output = network(features)
+        visible = features[..., -1] > 0
+        frame_errors = (output.joints - true).norm(dim=-1).mean(-1)[visible]
+        hypotheses = torch.cat([output.joints[:, :, None], output.alternatives], 2)
+        window = (hypotheses - true[:, :, None]).norm(dim=-1).mean((1, 3)).min(1).values
+        mean.append(frame_errors.mean())
         best.append(window.mean())
     network.train()
-    found = {"mean": torch.stack(mean).mean(), "best": torch.stack(best).mean()}
-    return {k: round(1000 * float(v), 2) for k, v in found.items()}
+    errors = {"mean": torch.stack(mean).mean(), "best": torch.stack(best).mean()}
+    return {k: round(1000 * float(v), 2) for k, v in errors.items()}
 
 
 def main() -> None:
@@ -96,10 +98,10 @@ def main() -> None:
     clips = fit_all(arguments.train, arguments.work / "motions.npz")
     held_out = sorted(clips)[::HELD_OUT_EVERY]
     motions = motions_of([clips[k] for k in sorted(clips) if k not in held_out], rng)
-    performers = Performers()
-    watched = motions_of([clips[k] for k in held_out], np.random.default_rng(1))
-    seeing = np.random.default_rng(2)
-    batches = [batch_of(watched, performers, 64, seeing) for _ in range(VALIDATION_BATCHES)]
+    bodies = TrainingBodies()
+    validation = motions_of([clips[k] for k in held_out], np.random.default_rng(1))
+    validation_rng = np.random.default_rng(2)
+    batches = [batch_of(validation, bodies, 64, validation_rng) for _ in range(VALIDATION_BATCHES)]
     network, averaged = Lifter(), Lifter()
     if arguments.resume:
         network.load_state_dict(torch.load(arguments.work / "checkpoint.pt"))
@@ -113,19 +115,19 @@ def main() -> None:
         done = max(step / arguments.steps, spent_s / 60 / arguments.minutes)
         for group in optimiser.param_groups:
             group["lr"] = arguments.rate * min(1.0, (step + 1) / 300) * max(0.0, 1.0 - done)
-        features, true = batch_of(motions, performers, BATCH, rng)
+        features, true = batch_of(motions, bodies, BATCH, rng)
         with torch.autocast("cpu", torch.bfloat16):
-            answer = network(features)
-        loss = loss_of(answer, true, features[..., -1:])
+            output = network(features)
+        loss = loss_of(output, true, features[..., -1:])
         optimiser.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
         optimiser.step()
         step += 1
-        keep = min(AVERAGING, step / (step + 100))
+        decay = min(AVERAGING, step / (step + 100))
         with torch.no_grad():
             for a, b in zip(averaged.parameters(), network.parameters(), strict=True):
-                a.lerp_(b, 1 - keep)
+                a.lerp_(b, 1 - decay)
         if step % CHECK_EVERY == 0 or done >= 1.0:
             errors = errors_mm(averaged, batches)
             curve.append(

@@ -22,20 +22,20 @@ from scipy.ndimage import median_filter
 from benchmarks.actions.captured import SIZE, CapturedVideo, RecordedView, video_rng
 from imocap_core.camera.projection import project
 from imocap_core.conventions import EVAL_14
-from imocap_core.synthetic.cameras import Viewpoint
+from imocap_core.synthetic.cameras import CameraPlacement
 from imocap_core.synthetic.captured import (
-    VIEWPOINTS,
+    CAMERA_PLACEMENTS,
     coco18_points,
     hip_middle,
     place_camera,
     stature_m,
 )
 from imocap_core.synthetic.detector import Detections
-from imocap_core.synthetic.detector_levels import detect_person
+from imocap_core.synthetic.detector_presets import detect_person
 from imocap_core.synthetic.estimator import estimate
 
 MADE = ".made.json"
-OUTLIER_VIEW = Viewpoint(80.0, 4.0, 1.3, 0.95)
+OUTLIER_VIEW = CameraPlacement(80.0, 4.0, 1.3, 0.95)
 
 
 def action_key(recipe: Any, files: Sequence[Path]) -> str:
@@ -91,7 +91,7 @@ def _write(
         video = f"v{v + 1}"
         rng = video_rng(name, v, 1)
         view = motion.recorded or _simulated_view(
-            motion, OUTLIER_VIEW if motion.is_outlier else VIEWPOINTS[v]
+            motion, OUTLIER_VIEW if motion.is_outlier else CAMERA_PLACEMENTS[v]
         )
         joints_cam = motion.joints_m @ view.R.T + view.t
         estimated = estimate(joints_cam, motion.fps, rng)[motion.frames]
@@ -107,7 +107,7 @@ def _write(
     (folder / "action.yaml").write_text(yaml.safe_dump(action, sort_keys=False))
 
 
-def _simulated_view(motion: CapturedVideo, viewpoint: Viewpoint) -> RecordedView:
+def _simulated_view(motion: CapturedVideo, viewpoint: CameraPlacement) -> RecordedView:
     """A simulated camera, and the true pixels of COCO's keypoints."""
     K, R, t = place_camera(viewpoint, motion.joints_m, SIZE)
     return RecordedView(K, R, t, project(coco18_points(motion.joints_m), K, R, t), SIZE)

@@ -12,14 +12,14 @@ from jaxtyping import Float, Int
 
 from imocap_core.conventions import EVAL_14
 from imocap_core.errors import WorkFailed
-from imocap_core.synthetic.captured import VIEWPOINTS, to_stage
-from imocap_core.synthetic.samplings import sample_frames
-from imocap_core.synthetic.trials import on_one_stage
+from imocap_core.synthetic.captured import CAMERA_PLACEMENTS, to_scene
+from imocap_core.synthetic.frame_sampling import sample_frames
+from imocap_core.synthetic.trials import align_trials
 
 DATA_VARIABLE = "IMOCAP_DATA"
 SIZE = (1000, 1000)
 SEED = 7
-MAX_VIDEOS = len(VIEWPOINTS)
+MAX_VIDEOS = len(CAMERA_PLACEMENTS)
 # Resampled clips jump where no real performance does: up to a whole segment in one frame.
 RESAMPLED_MAX_RATE = 30.0
 
@@ -41,7 +41,7 @@ class CapturedVideo:
     """Captured motion of T frames, of which one video of an action shows some.
 
     joints_m lie on the stage where the motion is filmed; the truth is given in a common world,
-    which `R_common_from_stage` and `t_common` (metres) lead to.
+    which `R_common_from_scene` and `t_common` (metres) lead to.
 
     phase: when two videos correspond. frames: indices of the motion's frames that the video shows.
     fps: of joints_m. is_outlier: the video shows another action, which the truth leaves out.
@@ -53,7 +53,7 @@ class CapturedVideo:
     phase: Float[np.ndarray, " T"]
     frames: Int[np.ndarray, " N"]
     fps: float
-    R_common_from_stage: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
+    R_common_from_scene: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
     t_common: Float[np.ndarray, " 3"] = field(default_factory=lambda: np.zeros(3))
     is_outlier: bool = False
     recorded: RecordedView | None = None
@@ -68,10 +68,10 @@ class CapturedVideo:
         t: Float[np.ndarray, " 3"],
     ) -> dict[str, Float[np.ndarray, "..."]]:
         """The arrays of `video` in truth.npz; R, t is the camera from the stage."""
-        R_cam_from_common = R @ self.R_common_from_stage.T
+        R_cam_from_common = R @ self.R_common_from_scene.T
         joints = self.joints_m if self.truth_joints_m is None else self.truth_joints_m
         parts = {
-            "joints": joints[self.frames] @ self.R_common_from_stage.T + self.t_common,
+            "joints": joints[self.frames] @ self.R_common_from_scene.T + self.t_common,
             "phase": self.phase[self.frames],
             "K": K,
             "R": R_cam_from_common,
@@ -99,7 +99,7 @@ def protocol_videos(file: Path, sampling: str, videos: int) -> list[CapturedVide
     with np.load(file) as stored:
         joints = stored["joints"][:, stored["common14_idx"]].astype(np.float64)
         fps = float(stored["fps"])
-    turn, shift = to_stage(joints)
+    turn, shift = to_scene(joints)
     world = turn.apply(joints.reshape(-1, 3)).reshape(joints.shape) + shift
     phase = np.arange(len(world), dtype=np.float64)
     return [
@@ -118,9 +118,9 @@ def trial_videos(file: Path, videos: int) -> list[CapturedVideo]:
         trials = [stored[f"trial_{v:02d}"][:, index].astype(np.float64) for v in range(count)]
     return [
         CapturedVideo(
-            p.joints_m, p.phase, np.arange(len(p.phase)), fps, p.R_common_from_stage, p.t_common
+            p.joints_m, p.phase, np.arange(len(p.phase)), fps, p.R_common_from_scene, p.t_common
         )
-        for p in on_one_stage(trials)
+        for p in align_trials(trials)
     ]
 
 

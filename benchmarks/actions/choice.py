@@ -7,8 +7,8 @@ from pathlib import Path
 
 from benchmarks.actions.captured import MAX_VIDEOS
 from imocap_core.errors import WrongUse
-from imocap_core.synthetic.detector_levels import DETECTORS
-from imocap_core.synthetic.samplings import SAMPLINGS
+from imocap_core.synthetic.detector_presets import DETECTORS
+from imocap_core.synthetic.frame_sampling import SAMPLINGS
 
 NAMES = ("protocol", "trials", "yoga", "h36m")
 TITLES = {

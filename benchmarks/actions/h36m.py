@@ -27,8 +27,8 @@ from imocap_core.io.h36m import (
     Recording,
     read_h36m,
 )
-from imocap_core.synthetic.captured import COCO18, HIP_OUT
-from imocap_core.synthetic.samplings import sample_frames
+from imocap_core.synthetic.captured import COCO18, HIP_OUTWARD
+from imocap_core.synthetic.frame_sampling import sample_frames
 
 SUBJECTS = ("S9", "S11")
 ACTIONS = ("SittingDown", "Sitting", "Smoking", "Photo", "Phoning")  # the paper's
@@ -104,8 +104,8 @@ def coco18_pixels(xy_px: Float[np.ndarray, "T 17 2"]) -> Float[np.ndarray, "T 18
     pixels = {name: xy_px[:, k] for k, name in enumerate(H36M_17)}
     left, right = pixels["left_hip"], pixels["right_hip"]
     pixels["left_hip"], pixels["right_hip"] = (
-        left + HIP_OUT * (left - right),
-        right + HIP_OUT * (right - left),
+        left + HIP_OUTWARD * (left - right),
+        right + HIP_OUTWARD * (right - left),
     )
     pixels["neck"] = (pixels["left_shoulder"] + pixels["right_shoulder"]) / 2
     missing = np.full_like(left, np.nan)

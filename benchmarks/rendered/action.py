@@ -24,10 +24,16 @@ from imocap_core.body import Shaped, load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.video import write_h264
 from imocap_core.pipeline.source import closure
-from imocap_core.synthetic.cameras import standing_height_px
-from imocap_core.synthetic.captured import VIEWPOINTS
-from imocap_core.synthetic.embodied import embody
-from imocap_core.synthetic.rendered import Shooting, film_frames, seen_from, shoot, true_points_px
+from imocap_core.synthetic.cameras import stature_px
+from imocap_core.synthetic.captured import CAMERA_PLACEMENTS
+from imocap_core.synthetic.rendered import (
+    FilmedBody,
+    film_body,
+    render_frames,
+    true_points_px,
+    viewed_side,
+)
+from imocap_core.synthetic.retarget import retarget
 
 LAYOUT = "mediapipe33"
 BODY_LAYOUT = "body33"  # the same keypoints at their true places on the body
@@ -67,7 +73,7 @@ def _write(
 ) -> None:
     model = load_free_body(dtype=torch.float64)
     report(0.0, "putting the performances on a body")
-    betas, motions = embody(model, [video.joints_m for video in videos])
+    betas, motions = retarget(model, [video.joints_m for video in videos])
     shaped = model.shape(torch.as_tensor(betas))
     truth: dict[str, Any] = {
         "joint_names": np.array(SMPL_JOINTS),
@@ -78,13 +84,11 @@ def _write(
     for v, (captured, motion) in enumerate(zip(videos, motions, strict=True)):
         video = f"v{v + 1}"
         report((v + 1) / (len(videos) + 1), f"rendering {video}")
-        shooting = shoot(motion, shaped, VIEWPOINTS[v], size)
+        filmed = film_body(motion, shaped, CAMERA_PLACEMENTS[v], size)
         file = folder / "videos" / f"{video}.mp4"
-        write_h264(file, film_frames(shooting, shaped, v, SEED), captured.fps, crf=CRF)
-        truth |= _with_body_joints(captured, shooting).truth(
-            video, shooting.K, shooting.R, shooting.t
-        )
-        visible = true_points(shooting, shaped)
+        write_h264(file, render_frames(filmed, shaped, v, SEED), captured.fps, crf=CRF)
+        truth |= _with_body_joints(captured, filmed).truth(video, filmed.K, filmed.R, filmed.t)
+        visible = true_points(filmed, shaped)
         points |= {f"{video}/{part}": value for part, value in visible.items()}
         declared.append({"id": video, "video": f"videos/{video}.mp4", "keypoints": "detect"})
     np.savez(folder / "truth.npz", **truth)
@@ -93,24 +97,24 @@ def _write(
     (folder / "action.yaml").write_text(yaml.safe_dump(action, sort_keys=False))
 
 
-def _with_body_joints(captured: CapturedVideo, shooting: Shooting) -> CapturedVideo:
+def _with_body_joints(captured: CapturedVideo, filmed: FilmedBody) -> CapturedVideo:
     """The video with the rendered body's joints as truth, on the floor of the captured motion."""
-    lifted = captured.R_common_from_stage @ np.array([0.0, 0.0, shooting.floor_m])
+    lifted = captured.R_common_from_scene @ np.array([0.0, 0.0, filmed.floor_m])
     return replace(
         captured,
-        truth_joints_m=shooting.joints,
+        truth_joints_m=filmed.joints,
         truth_names=SMPL_JOINTS,
         t_common=captured.t_common + lifted,
     )
 
 
-def true_points(shooting: Shooting, shaped: Shaped) -> dict[str, Any]:
+def true_points(filmed: FilmedBody, shaped: Shaped) -> dict[str, Any]:
     """True pixels of the layout's points, the person's height in pixels, and the side of view."""
-    xy_px, depth_m = true_points_px(shooting, shaped, BODY_LAYOUT)
+    xy_px, depth_m = true_points_px(filmed, shaped, BODY_LAYOUT)
     return {
         "xy_px": xy_px,
-        "height_px": standing_height_px(shaped, shooting.K[1, 1], depth_m),
+        "height_px": stature_px(shaped, filmed.K[1, 1], depth_m),
         "names": np.array(shaped.model.points(BODY_LAYOUT).names),
         "columns": np.array(shaped.model.points(BODY_LAYOUT).columns),
-        "side": np.array(seen_from(shooting.joints, shooting.R, shooting.t)),
+        "side": np.array(viewed_side(filmed.joints, filmed.R, filmed.t)),
     }

@@ -21,7 +21,7 @@ from benchmarks.actions.captured import (
     protocol_videos,
     trial_videos,
 )
-from imocap_core.synthetic.captured import VIEWPOINTS, place_camera
+from imocap_core.synthetic.captured import CAMERA_PLACEMENTS, place_camera
 from imocap_core.synthetic.estimator import estimate
 
 SEED = 11
@@ -63,7 +63,7 @@ def filmed_scene(
     shows some frames of its performance. `more`: further fields of the scene."""
     poses = []
     for v, joints in enumerate(joints_m):
-        view = VIEWPOINTS[v % len(VIEWPOINTS)]
+        view = CAMERA_PLACEMENTS[v % len(CAMERA_PLACEMENTS)]
         _, R, t = place_camera(view, joints, SIZE)
         rng = np.random.default_rng([seed, _number(name), v])
         poses.append(estimate(joints @ R.T + t, fps, rng)[frames[v]])

@@ -16,10 +16,10 @@ from scipy.interpolate import CubicSpline
 from benchmarks.actions.captured import RESAMPLED_MAX_RATE
 from benchmarks.sync.scenes import SyncScene, filmed_scene
 from imocap_core.conventions import EVAL_14
-from imocap_core.synthetic.captured import hip_middle, to_stage
+from imocap_core.synthetic.captured import hip_middle, to_scene
 from imocap_core.synthetic.estimator import EstimatorErrors, estimate
-from imocap_core.synthetic.samplings import sample_frames
-from imocap_core.synthetic.variation import Clip, pace
+from imocap_core.synthetic.frame_sampling import sample_frames
+from imocap_core.synthetic.variation import PhaseSpan, pace
 
 CAPTURED_FPS, PROTOCOL_FPS, PROTOCOL_FRAMES = 30.0, 120.0, 2000
 RESAMPLED = ("01_01", "02_05", "02_10", "05_18", "13_01", "13_10", "13_15", "13_30")
@@ -54,7 +54,7 @@ def training_clip(file: Path, clip: str) -> Float[np.ndarray, "T 14 3"]:
         names = [str(name) for name in stored["names"]]
         joints = stored[f"clip_{clip}"].astype(np.float64)
     joints = joints[:, [names.index(_NAMES[name]) for name in EVAL_14]]
-    turn, shift = to_stage(joints)
+    turn, shift = to_scene(joints)
     placed: Float[np.ndarray, "T 14 3"] = (
         turn.apply(joints.reshape(-1, 3)).reshape(joints.shape) + shift
     )
@@ -95,7 +95,7 @@ def performed(
         rng = np.random.default_rng([seed, v, 3])
         first, last = rng.uniform(0, ends) * T, T - 1 - rng.uniform(0, ends) * T
         count = max(30, round((last - first) * rng.uniform(0.8, 1.25)))
-        phase = pace(Clip(count, first, last, CAPTURED_FPS), rng)
+        phase = pace(PhaseSpan(count, first, last, CAPTURED_FPS), rng)
         shown.append(_departed(spline(phase), rng))
         phases.append(phase)
     frames = [np.arange(len(p)) for p in phases]

@@ -28,19 +28,19 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.video import read_rgb, write_h264
 from imocap_core.synthetic import taichi, yoga
 from imocap_core.synthetic.detector import Detections
-from imocap_core.synthetic.taichi_clip import TAICHI_CLIPS, taichi_body, taichi_take
+from imocap_core.synthetic.taichi_clip import TAICHI_SPANS, make_taichi_clip, taichi_body
 from imocap_core.synthetic.variation import PHASE_PER_S
 from imocap_core.synthetic.yoga_clip import (
     LAYOUT,
-    YOGA_CLIPS,
-    Take,
+    YOGA_SPANS,
+    DemoClip,
     draw_betas,
+    make_yoga_clip,
     pictures,
-    yoga_take,
 )
 
 DEMOS = ("yoga", "taichi")
-_COUNT = {"yoga": len(YOGA_CLIPS), "taichi": len(TAICHI_CLIPS)}
+_COUNT = {"yoga": len(YOGA_SPANS), "taichi": len(TAICHI_SPANS)}
 _DURATION_S = {"yoga": yoga.DURATION_S, "taichi": taichi.DURATION_S}
 DEFAULT_SEED = 7
 _WORKERS = 2
@@ -120,10 +120,10 @@ def _write_video(
     cv2.setNumThreads(1)
     if demo == "yoga":
         shaped = demo_body(seed)
-        clip = yoga_take(seed, index, shaped)
+        clip = make_yoga_clip(seed, index, shaped)
     else:
         shaped = taichi_body(seed)
-        clip = taichi_take(seed, index, shaped)
+        clip = make_taichi_clip(seed, index, shaped)
     name = video_id(index)
     _write_keypoints(draft / "keypoints" / name, name, clip)
     video = draft / "videos" / f"{name}.mp4"
@@ -136,7 +136,7 @@ def _write_video(
         "R": clip.camera.R_cam_from_world[0],
         "t": clip.camera.t[0],
         "R_frames": clip.camera.R_cam_from_world,
-        "phase": clip.performance.phase,
+        "phase": clip.motion.phase,
     }
 
 
@@ -146,15 +146,15 @@ def demo_body(seed: int) -> Shaped:
     return model.shape(torch.as_tensor(draw_betas(seed, model.num_betas)))
 
 
-def _write_keypoints(folder: Path, name: str, clip: Take) -> None:
-    """One OpenPose BODY_25 file a frame; beside a second person the performer may come second."""
+def _write_keypoints(folder: Path, name: str, clip: DemoClip) -> None:
+    """One OpenPose BODY_25 file per frame; the performer may come after a false person."""
     folder.mkdir(parents=True)
-    for frame, stranger in enumerate(clip.strangers):
+    for frame, false_person in enumerate(clip.false_people):
         people = [_person(clip.detections, frame)]
         if clip.hands is not None:
             people[0] |= _hands(clip.hands.detections, frame)
-        if stranger is not None:
-            people.insert(frame % 2, _person(stranger, 0))
+        if false_person is not None:
+            people.insert(frame % 2, _person(false_person, 0))
         file = folder / f"{name}_{frame:012d}_keypoints.json"
         file.write_text(json.dumps({"version": 1.3, "people": people}))
 
@@ -176,7 +176,7 @@ def _hands(detections: Detections, frame: int) -> dict[str, Any]:
 
 
 def contact_sheet(folder: Path) -> UInt8[np.ndarray, "H W 3"]:
-    """RGB sheet of an action's videos: one row a video, frames at equal intervals."""
+    """RGB contact sheet of an action's videos: one row per video, frames at equal intervals."""
     rows = []
     for file in sorted((folder / "videos").glob("*.mp4")):
         frames = [frame for _, frame in read_rgb(file)]

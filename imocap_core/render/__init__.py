@@ -1,4 +1,4 @@
-"""Mesh and camera to picture: a numpy z-buffer, shading, blending over a frame."""
+"""Mesh rendering: a numpy z-buffer and a painter's algorithm, shading, blending over a frame."""
 
 from imocap_core.render.draw import draw_mesh
 from imocap_core.render.painter import paint_mesh

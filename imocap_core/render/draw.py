@@ -1,10 +1,11 @@
-"""Draw a mesh into a picture: the demo's performer, and results over real frames."""
+"""Exact mesh rendering over a picture: the demo's performer, and results over real frames."""
+
+from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float, Float32, Int, UInt8
 
-from imocap_core.render.arrays import Floats, Image, Ints
 from imocap_core.render.rasterize import NEAR_M, Fragments, rasterize
 from imocap_core.render.shading import Light, vertex_normals
 
@@ -12,24 +13,28 @@ _MARGIN_PX = 2
 
 
 def draw_mesh(
-    image: Image,
-    vertices: Floats,
-    faces: Ints,
-    face_colors: Floats,
-    K: Floats,
-    R_cam_from_world: Floats,
-    t: Floats,
+    image: UInt8[np.ndarray, "H W 3"],
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    face_colors: Float[np.ndarray, "... 3"],
+    K: Float[np.ndarray, "3 3"],
+    R_cam_from_world: Float[np.ndarray, "3 3"],
+    t: Float[np.ndarray, "3"],
     *,
     alpha: float = 1.0,
     light: Light | None = None,
     supersample: int = 2,
-) -> Image:
-    """Paint a shaded, antialiased mesh over a copy of `image`.
+) -> UInt8[np.ndarray, "H W 3"]:
+    """A shaded, antialiased mesh over a copy of `image`.
 
-    image (H, W, 3) uint8; vertices (V, 3) world metres; faces (F, 3) counter-clockwise seen from
-    outside; face_colors (F, 3) or (3,) in 0..255, in the image's channel order; K (3, 3) pixels,
-    x_cam = R_cam_from_world @ x_world + t. alpha 1 hides the picture behind, 0 leaves it
-    untouched. supersample: samples per pixel and axis. A mesh out of sight changes nothing.
+    Args:
+        vertices: in the world, metres. faces: counter-clockwise from outside.
+        face_colors: (F, 3) or (3,) in 0..255, in the image's channel order.
+        K, R_cam_from_world, t: the camera, x_cam = R_cam_from_world @ x_world + t.
+        alpha: opacity, 1 hides the picture behind.
+        supersample: samples per pixel and axis.
+
+    A mesh out of view changes nothing.
     """
     in_camera = vertices @ R_cam_from_world.T + t
     depth = in_camera[:, 2]
@@ -43,7 +48,7 @@ def draw_mesh(
         return image.copy()
     x0, y0, x1, y1 = window
     size = ((x1 - x0) * supersample, (y1 - y0) * supersample)
-    # centre of fine pixel i lies at (i + 0.5) / supersample - 0.5 of the coarse one
+    # the centre of fine pixel i is at (i + 0.5) / supersample - 0.5 in coarse pixels
     fine_px = (xy_px - (x0, y0) + 0.5) * supersample - 0.5
     fragments = rasterize(fine_px, depth, faces, size)
     normals = vertex_normals(vertices, faces)
@@ -57,8 +62,10 @@ def draw_mesh(
     return drawn
 
 
-def _window(xy_px: Floats, size: tuple[int, int]) -> tuple[int, int, int, int] | None:
-    """The part of the image that the points can touch: x0, y0, x1, y1 (ends excluded)."""
+def _window(
+    xy_px: Float[np.ndarray, "N 2"], size: tuple[int, int]
+) -> tuple[int, int, int, int] | None:
+    """The part of the image around the points: x0, y0, x1, y1 (ends excluded); None if outside."""
     low = np.clip(np.floor(xy_px.min(axis=0)) - _MARGIN_PX, 0, size).astype(int)
     high = np.clip(np.ceil(xy_px.max(axis=0)) + _MARGIN_PX + 1, 0, size).astype(int)
     if (high <= low).any():
@@ -68,13 +75,13 @@ def _window(xy_px: Floats, size: tuple[int, int]) -> tuple[int, int, int, int] |
 
 def _paint(
     fragments: Fragments,
-    normals: Floats,
-    faces: Ints,
-    face_colors: Floats,
+    normals: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    face_colors: Float[np.ndarray, "... 3"],
     light: Light,
     size: tuple[int, int],
-) -> NDArray[np.float32]:
-    """Colours premultiplied by coverage, and coverage: (height, width, 4)."""
+) -> Float32[np.ndarray, "H W 4"]:
+    """Colours premultiplied by coverage, and coverage."""
     corners = faces[fragments.face]
     normal = np.einsum("nc,ncd->nd", fragments.weight, normals[corners])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)

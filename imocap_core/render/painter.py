@@ -1,45 +1,50 @@
-"""A mesh over a picture, fast enough for film: far faces first, nearer ones over them.
+"""Painter's algorithm: fast mesh rendering over video frames, far faces first.
 
-The painter's algorithm needs no depth per pixel, so its cost is that of the faces and hardly that
-of the picture. Faces that pierce each other come out wrong; those of a body, a few pixels large,
-do so nowhere that can be seen. `draw_mesh` is exact, and several times slower.
+It needs no depth per pixel, so its cost depends on the number of faces and hardly on the size of
+the picture. Intersecting faces are drawn wrongly; those of a body are a few pixels large, so that
+this is not visible. `draw_mesh` is exact, and several times slower.
 """
+
+from __future__ import annotations
 
 from collections import deque
 from itertools import repeat
 
 import cv2
 import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
 
-from imocap_core.render.arrays import Floats, Image, Ints
 from imocap_core.render.rasterize import NEAR_M
 from imocap_core.render.shading import Light, vertex_normals
 
 _MARGIN_PX = 2
-_TONES = 96  # shades of the colour; their steps can't be told apart
+_TONES = 96  # shades of the colour, in invisibly small steps
 _BRIGHTEST = 1.35
 _FRACTION_BITS = 4  # of the corners' positions
-_WIDEST_BLUR_PX = 11  # a face has one shade; the steps between faces must not show
+_WIDEST_BLUR_PX = 11  # hides the steps between faces, which have one shade each
 
 
 def paint_mesh(
-    image: Image,
-    vertices: Floats,
-    faces: Ints,
-    P_px: Floats,
-    rgb: Floats,
+    image: UInt8[np.ndarray, "H W 3"],
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    P_px: Float[np.ndarray, "3 3"],
+    rgb: Float[np.ndarray, "3"],
     *,
     alpha: float = 1.0,
     light: Light | None = None,
     supersample: int = 2,
-) -> Image:
-    """Paint a shaded, antialiased mesh of one colour over a copy of `image`.
+) -> UInt8[np.ndarray, "H W 3"]:
+    """A shaded, antialiased mesh of one colour over a copy of `image`.
 
-    image (H, W, 3) uint8; vertices (V, 3) metres in the axes of a camera; faces (F, 3)
-    counter-clockwise seen from outside; P_px (3, 3): K, or H @ K where the picture is moved by the
-    homography H, P_px @ x = depth * (x_px, y_px, 1) with the centre of the first pixel at (0, 0);
-    rgb (3,) in 0..255; alpha 1 hides the picture behind. The light's axes are the vertices'.
-    supersample: samples per pixel and axis. Faces nearer than NEAR_M are left out.
+    Args:
+        vertices: in camera axes, metres. faces: counter-clockwise from outside.
+        P_px: K, or H @ K where the picture is warped by the homography H: P_px @ x =
+            depth * (x_px, y_px, 1), with the centre of the first pixel at (0, 0).
+        rgb: colour in 0..255. alpha: opacity, 1 hides the picture behind.
+        light: in the axes of the vertices. supersample: samples per pixel and axis.
+
+    Faces nearer than NEAR_M are left out. ValueError when alpha is not in 0..1.
     """
     if not 0.0 <= alpha <= 1.0:
         raise ValueError(f"alpha: expected a share from 0 to 1, got {alpha}")
@@ -65,8 +70,11 @@ def paint_mesh(
     return drawn
 
 
-def _window(xy_px: Floats, width: int, height: int) -> tuple[int, int, int, int] | None:
-    """The part of the picture that the points can touch: x0, y0, x1, y1 (ends excluded)."""
+def _window(
+    xy_px: Float[np.ndarray, "N 2"], width: int, height: int
+) -> tuple[int, int, int, int] | None:
+    """The part of the picture around the points: x0, y0, x1, y1 (ends excluded); None if
+    outside."""
     if not len(xy_px):
         return None
     low = np.clip(np.floor(xy_px.min(axis=0)) - _MARGIN_PX, 0, (width, height)).astype(int)
@@ -76,25 +84,35 @@ def _window(xy_px: Floats, width: int, height: int) -> tuple[int, int, int, int]
     return int(low[0]), int(low[1]), int(high[0]), int(high[1])
 
 
-def _far_to_near(xy: Floats, depth: Floats, faces: Ints, ahead: np.ndarray) -> Ints:
-    """Indices of the faces turned to the camera, the farthest first."""
+def _far_to_near(
+    xy: Float[np.ndarray, "V 2"],
+    depth: Float[np.ndarray, " V"],
+    faces: Int[np.ndarray, "F 3"],
+    ahead: Bool[np.ndarray, " V"],
+) -> Int[np.ndarray, " N"]:
+    """Indices of the front faces, the farthest first."""
     a, b, c = (xy[faces[:, k]] for k in range(3))
     area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     front = np.flatnonzero((area < 0) & ahead[faces].all(axis=1))  # y points down
-    order: Ints = front[np.argsort(-depth[faces[front]].sum(axis=1))]
-    return order
+    return front[np.argsort(-depth[faces[front]].sum(axis=1))]
 
 
-def _tones(vertices: Floats, faces: Ints, light: Light) -> Ints:
+def _tones(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], light: Light
+) -> Int[np.ndarray, " F"]:
     """Brightness of each face, the mean of its corners', as a step of 0 to _TONES - 1."""
     corners = light.intensity(vertex_normals(vertices, faces))
     share = np.clip(corners[faces].mean(axis=1) / _BRIGHTEST, 0.0, 1.0)
-    steps: Ints = np.rint(share * (_TONES - 1)).astype(np.int64)
-    return steps
+    return np.rint(share * (_TONES - 1)).astype(np.int64)
 
 
-def _fill(triangles: Floats, tone: Ints, rgb: Floats, size: tuple[int, int]) -> Image:
-    """Colour and coverage (height, width, 4) of triangles (n, 3, 2) painted one after another."""
+def _fill(
+    triangles: Float[np.ndarray, "N 3 2"],
+    tone: Int[np.ndarray, " N"],
+    rgb: Float[np.ndarray, "3"],
+    size: tuple[int, int],
+) -> UInt8[np.ndarray, "H W 4"]:
+    """Colour and coverage of triangles painted one after another."""
     shades = np.clip(np.linspace(0, _BRIGHTEST, _TONES)[:, None] * rgb, 0, 255)
     table = [(*shade, 255.0) for shade in shades.tolist()]
     corners = np.rint(triangles * 2**_FRACTION_BITS).astype(np.int32)
@@ -105,8 +123,10 @@ def _fill(triangles: Floats, tone: Ints, rgb: Floats, size: tuple[int, int]) -> 
     return paint
 
 
-def _smoothed(paint: Image, triangles_px: Floats) -> Image:
-    """The colours (h, w, 3) of premultiplied paint (h, w, 4), averaged over about a face."""
+def _smoothed(
+    paint: UInt8[np.ndarray, "H W 4"], triangles_px: Float[np.ndarray, "N 3 2"]
+) -> UInt8[np.ndarray, "H W 3"]:
+    """The colours of premultiplied paint, averaged over about the size of a face."""
     side = 1
     if len(triangles_px):
         edges_px = np.abs(triangles_px[:, 1] - triangles_px[:, 0]).max(axis=1)

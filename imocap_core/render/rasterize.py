@@ -1,38 +1,47 @@
-"""Triangles to pixels: a z-buffer in plain numpy.
+"""Triangle rasterisation: a z-buffer in plain numpy.
 
-Every triangle proposes the pixel centres in its bounding box; all triangles do so at once. That
-is fast exactly where a body mesh lives: many triangles, each a few pixels large.
+Every triangle proposes the pixel centres in its bounding box, all triangles at once. This is fast
+for body meshes: many triangles, each a few pixels large.
 """
+
+from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
-
-from imocap_core.render.arrays import Floats, Ints
+from jaxtyping import Float, Int
 
 NEAR_M = 0.05
-_EDGE = -1e-9  # barycentric slack, so that a pixel centre on a shared edge belongs to somebody
+_EDGE = -1e-9  # barycentric tolerance, so that a pixel centre on a shared edge is covered
 
 
 class Fragments(NamedTuple):
     """The visible surface, one entry per covered pixel.
 
-    pixel (N,) flat index row * width + column; face (N,) index into the faces;
-    weight (N, 3) barycentric weights of that face's corners, in the image plane; depth (N,) metres.
+    pixel: flat index, row * width + column. face: index into the faces. weight: barycentric weights
+    of that face's corners, in the image plane. depth: metres.
     """
 
-    pixel: Ints
-    face: Ints
-    weight: Floats
-    depth: Floats
+    pixel: Int[np.ndarray, " N"]
+    face: Int[np.ndarray, " N"]
+    weight: Float[np.ndarray, "N 3"]
+    depth: Float[np.ndarray, " N"]
 
 
-def rasterize(xy_px: Floats, depth: Floats, faces: Ints, size: tuple[int, int]) -> Fragments:
-    """Find the nearest triangle at every pixel centre of an image.
+def rasterize(
+    xy_px: Float[np.ndarray, "V 2"],
+    depth: Float[np.ndarray, " V"],
+    faces: Int[np.ndarray, "F 3"],
+    size: tuple[int, int],
+) -> Fragments:
+    """The nearest triangle at every pixel centre of an image.
 
-    xy_px (V, 2) projected corners, pixel (0, 0) is the centre of the first pixel; depth (V,) metres
-    along the optical axis; faces (F, 3), counter-clockwise seen from outside: those facing away are
-    skipped, and so is any that reaches nearer than NEAR_M. size (width, height).
+    Args:
+        xy_px: projected corners; pixel (0, 0) is the centre of the first pixel.
+        depth: along the optical axis, metres.
+        faces: counter-clockwise from outside. Back faces are skipped, and faces with a corner
+            nearer than NEAR_M.
+        size: (width, height).
     """
     width, height = size
     candidates, plane = _front_faces(xy_px, depth, faces)
@@ -61,33 +70,34 @@ def rasterize(xy_px: Floats, depth: Floats, faces: Ints, size: tuple[int, int]) 
     nearest = np.zeros(width * height)
     np.maximum.at(nearest, pixel, closeness)
     winner = np.full(width * height, -1)
-    seen = np.flatnonzero(closeness == nearest[pixel])
-    winner[pixel[seen]] = seen  # on a tie the last face stays
+    visible = np.flatnonzero(closeness == nearest[pixel])
+    winner[pixel[visible]] = visible  # of equally near faces the last one
     covered = np.flatnonzero(winner >= 0)
     chosen = winner[covered]
     weight = np.stack([weight_0[chosen], weight_1[chosen], weight_2[chosen]], axis=1)
     return Fragments(covered, candidates[owner[chosen]], weight, 1.0 / closeness[chosen])
 
 
-def _front_faces(xy_px: Floats, depth: Floats, faces: Ints) -> tuple[Ints, Floats]:
-    """Faces turned to the camera, and for each the affine map from pixel to 2nd and 3rd weight.
-
-    Returns indices (C,) and coefficients (C, 2, 3).
-    """
+def _front_faces(
+    xy_px: Float[np.ndarray, "V 2"], depth: Float[np.ndarray, " V"], faces: Int[np.ndarray, "F 3"]
+) -> tuple[Int[np.ndarray, " C"], Float[np.ndarray, "C 2 3"]]:
+    """Front faces, and for each the affine map from pixel to 2nd and 3rd barycentric weight."""
     a, b, c = (xy_px[faces[:, i]] for i in range(3))
     ab, ac = b - a, c - a
     area = ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]  # y points down: outward faces turn clockwise
-    kept = np.flatnonzero((area < 0) & (depth[faces].min(axis=1) > NEAR_M))
-    a, ab, ac, area = a[kept], ab[kept], ac[kept], area[kept]
-    plane = np.empty((len(kept), 2, 3))
+    front = np.flatnonzero((area < 0) & (depth[faces].min(axis=1) > NEAR_M))
+    a, ab, ac, area = a[front], ab[front], ac[front], area[front]
+    plane = np.empty((len(front), 2, 3))
     plane[:, 0, 0], plane[:, 0, 1] = ac[:, 1] / area, -ac[:, 0] / area
     plane[:, 1, 0], plane[:, 1, 1] = -ab[:, 1] / area, ab[:, 0] / area
     plane[:, :, 2] = -(plane[:, :, 0] * a[:, None, 0] + plane[:, :, 1] * a[:, None, 1])
-    return kept, plane
+    return front, plane
 
 
-def _pixel_boxes(triangles: Floats, size: tuple[int, int]) -> tuple[Ints, Ints]:
-    """First and last pixel (inclusive) of each triangle's box within the image, (C, 2) each."""
+def _pixel_boxes(
+    triangles: Float[np.ndarray, "C 3 2"], size: tuple[int, int]
+) -> tuple[Int[np.ndarray, "C 2"], Int[np.ndarray, "C 2"]]:
+    """First and last pixel (inclusive) of each triangle's box within the image."""
     limit = np.array(size) - 1
     low = np.clip(np.ceil(triangles.min(axis=1)), 0, limit + 1).astype(np.int64)
     high = np.clip(np.floor(triangles.max(axis=1)), -1, limit).astype(np.int64)

@@ -1,18 +1,19 @@
-"""Light on a surface: vertex normals and a two-term lamp."""
+"""Diffuse shading: vertex normals, a directional lamp and hemispheric sky light."""
+
+from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-
-from imocap_core.render.arrays import Floats, Ints
+from jaxtyping import Float, Int
 
 
 @dataclass(frozen=True)
 class Light:
-    """A lamp far away and a sky above. Directions are unit vectors in the mesh's world axes.
+    """A directional lamp and a sky. Directions are unit vectors in the mesh's world axes.
 
-    towards_lamp: from the surface to the lamp; up: where the sky is; ambient, diffuse, sky: weights
-    that should sum to about 1, so that a face turned to the light keeps its own color.
+    towards_lamp: from the surface to the lamp; up: towards the sky; ambient, diffuse, sky: weights
+    that should sum to about 1, so that a face turned to the light has its true colour.
     """
 
     towards_lamp: tuple[float, float, float] = (0.3, -0.5, 0.81)
@@ -21,15 +22,17 @@ class Light:
     diffuse: float = 0.5
     sky: float = 0.25
 
-    def intensity(self, normals: Floats) -> Floats:
-        """Brightness factor (...,) of surfaces with unit normals (..., 3)."""
+    def intensity(self, normals: Float[np.ndarray, "... 3"]) -> Float[np.ndarray, "..."]:
+        """Brightness factor of surfaces with unit normals."""
         lamp = np.clip(normals @ np.asarray(self.towards_lamp), 0.0, None)
         above = 0.5 + 0.5 * (normals @ np.asarray(self.up))
         return self.ambient + self.diffuse * lamp + self.sky * above
 
 
-def vertex_normals(vertices: Floats, faces: Ints) -> Floats:
-    """Unit normals (V, 3), outward where faces run counter-clockwise; area-weighted."""
+def vertex_normals(
+    vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
+) -> Float[np.ndarray, "V 3"]:
+    """Area-weighted unit normals, outward where faces are counter-clockwise."""
     corners = vertices[faces]
     face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     flat = faces.ravel()

@@ -1,1 +1,1 @@
-"""A made world with known truth: one action, many performances, cameras, rooms, a detector."""
+"""Synthetic data with known truth: performances of one action, cameras, rooms, a detector."""

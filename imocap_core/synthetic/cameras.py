@@ -1,27 +1,30 @@
-"""Cameras that film a performance: fixed, or turning about a fixed centre to follow it."""
+"""Cameras that film a performance: static, or rotating about a fixed centre to follow it."""
+
+from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 
 from imocap_core.body import Shaped
 from imocap_core.camera.projection import intrinsics
-from imocap_core.render.arrays import Floats
 
 _FOLLOW_S = 0.35  # how slowly the operator follows
 _WANDER_KNOT_S = 1.2
 
 
 @dataclass(frozen=True)
-class Viewpoint:
-    """Where a camera stands and how it is held. World: z up; the performer faces -y at the origin.
+class CameraPlacement:
+    """Position and operation of a camera. World: z up; the performer faces -y at the origin.
 
     azimuth_deg: 0 in front of the performer, 90 at the performer's left. focal_per_width: focal
-    length over image width. aim_height_m: what a fixed camera looks at. follow: 0 for a tripod,
-    else the share of the performer's movement that the operator follows. wander_deg: unsteadiness
-    of a turning camera (standard deviation of its pan). roll_deg: how crooked it is held.
+    length divided by image width. aim_height_m: height of the point that a static camera is aimed
+    at. follow: 0 for a tripod, else the share of the performer's movement that the operator
+    follows. wander_deg: unsteadiness of a rotating camera (standard deviation of its pan).
+    roll_deg: rotation about the optical axis.
     """
 
     azimuth_deg: float
@@ -34,40 +37,45 @@ class Viewpoint:
     roll_deg: float = 0.0
 
 
-def standing_height_px(shaped: Shaped, focal_px: float, depth_m: Floats) -> Floats:
-    """(T,) how tall a body would stand in the picture, its points being (T, K) away."""
+def stature_px(
+    shaped: Shaped, focal_px: float, depth_m: Float[np.ndarray, "T K"]
+) -> Float[np.ndarray, " T"]:
+    """Standing height of a body in the picture, pixels, at the mean depth of its K points."""
     stature_m = float(np.ptp(shaped.vertices_rest[:, 1].numpy()))
-    height: Floats = focal_px * stature_m / depth_m.mean(axis=1)
-    return height
+    return focal_px * stature_m / depth_m.mean(axis=1)
 
 
 @dataclass(frozen=True)
 class FilmCamera:
-    """K (3, 3), R_cam_from_world (T, 3, 3), t (T, 3): one camera over a clip of T frames."""
+    """One camera over a clip of T frames: x_cam = R_cam_from_world x_world + t."""
 
-    K: Floats
-    R_cam_from_world: Floats
-    t: Floats
+    K: Float[np.ndarray, "3 3"]
+    R_cam_from_world: Float[np.ndarray, "T 3 3"]
+    t: Float[np.ndarray, "T 3"]
 
     @property
-    def centre(self) -> Floats:
-        """The centre (3,) in the world, the same in every frame."""
+    def centre(self) -> Float[np.ndarray, "3"]:
+        """The camera centre in the world, the same in every frame."""
         return -self.R_cam_from_world[0].T @ self.t[0]
 
 
 # Four sides, near and wide to far and narrow, from the knee's height to above the head.
-YOGA_VIEWPOINTS: tuple[Viewpoint, ...] = (
-    Viewpoint(38.0, 4.3, 1.25, 1.02, roll_deg=0.6),
-    Viewpoint(118.0, 3.6, 0.85, 0.76, follow=0.75, wander_deg=2.8, roll_deg=-1.2),
-    Viewpoint(214.0, 6.2, 2.1, 1.4, roll_deg=0.3),
-    Viewpoint(303.0, 4.9, 1.6, 1.06, follow=0.75, wander_deg=2.6, roll_deg=1.0),
+YOGA_CAMERAS: tuple[CameraPlacement, ...] = (
+    CameraPlacement(38.0, 4.3, 1.25, 1.02, roll_deg=0.6),
+    CameraPlacement(118.0, 3.6, 0.85, 0.76, follow=0.75, wander_deg=2.8, roll_deg=-1.2),
+    CameraPlacement(214.0, 6.2, 2.1, 1.4, roll_deg=0.3),
+    CameraPlacement(303.0, 4.9, 1.6, 1.06, follow=0.75, wander_deg=2.6, roll_deg=1.0),
 )
 
 
-def film(
-    view: Viewpoint, path: Floats, fps: float, size: tuple[int, int], rng: np.random.Generator
+def aim_camera(
+    view: CameraPlacement,
+    path: Float[np.ndarray, "T 3"],
+    fps: float,
+    size: tuple[int, int],
+    rng: np.random.Generator,
 ) -> FilmCamera:
-    """Aim a camera at a performer whose pelvis moves along path (T, 3), world metres."""
+    """A camera aimed at a performer whose pelvis moves along a path, world metres."""
     frames = len(path)
     middle = np.append(np.median(path[:, :2], axis=0), view.aim_height_m)
     azimuth = np.deg2rad(view.azimuth_deg)
@@ -85,8 +93,13 @@ def film(
     return FilmCamera(intrinsics(view.focal_per_width * size[0], size), R, -(R @ centre))
 
 
-def look_at(centre: Floats, target: Floats, roll_deg: float, turn_deg: Floats) -> Floats:
-    """R_cam_from_world (3, 3) of a camera that looks at a target with the world's z upright.
+def look_at(
+    centre: Float[np.ndarray, "3"],
+    target: Float[np.ndarray, "3"],
+    roll_deg: float,
+    turn_deg: Float[np.ndarray, "2"],
+) -> Float[np.ndarray, "3 3"]:
+    """R_cam_from_world of a camera that looks at a target, the world's z upright in the picture.
 
     roll_deg about the optical axis, then turn_deg = (pan, tilt) away from the target.
     """
@@ -102,13 +115,13 @@ def look_at(centre: Floats, target: Floats, roll_deg: float, turn_deg: Floats) -
     about_z = np.array(
         [[np.cos(roll), np.sin(roll), 0], [-np.sin(roll), np.cos(roll), 0], [0, 0, 1]]
     )
-    result: Floats = about_z @ about_x @ about_y @ upright
-    return result
+    return about_z @ about_x @ about_y @ upright
 
 
-def _wander(frames: int, fps: float, sigma_deg: float, rng: np.random.Generator) -> Floats:
-    """Smooth random pan, less tilt and little roll, degrees (frames, 3)."""
+def _wander(
+    frames: int, fps: float, sigma_deg: float, rng: np.random.Generator
+) -> Float[np.ndarray, "T 3"]:
+    """Smooth random pan, less tilt and little roll, degrees."""
     knots = max(4, round(frames / fps / _WANDER_KNOT_S) + 2)
     values = sigma_deg * np.clip(rng.normal(size=(knots, 3)), -2, 2) * (1.0, 0.4, 0.2)
-    curve: Floats = CubicSpline(np.linspace(0, frames - 1, knots), values)(np.arange(frames))
-    return curve
+    return CubicSpline(np.linspace(0, frames - 1, knots), values)(np.arange(frames))

@@ -1,31 +1,38 @@
-"""Hands and feet stay where they stand: contact targets, and the poses that meet them.
+"""Contact constraints by inverse kinematics: hands and feet at fixed places on the floor.
 
 Keyframes are authored by eye, so feet would slide and hands would sink. Every frame is therefore
-corrected by a small least-squares problem: stay near the authored pose, put the planted joints on
-their places, keep every joint above the floor. All frames are solved at once and independently;
-inputs smooth in time give outputs smooth in time. Stage axes (y up, floor at y = 0), metres.
+corrected by a small least-squares problem: near the authored pose, joints in contact at their
+places, every joint above the floor. All frames are solved at once and independently; inputs smooth
+in time give outputs smooth in time. Axes of the choreography (y up, floor at y = 0), metres.
 """
+
+from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
 from imocap_core.conventions import SMPL_JOINTS, sideless
-from imocap_core.render.arrays import Floats
 from imocap_core.synthetic.yoga import Key
 
-# the joints, then points of the skin that are kept out of the floor; P of them
-_SKIN_M = {"big_toe": 0.008, "small_toe": 0.008, "heel": 0.004}  # and how far above they stay
+# points of the skin that must stay above the floor, and their clearance
+_SKIN_M = {"big_toe": 0.008, "small_toe": 0.008, "heel": 0.004}
 _SKIN_M |= {"middle_tip": 0.008, "thumb_tip": 0.008, "index1": 0.015, "pinky1": 0.015}
 SKIN: tuple[str, ...] = tuple(f"{side}_{name}" for side in ("left", "right") for name in _SKIN_M)
 POINTS: tuple[str, ...] = SMPL_JOINTS + SKIN
 
-# (R_local (N, 24, 3, 3), pelvis (N, 3)) -> POINTS (N, P, 3) and their derivatives (N, P, 3, 72)
-# by right local increments of the rotations
-Forward = Callable[[Floats, Floats], tuple[Floats, Floats]]
-Place = tuple[str, str]  # (side, "front" | "back" | "return" | "hands" | "wide" | "forward")
+Forward = Callable[
+    [Float[np.ndarray, "N 24 3 3"], Float[np.ndarray, "N 3"]],
+    tuple[Float[np.ndarray, "N P 3"], Float[np.ndarray, "N P 3 72"]],
+]
+"""Forward kinematics: local rotations and pelvis to POINTS, and their derivatives by right local
+increments of the rotations."""
+
+ContactPlace = tuple[str, str]
+"""(side, "front" | "back" | "return" | "hands" | "wide" | "forward")."""
 
 _INDEX = {name: i for i, name in enumerate(SMPL_JOINTS)}
 _SIDES = ("left", "right")
@@ -38,20 +45,20 @@ _STEP_M = 0.38  # a step to the front
 _STEP_LIFT_M = 0.10
 _ROLL_LIFT_M = 0.07  # of a foot that rolls over its toes
 _ROLL_DEG = 30.0
-_FIRM = 1 / 0.003  # weight of a planted joint: off by 3 mm costs 1
+_FIRM = 1 / 0.003  # weight of a joint in contact: an error of 3 mm costs 1
 _FLOOR = 1 / 0.004
 _ITERATIONS = 16
-_GENTLE = 8  # first iterations, in which contacts firm up: a far target must not fling a limb
+_GENTLE = 8  # first iterations, in which weights increase, so that far targets cause no divergence
 _GENTLE_DECADES = 2.0
 _RAMP = 0.6  # share of the way to the next key in which a contact fades
-_FADE_DECADES = 4.0  # by how much before it is gone
+_FADE_DECADES = 4.0  # decrease of its weight over this ramp, before it is 0
 
-# how far a joint centre is from the skin below it, in contact poses
+# distance of a joint centre from the skin below it, in contact poses
 _CLEARANCE_M = {"pelvis": 0.10, "spine1": 0.11, "spine2": 0.12, "spine3": 0.13, "neck": 0.09}
 _CLEARANCE_M |= {"head": 0.12, "hip": 0.09, "knee": 0.06, "shoulder": 0.08, "elbow": 0.05}
 _CLEARANCE_M |= {"collar": 0.09, "ankle": 0.05, "foot": 0.02, "wrist": 0.06, "hand": 0.035}
 
-# how many degrees about (x, y, z) a joint gives way before it costs 1
+# deviation in degrees about (x, y, z) from the authored rotation that costs 1
 _GIVE_DEG = {"pelvis": (8, 4, 4), "spine1": (8, 4, 4), "spine2": (8, 4, 4), "spine3": (8, 4, 4)}
 _GIVE_DEG |= {"hip": (25, 10, 10), "knee": (30, 3, 3), "ankle": (25, 8, 8), "foot": (20, 2, 2)}
 _GIVE_DEG |= {"neck": (5, 3, 3), "head": (5, 3, 3), "collar": (6, 8, 8)}
@@ -64,25 +71,27 @@ _GIVE_DEG |= {
 _GIVE_HIPS_M = (0.06, 0.20, 0.20)
 
 
-def per_name(table: Mapping[str, object], names: Sequence[str]) -> Floats:
-    """Rows of a table for names with or without their side."""
+def per_name(table: Mapping[str, object], names: Sequence[str]) -> Float[np.ndarray, "N ..."]:
+    """Rows of a table by names without their side."""
     return np.array([table[sideless(name)] for name in names], dtype=np.float64)
 
 
 @dataclass(frozen=True)
-class Targets:
-    """Where points should be. position, weight (N, P, 3); weight in 1/m, 0 = free."""
+class ContactTargets:
+    """Target positions of points, with weights in 1/m; 0 where a point is free."""
 
-    position: Floats
-    weight: Floats
+    position: Float[np.ndarray, "N P 3"]
+    weight: Float[np.ndarray, "N P 3"]
 
 
-def floor_plan(joints_rest: Floats, sole_height: float) -> dict[Place, Floats]:
-    """Places of the balls of the feet and of the wrists for one body: place -> joint centre (3,).
+def contact_places(
+    joints_rest: Float[np.ndarray, "24 3"], sole_height: float
+) -> dict[ContactPlace, Float[np.ndarray, "3"]]:
+    """Places of the balls of the feet and of the wrists for one body, as joint centres.
 
-    joints_rest (24, 3) rest joints; sole_height (metres) lowest point of the rest surface.
+    joints_rest: rest joints, metres. sole_height: lowest point of the rest surface, metres.
     """
-    plan: dict[Place, Floats] = {}
+    plan: dict[ContactPlace, np.ndarray] = {}
     for side, sign in zip(_SIDES, (1.0, -1.0), strict=True):
         ankle, ball = (joints_rest[_INDEX[f"{side}_{name}"]] for name in ("ankle", "foot"))
         height = ball[1] - sole_height
@@ -100,12 +109,15 @@ def floor_plan(joints_rest: Floats, sole_height: float) -> dict[Place, Floats]:
 
 
 def contact_targets(
-    keys: Sequence[Key], plan: Mapping[Place, Floats], joints_rest: Floats, time_s: Floats
-) -> Targets:
-    """Targets of all points at times (N,): feet stand or step in an arc, palms plant and lift.
+    keys: Sequence[Key],
+    plan: Mapping[ContactPlace, Float[np.ndarray, "3"]],
+    joints_rest: Float[np.ndarray, "24 3"],
+    time_s: Float[np.ndarray, " N"],
+) -> ContactTargets:
+    """Targets of all points at N times: feet in contact or stepping in an arc, palms on the floor.
 
-    A foot on its way between two places is led along an arc; soles that are flat before and after
-    stay flat; contacts that begin or end fade within the interval.
+    A foot between two places follows an arc; soles that are flat before and after stay flat;
+    contacts that begin or end fade within the interval between two keys.
     """
     position, weight = (np.zeros((len(time_s), len(POINTS), 3)) for _ in range(2))
     key_times = np.array([key.time_s for key in keys])
@@ -128,8 +140,8 @@ def contact_targets(
         weight[:, ball] = _FIRM
 
         heel = joints_rest[ankle] - joints_rest[ball]
-        level = np.array([np.sign(heel[0]) * 0.01, heel[1], -np.hypot(heel[0], heel[2])])
-        position[:, ankle] = position[:, ball] + level
+        flat_sole = np.array([np.sign(heel[0]) * 0.01, heel[1], -np.hypot(heel[0], heel[2])])
+        position[:, ankle] = position[:, ball] + flat_sole
         flat = _fade(np.array([leg.flat for leg in legs], float), before, share)
         weight[:, ankle] = _FIRM * flat
 
@@ -140,34 +152,41 @@ def contact_targets(
         planted = _fade(np.array([key.arms.planted for key in keys], float), before, share)
         weight[:, wrist] = _FIRM * planted
         weight[:, hand] = 0.3 * _FIRM * planted
-    return Targets(position, weight)
+    return ContactTargets(position, weight)
 
 
-def _smooth(share: Floats) -> Floats:
+def _smooth(share: Float[np.ndarray, "N 1"]) -> Float[np.ndarray, "N 1"]:
     return share**2 * (3 - 2 * share)
 
 
-def _fade(on: Floats, before: np.ndarray, share: Floats) -> Floats:
-    """Contact strength (N, 1) from its value (0 or 1) at the keys.
+def _fade(
+    on: Float[np.ndarray, " M"], before: Int[np.ndarray, " N"], share: Float[np.ndarray, "N 1"]
+) -> Float[np.ndarray, "N 1"]:
+    """Contact strength from its value (0 or 1) at the M keys.
 
-    It fades by orders of magnitude, because what a weight does to a least-squares solution goes
-    with its ratio to the other weights: a linear ramp would let go all at once.
+    It fades by orders of magnitude, because the effect of a weight on a least-squares solution
+    depends on its ratio to the other weights: a linear ramp would release the contact suddenly.
     """
     start, end = on[before][:, None], on[before + 1][:, None]
-    leaving = start * _faint(share / _RAMP)
-    arriving = end * _faint((1 - share) / _RAMP)
+    leaving = start * _strength(share / _RAMP)
+    arriving = end * _strength((1 - share) / _RAMP)
     return np.where((start > 0) & (end > 0), 1.0, leaving + arriving)
 
 
-def _faint(way_off: Floats) -> Floats:
-    return np.where(way_off < 1, 10 ** (-_FADE_DECADES * way_off), 0.0)
+def _strength(faded: Float[np.ndarray, "N 1"]) -> Float[np.ndarray, "N 1"]:
+    return np.where(faded < 1, 10 ** (-_FADE_DECADES * faded), 0.0)
 
 
-def plant(forward: Forward, guess: Floats, hips: Floats, targets: Targets) -> tuple[Floats, Floats]:
-    """Poses near the guess that meet their targets and stay above the floor.
+def solve_contacts(
+    forward: Forward,
+    guess: Float[np.ndarray, "N 24 3 3"],
+    hips: Float[np.ndarray, "N 3"],
+    targets: ContactTargets,
+) -> tuple[Float[np.ndarray, "N 24 3 3"], Float[np.ndarray, "N 3"]]:
+    """Inverse kinematics: poses near the guess that meet their targets and stay above the floor.
 
-    guess (N, 24, 3, 3) local rotations; hips (N, 3) pelvis positions. Returns the same two,
-    corrected, after a fixed number of Gauss-Newton steps (each frame has its own 75 unknowns).
+    guess: local rotations. hips: pelvis positions. Returns both, corrected by a fixed number of
+    Gauss-Newton steps with 75 unknowns per frame.
     """
     frames = len(guess)
     give = np.concatenate([np.deg2rad(per_name(_GIVE_DEG, SMPL_JOINTS)).ravel(), _GIVE_HIPS_M])
@@ -196,5 +215,5 @@ def plant(forward: Forward, guess: Floats, hips: Floats, targets: Targets) -> tu
     return rotations, pelvis
 
 
-def _log(matrices: Floats) -> Floats:
+def _log(matrices: Float[np.ndarray, "... 3 3"]) -> Float[np.ndarray, "... 3"]:
     return Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_rotvec().reshape(matrices.shape[:-1])

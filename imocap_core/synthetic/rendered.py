@@ -1,4 +1,4 @@
-"""A body's motion as a film: a place, a camera and clothes of its own; and what is true of it."""
+"""A body's motion rendered as a video: room, camera, clothes, and the ground truth."""
 
 from __future__ import annotations
 
@@ -7,63 +7,71 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from jaxtyping import Float, UInt8
 
 from imocap_core.body import Shaped
 from imocap_core.camera.projection import camera_from_world, project_camera
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.render import draw_mesh
-from imocap_core.render.arrays import Floats, Image
-from imocap_core.synthetic.cameras import FilmCamera, Viewpoint
+from imocap_core.synthetic.cameras import CameraPlacement, FilmCamera
 from imocap_core.synthetic.captured import place_camera
-from imocap_core.synthetic.embodied import Embodied
-from imocap_core.synthetic.hall import hall
-from imocap_core.synthetic.performer import outfit
+from imocap_core.synthetic.demo_body import outfit
+from imocap_core.synthetic.large_room import large_room
+from imocap_core.synthetic.retarget import RetargetedMotion
 from imocap_core.synthetic.scene import backdrop, cast_shadow, render_plate
 
 SENSOR_NOISE = 2.0  # grey levels
 SKIN_CHUNK = 16  # frames skinned together
-SIDEWAYS = 0.5  # cosine of the angle between where one faces and the camera: 60 degrees
-FLOOR_QUANTILE = 0.1  # soles are on the floor at least that often
+SIDEWAYS = 0.5  # cosine of the angle between facing direction and camera: 60 degrees
+FLOOR_QUANTILE = 0.1  # the soles are on the floor in at least this share of the frames
 
 
 @dataclass(frozen=True)
-class Shooting:
-    """A motion and a fixed camera. joints (T, 24, 3) metres, z up, floor at 0; K (3, 3); R (3, 3),
-    t (3,) camera from world; floor_m: how high the floor lay in the axes of the motion."""
+class FilmedBody:
+    """A motion and a static camera (R, t: camera from world).
 
-    motion: Embodied
-    joints: Floats
-    K: Floats
-    R: Floats
-    t: Floats
+    joints: metres, z up, floor at 0. floor_m: height of the floor in the axes of the given motion.
+    """
+
+    motion: RetargetedMotion
+    joints: Float[np.ndarray, "T 24 3"]
+    K: Float[np.ndarray, "3 3"]
+    R: Float[np.ndarray, "3 3"]
+    t: Float[np.ndarray, "3"]
     size: tuple[int, int]
     azimuth_deg: float
     floor_m: float
 
 
-def shoot(motion: Embodied, shaped: Shaped, view: Viewpoint, size: tuple[int, int]) -> Shooting:
-    """Set a motion on the floor and a camera before it that sees all of it."""
+def film_body(
+    motion: RetargetedMotion, shaped: Shaped, view: CameraPlacement, size: tuple[int, int]
+) -> FilmedBody:
+    """A motion moved onto the floor, and a camera that has all of it in view."""
     vertices = np.stack(list(_skinned(motion, shaped)))
     floor = float(np.quantile(vertices[..., 2].min(axis=1), FLOOR_QUANTILE))
     down = np.array([0.0, 0.0, floor])
-    standing = Embodied(motion.R_local, motion.transl - down)
+    on_floor = RetargetedMotion(motion.R_local, motion.transl - down)
     K, R, t = place_camera(view, vertices[:, ::50] - down, size)
-    posed = shaped.pose(torch.as_tensor(standing.R_local), torch.as_tensor(standing.transl))
+    posed = shaped.pose(torch.as_tensor(on_floor.R_local), torch.as_tensor(on_floor.transl))
     joints = posed.joints.numpy()
-    return Shooting(standing, joints, K, R, t, size, view.azimuth_deg, floor)
+    return FilmedBody(on_floor, joints, K, R, t, size, view.azimuth_deg, floor)
 
 
-def true_points_px(shooting: Shooting, shaped: Shaped, layout: str) -> tuple[Floats, Floats]:
-    """Where a layout's points on this body are seen, (T, K, 2) pixels, and their depths (T, K)."""
-    motion = shooting.motion
+def true_points_px(
+    filmed: FilmedBody, shaped: Shaped, layout: str
+) -> tuple[Float[np.ndarray, "T K 2"], Float[np.ndarray, "T K"]]:
+    """True pixels of a layout's keypoints on this body, and their depths in metres."""
+    motion = filmed.motion
     posed = shaped.pose(torch.as_tensor(motion.R_local), torch.as_tensor(motion.transl))
     points = posed.keypoints(shaped.model.points(layout)).numpy()
-    in_camera = camera_from_world(points, shooting.R, shooting.t)
-    return project_camera(in_camera, shooting.K), in_camera[..., 2]
+    in_camera = camera_from_world(points, filmed.R, filmed.t)
+    return project_camera(in_camera, filmed.K), in_camera[..., 2]
 
 
-def seen_from(joints: Floats, R: Floats, t: Floats) -> str:
-    """What a camera sees of joints (T, 24, 3), z up, in most frames: front, side or back."""
+def viewed_side(
+    joints: Float[np.ndarray, "T 24 3"], R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]
+) -> str:
+    """The side of a body (z up) that faces the camera in most frames: front, side or back."""
     left, right = (SMPL_JOINTS.index(f"{side}_hip") for side in ("left", "right"))
     across = joints[:, left, :2] - joints[:, right, :2]
     ahead = np.stack([across[:, 1], -across[:, 0]], axis=1)  # across x up
@@ -75,22 +83,24 @@ def seen_from(joints: Floats, R: Floats, t: Floats) -> str:
     return "front" if middle > SIDEWAYS else "back" if middle < -SIDEWAYS else "side"
 
 
-def film_frames(shooting: Shooting, shaped: Shaped, kind: int, seed: int) -> Iterator[Image]:
-    """The pictures in order, RGB (H, W, 3) uint8: a hall of a kind, shadow, performer, noise."""
+def render_frames(
+    filmed: FilmedBody, shaped: Shaped, kind: int, seed: int
+) -> Iterator[UInt8[np.ndarray, "H W 3"]]:
+    """The RGB frames in order: a room (kind 0 to 3), shadow, performer, sensor noise."""
     model = shaped.model
     if model.face_parts is None:
         raise ValueError(f"body model {model.name} has no face_parts: nothing to dress")
     clothes, grain = (np.random.default_rng([seed, kind, part]) for part in range(2))
     colors = outfit(model.face_parts.numpy(), model.part_names, clothes)
     faces = model.faces.numpy().astype(np.int64)
-    K, R, t, (width, height) = shooting.K, shooting.R, shooting.t, shooting.size
-    frames = len(shooting.joints)
+    K, R, t, (width, height) = filmed.K, filmed.R, filmed.t, filmed.size
+    frames = len(filmed.joints)
     camera = FilmCamera(K, np.broadcast_to(R, (frames, 3, 3)), np.broadcast_to(t, (frames, 3)))
-    path = shooting.joints.reshape(-1, 3)
-    surfaces = hall(kind, shooting.azimuth_deg, path, camera.centre, seed)
-    room = backdrop(render_plate(surfaces, camera, shooting.size), K, R, shooting.size)
+    path = filmed.joints.reshape(-1, 3)
+    surfaces = large_room(kind, filmed.azimuth_deg, path, camera.centre, seed)
+    room = backdrop(render_plate(surfaces, camera, filmed.size), K, R, filmed.size)
     noise = grain.normal(0.0, SENSOR_NOISE, (2 * height, 2 * width, 1)).astype(np.float32)
-    for vertices in _skinned(shooting.motion, shaped):
+    for vertices in _skinned(filmed.motion, shaped):
         image = cast_shadow(room, vertices, K, R, t)
         image = draw_mesh(image, vertices, faces, colors, K, R, t)
         y, x = grain.integers(height), grain.integers(width)
@@ -98,8 +108,8 @@ def film_frames(shooting: Shooting, shaped: Shaped, kind: int, seed: int) -> Ite
         yield np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
 
 
-def _skinned(motion: Embodied, shaped: Shaped) -> Iterator[Floats]:
-    """World vertices (V, 3) of each frame."""
+def _skinned(motion: RetargetedMotion, shaped: Shaped) -> Iterator[Float[np.ndarray, "V 3"]]:
+    """World vertices of each frame."""
     rotations, transl = torch.as_tensor(motion.R_local), torch.as_tensor(motion.transl)
     for start in range(0, len(transl), SKIN_CHUNK):
         part = slice(start, start + SKIN_CHUNK)

@@ -1,15 +1,18 @@
-"""A textured room and its picture from a turning camera.
+"""A textured room and its picture from a rotating camera.
 
-A camera that only turns sees one fixed pattern of rays: the room is ray-cast once onto a plate wide
-enough for all frames, and every frame is a homography of that plate, K R_t R_plate^T K_plate^-1.
+All frames of a camera that only rotates share one centre of projection: the room is ray-cast once
+onto a plate wide enough for all frames, and every frame is a homography of that plate,
+K R_t R_plate^T K_plate^-1.
 """
+
+from __future__ import annotations
 
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from jaxtyping import Float, UInt8
 
-from imocap_core.render.arrays import Floats, Image
 from imocap_core.synthetic import textures
 from imocap_core.synthetic.cameras import FilmCamera
 from imocap_core.synthetic.textures import PX_PER_M
@@ -25,25 +28,25 @@ _SUPERSAMPLE = 2
 class Surface:
     """A textured rectangle: world = corner + column / PX_PER_M * along + row / PX_PER_M * down."""
 
-    texture: Image
-    corner: Floats
-    along: Floats
-    down: Floats
+    texture: UInt8[np.ndarray, "H W 3"]
+    corner: Float[np.ndarray, "3"]
+    along: Float[np.ndarray, "3"]
+    down: Float[np.ndarray, "3"]
 
 
 @dataclass(frozen=True)
 class Plate:
-    """The room as seen by one wide pinhole camera that shares the film camera's centre."""
+    """The picture of the room by one wide pinhole camera with the film camera's centre."""
 
-    image: Image
-    K: Floats
-    R_plate_from_world: Floats
+    image: UInt8[np.ndarray, "H W 3"]
+    K: Float[np.ndarray, "3 3"]
+    R_plate_from_world: Float[np.ndarray, "3 3"]
 
 
 def room(kind: int, azimuth_deg: float, rng: np.random.Generator) -> list[Surface]:
-    """Floor with a yoga mat, back wall and two side walls, as seen from an azimuth (cameras.py).
+    """Floor with a yoga mat, back wall and two side walls, open towards the camera's azimuth.
 
-    kind 0 to 3: brick loft, tiled salon, wooden gym, garden.
+    kind 0 to 3: brick loft, tiled salon, wooden gym, garden. azimuth_deg: as in cameras.py.
     """
     azimuth = np.deg2rad(azimuth_deg)
     back = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])  # away from the camera
@@ -67,7 +70,7 @@ def room(kind: int, azimuth_deg: float, rng: np.random.Generator) -> list[Surfac
 
 def _materials(
     kind: int, floor: tuple[int, int], walls: list[tuple[int, int]], rng: np.random.Generator
-) -> tuple[Image, list[Image]]:
+) -> tuple[UInt8[np.ndarray, "H W 3"], list[UInt8[np.ndarray, "_ _ 3"]]]:
     if kind == 0:
         ground = textures.planks(floor, 22, (150, 112, 78), rng)
         sides = [textures.bricks(w, (16, 40), (158, 84, 66), (178, 170, 160), rng) for w in walls]
@@ -88,7 +91,7 @@ def _materials(
 
 
 def _mat(rng: np.random.Generator) -> Surface:
-    """A yoga mat under the performer, a hair above the floor."""
+    """A yoga mat under the performer, 4 mm above the floor."""
     length, width = 2.2, 0.75
     shape = (int(length * PX_PER_M), int(width * PX_PER_M))
     color = (int(rng.integers(60, 120)), int(rng.integers(60, 110)), int(rng.integers(110, 170)))
@@ -106,10 +109,10 @@ def render_plate(surfaces: list[Surface], camera: FilmCamera, size: tuple[int, i
     to_plate = (
         camera.K @ middle @ np.swapaxes(camera.R_cam_from_world, 1, 2) @ np.linalg.inv(camera.K)
     )
-    seen = np.einsum("tij,cj->tci", to_plate, corners)
-    seen = seen[..., :2] / seen[..., 2:]
-    low = np.floor(seen.min(axis=(0, 1))) - _PLATE_MARGIN_PX
-    high = np.ceil(seen.max(axis=(0, 1))) + _PLATE_MARGIN_PX
+    on_plate = np.einsum("tij,cj->tci", to_plate, corners)
+    on_plate = on_plate[..., :2] / on_plate[..., 2:]
+    low = np.floor(on_plate.min(axis=(0, 1))) - _PLATE_MARGIN_PX
+    high = np.ceil(on_plate.max(axis=(0, 1))) + _PLATE_MARGIN_PX
     shift = np.array([[1.0, 0.0, -low[0]], [0.0, 1.0, -low[1]], [0.0, 0.0, 1.0]])
     K = shift @ camera.K
     plate_size = (int(high[0] - low[0]), int(high[1] - low[1]))
@@ -117,9 +120,13 @@ def render_plate(surfaces: list[Surface], camera: FilmCamera, size: tuple[int, i
 
 
 def _raycast(
-    surfaces: list[Surface], K: Floats, R: Floats, centre: Floats, size: tuple[int, int]
-) -> Image:
-    """RGB picture (height, width, 3) of textured rectangles from a pinhole at `centre`."""
+    surfaces: list[Surface],
+    K: Float[np.ndarray, "3 3"],
+    R: Float[np.ndarray, "3 3"],
+    centre: Float[np.ndarray, "3"],
+    size: tuple[int, int],
+) -> UInt8[np.ndarray, "H W 3"]:
+    """RGB picture of textured rectangles by a pinhole camera at `centre`."""
     fine = (size[0] * _SUPERSAMPLE, size[1] * _SUPERSAMPLE)
     x = (np.arange(fine[0]) + 0.5) / _SUPERSAMPLE - 0.5
     y = (np.arange(fine[1]) + 0.5) / _SUPERSAMPLE - 0.5
@@ -146,16 +153,25 @@ def _raycast(
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def backdrop(plate: Plate, K: Floats, R_cam_from_world: Floats, size: tuple[int, int]) -> Image:
-    """The room in one frame of the film."""
+def backdrop(
+    plate: Plate,
+    K: Float[np.ndarray, "3 3"],
+    R_cam_from_world: Float[np.ndarray, "3 3"],
+    size: tuple[int, int],
+) -> UInt8[np.ndarray, "H W 3"]:
+    """The room in one frame of the video."""
     H = K @ R_cam_from_world @ plate.R_plate_from_world.T @ np.linalg.inv(plate.K)
     return np.asarray(cv2.warpPerspective(plate.image, H, size, flags=cv2.INTER_LINEAR), np.uint8)
 
 
 def cast_shadow(
-    image: Image, vertices: Floats, K: Floats, R_cam_from_world: Floats, t: Floats
-) -> Image:
-    """Darken the floor below a body (vertices (V, 3), world): softer where the body is high."""
+    image: UInt8[np.ndarray, "H W 3"],
+    vertices: Float[np.ndarray, "V 3"],
+    K: Float[np.ndarray, "3 3"],
+    R_cam_from_world: Float[np.ndarray, "3 3"],
+    t: Float[np.ndarray, "3"],
+) -> UInt8[np.ndarray, "H W 3"]:
+    """Darken the floor below a body (vertices in the world), more softly below its higher parts."""
     cells = int(2 * _SHADOW_HALF_M / _SHADOW_CELL_M)
     middle = np.median(vertices[:, :2], axis=0)
     fallen = vertices[:, :2] + vertices[:, 2:] * _SHADOW_SLANT

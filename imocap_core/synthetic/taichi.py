@@ -1,14 +1,14 @@
-"""The choreography: a short tai chi form as keyframed poses and hands, in readable degrees.
+"""A choreography of tai chi: a short form as keyframed poses and hands, in anatomical degrees.
 
 Commencing, parting the horse's mane, brush knee, cloud hands to both sides, cross hands, closing.
-Feet stand narrow, wide or one before the other, and the weight shifts over them.
+The stance is narrow, wide or one foot before the other, and the weight shifts over the feet.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float
 
-from imocap_core.render.arrays import Floats
 from imocap_core.synthetic.yoga import Arms, Key, Leg
 
 DURATION_S = 8.0
@@ -72,13 +72,13 @@ def _finger(bend1: float, bend2: float, bend3: float, spread: float = 0.0) -> tu
     return (bend1, spread, bend2, bend3)
 
 
-def _hand(*fingers: tuple[float, ...]) -> Floats:
+def _hand(*fingers: tuple[float, ...]) -> Float[np.ndarray, "21"]:
     """Degrees from the rest pose: index, middle, little and ring finger, thumb."""
     return np.array([angle for finger in fingers for angle in finger])
 
 
 # the thumb: bend, spread and twist of its root, then its two bends
-HAND_POSES: dict[str, Floats] = {
+HAND_POSES: dict[str, Float[np.ndarray, "21"]] = {
     "relaxed": _hand(
         _finger(8, 12, 6), _finger(12, 14, 8), _finger(18, 18, 10), _finger(15, 16, 9),
         (4, 0, 0, 6, 8),

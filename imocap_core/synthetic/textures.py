@@ -1,17 +1,20 @@
-"""Procedural surfaces rich in features: floors, walls, pictures. RGB uint8, seeded."""
+"""Procedural textures with many features: floors, walls, pictures. RGB uint8, seeded."""
+
+from __future__ import annotations
 
 import cv2
 import numpy as np
-
-from imocap_core.render.arrays import Floats, Image
+from jaxtyping import Float, UInt8
 
 Color = tuple[int, int, int]
 
 PX_PER_M = 150
 
 
-def noise(shape: tuple[int, int], cell_px: float, octaves: int, rng: np.random.Generator) -> Floats:
-    """Smooth random field of about zero mean and unit range: value noise, finer by octaves."""
+def noise(
+    shape: tuple[int, int], cell_px: float, octaves: int, rng: np.random.Generator
+) -> Float[np.ndarray, "H W"]:
+    """Value noise: a smooth random field of about zero mean and unit range, finer by octaves."""
     field = np.zeros(shape, np.float32)
     for octave in range(octaves):
         cell = max(cell_px / 2**octave, 1.0)
@@ -20,7 +23,9 @@ def noise(shape: tuple[int, int], cell_px: float, octaves: int, rng: np.random.G
     return (field - field.mean()) / (np.ptp(field) + 1e-6) * 2
 
 
-def tinted(field: Floats, color: Color, contrast: float) -> Image:
+def tinted(
+    field: Float[np.ndarray, "H W"], color: Color, contrast: float
+) -> UInt8[np.ndarray, "H W 3"]:
     """A field as brightness variations of one color."""
     return _to_image(np.asarray(color) * (1.0 + contrast * field[..., None]))
 
@@ -32,8 +37,8 @@ def bricks(
     joint: Color,
     rng: np.random.Generator,
     variety: float = 0.22,
-) -> Image:
-    """Courses of bricks (height, width), shifted by half a brick, each of its own brightness."""
+) -> UInt8[np.ndarray, "H W 3"]:
+    """Courses of bricks (height, width), shifted by half a brick, of varying brightness."""
     high, wide = brick_px
     rows, columns = np.mgrid[0 : shape[0], 0 : shape[1]]
     course = rows // high
@@ -45,7 +50,9 @@ def bricks(
     return _to_image(surface * (1.0 + 0.25 * noise(shape, 24, 4, rng)[..., None]))
 
 
-def planks(shape: tuple[int, int], plank_px: int, color: Color, rng: np.random.Generator) -> Image:
+def planks(
+    shape: tuple[int, int], plank_px: int, color: Color, rng: np.random.Generator
+) -> UInt8[np.ndarray, "H W 3"]:
     """Wooden boards along the second axis, with grain."""
     surface = bricks(shape, (plank_px, plank_px * 9), color, (40, 30, 22), rng, variety=0.13)
     grain = cv2.resize(noise((shape[0], max(2, shape[1] // 12)), 6, 3, rng), shape[::-1])
@@ -54,7 +61,7 @@ def planks(shape: tuple[int, int], plank_px: int, color: Color, rng: np.random.G
 
 def checks(
     shape: tuple[int, int], tile_px: int, colors: tuple[Color, Color], rng: np.random.Generator
-) -> Image:
+) -> UInt8[np.ndarray, "H W 3"]:
     """Tiles of two colors with marbled faces and dark joints."""
     rows, columns = np.mgrid[0 : shape[0], 0 : shape[1]]
     odd = (rows // tile_px + columns // tile_px) % 2
@@ -66,7 +73,7 @@ def checks(
     return _to_image(surface * (1.0 + 0.25 * noise(shape, 60, 5, rng)[..., None]))
 
 
-def picture(shape: tuple[int, int], rng: np.random.Generator) -> Image:
+def picture(shape: tuple[int, int], rng: np.random.Generator) -> UInt8[np.ndarray, "H W 3"]:
     """A framed abstract painting: blobs and bars over a washed ground."""
     height, width = shape
     canvas = tinted(noise(shape, 40, 4, rng), _any_color(rng), 0.35)
@@ -84,7 +91,9 @@ def picture(shape: tuple[int, int], rng: np.random.Generator) -> Image:
     return canvas
 
 
-def hang_pictures(wall: Image, count: int, rng: np.random.Generator) -> Image:
+def hang_pictures(
+    wall: UInt8[np.ndarray, "H W 3"], count: int, rng: np.random.Generator
+) -> UInt8[np.ndarray, "H W 3"]:
     """A copy of a wall with pictures side by side at eye level (first row is the top)."""
     hung = wall.copy()
     height, width = wall.shape[:2]
@@ -103,5 +112,5 @@ def _any_color(rng: np.random.Generator) -> Color:
     return r, g, b
 
 
-def _to_image(values: Floats) -> Image:
+def _to_image(values: Float[np.ndarray, "H W 3"]) -> UInt8[np.ndarray, "H W 3"]:
     return np.clip(values, 0, 255).astype(np.uint8)

@@ -1,8 +1,8 @@
-"""The choreography: a sun salutation (surya namaskar) as keyframed poses in readable degrees.
+"""A choreography of yoga: a sun salutation (surya namaskar) as keyframes in anatomical degrees.
 
-The stage has y up and its origin on the floor; the performer faces +z and has +x to the left, as in
-the rest pose of the body. Angles are those of anatomy, zero in the neutral standing pose, so that a
-pose can be read aloud: `_rotations` alone knows how they become SMPL joints.
+Axes: y up, the origin on the floor; the performer faces +z, with +x to the left, as in the body's
+rest pose. Angles are anatomical, zero in the neutral standing pose; `_rotations` converts them to
+rotations of SMPL's joints.
 """
 
 from dataclasses import dataclass
@@ -16,14 +16,14 @@ DURATION_S = 6.0
 
 @dataclass(frozen=True)
 class Leg:
-    """One leg in degrees. place: where the ball of the foot stands.
+    """One leg in degrees. place: of the ball of the foot (contact.ContactPlace).
 
-    flat: the sole is level, whatever the rest of the leg does (`ankle` then counts from there).
+    flat: the sole is horizontal for any pose of the leg (`ankle` is then relative to that).
     """
 
-    hip: float = 0.0  # thigh to the front
-    knee: float = 4.0  # heel to the seat
-    ankle: float = 0.0  # toes to the shin
+    hip: float = 0.0  # flexion, thigh to the front
+    knee: float = 4.0  # flexion, heel to the seat
+    ankle: float = 0.0  # dorsiflexion, toes to the shin
     toes: float = 0.0  # toes up
     place: str = "front"
     flat: bool = True
@@ -34,7 +34,7 @@ class Arms:
     """Both arms in degrees. planted: palms on the floor."""
 
     lift: float = -84.0  # -90 at the side, 0 to the front, 90 along the head
-    open: float = 12.0  # away from the middle, 90 is straight out to the side
+    open: float = 12.0  # away from the midline, 90 is straight out to the side
     elbow: float = 10.0  # forearm to the upper arm
     wrist: float = 0.0  # back of the hand to the forearm
     shrug: float = 0.0  # collar bones up
@@ -45,10 +45,10 @@ class Arms:
 
 @dataclass(frozen=True)
 class Key:
-    """One held moment: when, and how the body is arranged.
+    """One keyframe: its time and pose.
 
-    hips_m: height and forward position of the pelvis, a first guess that contact corrects.
-    right_arm: where it differs from the left, which then is `arms`.
+    hips_m: height and forward position of the pelvis, corrected by contacts. right_arm: where it
+    differs from the left arm, which is `arms`.
     """
 
     name: str
@@ -207,8 +207,8 @@ def _rotations(key: Key) -> dict[str, Rotation]:
     for side, leg in (("left", key.left), ("right", key.right)):
         named[f"{side}_hip"] = _about_x(-leg.hip)
         named[f"{side}_knee"] = _about_x(leg.knee)
-        level = key.lean - leg.hip + leg.knee if leg.flat else 0.0
-        named[f"{side}_ankle"] = _about_x(-leg.ankle - level)
+        pitch = key.lean - leg.hip + leg.knee if leg.flat else 0.0
+        named[f"{side}_ankle"] = _about_x(-leg.ankle - pitch)
         named[f"{side}_foot"] = _about_x(-leg.toes)
     named |= {f"left_{joint}": rotation for joint, rotation in _left_arm(key.arms).items()}
     right = _left_arm(key.right_arm or key.arms)
@@ -217,7 +217,7 @@ def _rotations(key: Key) -> dict[str, Rotation]:
 
 
 def _left_arm(arms: Arms) -> dict[str, Rotation]:
-    """In the rest pose the left arm lies along +x with its palm down: to the front, then lift."""
+    """Rotations from the rest pose (left arm along +x, palm down): to the front, then lift."""
     to_front = Rotation.from_euler("y", arms.open - 90.0, degrees=True)
     shoulder = _about_x(-arms.lift) * to_front
     wrist = Rotation.from_euler("z", arms.wrist, degrees=True)

@@ -14,7 +14,7 @@ from imocap_core.camera.projection import project
 from imocap_core.conventions import EVAL_12, EVAL_14, EVAL_17
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.io.h36m import H36M_17
-from imocap_core.synthetic.captured import COCO18, VIEWPOINTS, place_camera
+from imocap_core.synthetic.captured import CAMERA_PLACEMENTS, COCO18, place_camera
 from tests.io.test_h36m import write_h36m
 from tests.synthetic.test_captured import figure
 
@@ -40,7 +40,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     joints = walking()
     rng = np.random.default_rng(0)
     views = []
-    for view in VIEWPOINTS:
+    for view in CAMERA_PLACEMENTS:
         K, R, t = place_camera(view, joints[:, [H36M_17.index(n) for n in EVAL_14]], (1000, 1002))
         xy = project(joints.reshape(-1, 3), K, R, t).reshape(FRAMES, 17, 2)
         views.append((xy + rng.normal(0, 3, xy.shape)).astype(np.float32))
@@ -59,7 +59,7 @@ def test_only_the_paper_s_actions_are_used(folder: Path) -> None:
 def test_cameras_are_found_from_the_pairs(folder: Path) -> None:
     shots = h36m.h36m_videos(Choice("h36m", data=folder, videos=2), "S9_Photo_1")
     joints = walking()[:, [H36M_17.index(n) for n in EVAL_14]]
-    for view, shot in zip(VIEWPOINTS, shots, strict=False):
+    for view, shot in zip(CAMERA_PLACEMENTS, shots, strict=False):
         K, R, _ = place_camera(view, joints, (1000, 1002))
         assert shot.recorded is not None
         assert shot.recorded.K[0, 0] == pytest.approx(K[0, 0], rel=0.02)

@@ -48,7 +48,7 @@ def test_an_action_is_made_of_files_that_the_stages_read(tmp_path: Path) -> None
 
 def test_the_truth_of_a_moved_world_is_the_same_before_the_camera() -> None:
     shot, K, R, t = shots()[0], np.eye(3), SWING, np.array([0.0, 1.0, 4.0])
-    moved = replace(shot, R_common_from_stage=SWING.T, t_common=np.array([1.0, 2.0, 3.0]))
+    moved = replace(shot, R_common_from_scene=SWING.T, t_common=np.array([1.0, 2.0, 3.0]))
     in_camera = []
     for one in (shot, moved):
         parts = one.truth("v1", K, R, t)

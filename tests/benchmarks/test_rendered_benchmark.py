@@ -16,7 +16,7 @@ from benchmarks.rendered.tables import markdown, motion_table, proposal, sides_t
 from benchmarks.scoring.score_file import ActionScore
 from imocap_core.errors import WrongUse
 from imocap_core.metrics.detections import DetectedClip
-from imocap_core.synthetic.embodied import Embodied
+from imocap_core.synthetic.retarget import RetargetedMotion
 from imocap_core.workspace import Workspace
 from tests.metrics.test_detections import NAMES, SPREAD, film
 
@@ -79,7 +79,7 @@ def test_the_truth_speaks_of_the_common_world_whatever_the_floor() -> None:
     shot = CapturedVideo(captured[:, :14], np.arange(5.0), np.arange(5), 30.0, turn, shift)
     floor = 0.12
     shooting = rendered_action.Shooting(
-        Embodied(np.zeros((5, 24, 3, 3)), np.zeros((5, 3))),
+        RetargetedMotion(np.zeros((5, 24, 3, 3)), np.zeros((5, 3))),
         captured - [0, 0, floor],
         np.eye(3),
         np.eye(3),

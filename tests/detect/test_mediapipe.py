@@ -15,7 +15,7 @@ from imocap_core.io.detectors.mediapipe import read_mediapipe
 from imocap_core.io.video import write_h264
 from imocap_core.pipeline.make_demo import demo_body
 from imocap_core.pipeline.source import PROJECT
-from imocap_core.synthetic.yoga_clip import SIZE, pictures, yoga_take
+from imocap_core.synthetic.yoga_clip import SIZE, make_yoga_clip, pictures
 from tests.detect.test_detection import params
 
 PYTHON = PROJECT / FOLDER / "bin" / "python"
@@ -26,7 +26,7 @@ JOINTS = {"left_shoulder": 11, "right_shoulder": 12, "left_hip": 23, "left_knee"
 @pytest.mark.skipif(not PYTHON.exists(), reason="no .venv-detect: make detect-env")
 def test_it_finds_the_rendered_body_where_it_is(tmp_path: Path) -> None:
     shaped = demo_body(7)
-    take = yoga_take(7, 0, shaped)
+    take = make_yoga_clip(7, 0, shaped)
     video, file = tmp_path / "v1.mp4", tmp_path / "detections.npz"
     write_h264(video, islice(pictures(take, 7, 0, shaped), FRAMES), take.fps)
     detect_video(video, file, detector_of(params(), tmp_path), PYTHON, lambda share, what: None)

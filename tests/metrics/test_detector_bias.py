@@ -9,7 +9,7 @@ from imocap_core.conventions import OTHER
 from imocap_core.metrics.detections import DetectedClip
 from imocap_core.metrics.detector_bias import detector_bias, exchanged_body_share
 from imocap_core.synthetic.detector import DetectorErrors, detect
-from imocap_core.synthetic.marking import Marking
+from imocap_core.synthetic.keypoint_errors import KeypointErrors
 
 NAMES = tuple(
     f"{side}_{kind}" for kind in ("shoulder", "elbow", "wrist", "hip") for side in ("left", "right")
@@ -32,10 +32,10 @@ def film(seed: int, frames: int = FRAMES, **errors: object) -> DetectedClip:
 
 def test_the_share_of_the_way_comes_back_and_is_no_offset() -> None:
     marking = {
-        "wrist": Marking(towards="elbow", share=0.1),
-        "hip": Marking(towards=OTHER, share=0.2),
+        "wrist": KeypointErrors(towards="elbow", share=0.1),
+        "hip": KeypointErrors(towards=OTHER, share=0.2),
     }
-    films = [film(seed, marking=marking) for seed in range(3)]
+    films = [film(seed, by_kind=marking) for seed in range(3)]
     for kind, target, share in (
         ("wrist", "elbow", 0.1),
         ("hip", OTHER, 0.2),
@@ -49,7 +49,7 @@ def test_the_share_of_the_way_comes_back_and_is_no_offset() -> None:
 
 def test_what_lasts_is_told_from_what_passes() -> None:
     films = [
-        film(seed, noise=0.006, persistent=1.0, persistence_s=0.15, lasting=0.01)
+        film(seed, noise=0.006, persistent_share=1.0, persistence_s=0.15, constant_offset=0.01)
         for seed in range(30)
     ]
     bias = detector_bias(films, NAMES, "elbow", "")
@@ -60,9 +60,9 @@ def test_what_lasts_is_told_from_what_passes() -> None:
 
 
 def test_outliers_come_at_their_rate_and_stay_in_bouts() -> None:
-    marking = {"wrist": Marking(outliers=2.0), "hip": Marking(outliers=0.0)}
+    marking = {"wrist": KeypointErrors(outliers=2.0), "hip": KeypointErrors(outliers=0.0)}
     films = [
-        film(seed, outlier_rate=0.03, outlier_noise=0.3, outlier_s=0.2, marking=marking)
+        film(seed, outlier_rate=0.03, outlier_noise=0.3, outlier_s=0.2, by_kind=marking)
         for seed in range(4)
     ]
     wrist = detector_bias(films, NAMES, "wrist", "")

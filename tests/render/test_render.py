@@ -51,9 +51,9 @@ def test_rasterize_agrees_with_its_slow_twin():
     faces = rng.permutation(30).reshape(10, 3)
     fragments = rasterize(xy, depth, faces, (20, 16))
     nearest, winner = rasterize_naive(xy, depth, faces, (20, 16))
-    found = np.full(20 * 16, -1)
-    found[fragments.pixel] = fragments.face
-    assert (found.reshape(16, 20) == winner).all()
+    winning_face = np.full(20 * 16, -1)
+    winning_face[fragments.pixel] = fragments.face
+    assert (winning_face.reshape(16, 20) == winner).all()
     np.testing.assert_allclose(fragments.depth, nearest.ravel()[fragments.pixel])
     np.testing.assert_allclose(fragments.weight.sum(axis=1), 1.0)
 

@@ -17,7 +17,7 @@ from imocap_core.sync.repetition.template_matching import (
     match_values,
     subsequence_dtw,
 )
-from imocap_core.synthetic.variation import Clip, pace
+from imocap_core.synthetic.variation import PhaseSpan, pace
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def _repeated(
     spans, frames = [], 0
     for _ in range(count):
         length = round(len(action) * rng.uniform(0.75, 1.35))
-        phase = pace(Clip(length, 0.0, len(action) - 1.0, FPS), rng)
+        phase = pace(PhaseSpan(length, 0.0, len(action) - 1.0, FPS), rng)
         low = np.minimum(phase.astype(int), len(action) - 2)
         share = (phase - low)[:, None, None]
         part = (1 - share) * action[low] + share * action[low + 1]
@@ -93,7 +93,7 @@ def test_a_periodic_motion_is_cut_at_one_phase() -> None:
     rng = np.random.default_rng(3)
     cycle = _wandering(40, rng)
     cycle = gaussian_filter1d(cycle, 3.0, axis=0, mode="wrap")
-    phase = pace(Clip(200, 0.0, 5.6 * 40, FPS), rng)
+    phase = pace(PhaseSpan(200, 0.0, 5.6 * 40, FPS), rng)
     low = phase.astype(int)
     share = (phase - low)[:, None, None]
     poses = (1 - share) * cycle[low % 40] + share * cycle[(low + 1) % 40]

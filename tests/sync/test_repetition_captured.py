@@ -10,7 +10,7 @@ import pytest
 
 from imocap_core.params import RepetitionParams
 from imocap_core.sync.repetition.segmentation import Repetitions, find_repetitions
-from imocap_core.synthetic.variation import Clip, pace
+from imocap_core.synthetic.variation import PhaseSpan, pace
 
 DATA = Path(os.environ.get("IMOCAP_DATA", Path(__file__).parents[3] / "shared" / "data"))
 FILE = DATA / "train" / "cmu_train.npz"
@@ -47,7 +47,7 @@ def test_performances_in_a_row_are_counted_and_cut(action: str) -> None:
     parts, phases = [], []
     for _ in range(3):
         length = round(len(once) * rng.uniform(0.75, 1.35))
-        phase = pace(Clip(length, 0.0, len(once) - 1.0, FPS), rng)
+        phase = pace(PhaseSpan(length, 0.0, len(once) - 1.0, FPS), rng)
         low = np.minimum(phase.astype(int), len(once) - 2)
         share = (phase - low)[:, None, None]
         parts.append((1 - share) * once[low] + share * once[low + 1])

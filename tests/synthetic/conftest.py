@@ -1,10 +1,10 @@
-"""One performer and the four takes of a seed, made once for all tests of this folder."""
+"""One performer and the four clips of a seed, made once for all tests of this folder."""
 
 import pytest
 import torch
 
 from imocap_core.body import Shaped, load_free_body
-from imocap_core.synthetic.yoga_clip import YOGA_CLIPS, Take, draw_betas, yoga_take
+from imocap_core.synthetic.yoga_clip import YOGA_SPANS, DemoClip, draw_betas, make_yoga_clip
 
 SEED = 3
 
@@ -16,5 +16,5 @@ def shaped() -> Shaped:
 
 
 @pytest.fixture(scope="session")
-def takes(shaped: Shaped) -> list[Take]:
-    return [yoga_take(SEED, index, shaped) for index in range(len(YOGA_CLIPS))]
+def clips(shaped: Shaped) -> list[DemoClip]:
+    return [make_yoga_clip(SEED, index, shaped) for index in range(len(YOGA_SPANS))]

@@ -16,14 +16,14 @@ SEED = 3
 
 
 @pytest.fixture(scope="module")
-def first_pictures(takes, shaped):
+def first_pictures(clips, shaped):
     return [
-        list(islice(pictures(take, SEED, index, shaped), 3)) for index, take in enumerate(takes)
+        list(islice(pictures(clip, SEED, index, shaped), 3)) for index, clip in enumerate(clips)
     ]
 
 
 @pytest.fixture
-def quick(takes, shaped, first_pictures, monkeypatch):
+def quick(clips, shaped, first_pictures, monkeypatch):
     """make_demo without spawned workers, with three pictures a video."""
 
     class Here:
@@ -48,42 +48,42 @@ def quick(takes, shaped, first_pictures, monkeypatch):
 
     monkeypatch.setattr(demo, "ProcessPoolExecutor", Here)
     monkeypatch.setattr(demo, "as_completed", list)
-    monkeypatch.setattr(demo, "yoga_take", lambda seed, index, body: takes[index])
+    monkeypatch.setattr(demo, "make_yoga_clip", lambda seed, index, body: clips[index])
     monkeypatch.setattr(demo, "demo_body", lambda seed: shaped)
-    monkeypatch.setattr(demo, "pictures", lambda take, seed, index, body: first_pictures[index])
+    monkeypatch.setattr(demo, "pictures", lambda clip, seed, index, body: first_pictures[index])
 
 
-def test_readers_find_what_the_takes_hold(quick, takes, tmp_path):
-    said: list[str] = []
-    demo.make_demo("yoga", tmp_path / "yoga", SEED, said.append)
-    assert len(said) == 4
+def test_readers_find_what_the_clips_contain(quick, clips, tmp_path):
+    messages: list[str] = []
+    demo.make_demo("yoga", tmp_path / "yoga", SEED, messages.append)
+    assert len(messages) == 4
     assert [p.name for p in tmp_path.iterdir()] == ["yoga"]  # no leftovers
 
     action = read_action(tmp_path / "yoga")
     assert [video.id for video in action.videos] == ["v1", "v2", "v3", "v4"]
     assert all(video.focal_px is None and video.initial is None for video in action.videos)
-    used = {v.id: np.arange(len(t.joints)) for v, t in zip(action.videos, takes, strict=True)}
+    used = {v.id: np.arange(len(t.joints)) for v, t in zip(action.videos, clips, strict=True)}
     truth = read_truth(tmp_path / "yoga" / str(action.truth), used)
     assert truth.phase_end == 180.0
-    for video, take in zip(action.videos, takes, strict=True):
+    for video, clip in zip(action.videos, clips, strict=True):
         info = probe(action.folder / str(video.video))
-        assert (info.size, info.fps) == (take.size, take.fps)
-        found = read_openpose(action.folder / str(video.keypoints), "body25")
-        assert (found.frames == np.arange(len(take.joints))).all()
-        own = truth.videos[video.id]
-        np.testing.assert_array_equal(own.joints, take.joints)
-        np.testing.assert_array_equal(own.phase, take.performance.phase)
-        np.testing.assert_array_equal(own.R, take.camera.R_cam_from_world[0])
-        for people, xy, confidence, stranger in zip(
-            found.people,
-            take.detections.xy_px,
-            take.detections.confidence,
-            take.strangers,
+        assert (info.size, info.fps) == (clip.size, clip.fps)
+        detections = read_openpose(action.folder / str(video.keypoints), "body25")
+        assert (detections.frames == np.arange(len(clip.joints))).all()
+        true_video = truth.videos[video.id]
+        np.testing.assert_array_equal(true_video.joints, clip.joints)
+        np.testing.assert_array_equal(true_video.phase, clip.motion.phase)
+        np.testing.assert_array_equal(true_video.R, clip.camera.R_cam_from_world[0])
+        for people, xy, confidence, false_person in zip(
+            detections.people,
+            clip.detections.xy_px,
+            clip.detections.confidence,
+            clip.false_people,
             strict=True,
         ):
-            assert len(people) == (1 if stranger is None else 2)
-            known = confidence > 0
-            gaps = [np.abs(person[known, :2] - xy[known]) for person in people]
+            assert len(people) == (1 if false_person is None else 2)
+            detected = confidence > 0
+            gaps = [np.abs(person[detected, :2] - xy[detected]) for person in people]
             assert np.nanmin([np.max(gap) for gap in gaps]) < 1e-3
 
 

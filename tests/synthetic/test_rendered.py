@@ -1,4 +1,4 @@
-"""Captured joints on a body, before a camera: what is told of the film is what the film shows."""
+"""Captured joints retargeted to a body and rendered: the ground truth agrees with the video."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ import torch
 from imocap_core.body import Shaped, load_free_body
 from imocap_core.conventions import EVAL_14, SMPL_JOINTS
 from imocap_core.rotations import exp
-from imocap_core.synthetic.cameras import Viewpoint
-from imocap_core.synthetic.embodied import Embodied, embody
-from imocap_core.synthetic.hall import HIGH_M, KINDS, hall
-from imocap_core.synthetic.rendered import film_frames, seen_from, shoot, true_points_px
+from imocap_core.synthetic.cameras import CameraPlacement
+from imocap_core.synthetic.large_room import HEIGHT_M, KINDS, large_room
+from imocap_core.synthetic.rendered import film_body, render_frames, true_points_px, viewed_side
+from imocap_core.synthetic.retarget import RetargetedMotion, retarget
 
 COLUMNS = [SMPL_JOINTS.index(name) for name in EVAL_14]
 FRAMES = 8
@@ -28,7 +28,7 @@ def performer() -> Shaped:
     return model.shape(torch.zeros(model.num_betas, dtype=torch.float64))
 
 
-def upright(turn_rad: float = 0.0) -> Embodied:
+def upright(turn_rad: float = 0.0) -> RetargetedMotion:
     """Stands with z up, lifts the left arm, bends the right knee; turned about z."""
     turns = torch.zeros(FRAMES, 24, 3, dtype=torch.float64)
     time = torch.linspace(0, 1, FRAMES, dtype=torch.float64)
@@ -40,21 +40,21 @@ def upright(turn_rad: float = 0.0) -> Embodied:
     R_local[:, 0] = about_z @ R_local[:, 0]
     transl = torch.zeros(FRAMES, 3, dtype=torch.float64)
     transl[:, 2] = 1.0
-    return Embodied(R_local.numpy(), transl.numpy())
+    return RetargetedMotion(R_local.numpy(), transl.numpy())
 
 
-def joints_of(motion: Embodied, shaped: Shaped) -> np.ndarray:
+def joints_of(motion: RetargetedMotion, shaped: Shaped) -> np.ndarray:
     posed = shaped.pose(torch.as_tensor(motion.R_local), torch.as_tensor(motion.transl))
     return posed.joints.numpy()
 
 
 def test_a_bodys_own_joints_are_met() -> None:
-    takes = [joints_of(upright(turn), performer())[:, COLUMNS] for turn in (0.0, 2.0)]
+    clips = [joints_of(upright(turn), performer())[:, COLUMNS] for turn in (0.0, 2.0)]
     model = performer().model
-    betas, motions = embody(model, takes)
+    betas, motions = retarget(model, clips)
     again = model.shape(torch.as_tensor(betas))
-    for motion, take in zip(motions, takes, strict=True):
-        missed = np.linalg.norm(joints_of(motion, again)[:, COLUMNS] - take, axis=-1)
+    for motion, clip in zip(motions, clips, strict=True):
+        missed = np.linalg.norm(joints_of(motion, again)[:, COLUMNS] - clip, axis=-1)
         assert missed.mean() < 0.008
         assert missed.max() < 0.03
 
@@ -65,27 +65,27 @@ def test_a_bodys_own_joints_are_met() -> None:
 def test_what_a_camera_sees(turn_deg: float, side: str) -> None:
     joints = joints_of(upright(np.deg2rad(turn_deg)), performer())
     R = np.array([[1.0, 0, 0], [0, 0, -1.0], [0, 1.0, 0]])  # from -y, z up
-    assert seen_from(joints, R, -R @ np.array([0.0, -4.0, 1.0])) == side
+    assert viewed_side(joints, R, -R @ np.array([0.0, -4.0, 1.0])) == side
 
 
 def test_feet_stand_on_the_floor_and_everything_is_in_the_picture() -> None:
-    shooting = shoot(upright(), performer(), Viewpoint(35.0, 3.0, 1.4, 1.0), SIZE)
-    xy_px, depth_m = true_points_px(shooting, performer(), "body33")
+    filmed = film_body(upright(), performer(), CameraPlacement(35.0, 3.0, 1.4, 1.0), SIZE)
+    xy_px, depth_m = true_points_px(filmed, performer(), "body33")
     assert ((xy_px > 0) & (xy_px < SIZE)).all()
     assert (depth_m > 1).all()
-    ankles = shooting.joints[:, [SMPL_JOINTS.index("left_ankle")], 2]
+    ankles = filmed.joints[:, [SMPL_JOINTS.index("left_ankle")], 2]
     assert 0.02 < np.median(ankles) < 0.15
-    lowered = shooting.motion.transl + [0, 0, shooting.floor_m]
+    lowered = filmed.motion.transl + [0, 0, filmed.floor_m]
     assert np.allclose(lowered, upright().transl)
 
 
-def test_the_film_shows_the_body_where_it_is_said_to_be() -> None:
-    shooting = shoot(upright(), performer(), Viewpoint(35.0, 3.0, 1.4, 1.0), SIZE)
-    first, *_, last = islice(film_frames(shooting, performer(), 1, 7), FRAMES)
+def test_the_video_shows_the_body_at_its_stated_place() -> None:
+    filmed = film_body(upright(), performer(), CameraPlacement(35.0, 3.0, 1.4, 1.0), SIZE)
+    first, *_, last = islice(render_frames(filmed, performer(), 1, 7), FRAMES)
     assert first.shape == (SIZE[1], SIZE[0], 3)
-    again = next(film_frames(shooting, performer(), 1, 7))
+    again = next(render_frames(filmed, performer(), 1, 7))
     assert np.array_equal(first, again)
-    xy_px, _ = true_points_px(shooting, performer(), "smpl24")
+    xy_px, _ = true_points_px(filmed, performer(), "smpl24")
     wrist = SMPL_JOINTS.index("left_wrist")
     moved = np.abs(last.astype(int) - first).sum(axis=-1)
     x, y = np.rint(xy_px[-1, wrist]).astype(int)
@@ -93,15 +93,15 @@ def test_the_film_shows_the_body_where_it_is_said_to_be() -> None:
 
 
 @pytest.mark.parametrize("kind", range(KINDS))
-def test_a_hall_holds_performer_and_camera(kind: int) -> None:
+def test_a_large_room_contains_performer_and_camera(kind: int) -> None:
     path, camera = np.array([[-1.0, 2.0, 0], [3.0, -1.0, 0]]), np.array([4.0, -5.0, 1.5])
     azimuth = float(np.rad2deg(np.arctan2(camera[0], -camera[1])))
-    floor, *walls = hall(kind, azimuth, path, camera, 7)
+    floor, *walls = large_room(kind, azimuth, path, camera, 7)
     inverse = np.linalg.pinv(np.column_stack([floor.along, floor.down]))
     extent = np.array(floor.texture.shape[1::-1]) / 150
     for point in (*path, camera * [1, 1, 0]):
         place = inverse @ (point - floor.corner)
         assert ((place > 0.9) & (place < extent - 0.9)).all()
     for wall in walls:
-        assert np.isclose(wall.corner[2], HIGH_M)
+        assert np.isclose(wall.corner[2], HEIGHT_M)
         assert np.allclose(wall.down, [0, 0, -1])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from imocap_core.camera.projection import project, warp
-from imocap_core.synthetic.cameras import YOGA_VIEWPOINTS, film, look_at
+from imocap_core.synthetic.cameras import YOGA_CAMERAS, aim_camera, look_at
 from imocap_core.synthetic.scene import (
     PX_PER_M,
     Surface,
@@ -20,7 +20,7 @@ PATH = np.stack([np.zeros(40), np.linspace(0, 0.4, 40), np.linspace(0.9, 0.2, 40
 
 
 def turning(seed: int = 0):
-    return film(YOGA_VIEWPOINTS[1], PATH, 30.0, SIZE, np.random.default_rng(seed))
+    return aim_camera(YOGA_CAMERAS[1], PATH, 30.0, SIZE, np.random.default_rng(seed))
 
 
 def test_look_at_puts_its_target_in_the_middle_and_up_upwards():
@@ -35,8 +35,8 @@ def test_look_at_puts_its_target_in_the_middle_and_up_upwards():
 
 def test_two_cameras_turn_and_two_stand_still():
     ranges = []
-    for view in YOGA_VIEWPOINTS:
-        camera = film(view, PATH, 30.0, SIZE, np.random.default_rng(1))
+    for view in YOGA_CAMERAS:
+        camera = aim_camera(view, PATH, 30.0, SIZE, np.random.default_rng(1))
         centres = -np.einsum("tji,tj->ti", camera.R_cam_from_world, camera.t)
         np.testing.assert_allclose(centres, np.broadcast_to(camera.centre, centres.shape))
         axis = camera.R_cam_from_world[:, 2]
@@ -46,20 +46,20 @@ def test_two_cameras_turn_and_two_stand_still():
 
 
 def test_viewpoints_are_far_apart_and_differ_in_focal_length_and_height():
-    angles = np.array([view.azimuth_deg for view in YOGA_VIEWPOINTS])
+    angles = np.array([view.azimuth_deg for view in YOGA_CAMERAS])
     apart = np.abs((angles[:, None] - angles[None] + 180) % 360 - 180)
     assert apart[~np.eye(4, dtype=bool)].min() > 60
     for field in ("focal_per_width", "height_m"):
-        values = sorted(getattr(view, field) for view in YOGA_VIEWPOINTS)
+        values = sorted(getattr(view, field) for view in YOGA_CAMERAS)
         assert (np.diff(values) > 0.05 * values[0]).all()
 
 
-def test_the_performer_stays_in_the_picture(takes):
-    for take in takes:
-        width, height = take.size
-        inside = (take.xy_px > 4) & (take.xy_px < (width - 5, height - 5))
+def test_the_performer_stays_in_the_picture(clips):
+    for clip in clips:
+        width, height = clip.size
+        inside = (clip.xy_px > 4) & (clip.xy_px < (width - 5, height - 5))
         assert inside.all()
-        tall = np.ptp(take.xy_px[..., 1], axis=1).max()
+        tall = np.ptp(clip.xy_px[..., 1], axis=1).max()
         assert tall > 0.55 * height
 
 
@@ -80,8 +80,8 @@ def test_a_room_is_projected_where_geometry_says():
         image = backdrop(plate, camera.K, R, SIZE).astype(float)
         weight = np.clip(image[..., 0] - image[..., 1] - 5, 0, None)
         rows, columns = np.mgrid[: SIZE[1], : SIZE[0]]
-        seen = np.array([(weight * columns).sum(), (weight * rows).sum()]) / weight.sum()
-        np.testing.assert_allclose(seen, project(spot, camera.K, R, t), atol=0.15)
+        spot_px = np.array([(weight * columns).sum(), (weight * rows).sum()]) / weight.sum()
+        np.testing.assert_allclose(spot_px, project(spot, camera.K, R, t), atol=0.15)
 
 
 def test_frames_of_a_turning_camera_are_homographies_of_each_other():

@@ -1,4 +1,4 @@
-"""The tai chi takes: hands that open, point and close, seen by a detector that errs as it says."""
+"""The tai chi clips: hands that open, point and close, and their simulated detections."""
 
 import numpy as np
 import pytest
@@ -9,15 +9,15 @@ from imocap_core.io.detectors.openpose import read_openpose
 from imocap_core.io.detectors.openpose_hands import read_openpose_hands
 from imocap_core.pipeline import make_demo as demo
 from imocap_core.synthetic.taichi import HAND_POSES, HANDS, TAI_CHI
-from imocap_core.synthetic.taichi_clip import SIZE, TAICHI_CLIPS, taichi_body, taichi_take
-from imocap_core.synthetic.yoga_clip import Take
+from imocap_core.synthetic.taichi_clip import SIZE, TAICHI_SPANS, make_taichi_clip, taichi_body
+from imocap_core.synthetic.yoga_clip import DemoClip
 
 SEED, INDEX = 3, 2
 
 
 @pytest.fixture(scope="module")
-def take() -> Take:
-    return taichi_take(SEED, INDEX, taichi_body(SEED))
+def clip() -> DemoClip:
+    return make_taichi_clip(SEED, INDEX, taichi_body(SEED))
 
 
 def test_the_form_has_hands_at_every_key_within_their_ranges() -> None:
@@ -29,38 +29,38 @@ def test_the_form_has_hands_at_every_key_within_their_ranges() -> None:
         assert (np.deg2rad(pose) >= skeleton.lower.numpy() - 1e-9).all()
 
 
-def test_hands_hang_on_the_wrists_and_close(take: Take) -> None:
-    assert take.hands is not None
-    wrists = take.joints[:, [SMPL_JOINTS.index(f"{s}_wrist") for s in ("left", "right")]]
-    assert np.abs(take.hands.points_m[:, :, 0] - wrists).max() < 1e-6
-    reach = np.linalg.norm(take.hands.points_m[:, :, 12] - take.hands.points_m[:, :, 0], axis=-1)
+def test_hands_hang_on_the_wrists_and_close(clip: DemoClip) -> None:
+    assert clip.hands is not None
+    wrists = clip.joints[:, [SMPL_JOINTS.index(f"{s}_wrist") for s in ("left", "right")]]
+    assert np.abs(clip.hands.points_m[:, :, 0] - wrists).max() < 1e-6
+    reach = np.linalg.norm(clip.hands.points_m[:, :, 12] - clip.hands.points_m[:, :, 0], axis=-1)
     assert (reach.max(axis=0) > 1.8 * reach.min(axis=0)).all()  # from open hands to fists
 
 
-def test_the_planted_foot_stays_and_the_person_is_in_the_picture(take: Take) -> None:
-    ball = take.joints[:, SMPL_JOINTS.index("right_foot")]
+def test_the_planted_foot_stays_and_the_person_is_in_the_picture(clip: DemoClip) -> None:
+    ball = clip.joints[:, SMPL_JOINTS.index("right_foot")]
     assert np.ptp(ball, axis=0).max() < 0.08
-    assert (take.xy_px > 0).all()
-    assert (take.xy_px < SIZE).all()
+    assert (clip.xy_px > 0).all()
+    assert (clip.xy_px < SIZE).all()
 
 
-def test_the_same_seed_gives_the_same_hands(take: Take) -> None:
-    again = taichi_take(SEED, INDEX, taichi_body(SEED))
-    assert take.hands is not None
+def test_the_same_seed_gives_the_same_hands(clip: DemoClip) -> None:
+    again = make_taichi_clip(SEED, INDEX, taichi_body(SEED))
+    assert clip.hands is not None
     assert again.hands is not None
-    assert np.array_equal(take.hands.detections.xy_px, again.hands.detections.xy_px)
+    assert np.array_equal(clip.hands.detections.xy_px, again.hands.detections.xy_px)
 
 
-def test_readers_find_the_hands_with_the_performer(take: Take, tmp_path) -> None:
-    assert take.hands is not None
-    demo._write_keypoints(tmp_path / "v3", "v3", take)
-    frames = np.arange(TAICHI_CLIPS[INDEX].frames)
+def test_readers_find_the_hands_with_the_performer(clip: DemoClip, tmp_path) -> None:
+    assert clip.hands is not None
+    demo._write_keypoints(tmp_path / "v3", "v3", clip)
+    frames = np.arange(TAICHI_SPANS[INDEX].frames)
     assert len(read_openpose(tmp_path / "v3", "body25").frames) == len(frames)
-    body = np.where(take.detections.confidence[..., None] > 0, take.detections.xy_px, np.nan)
-    found = read_openpose_hands(tmp_path / "v3", frames, body)
-    assert found is not None
-    told = take.hands.detections
-    assert np.allclose(found[1], told.confidence, atol=1e-4)
-    seen = told.confidence > 0
-    assert 0.6 < seen.mean() < 0.99
-    assert np.allclose(found[0][seen], told.xy_px[seen], atol=1e-4)
+    body = np.where(clip.detections.confidence[..., None] > 0, clip.detections.xy_px, np.nan)
+    hands = read_openpose_hands(tmp_path / "v3", frames, body)
+    assert hands is not None
+    expected = clip.hands.detections
+    assert np.allclose(hands[1], expected.confidence, atol=1e-4)
+    visible = expected.confidence > 0
+    assert 0.6 < visible.mean() < 0.99
+    assert np.allclose(hands[0][visible], expected.xy_px[visible], atol=1e-4)

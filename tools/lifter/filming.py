@@ -1,8 +1,8 @@
-"""Random cameras and a detector that errs: what the lifter is trained to read.
+"""Random cameras and a simulated detector: the lifter's training inputs.
 
-Lengths are shares of the person's height in the picture, as in imocap_core/synthetic/detector.py,
-whose errors these are, with levels from better than the benchmarks' fine-tuned detector to worse
-than their generic one.
+Errors are of the kinds of imocap_core/synthetic/detector.py, lengths are shares of the person's
+height in the picture, with noise from below the benchmarks' `fine_tuned` detector to above their
+`generic` one.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from torch import Tensor
 
 from imocap_core.conventions import left_right_pairs
 from imocap_core.lifter.points import COMMON, columns_of
-from lifter.habits import habits_of, jumps, marked, persistent
+from lifter.window_errors import draw_errors, outlier_jumps, persistent_noise, with_offsets
 
 STATURE_M = 1.7
 LAYOUTS = ("body25", "body25b", "coco17", "coco18", "halpe26", "h36m17", "mediapipe33", "coco18")
@@ -30,11 +30,11 @@ LIMBS = tuple(
 )  # fmt: skip
 
 
-def film(points: Tensor, joints: Tensor, rng: np.random.Generator) -> tuple[Tensor, ...]:
+def film_windows(points: Tensor, joints: Tensor, rng: np.random.Generator) -> tuple[Tensor, ...]:
     """Points (B, L, K, 3), z up, in random cameras.
 
-    Returns rays (B, L, K, 2) as a camera of a roughly known focal length has them, the person's
-    height in rays (B,), and the joints (B, L, 24, 3) in the camera's axes.
+    Returns rays (B, L, K, 2) by an approximately known focal length, the person's height in rays
+    (B,), and the joints (B, L, 24, 3) in camera axes.
     """
     count = len(points)
     R = _orientations(count, rng)
@@ -49,32 +49,33 @@ def film(points: Tensor, joints: Tensor, rng: np.random.Generator) -> tuple[Tens
     push = (0.6 - nearest).clamp_min(0.0)[:, None, None]
     z = x[..., 2] + push
     j[..., 2] += push
-    known = rng.random(count) < 0.4
-    wrong = np.where(known, 1.0, np.exp(rng.normal(size=count) * 0.13))
+    exact = rng.random(count) < 0.4
+    wrong = np.where(exact, 1.0, np.exp(rng.normal(size=count) * 0.13))
     factor = torch.as_tensor(wrong, dtype=torch.float32)[:, None, None, None]
     height = STATURE_M / j[:, :, 0, 2].mean(1) * factor[:, 0, 0, 0]
     return x[..., :2] / z[..., None] * factor, height, j
 
 
 def detect(rays: Tensor, height: Tensor, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
-    """Rays (B, L, K, 2) and confidences (B, L, K) as a detector of some layout reports them."""
+    """Rays (B, L, K, 2) and confidences (B, L, K) of a simulated detector with a random layout."""
     count, frames, K = rays.shape[:3]
-    habits = habits_of(count, rng)
-    noise = habits.noise[:, None]
-    offset = noise[..., None] * persistent(habits, frames, rng)
-    offset += jumps(habits, frames, rng)
-    error = np.linalg.norm(offset, axis=-1) / habits.level[:, None, None]
-    own = rng.normal(size=(count, 1, K, 2)) * habits.lasting[:, None, :, None]
-    trust = _believed(error, rng)
-    plain = rng.random(count) < 0.25  # detectors that do not say how sure they are
+    errors = draw_errors(count, rng)
+    noise = errors.noise[:, None]
+    offset = noise[..., None] * persistent_noise(errors, frames, rng)
+    offset += outlier_jumps(errors, frames, rng)
+    error = np.linalg.norm(offset, axis=-1) / errors.typical_noise[:, None, None]
+    constant = rng.normal(size=(count, 1, K, 2)) * errors.constant_offset[:, None, :, None]
+    trust = _simulated_confidence(error, rng)
+    plain = rng.random(count) < 0.25  # detectors without confidences
     trust[plain] = 1.0
-    missed = rng.random((count, frames, K)) < habits.misses[:, None, None]
-    seen = _swapped(marked(rays, habits), rng) + height[:, None, None, None] * torch.as_tensor(
-        offset + own, dtype=torch.float32
+    missed = rng.random((count, frames, K)) < errors.misses[:, None, None]
+    swapped = _swapped(with_offsets(rays, errors), rng)
+    detected = swapped + height[:, None, None, None] * torch.as_tensor(
+        offset + constant, dtype=torch.float32
     )
-    hidden = missed | ~_marked(count, frames, rng)
+    hidden = missed | ~_available(count, frames, rng)
     confidence = torch.as_tensor(np.where(hidden, 0.0, trust), dtype=torch.float32)
-    return torch.where(confidence[..., None] > 0, seen, 0.0), confidence
+    return torch.where(confidence[..., None] > 0, detected, 0.0), confidence
 
 
 def _orientations(count: int, rng: np.random.Generator) -> Tensor:
@@ -93,38 +94,38 @@ def _orientations(count: int, rng: np.random.Generator) -> Tensor:
     return torch.as_tensor(np.stack([x, y, forward], 1), dtype=torch.float32)
 
 
-def _believed(error_in_sigma: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """As imocap_core.synthetic.detector.believed, its invention drawn once for both shares."""
-    known = 0.92 / (1.0 + (error_in_sigma / 6.0) ** 2)
-    invented = np.clip(rng.normal(0.71, 0.16, error_in_sigma.shape), 0, 1)
-    return np.clip(0.8 * known + 0.2 * invented, 0.05, 0.99)
+def _simulated_confidence(error_in_sigma: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """As imocap_core.synthetic.detector.simulated_confidence, but normal instead of beta."""
+    informed = 0.92 / (1.0 + (error_in_sigma / 6.0) ** 2)
+    random = np.clip(rng.normal(0.71, 0.16, error_in_sigma.shape), 0, 1)
+    return np.clip(0.8 * informed + 0.2 * random, 0.05, 0.99)
 
 
 def _swapped(rays: Tensor, rng: np.random.Generator) -> Tensor:
-    """Arms, legs or faces exchanged in bouts, more rarely the whole body."""
+    """Left and right of arms, legs or faces swapped for short times, more rarely the whole body."""
     swapped = rays.clone()
     count, frames = rays.shape[:2]
     time = np.arange(frames)
     for limb, share in (*((limb, 0.12) for limb in LIMBS), (PAIRS, 0.06)):
         begin = rng.integers(-3, frames, count)
         length = np.where(rng.random(count) < share, rng.integers(1, 5, count), 0)
-        bout = (time >= begin[:, None]) & (time < (begin + length)[:, None])
-        b, t = (torch.as_tensor(i)[:, None] for i in np.nonzero(bout))
+        during = (time >= begin[:, None]) & (time < (begin + length)[:, None])
+        b, t = (torch.as_tensor(i)[:, None] for i in np.nonzero(during))
         left, right = [p for p, _ in limb], [q for _, q in limb]
-        kept = swapped.clone()
-        swapped[b, t, left], swapped[b, t, right] = kept[b, t, right], kept[b, t, left]
+        before = swapped.clone()
+        swapped[b, t, left], swapped[b, t, right] = before[b, t, right], before[b, t, left]
     return swapped
 
 
-def _marked(count: int, frames: int, rng: np.random.Generator) -> np.ndarray:
-    """(B, L, K) bool: what the layout has, less what is cut off, hidden or outside the clip."""
+def _available(count: int, frames: int, rng: np.random.Generator) -> np.ndarray:
+    """(B, L, K) bool: points of the layout that are in the picture, not hidden, within the clip."""
     tables = np.stack([np.isin(np.arange(len(COMMON)), columns_of(x)[1]) for x in LAYOUTS])
-    marked = np.repeat(tables[rng.integers(len(LAYOUTS), size=count)][:, None], frames, 1)
+    available = np.repeat(tables[rng.integers(len(LAYOUTS), size=count)][:, None], frames, 1)
     for rows, columns in (
         (rng.random(count) < 0.25, list(FACE)),
         (rng.random(count) < 0.15, list(FEET)),
     ):
-        marked[np.ix_(rows, np.ones(frames, bool), columns)] = False
+        available[np.ix_(rows, np.ones(frames, bool), columns)] = False
     time = np.arange(frames)
     for limb in LIMBS[:2]:
         for side in (0, 1):
@@ -132,11 +133,11 @@ def _marked(count: int, frames: int, rng: np.random.Generator) -> np.ndarray:
             for row in rows:
                 begin = rng.integers(-6, frames)
                 some = [pair[side] for pair in limb][rng.integers(0, 3) :]
-                marked[row][
+                available[row][
                     np.ix_((time >= begin) & (time < begin + rng.integers(3, 20)), some)
                 ] = False
     first = np.where(rng.random(count) < 0.15, rng.integers(0, frames - 4, count), 0)
     last = np.where(rng.random(count) < 0.15, rng.integers(4, frames + 1, count), frames)
     inside = (time >= first[:, None]) & (time < np.maximum(last, first + 3)[:, None])
     gone = rng.random((count, frames)) < np.where(rng.random(count) < 0.1, 0.1, 0.0)[:, None]
-    return marked & (inside & ~gone)[..., None]
+    return available & (inside & ~gone)[..., None]

@@ -1,6 +1,6 @@
 """Windows of motion for the lifter's training: captured, recombined, or drawn from the prior.
 
-All windows are drawn with one generator; the bodies that perform them have random shapes.
+All windows are drawn with one generator and applied to bodies of random shapes.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from imocap_core.lifter.network import WINDOW
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.motion.terms.limits import HINGES
 from imocap_core.rotations import exp, log
-from lifter.motions import Clip, in_a_mirror
+from lifter.motions import FittedClip, mirrored_clip
 
-STEPS = (1, 2, 2, 2, 3)  # frames of 1/30 s between those of a window: slow, as it was, fast
+STEPS = (1, 2, 2, 2, 3)  # frames of 1/30 s between those of a window: slow, original, fast
 RECOMBINED, DRAWN = 0.25, 0.2  # shares of windows
 ARMS = [k for k, n in enumerate(SMPL_JOINTS)
         if any(p in n for p in ("collar", "shoulder", "elbow", "wrist", "hand"))]  # fmt: skip
@@ -31,8 +31,8 @@ SHAPE_SPREAD = 1.2
 
 @dataclass(frozen=True)
 class Motions:
-    """All frames of all clips in a row: R_local (N, 24, 3, 3), trans (N, 3), and where a window of
-    each step may begin."""
+    """All frames of all clips in a row: R_local (N, 24, 3, 3), trans (N, 3), and the frames at
+    which a window of each step may begin."""
 
     R_local: Tensor
     trans: Tensor
@@ -40,14 +40,14 @@ class Motions:
     prior: Tensor  # (PRIOR_POOL, 69) poses within joint limits
 
 
-def motions_of(clips: list[Clip], rng: np.random.Generator) -> Motions:
+def motions_of(clips: list[FittedClip], rng: np.random.Generator) -> Motions:
     """The clips and their mirror images."""
-    both = [c for clip in clips for c in (clip, in_a_mirror(clip))]
+    both = [c for clip in clips for c in (clip, mirrored_clip(clip))]
     begins: dict[int, list[np.ndarray]] = {step: [] for step in set(STEPS)}
     start = 0
     for theta, _ in both:
-        for step, found in begins.items():
-            found.append(start + np.arange(max(0, len(theta) - step * (WINDOW - 1))))
+        for step, starts in begins.items():
+            starts.append(start + np.arange(max(0, len(theta) - step * (WINDOW - 1))))
         start += len(theta)
     theta = torch.as_tensor(np.concatenate([t for t, _ in both]), dtype=torch.float32)
     trans = torch.as_tensor(np.concatenate([p for _, p in both]), dtype=torch.float32)
@@ -82,18 +82,18 @@ def _captured(motions: Motions, count: int, rng: np.random.Generator) -> tuple[T
     rows = first[:, None] + step[:, None] * np.arange(WINDOW)
     back = rng.random(count) < 0.1  # films run backwards are motions too
     rows[back] = rows[back][:, ::-1]
-    at = torch.as_tensor(rows)
-    return motions.R_local[at].clone(), motions.trans[at].clone()
+    frames = torch.as_tensor(rows)
+    return motions.R_local[frames].clone(), motions.trans[frames].clone()
 
 
 def _from_prior(motions: Motions, count: int, rng: np.random.Generator) -> Tensor:
-    """(B, L, 23, 3, 3): from one pose to the next, each at its own pace."""
+    """(B, L, 23, 3, 3): interpolation between random poses, at a random pace for each window."""
     keys = 6
     poses = motions.prior[torch.as_tensor(rng.integers(len(motions.prior), size=(count, keys)))]
     pace = rng.uniform(0.04, 0.16, (count, 1))
-    at = np.clip(pace * np.arange(WINDOW) + rng.random((count, 1)), 0, keys - 1.001)
-    low = torch.as_tensor(at.astype(int))
-    share = torch.as_tensor(at % 1.0, dtype=torch.float32)
+    position = np.clip(pace * np.arange(WINDOW) + rng.random((count, 1)), 0, keys - 1.001)
+    low = torch.as_tensor(position.astype(int))
+    share = torch.as_tensor(position % 1.0, dtype=torch.float32)
     share = (share * share * (3 - 2 * share))[..., None]
     rows = torch.arange(count)[:, None]
     theta = poses[rows, low] * (1 - share) + poses[rows, low + 1] * share
@@ -101,15 +101,15 @@ def _from_prior(motions: Motions, count: int, rng: np.random.Generator) -> Tenso
 
 
 def _within_limits(poses: Tensor) -> Tensor:
-    """Knees and elbows do not bend backwards."""
-    found = poses.clone()
+    """Poses whose knees and elbows do not bend backwards."""
+    limited = poses.clone()
     for name, axis, sign in HINGES:
-        at = 3 * (SMPL_JOINTS.index(name) - 1) + axis
-        found[:, at] = sign * (sign * found[:, at]).clamp_min(-0.05)
-    return log(exp(found.unflatten(-1, (23, 3)))).flatten(1)
+        column = 3 * (SMPL_JOINTS.index(name) - 1) + axis
+        limited[:, column] = sign * (sign * limited[:, column]).clamp_min(-0.05)
+    return log(exp(limited.unflatten(-1, (23, 3)))).flatten(1)
 
 
-class Performers:
+class TrainingBodies:
     """The free body with the lifter's points and SMPL's joints."""
 
     def __init__(self) -> None:

@@ -1,27 +1,33 @@
-"""A hall around a performer who covers some ground: floor and three walls, seen from one side."""
+"""A room large enough for a performer who moves about: floor and three walls."""
 
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float, UInt8
 
-from imocap_core.render.arrays import Floats, Image
 from imocap_core.synthetic import textures
 from imocap_core.synthetic.scene import Surface
 from imocap_core.synthetic.textures import PX_PER_M
 
-HIGH_M = 4.2
-BEHIND_M = 1.5  # from the performer's furthest point to the wall
-BESIDE_M = 2.0
+HEIGHT_M = 4.2
+BEHIND_M = 1.5  # from the performer's furthest point to the back wall
+BESIDE_M = 2.0  # from the performer and the camera to the side walls
 KINDS = 4  # wooden floor and bricks, tiles and plaster, carpet and planks, lawn and stone
 
 
-def hall(kind: int, azimuth_deg: float, path: Floats, camera: Floats, seed: int) -> list[Surface]:
-    """The surfaces of a hall.
+def large_room(
+    kind: int,
+    azimuth_deg: float,
+    path: Float[np.ndarray, "N D"],
+    camera: Float[np.ndarray, "3"],
+    seed: int,
+) -> list[Surface]:
+    """The surfaces of a room that contains a path and a camera.
 
     Args:
-        kind: 0 to 3. azimuth_deg: where the camera stands, as in cameras.Viewpoint.
-        path: (N, 2 or 3) metres, where the performer is; camera: (3,) its centre.
-        seed: of the textures and of how much larger than needed the hall is.
+        kind: 0 to 3. azimuth_deg: of the camera, as in cameras.CameraPlacement.
+        path: positions of the performer, 2D or 3D, metres. camera: centre of the camera.
+        seed: of the textures and of the room's size.
     """
     rng = np.random.default_rng([seed, kind])
     azimuth = np.deg2rad(azimuth_deg)
@@ -33,23 +39,25 @@ def hall(kind: int, azimuth_deg: float, path: Floats, camera: Floats, seed: int)
     front = max(float(-(camera @ back)), -float(along.min())) + 1.0
     half = float(np.abs([*across, camera @ right]).max()) + BESIDE_M + rng.uniform(0, 1)
     floor_shape = _pixels(front + depth, 2 * half)
-    wall_shape, side_shape = _pixels(HIGH_M, 2 * half), _pixels(HIGH_M, front + depth)
+    wall_shape, side_shape = _pixels(HEIGHT_M, 2 * half), _pixels(HEIGHT_M, front + depth)
     walls = [_wall(kind, shape, rng) for shape in (wall_shape, side_shape, side_shape)]
     far_left, far_right = depth * back - half * right, depth * back + half * right
     near_left = far_left - (depth + front) * back
     return [
         Surface(_floor(kind, floor_shape, rng), far_left, right, -back),
-        Surface(walls[0], far_left + HIGH_M * up, right, -up),
-        Surface(walls[1], near_left + HIGH_M * up, back, -up),
-        Surface(walls[2], far_right + HIGH_M * up, -back, -up),
+        Surface(walls[0], far_left + HEIGHT_M * up, right, -up),
+        Surface(walls[1], near_left + HEIGHT_M * up, back, -up),
+        Surface(walls[2], far_right + HEIGHT_M * up, -back, -up),
     ]
 
 
-def _pixels(high_m: float, wide_m: float) -> tuple[int, int]:
-    return int(high_m * PX_PER_M), int(wide_m * PX_PER_M)
+def _pixels(height_m: float, width_m: float) -> tuple[int, int]:
+    return int(height_m * PX_PER_M), int(width_m * PX_PER_M)
 
 
-def _floor(kind: int, shape: tuple[int, int], rng: np.random.Generator) -> Image:
+def _floor(
+    kind: int, shape: tuple[int, int], rng: np.random.Generator
+) -> UInt8[np.ndarray, "H W 3"]:
     if kind == 0:
         return textures.planks(shape, 22, (150, 112, 78), rng)
     if kind == 1:
@@ -58,7 +66,9 @@ def _floor(kind: int, shape: tuple[int, int], rng: np.random.Generator) -> Image
     return textures.tinted(textures.noise(shape, 15, 4, rng), color, contrast)
 
 
-def _wall(kind: int, shape: tuple[int, int], rng: np.random.Generator) -> Image:
+def _wall(
+    kind: int, shape: tuple[int, int], rng: np.random.Generator
+) -> UInt8[np.ndarray, "H W 3"]:
     if kind == 0:
         wall = textures.bricks(shape, (16, 40), (158, 84, 66), (178, 170, 160), rng)
     elif kind == 1:
