@@ -31,6 +31,7 @@ from imocap_core.library.synchronising import synchronise
 from imocap_core.result.camera import VideoCamera
 from imocap_core.result.synchronisation import FrameMatches, Synchronisation, VideoSync
 from imocap_core.result.video import HandMotion, JointUncertainty, VideoMoment, VideoResult
+from imocap_core.version import __version__ as __version__
 
 __all__ = [
     "SMPLH_JOINTS",
@@ -68,4 +69,3 @@ __all__ = [
     "synchronise",
     "view",
 ]
-__version__ = "0.1.0"

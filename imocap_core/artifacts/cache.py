@@ -23,6 +23,7 @@ CACHE, USED = ".cache", ".used"
 SUFFIXES = (".mcap", ".npz")
 LEFTOVERS = (
     f"{CACHE}/.*.part",
+    f"{CACHE}/.*.part",
     f"{CACHE}/*/.*.part",
     f"{CACHE}/*/.detect-*",
     "*/.*.part",
@@ -70,7 +71,8 @@ def cached_results(store: Path, used_files: Iterable[Path] = ()) -> list[CachedR
     users = _users(store)
     results = []
     for file in (store / CACHE).glob("*/*"):
-        if file.suffix not in SUFFIXES or file.name.startswith("."):
+        hidden = file.name.startswith(".") or file.parent.name.startswith(".")
+        if hidden or file.suffix not in SUFFIXES:
             continue
         with suppress(FileNotFoundError):
             status = file.stat()

@@ -12,9 +12,10 @@ GLOBAL_WITH_VALUE, GLOBAL_FLAGS = ("--root",), ("--traceback",)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command. 0 done, 1 the work failed, 2 wrong use; a sentence instead of a traceback.
+    """Run one command: exit code 0 done, 1 the work failed, 2 wrong use.
 
-    `arguments` (by default none) stand before those of the process.
+    An error is one sentence on the standard error, not a traceback. `arguments` (by default none)
+    go before those of the process.
     """
     from imocap_core.cli.app import app
 
@@ -32,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def stage_main(stage: str) -> int:
-    """`python -m stages.<stage> ACTION [options]`: this one stage, by the command line's rules."""
+    """`python -m stages.<stage> ACTION [options]`: the same as `imocap stage <stage>`."""
     return main(["stage", stage])
 
 
@@ -45,7 +46,7 @@ def _sentence(error: Exception) -> str:
 
 
 def hoisted(words: list[str]) -> list[str]:
-    """The options that hold for every command moved to the front, wherever they stood."""
+    """The options of all commands moved to the front, wherever they are given."""
     front: list[str] = []
     rest: list[str] = []
     waiting = iter(words)

@@ -1,7 +1,4 @@
-"""The commands, each a few lines: call the library, print the result.
-
-A command imports what it needs of the library when it is called: `status` must not load NumPy.
-"""
+"""The commands, in the order in which people need them."""
 
 from __future__ import annotations
 
@@ -11,32 +8,31 @@ from typing import Annotated
 import typer
 
 from imocap_core.cli.benchmark_command import add_benchmarks
+from imocap_core.cli.clean_command import clean_command
 from imocap_core.cli.compare_command import compare_command
 from imocap_core.cli.detect_command import detect_command
 from imocap_core.cli.doctor_command import doctor_command
 from imocap_core.cli.export_command import export_command
 from imocap_core.cli.init_command import init_command
+from imocap_core.cli.list_command import list_command
+from imocap_core.cli.params_command import params_command
 from imocap_core.cli.people_command import people_command
 from imocap_core.cli.report_command import report_command
-from imocap_core.cli.run_commands import (
-    explain_command,
-    run_command,
-    stage_command,
-    status_command,
-)
+from imocap_core.cli.run_commands import run_command, stage_command
+from imocap_core.cli.status_commands import explain_command, status_command
 from imocap_core.cli.sync_command import sync_command
 from imocap_core.cli.video_command import video_command
 from imocap_core.cli.view_command import view_command
 from imocap_core.errors import WrongUse
-from imocap_core.workspace import Workspace
+from imocap_core.version import __version__
 
 app = typer.Typer(
     name="imocap",
     help="Motion capture from several unsynchronised, uncalibrated videos.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("init")(init_command)
 app.command("run")(run_command)
@@ -44,27 +40,42 @@ app.command("view")(view_command)
 app.command("export")(export_command)
 app.command("video")(video_command)
 app.command("report")(report_command)
-app.command("sync")(sync_command)
 app.command("compare")(compare_command)
+app.command("sync")(sync_command)
 app.command("status")(status_command)
+app.command("list")(list_command)
 app.command("explain")(explain_command)
 app.command("stage")(stage_command)
-app.command("people")(people_command)
 app.command("detect")(detect_command)
-app.command("doctor")(doctor_command)
+app.command("people")(people_command)
+app.command("params")(params_command)
+app.command("clean")(clean_command)
 add_benchmarks(app)
+app.command("doctor")(doctor_command)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"imocap {__version__}")
+        raise typer.Exit
 
 
 @app.callback()
 def _everywhere(
     context: typer.Context,
     root: Annotated[
-        Path, typer.Option("--root", help="Folder with actions/ and artifacts/.")
+        Path, typer.Option("--root", help="Working folder, with actions/ and artifacts/.")
     ] = Path(),
     traceback: Annotated[
-        bool, typer.Option("--traceback", help="Show where an error came from.")
+        bool, typer.Option("--traceback", help="Print the traceback of an error.")
+    ] = False,
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version."
+        ),
     ] = False,
 ) -> None:
     if not root.is_dir():
-        raise WrongUse(f"--root {root}: there is no such folder")
-    context.obj = Workspace(root)
+        raise WrongUse(f"--root {root}: the folder does not exist")
+    context.obj = root

@@ -1,4 +1,4 @@
-"""`imocap benchmark`: the measurements of a checkout, which a wheel does not bring."""
+"""`imocap benchmark`: the measurements of a checkout, which a wheel does not include."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import typer
 from imocap_core.errors import WorkFailed
 
 ABSENT = (
-    "benchmarks are not part of an installed package: they live in the folder benchmarks/ of "
+    "benchmarks are not part of an installed package: they are in the folder benchmarks/ of "
     "imocap's source checkout; run `imocap benchmark` there"
 )
 
 
 def add_benchmarks(app: typer.Typer) -> None:
-    """Give the command line its `benchmark`, with all options where the benchmarks are."""
+    """Add the command `benchmark`, with its options where the folder benchmarks/ exists."""
     try:
         command = import_module("benchmarks.command").benchmark_command
     except ModuleNotFoundError as error:
@@ -31,5 +31,5 @@ def add_benchmarks(app: typer.Typer) -> None:
 
 
 def _absent(context: typer.Context) -> None:
-    """Measure how good the program is (source checkout only)."""
+    """Measure accuracy, ablations or speed (source checkout only)."""
     raise WorkFailed(ABSENT)

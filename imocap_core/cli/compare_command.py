@@ -1,4 +1,4 @@
-"""`imocap compare`: what performances share and how they differ; two performers on one axis."""
+"""`imocap compare`: differences between performances of an action, or between two performers."""
 
 from __future__ import annotations
 
@@ -7,21 +7,29 @@ from typing import Annotated
 
 import typer
 
-from imocap_core.cli.options import ActionName, root_of, speaker
+from imocap_core.cli.options import ActionName, action_names, root_of, speaker
 
 
 def compare_command(
     context: typer.Context,
     action: ActionName,
     second: Annotated[
-        str | None, typer.Argument(metavar="[ACTION2]", help="Another performer of the action.")
+        str | None,
+        typer.Argument(
+            metavar="[ACTION2]",
+            help="The same action by another performer.",
+            autocompletion=action_names,
+        ),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder to write to; else artifacts/ACTION/report/compare."),
+        typer.Option(help="Folder to write to (default: artifacts/ACTION/report/compare)."),
     ] = None,
 ) -> None:
-    """Technique: mean motion, spread of every joint, modes, consistency; or two performers."""
+    """Compare performances of an action, or two performers.
+
+    Writes the mean motion, the spread of every joint, the modes of variation and the consistency.
+    """
     from imocap_core.library.outputs import compare
 
     comparison = compare(action, second, out=out, root=root_of(context))

@@ -5,23 +5,30 @@ from __future__ import annotations
 from typing import Annotated
 
 import typer
-from rich.markup import escape
 
-from imocap_core.cli.options import Sets, root_of, speaker
+from imocap_core.cli.options import Sets, action_names, root_of, speaker
 from imocap_core.errors import WrongUse
 
 
 def detect_command(
     context: typer.Context,
     action: Annotated[
-        str | None, typer.Argument(help="A name below actions/, or an action's folder.")
+        str | None,
+        typer.Argument(
+            help="A name below actions/, or an action's folder.", autocompletion=action_names
+        ),
     ] = None,
     setup: Annotated[
         bool, typer.Option("--setup", help="Only make the detector's environment.")
     ] = False,
     sets: Sets = [],  # noqa: B006
 ) -> None:
-    """Detect people in the videos that say `keypoints: detect`, and print the keypoints' files."""
+    """Detect people in the videos, and nothing more.
+
+    Runs on the videos with `keypoints: detect`, and prints the files of keypoints.
+    """
+    from rich.markup import escape
+
     from imocap_core.library.people import detect, set_up_detector
     from imocap_core.library.terminal import Terminal
 
@@ -35,5 +42,5 @@ def detect_command(
         else:
             files = detect(action, root=root_of(context), params=sets, progress=display)
             lines = [f"{video}: {file}" for video, file in files.items()]
-            lines = lines or [f"{action}: no video says keypoints: detect"]
+            lines = lines or [f"{action}: no video has keypoints: detect"]
     console.print(*map(escape, lines), sep="\n")

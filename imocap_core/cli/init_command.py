@@ -1,4 +1,4 @@
-"""`imocap init`: an action of some videos."""
+"""`imocap init`: a new action for some videos."""
 
 from __future__ import annotations
 
@@ -8,17 +8,18 @@ from typing import Annotated
 import typer
 
 from imocap_core.cli.options import root_of, speaker
-from imocap_core.library.new_action import init_action
 
 
 def init_command(
     context: typer.Context,
-    name: Annotated[str, typer.Argument(help="A name for the action.")],
+    name: Annotated[str, typer.Argument(help="Name of the new action.")],
     videos: Annotated[list[Path], typer.Argument(help="Video files of one action.")],
 ) -> None:
     """Make actions/NAME/action.yaml for some videos."""
+    from imocap_core.library.new_action import init_action
+
     file = init_action(name, videos, root=root_of(context))
     speaker(markup=False).print(
         f"Wrote {file}. Next: imocap run {name} (or make all ACTION={name}). The first run makes "
-        "an environment for the detector, MediaPipe, which takes the network once."
+        "an environment for the detector, MediaPipe, which needs the network once."
     )

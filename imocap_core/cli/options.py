@@ -1,33 +1,78 @@
-"""What the commands have in common: their arguments, the working folder, the terminal."""
+"""What the commands have in common: their arguments, the working folder, the terminal.
+
+Importing a command imports nothing heavy, so that `imocap -h` and `imocap --version` answer at
+once: what a command needs it imports when it runs.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
-from imocap_core.workspace import Workspace
+if TYPE_CHECKING:
+    from rich.console import Console
 
-ActionName = Annotated[str, typer.Argument(help="A name below actions/, or an action's folder.")]
-Sets = Annotated[
-    list[str], typer.Option("--set", metavar="GROUP.NAME=VALUE", help="A one-off parameter.")
+    from imocap_core.workspace import Workspace
+
+BUILT_IN = ("yoga", "taichi")
+
+
+def action_names(context: typer.Context, incomplete: str) -> list[str]:
+    """The actions of the working folder that begin with some letters, for the shell."""
+    root = Path(context.find_root().params.get("root") or ".")
+    names = {file.parent.name for file in (root / "actions").glob("*/action.yaml")}
+    return sorted(name for name in {*names, *BUILT_IN} if name.startswith(incomplete))
+
+
+def stage_names(context: typer.Context, incomplete: str) -> list[str]:
+    """The stages that begin with some letters, for the shell."""
+    from imocap_core.errors import ImocapError
+    from imocap_core.workspace import Workspace
+
+    root = Path(context.find_root().params.get("root") or ".")
+    try:
+        stages = list(Workspace(root).pipeline().stages)
+    except ImocapError:
+        return []
+    return [stage for stage in stages if stage.startswith(incomplete)]
+
+
+ActionName = Annotated[
+    str,
+    typer.Argument(
+        help="A name below actions/, or an action's folder.", autocompletion=action_names
+    ),
 ]
-
-
-def workspace_of(context: typer.Context) -> Workspace:
-    """The working folder with its pipeline: that of --root."""
-    workspace = context.obj
-    assert isinstance(workspace, Workspace)
-    return workspace
+StageName = Annotated[
+    str, typer.Argument(help="A stage of pipeline.yaml.", autocompletion=stage_names)
+]
+Sets = Annotated[
+    list[str],
+    typer.Option(
+        "--set", metavar="GROUP.NAME=VALUE", help="A parameter for this run (see imocap params)."
+    ),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON document, for scripts.")]
 
 
 def root_of(context: typer.Context) -> Path:
     """The working folder: that of --root."""
-    return workspace_of(context).root
+    root = context.obj
+    assert isinstance(root, Path)
+    return root
+
+
+def workspace_of(context: typer.Context) -> Workspace:
+    """The working folder with its pipeline."""
+    from imocap_core.workspace import Workspace
+
+    return Workspace(root_of(context))
 
 
 def speaker(*, markup: bool = True) -> Console:
-    """The terminal: lines as they are, however long; without ``markup`` brackets are brackets."""
+    """The terminal: long lines stay whole; without ``markup`` brackets are printed as they are."""
+    from rich.console import Console
+
     return Console(highlight=False, soft_wrap=True, markup=markup)

@@ -1,4 +1,4 @@
-"""`imocap report`: the page of an action that has been run, made again."""
+"""`imocap report`: the report page of an action, made from its results."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from imocap_core.cli.options import ActionName, root_of, speaker
 
 
 def report_command(context: typer.Context, action: ActionName) -> None:
-    """Make the page of an action from its results, and print its path."""
+    """Write the report page of an action from its results."""
     from imocap_core.library.outputs import report
 
     speaker(markup=False).print(str(report(action, root=root_of(context))))

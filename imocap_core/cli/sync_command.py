@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import time
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.markup import escape
-from rich.table import Table
 
-from imocap_core.cli.options import Sets, root_of, speaker
-from imocap_core.pipeline.action import DetectionFormat, Layout
+from imocap_core.cli.json_output import print_json
+from imocap_core.cli.options import Json, Sets, root_of, speaker
+from imocap_core.pipeline.format_names import DetectionFormat, Layout
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from imocap_core.artifacts.schemas import Keypoints, SyncSummary
+    from imocap_core.library.progress import Progress
+    from imocap_core.standalone_sync.run import Synchronised
 
 
 def sync_command(
@@ -28,19 +32,22 @@ def sync_command(
         ),
     ],
     out: Annotated[Path | None, typer.Option(help="Folder to write to.")] = None,
-    name: Annotated[str | None, typer.Option(help="A name for the results in artifacts/.")] = None,
+    name: Annotated[
+        str | None, typer.Option(help="Name of the action below artifacts/ for the results.")
+    ] = None,
     reference: Annotated[
-        str | None, typer.Option(help="The video whose time axis is used; else the most central.")
+        str | None,
+        typer.Option(help="Video whose time axis is used (default: the most central one)."),
     ] = None,
     repetitions: Annotated[
         bool, typer.Option("--repetitions", help="Cut one long clip into its repetitions first.")
     ] = False,
     format: Annotated[
         DetectionFormat | None,
-        typer.Option(help="The detector's format, if the files do not say it."),
+        typer.Option(help="Format of the keypoints, if the files do not name it."),
     ] = None,
     layout: Annotated[
-        Layout | None, typer.Option(help="The detector's keypoints, if the files do not say it.")
+        Layout | None, typer.Option(help="Layout of the keypoints, if the files do not name it.")
     ] = None,
     fps: Annotated[
         float | None, typer.Option(min=0.1, help="Frame rate of keypoints without a video.")
@@ -49,15 +56,17 @@ def sync_command(
         str | None, typer.Option(metavar="WxH", help="Picture size of keypoints without a video.")
     ] = None,
     sets: Sets = [],  # noqa: B006
+    as_json: Json = False,
 ) -> None:
-    """Synchronise videos: sync.csv, a picture and, where there are videos, one side by side."""
+    """Synchronise videos without reconstructing motion.
+
+    Writes sync.csv, a picture and, if there are videos, a film of all videos side by side.
+    """
     from imocap_core.library.synchronising import synchronise_videos
     from imocap_core.library.terminal import Terminal
 
-    console = speaker()
-    began = time.perf_counter()
-    with Terminal(console) as display:
-        done = synchronise_videos(
+    def solve(progress: Progress) -> Synchronised:
+        return synchronise_videos(
             sources,
             format=format,
             layout=layout,
@@ -69,18 +78,52 @@ def sync_command(
             repetitions=repetitions,
             root=root_of(context),
             params=sets,
-            progress=display,
+            progress=progress,
         )
+
+    began = time.perf_counter()
+    if as_json:
+        print_json(_document(solve(None)))
+        return
+    with Terminal(speaker()) as display:
+        done = solve(display)
+    _print(done, time.perf_counter() - began)
+
+
+def _document(done: Synchronised) -> dict[str, object]:
+    from imocap_core.figures.sync_summary import sync_rows
+
+    sync = done.sync.summary
+    videos = [
+        asdict(row)
+        | {"excluded": row.video in sync.excluded, "mirrored": row.video in sync.mirrored}
+        for row in sync_rows(done.keypoints, sync)
+    ]
+    return {
+        "action": done.action,
+        "reference": sync.reference,
+        "status": done.sync.status,
+        "notes": [*done.notes, *done.sync.notes],
+        "videos": videos,
+        "files": done.files,
+    }
+
+
+def _print(done: Synchronised, seconds: float) -> None:
+    from rich.markup import escape
+
+    console = speaker()
     for note in (*done.notes, *done.sync.notes, done.sync.status):
         console.print(escape(note))
     console.print(_table(done.keypoints, done.sync.summary))
     for file in done.files:
         console.print(escape(str(file)))
-    seconds = time.perf_counter() - began
     console.print(f"{seconds:.1f} s. For cameras and motion: imocap run {escape(done.action)}")
 
 
 def _table(keypoints: Keypoints, sync: SyncSummary) -> Table:
+    from rich.table import Table
+
     from imocap_core.figures.sync_summary import sync_rows
 
     table = Table("video", "matched", "mean rate", "confidence", "offset", box=None, pad_edge=False)

@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from imocap_core.cli.options import ActionName, root_of, speaker
 
 if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
+
     from imocap_core.film.action_films import Film
 
 
@@ -23,28 +25,51 @@ def video_command(
         typer.Option(help="The body over each video, all videos in lock-step, or both."),
     ] = "both",
     out: Annotated[
-        Path | None, typer.Option(help="Folder to write to; else artifacts/ACTION/videos.")
+        Path | None, typer.Option(help="Folder to write to (default: artifacts/ACTION/videos).")
     ] = None,
     mesh: Annotated[
         bool, typer.Option("--mesh/--no-mesh", help="Draw the body in the side-by-side film too.")
     ] = True,
     result: Annotated[
         Literal["final", "monocular"],
-        typer.Option(help="The final motion, or that of each video alone."),
+        typer.Option(help="The final motion, or the one estimated from each video alone."),
     ] = "final",
     opacity: Annotated[
-        float, typer.Option(min=0.0, max=1.0, help="1 hides the person behind the body.")
+        float, typer.Option(min=0.0, max=1.0, help="Opacity of the body; 1 hides the person.")
     ] = 0.75,
 ) -> None:
-    """Write films (H.264) of an action that has been run."""
+    """Write overlay and side-by-side films of an action (H.264)."""
     from imocap_core.library.outputs import films, write_films
 
     console = speaker(markup=False)
     began = time.perf_counter()
-    shown, folder = films(
+    planned, folder = films(
         action, kind=kind, mesh=mesh, motion=result, opacity=opacity, root=root_of(context)
     )
-    with Progress(
+    with _bars(console) as bars:
+        tasks = {film.name: bars.add_task(film.name, total=film.count) for film in planned}
+
+        def advance(film: Film, done: int) -> None:
+            bars.update(tasks[film.name], completed=done)
+
+        files = write_films(planned, out or folder, advance)
+    for file in files:
+        console.print(str(file))
+    seconds = time.perf_counter() - began
+    frames = sum(film.count for film in planned)
+    console.print(f"{frames} frames, {seconds:.1f} s")
+
+
+def _bars(console: Console) -> Progress:
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeRemainingColumn,
+    )
+
+    return Progress(
         TextColumn("{task.description:<24}"),
         BarColumn(bar_width=24),
         MofNCompleteColumn(),
@@ -52,15 +77,4 @@ def video_command(
         console=console,
         transient=True,
         disable=not console.is_terminal,
-    ) as bars:
-        tasks = {film.name: bars.add_task(film.name, total=film.count) for film in shown}
-
-        def advance(film: Film, done: int) -> None:
-            bars.update(tasks[film.name], completed=done)
-
-        files = write_films(shown, out or folder, advance)
-    for file in files:
-        console.print(str(file))
-    seconds = time.perf_counter() - began
-    frames = sum(film.count for film in shown)
-    console.print(f"{frames} frames, {seconds:.1f} s")
+    )

@@ -11,7 +11,7 @@ from typing import Any
 
 from imocap_core.detect.results import Arrays, landmark_arrays, people_arrays
 from imocap_core.params import DetectParams
-from imocap_core.pipeline.action import DetectionFormat, InitialFormat, Layout
+from imocap_core.pipeline.format_names import DetectionFormat, InitialFormat, Layout
 from imocap_core.pipeline.source import SourceFile
 
 HERE = Path(__file__).parent

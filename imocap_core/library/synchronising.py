@@ -13,7 +13,7 @@ from imocap_core.errors import WrongUse
 from imocap_core.library.door import plain_errors
 from imocap_core.library.one_off import Params, one_off
 from imocap_core.library.progress import Progress, displaying
-from imocap_core.pipeline.action import DetectionFormat, Layout
+from imocap_core.pipeline.format_names import DetectionFormat, Layout
 from imocap_core.result.synchronisation import Synchronisation, synchronisation_of
 from imocap_core.standalone_sync.sources import Declared, VideoSource, read_size, sources_of
 from imocap_core.workspace import Workspace

@@ -5,54 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.io.pose2sim_files import FILES, has_pose2sim_truth
+from imocap_core.pipeline.format_names import DetectionFormat, InitialFormat, Layout
 from imocap_core.pipeline.hints import AnchorEntry, ForbiddenEntry, hint_faults
 from imocap_core.pipeline.person import Person
 
 FILE_NAME = "action.yaml"
 DETECT = "detect"
 
-DetectionFormat = Literal[
-    "openpose",
-    "alphapose",
-    "mmpose",
-    "coco",
-    "mediapipe",
-    "halpe26",
-    "wholebody",
-    "cpn_npz",
-    "npz",
-    "deeplabcut",
-    "sleap",
-]
-Layout = Literal[
-    "body25",
-    "body25b",
-    "coco17",
-    "coco18",
-    "halpe26",
-    "halpe136",
-    "wholebody133",
-    "h36m17",
-    "mediapipe33",
-]
-InitialFormat = Literal[
-    "smpl_npz",
-    "joints_npz",
-    "hmr2",
-    "wham",
-    "gvhmr",
-    "vibe",
-    "hmmr",
-    "tram",
-    "sam3d_body",
-    "mediapipe_world",
-]
 Id = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")]
 Positive = Annotated[float, Field(gt=0)]
 Model = TypeVar("Model", bound=BaseModel)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from imocap_core.errors import WrongUse
-from imocap_core.pipeline.action import DetectionFormat, Layout
+from imocap_core.pipeline.format_names import DetectionFormat, Layout
 
 KEYPOINT_SUFFIXES = (".json", ".npz", ".csv", ".h5")
 # Where keypoints of videos/clip.mp4 are looked for: folders of these names, and (but for the first)

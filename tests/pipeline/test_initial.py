@@ -18,7 +18,8 @@ from imocap_core.io.detectors.by_name import FORMATS
 from imocap_core.io.estimators.by_name import JOINTS, ROTATIONS
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.observations import Observation
-from imocap_core.pipeline.action import Action, Declaration, DetectionFormat, InitialFormat, Layout
+from imocap_core.pipeline.action import Action, Declaration
+from imocap_core.pipeline.format_names import DetectionFormat, InitialFormat, Layout
 from imocap_core.pipeline.stage import Context
 from imocap_core.problem.estimates import estimate_of
 from imocap_core.rotations import exp

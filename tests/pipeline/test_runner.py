@@ -28,7 +28,7 @@ def test_a_second_run_makes_nothing(toy: Toy, capsys: pytest.CaptureFixture[str]
     assert toy.imocap(["run", "toy"]) == 0
     assert toy.ran() == []
     assert toy.digests() == before
-    assert "toy: 3 stages, every one cached" in capsys.readouterr().out
+    assert "toy: 3 stages, all cached" in capsys.readouterr().out
 
 
 def test_a_parameter_reruns_its_stage_and_what_follows(toy: Toy) -> None:

@@ -1,4 +1,4 @@
-"""imocap export and imocap compare as one types them: what is said, and how they end."""
+"""imocap export and imocap compare as one types them: what is message, and how they end."""
 
 from __future__ import annotations
 
@@ -32,30 +32,30 @@ def imocap(
     def run(*words: str) -> Said:
         monkeypatch.setattr("sys.argv", ["imocap", *words])
         code = main(["--root", str(tmp_path)])
-        said = capsys.readouterr()
-        return code, said.out, said.err
+        message = capsys.readouterr()
+        return code, message.out, message.err
 
     return run
 
 
 def test_export_names_its_files(imocap: Callable[..., Said], tmp_path: Path) -> None:
     out = tmp_path / "there"
-    code, said, _ = imocap("export", "walk", "--format", "bvh", "--up", "z", "--out", str(out))
+    code, message, _ = imocap("export", "walk", "--format", "bvh", "--up", "z", "--out", str(out))
     assert code == 0
     names = ["a.bvh", "b.bvh", "sync.csv", "cameras.json", "export_bvh.json"]
-    assert said.splitlines() == [str(out / name) for name in names]
+    assert message.splitlines() == [str(out / name) for name in names]
 
 
 def test_export_says_what_can_not_be(imocap: Callable[..., Said], tmp_path: Path) -> None:
     out = str(tmp_path / "there")
-    code, _, said = imocap("export", "walk", "--format", "glb", "--up", "z", "--out", out)
+    code, _, message = imocap("export", "walk", "--format", "glb", "--up", "z", "--out", out)
     assert code == 2
-    assert said.startswith("imocap: --up z: a GLB file is y up")
+    assert message.startswith("imocap: --up z: a GLB file is y up")
     assert imocap("export", "walk", "--format", "fbx", "--out", out)[0] == 2
     (tmp_path / "file").write_text("")
-    code, _, said = imocap("export", "walk", "--out", str(tmp_path / "file"))
-    assert (code, said.count("\n")) == (1, 1)
-    assert "cannot write to" in said
+    code, _, message = imocap("export", "walk", "--out", str(tmp_path / "file"))
+    assert (code, message.count("\n")) == (1, 1)
+    assert "cannot write to" in message
 
 
 def test_an_artifact_of_another_version_is_one_sentence(
@@ -63,19 +63,19 @@ def test_an_artifact_of_another_version_is_one_sentence(
 ) -> None:
     made.publish("camera_motion", CameraMotion(videos=[turned(v) for v in LENGTHS]))
     made.publish("hands", CameraMotion(videos=[]))  # not what its name says
-    code, _, said = imocap("export", "walk", "--out", str(tmp_path / "there"))
-    assert (code, said.count("\n")) == (1, 1)
-    assert "hands of walk: expected a Hands, got a CameraMotion" in said
-    assert said.endswith("run it with: imocap run walk\n")
+    code, _, message = imocap("export", "walk", "--out", str(tmp_path / "there"))
+    assert (code, message.count("\n")) == (1, 1)
+    assert "hands of walk: expected a Hands, got a CameraMotion" in message
+    assert message.endswith("run it with: imocap run walk\n")
 
 
 def test_compare(imocap: Callable[..., Said], tmp_path: Path) -> None:
-    code, said, _ = imocap("compare", "walk")
+    code, message, _ = imocap("compare", "walk")
     assert code == 0
-    first, report, *_ = said.splitlines()
+    first, report, *_ = message.splitlines()
     assert first.startswith("walk: consistency 1.000")
     assert Path(report) == tmp_path / "artifacts" / "walk" / "report" / "compare" / "report.md"
     assert Path(report).is_file()
-    code, _, said = imocap("compare", "walk", "walk")
-    assert (code, said) == (2, "imocap: walk and walk are one action; leave the second out\n")
+    code, _, message = imocap("compare", "walk", "walk")
+    assert (code, message) == (2, "imocap: walk and walk are one action; leave the second out\n")
     assert imocap("compare", "walk", "nobody")[0] == 2

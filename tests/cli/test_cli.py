@@ -17,7 +17,7 @@ Capture = pytest.CaptureFixture[str]
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["frob"], "No such command 'frob'"),
         (["run"], "Missing argument"),
@@ -34,39 +34,39 @@ Capture = pytest.CaptureFixture[str]
         (["init", "mine", "x.mp4"], "there is no video x.mp4"),
     ],
 )
-def test_wrong_use(toy: Toy, capsys: Capture, words: list[str], said: str) -> None:
+def test_wrong_use(toy: Toy, capsys: Capture, words: list[str], message: str) -> None:
     assert toy.imocap(words) == 2
     shown = capsys.readouterr().err
-    assert said in shown
+    assert message in shown
     assert "Traceback" not in shown
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["view", "toy"], "toy has no report yet; make one with: imocap run toy"),
         (["export", "toy", "--out", "x"], "toy has no keypoints artifact yet; run it with"),
     ],
 )
-def test_work_that_can_t_be_done(toy: Toy, capsys: Capture, words: list[str], said: str) -> None:
+def test_work_that_can_t_be_done(toy: Toy, capsys: Capture, words: list[str], message: str) -> None:
     assert toy.imocap(words) == 1
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 def test_a_missing_file_is_named_before_anything_runs(toy: Toy, capsys: Capture) -> None:
     (toy.action / "v2.txt").unlink()
     assert toy.imocap(["run", "toy"]) == 1
-    said = capsys.readouterr().err
-    assert f"videos.1.keypoints: there is no {toy.action / 'v2.txt'}" in said
+    message = capsys.readouterr().err
+    assert f"videos.1.keypoints: there is no {toy.action / 'v2.txt'}" in message
     assert toy.ran() == []
 
 
 def test_a_folder_that_can_t_be_used_is_named(toy: Toy, capsys: Capture) -> None:
     (toy.root / "artifacts").write_text("a file where a folder should be")
     assert toy.imocap(["run", "toy"]) == 1
-    said = capsys.readouterr().err
-    assert f"cannot use {toy.root / 'artifacts'}" in said
-    assert "fault of the program" not in said
+    message = capsys.readouterr().err
+    assert f"cannot use {toy.root / 'artifacts'}" in message
+    assert "fault of the program" not in message
 
 
 def test_a_built_in_action_that_is_not_made_yet(toy: Toy, capsys: Capture) -> None:
@@ -84,10 +84,10 @@ def test_init_then_run_says_what_is_missing(toy: Toy, capsys: Capture, tmp_path:
     assert (action.folder / str(action.videos[0].video)).resolve() == clips[0].resolve()
     capsys.readouterr()
     assert toy.imocap(["run", "mine"]) == 1
-    said = capsys.readouterr().err
-    assert f"{action.folder / str(action.videos[0].video)}: is not a readable video" in said
-    assert "fault of the program" not in said
-    assert said.count("\n") == 1
+    message = capsys.readouterr().err
+    assert f"{action.folder / str(action.videos[0].video)}: is not a readable video" in message
+    assert "fault of the program" not in message
+    assert message.count("\n") == 1
     assert toy.imocap(["init", "mine", str(clips[0])]) == 2
     assert "exists already" in capsys.readouterr().err
 
@@ -117,18 +117,18 @@ def test_status_says_what_would_run_and_why(toy: Toy, capsys: Capture) -> None:
     assert "read: detections v1 has changed" in capsys.readouterr().out
     (toy.action / "v1.txt").write_text("1.5")
     toy.imocap(["status", "toy", "--set", "sync.method=als"])
-    said = capsys.readouterr().out
-    assert "gather         cached" in said
-    assert "sync.method: softmap -> als" in said
+    message = capsys.readouterr().out
+    assert "gather         cached" in message
+    assert "sync.method: softmap -> als" in message
 
 
 def test_explain_lists_what_a_stage_depends_on(toy: Toy, capsys: Capture) -> None:
     toy.imocap(["run", "toy"])
     capsys.readouterr()
     assert toy.imocap(["explain", "toy", "scale"]) == 0
-    said = capsys.readouterr().out
+    message = capsys.readouterr().out
     for part in ("scale: cached", "gather", "scale.py", "sync.method = softmap", "schemas.base"):
-        assert part in said
+        assert part in message
     script = toy.root / "toys" / "scale.py"
     script.write_text(script.read_text().replace("2.0", "3.0"))
     toy.imocap(["explain", "toy", "scale"])
@@ -175,15 +175,15 @@ def test_doctor_reads_the_body_models_it_finds(
 ) -> None:
     monkeypatch.delenv("IMOCAP_MODELS", raising=False)
     assert toy.imocap(["doctor"]) == 0
-    said = capsys.readouterr().out
-    assert "body model: free_body" in said
-    assert "body model SMPL-X: none, no folder given" in said
+    message = capsys.readouterr().out
+    assert "body model: free_body" in message
+    assert "body model SMPL-X: none, no folder given" in message
     (tmp_path / "models").mkdir()
     broken = tmp_path / "models" / "SMPLX_NEUTRAL.npz"
     broken.write_bytes(b"")
     monkeypatch.setenv("IMOCAP_MODELS", str(broken.parent))
     assert toy.imocap(["doctor"]) == 1
-    said = capsys.readouterr().out
-    assert f"body model SMPL-X: {broken}: refused" in said
-    assert f"body model SMPL: none below {broken.parent}" in said
+    message = capsys.readouterr().out
+    assert f"body model SMPL-X: {broken}: refused" in message
+    assert f"body model SMPL: none below {broken.parent}" in message
     assert toy.imocap(["doctor", "--models", str(tmp_path / "nowhere")]) == 2

@@ -26,15 +26,15 @@ QUICK = [
     for setting in ("library_poses=60", "library_directions=12", "starts=1", "max_steps=2")
     for word in ("--set", f"initial_smpl.{setting}")
 ]
-KNOWN = ["--fps", str(FPS), "--size", f"{SIZE[0]}x{SIZE[1]}"]
+FORMAT = ["--fps", str(FPS), "--size", f"{SIZE[0]}x{SIZE[1]}"]
 
 
 def _keypoints(folder: Path, made: Made, v: int, frames: int | None = None) -> Path:
     """What OpenPose would write of a made video."""
     folder.mkdir(parents=True)
-    seen = made.keypoints.videos[v]
+    video = made.keypoints.videos[v]
     columns = list(made.model.points("body25").columns)
-    for n, xy in enumerate(seen.xy_px[:frames]):
+    for n, xy in enumerate(video.xy_px[:frames]):
         person = np.zeros((25, 3))
         person[columns] = np.column_stack([xy, np.full(len(xy), 0.9)])
         (folder / f"c_{n:06d}_keypoints.json").write_text(
@@ -71,9 +71,9 @@ def test_keypoints_alone_give_a_table_and_a_picture(
 ) -> None:
     folders = [_keypoints(tmp_path / "in" / name, made, v) for v, name in enumerate(("a", "b"))]
     out = tmp_path / "out"
-    assert run(*folders, *KNOWN, *QUICK, "--out", out, "--name", "try", "--reference", "b") == 0
-    said = capsys.readouterr().out
-    assert "mean rate" in said
+    assert run(*folders, *FORMAT, *QUICK, "--out", out, "--name", "try", "--reference", "b") == 0
+    message = capsys.readouterr().out
+    assert "mean rate" in message
     assert sorted(f.name for f in out.iterdir()) == ["sync.csv", "sync.png"]
     rows = _rows(out / "sync.csv")
     assert list(rows[0]) == ["video", "frame", "reference_frame", "confidence", "phase_s"]
@@ -83,10 +83,28 @@ def test_keypoints_alone_give_a_table_and_a_picture(
     assert [(v.id, v.layout, v.fps) for v in action.videos] == [("a", "body25", FPS)] + [
         ("b", "body25", FPS)
     ]
-    assert run(*folders, *KNOWN, *QUICK, "--out", out, "--name", "try", "--reference", "a") == 0
-    said = capsys.readouterr().out
-    assert said.count("cached") == 4  # the same action again, nothing runs
+    assert run(*folders, *FORMAT, *QUICK, "--out", out, "--name", "try", "--reference", "a") == 0
+    message = capsys.readouterr().out
+    assert message.count("cached") == 4  # the same action again, nothing runs
     assert {row["video"] for row in _rows(out / "sync.csv")} == {"b"}
+    words = [
+        *folders,
+        *FORMAT,
+        *QUICK,
+        "--out",
+        out,
+        "--name",
+        "try",
+        "--reference",
+        "a",
+        "--json",
+    ]
+    assert run(*words) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert (Path(document["action"]).name, document["reference"]) == ("try", "a")
+    assert [video["video"] for video in document["videos"]] == ["a", "b"]
+    assert 0 < document["videos"][1]["matched"] <= 1
+    assert str(out / "sync.csv") in document["files"]
 
 
 def test_videos_with_keypoints_give_a_film_too(
@@ -107,24 +125,24 @@ def test_videos_with_keypoints_give_a_film_too(
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["nowhere"], "there is no nowhere; expected keypoints"),
         (["{in}/a"], "don't tell the frame rate and the picture's size; give both, as in --fps 30"),
         (["{in}/a", "--fps", "30", "--size", "big"], "--size big: expected width x height"),
-        (["{in}/a", *KNOWN], "is one video: give two or more, or cut a long clip"),
-        (["{in}/a", "{in}/b", *KNOWN, "--reference", "c"], "there is no such video; got a, b"),
-        (["{in}/a", "{in}/b", *KNOWN, "--name", "x/y"], "invalid action name 'x/y'"),
-        (["{in}/a", "{in}/b", *KNOWN, "--name", "mine"], "there is another action mine"),
-        (["{in}/a", "{in}/b", *KNOWN, "--repetitions"], "expected one long clip, got 2"),
-        (["{in}/a", "{in}/b", *KNOWN, "--set", "sync.magic=1"], "sync.magic: unknown parameter"),
+        (["{in}/a", *FORMAT], "is one video: give two or more, or cut a long clip"),
+        (["{in}/a", "{in}/b", *FORMAT, "--reference", "c"], "there is no such video; got a, b"),
+        (["{in}/a", "{in}/b", *FORMAT, "--name", "x/y"], "invalid action name 'x/y'"),
+        (["{in}/a", "{in}/b", *FORMAT, "--name", "mine"], "there is another action mine"),
+        (["{in}/a", "{in}/b", *FORMAT, "--repetitions"], "expected one long clip, got 2"),
+        (["{in}/a", "{in}/b", *FORMAT, "--set", "sync.magic=1"], "sync.magic: unknown parameter"),
         (["{in}/a", "--format", "magic"], "'magic' is not one of"),
         (["yoga", "{in}/a"], "yoga is an action: give it alone"),
         (["{in}/a.mp4:{in}/none"], "there is no"),
     ],
 )
 def test_wrong_use(
-    run, made: Made, tmp_path: Path, capsys: Capture, words: list[str], said: str
+    run, made: Made, tmp_path: Path, capsys: Capture, words: list[str], message: str
 ) -> None:
     for v, name in enumerate(("a", "b")):
         _keypoints(tmp_path / "in" / name, made, v, frames=3)
@@ -132,7 +150,7 @@ def test_wrong_use(
     (tmp_path / "actions" / "mine").mkdir(parents=True)
     assert run(*(word.replace("{in}", str(tmp_path / "in")) for word in words)) == 2
     shown = capsys.readouterr().err
-    assert said in " ".join(shown.replace("│", " ").split())
+    assert message in " ".join(shown.replace("│", " ").split())
     assert "Traceback" not in shown
 
 
@@ -151,10 +169,10 @@ def test_videos_alone_go_to_the_detector(
 def test_keypoints_that_are_not_understood(run, tmp_path: Path, capsys: Capture) -> None:
     (tmp_path / "a").mkdir()
     (tmp_path / "a" / "f0.json").write_text('{"people": [{"pose_keypoints_2d": [1, 2, 3]}]}')
-    assert run(tmp_path / "a", *KNOWN) == 1
-    said = capsys.readouterr().err
-    assert "points per person, got 1" in said
-    assert said.count("\n") == 1
+    assert run(tmp_path / "a", *FORMAT) == 1
+    message = capsys.readouterr().err
+    assert "points per person, got 1" in message
+    assert message.count("\n") == 1
 
 
 def test_keypoints_are_found_where_people_put_them(made: Made, tmp_path: Path) -> None:
@@ -179,15 +197,15 @@ def test_keypoints_are_found_where_people_put_them(made: Made, tmp_path: Path) -
 def test_files_of_other_detectors_are_synchronised(run, made: Made, tmp_path: Path) -> None:
     files = []
     for v, write in enumerate((made_keypoints.write_alphapose, made_keypoints.write_mmpose)):
-        seen, columns = made.keypoints.videos[v], list(made.model.points("body25").columns)
+        video, columns = made.keypoints.videos[v], list(made.model.points("body25").columns)
         people = {}
-        for n, xy in enumerate(seen.xy_px):
+        for n, xy in enumerate(video.xy_px):
             person = np.zeros((25, 3))
             person[columns] = np.column_stack([xy, np.full(len(xy), 0.9)])
             people[n] = [person]
         files.append(write(tmp_path, people))
     out = tmp_path / "out"
-    assert run(*files, *KNOWN, *QUICK, "--out", out, "--name", "files") == 0
+    assert run(*files, *FORMAT, *QUICK, "--out", out, "--name", "files") == 0
     videos = read_action(tmp_path / "artifacts" / "files").videos
     assert [(v.format, v.layout) for v in videos] == [("alphapose", "body25"), ("mmpose", "body25")]
     assert len(_rows(out / "sync.csv")) == 24
@@ -197,19 +215,19 @@ def test_a_clip_without_repetitions_is_not_cut(
     run, made: Made, tmp_path: Path, capsys: Capture
 ) -> None:
     clip = _keypoints(tmp_path / "in" / "long", made, 0)
-    assert run(clip, *KNOWN, *QUICK, "--repetitions") == 1
-    said = capsys.readouterr().err
-    assert "long: no repetitions: " in said
-    assert said.count("\n") == 1
+    assert run(clip, *FORMAT, *QUICK, "--repetitions") == 1
+    message = capsys.readouterr().err
+    assert "long: no repetitions: " in message
+    assert message.count("\n") == 1
 
 
 def test_repetitions_enter_as_videos_of_the_same_file(
     run, made: Made, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The cut itself is tested in tests/sync; here, what is made of it."""
-    found = Repetitions(((0, 11), (11, 23)), 0.9, "2 repetitions")
+    repetitions = Repetitions(((0, 11), (11, 23)), 0.9, "2 repetitions")
     monkeypatch.setattr(
-        "imocap_core.sync.repetition.segmentation.find_repetitions", lambda *_, **__: found
+        "imocap_core.sync.repetition.segmentation.find_repetitions", lambda *_, **__: repetitions
     )
     clip = _video(tmp_path / "in" / "long.mp4", 24)
     _keypoints(tmp_path / "in" / "long", made, 0)
@@ -229,18 +247,18 @@ def test_repetitions_enter_as_videos_of_the_same_file(
 def test_a_declared_long_clip_is_cut_and_the_other_videos_stay(
     run, made: Made, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = Repetitions(((0, 11), (11, 23)), 0.9, "2 repetitions")
+    repetitions = Repetitions(((0, 11), (11, 23)), 0.9, "2 repetitions")
     monkeypatch.setattr(
-        "imocap_core.sync.repetition.segmentation.find_repetitions", lambda *_, **__: found
+        "imocap_core.sync.repetition.segmentation.find_repetitions", lambda *_, **__: repetitions
     )
     for name in ("long", "other"):
         _keypoints(tmp_path / "in" / name, made, 0)
-    known = {"format": "openpose", "layout": "body25", "fps": 30.0, "size": [640, 360]}
+    declared = {"format": "openpose", "layout": "body25", "fps": 30.0, "size": [640, 360]}
     action = {
         "name": "serves",
         "videos": [
-            {"id": "long", "keypoints": "../in/long", "repetitions": True, **known},
-            {"id": "other", "keypoints": "../in/other", **known},
+            {"id": "long", "keypoints": "../in/long", "repetitions": True, **declared},
+            {"id": "other", "keypoints": "../in/other", **declared},
         ],
         "params": {"sync": {"rounds": 1}},
     }

@@ -71,10 +71,10 @@ def imocap(
 
 def test_the_page_is_written_once(folder: Path, imocap: Callable[..., tuple[int, str]]) -> None:
     file = folder / "artifacts" / "waving" / "report" / "viewer.html"
-    code, said = imocap("view", "waving")
+    code, message = imocap("view", "waving")
     assert code == 0
-    assert f"The viewer of waving is {file}" in said
-    assert "already" not in said
+    assert f"The viewer of waving is {file}" in message
+    assert "already" not in message
     before = file.stat().st_mtime_ns
     assert "already up to date" in imocap("view", "waving")[1]
     assert file.stat().st_mtime_ns == before
@@ -93,13 +93,13 @@ def test_it_is_written_anew_when_the_result_has_changed(
 
 def test_out_says_where(folder: Path, imocap: Callable[..., tuple[int, str]]) -> None:
     file = folder / "shown" / "here.html"
-    code, said = imocap("view", "waving", "--out", str(file))
+    code, message = imocap("view", "waving", "--out", str(file))
     assert code == 0
-    assert str(file) in said
+    assert str(file) in message
     assert file.read_text(encoding="utf-8").startswith("<!doctype html>")
-    code, said = imocap("view", "waving", "--out", str(folder))
+    code, message = imocap("view", "waving", "--out", str(folder))
     assert code == 2
-    assert "expected the name of an .html file" in said
+    assert "expected the name of an .html file" in message
 
 
 def test_artifacts_of_other_frames_are_refused(
@@ -108,15 +108,30 @@ def test_artifacts_of_other_frames_are_refused(
     initial: InitialSmpl = Made(count=2, frames=5).initial
     store = Store(folder / "artifacts")
     store.publish("waving", "initial_smpl", store.put("initial_smpl", "short", initial, {}, {}))
-    code, said = imocap("view", "waving")
+    code, message = imocap("view", "waving")
     assert code == 1
-    assert "waving: its artifacts are of different frames (initial_smpl of v1, v2); run" in said
-    assert "Traceback" not in said
+    assert "waving: its artifacts are of different frames (initial_smpl of v1, v2); run" in message
+    assert "Traceback" not in message
 
 
 def test_a_broken_artifact_is_named(folder: Path, imocap: Callable[..., tuple[int, str]]) -> None:
     (folder / "artifacts" / "waving" / "refine_sync.mcap").write_bytes(b"nonsense")
-    code, said = imocap("view", "waving")
+    code, message = imocap("view", "waving")
     assert code == 1
-    assert "refine_sync.mcap" in said
-    assert "run it with: imocap run waving" in said
+    assert "refine_sync.mcap" in message
+    assert "run it with: imocap run waving" in message
+
+
+def test_open_shows_the_page_in_the_browser(
+    folder: Path, imocap: Callable[..., tuple[int, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", lambda page: bool(opened.append(page)) or True)
+    code, text = imocap("view", "waving", "--open")
+    assert code == 0
+    assert "open it in a browser" not in text
+    assert opened == [(folder / "artifacts/waving/report/viewer.html").resolve().as_uri()]
+    monkeypatch.setattr("webbrowser.open", lambda page: False)
+    code, text = imocap("view", "waving", "--open")
+    assert code == 1
+    assert "no browser could be started; open " in text

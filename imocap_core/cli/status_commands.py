@@ -1,0 +1,102 @@
+"""`imocap status` and `explain`: what is cached, and why something would run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import typer
+
+from imocap_core.cli.json_output import print_json
+from imocap_core.cli.options import ActionName, Json, Sets, StageName, root_of, speaker
+
+if TYPE_CHECKING:
+    from imocap_core.library.status import Explanation
+
+
+def status_command(
+    context: typer.Context,
+    action: ActionName,
+    sets: Sets = [],  # noqa: B006
+    as_json: Json = False,
+) -> None:
+    """Show which stages are cached, and why others would run."""
+    from imocap_core.library.status import status
+
+    stages = status(action, root=root_of(context), params=sets)
+    if as_json:
+        rows = [
+            {
+                "stage": stage.stage,
+                "state": stage.state,
+                "why": stage.why,
+                "digest": None if stage.stored is None else stage.stored.digest,
+            }
+            for stage in stages
+        ]
+        print_json({"action": action, "stages": rows})
+        return
+    from rich.markup import escape
+
+    from imocap_core.library.terminal import reasons
+
+    console = speaker()
+    for stage in stages:
+        if stage.stored is not None:
+            state = f"[dim]cached     {stage.stored.digest[:12]}[/]"
+        else:
+            state = f"would run  {escape(reasons(stage.why))}"
+        console.print(f"{stage.stage:<14} {state}")
+
+
+def explain_command(
+    context: typer.Context,
+    action: ActionName,
+    stage: StageName,
+    sets: Sets = [],  # noqa: B006
+    as_json: Json = False,
+) -> None:
+    """Show all that a stage's result depends on, and what changed."""
+    from imocap_core.library.status import explain
+
+    explanation = explain(action, stage, root=root_of(context), params=sets)
+    if as_json:
+        print_json({"action": action, "stage": stage} | _document(explanation))
+    else:
+        _print(stage, explanation)
+
+
+def _document(explanation: Explanation) -> dict[str, object]:
+    recipe = explanation.recipe
+    parts: dict[str, object] = {
+        "state": explanation.status.state,
+        "why": explanation.status.why,
+        "missing": explanation.missing,
+    }
+    if recipe is not None:
+        parts |= {
+            "key": recipe.key,
+            "seed": recipe.seed,
+            "inputs": recipe.inputs,
+            "reads": recipe.reads,
+            "code": recipe.code,
+            "params": recipe.params,
+        }
+    return parts
+
+
+def _print(stage: str, explanation: Explanation) -> None:
+    console = speaker(markup=False)
+    console.print(f"{stage}: {explanation.status.state}")
+    recipe = explanation.recipe
+    if recipe is None:
+        console.print(f"  after {', '.join(explanation.missing)}")
+        return
+    for why in explanation.status.why:
+        console.print(f"  because {why}")
+    console.print(f"key     {recipe.key}\nseed    {recipe.seed}")
+    for title, leaves in (("input", recipe.inputs), ("read", recipe.reads), ("code", recipe.code)):
+        for name, digest in leaves.items():
+            console.print(f"{title:<7} {digest[:12]}  {name}")
+    for group, values in recipe.params.items():
+        for name, value in values.items():
+            console.print(f"param   {group}.{name} = {value}")

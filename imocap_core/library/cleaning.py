@@ -1,0 +1,162 @@
+"""Removing old results from the cache of a working folder."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from imocap_core.artifacts.cache import (
+    CachedResult,
+    cached_results,
+    leftovers,
+    removable,
+    remove,
+    size_of,
+)
+from imocap_core.errors import ImocapError, WorkFailed, WrongUse
+from imocap_core.library.door import plain_errors
+from imocap_core.pipeline.action import find_action, read_action
+from imocap_core.workspace import Workspace
+
+DAY_S = 86400.0
+UNITS = {"B": 1, "KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
+
+
+@dataclass(frozen=True)
+class CacheRow:
+    """The cached results of one stage: their number and size, those in use, those to remove."""
+
+    stage: str
+    results: int
+    size_bytes: int
+    in_use: int
+    removed: int
+    removed_bytes: int
+
+
+@dataclass(frozen=True)
+class Cleaning:
+    """The cache before cleaning, by stage, and what was removed (of a dry run: what would be)."""
+
+    rows: list[CacheRow]
+    leftovers: int
+    leftover_bytes: int
+    dry_run: bool
+
+    @property
+    def size_bytes(self) -> int:
+        """The size of all results before cleaning."""
+        return sum(row.size_bytes for row in self.rows)
+
+    @property
+    def removed(self) -> int:
+        """The number of removed results."""
+        return sum(row.removed for row in self.rows)
+
+    @property
+    def removed_bytes(self) -> int:
+        """The size of the removed results."""
+        return sum(row.removed_bytes for row in self.rows)
+
+
+@plain_errors
+def clean(
+    action: str | Path | None = None,
+    *,
+    older_days: float | None = None,
+    max_bytes: int | None = None,
+    dry_run: bool = False,
+    root: str | Path = ".",
+) -> Cleaning:
+    """Remove results from the cache, the least recently used first, and leftovers of killed runs.
+
+    Current artifacts, and the detections of existing actions, are never removed; without
+    `older_days` and `max_bytes` no result is.
+
+    Args:
+        action: only results that this action and no other has used.
+        older_days: results that have not been used for so many days.
+        max_bytes: as many more as bring the cache to this size.
+        dry_run: remove nothing.
+
+    Raises:
+        WrongUse: no such action.
+        WorkFailed: a run is in progress.
+    """
+    workspace = Workspace(Path(root))
+    store = workspace.store.folder
+    name = None if action is None else read_action(find_action(str(action), workspace.root)).name
+    with _no_run_in_progress(workspace):
+        results = cached_results(store, _current_detections(workspace))
+        chosen = removable(
+            results,
+            now_s=time.time(),
+            action=name,
+            older_s=None if older_days is None else older_days * DAY_S,
+            max_bytes=max_bytes,
+        )
+        unfinished = leftovers(store)
+        cleaning = Cleaning(
+            _rows(results, chosen), len(unfinished), sum(map(size_of, unfinished)), dry_run
+        )
+        if not dry_run:
+            remove(store, [*(result.file for result in chosen), *unfinished])
+    return cleaning
+
+
+def bytes_of(text: str) -> int:
+    """A size as 2GB, 500 MB or 1000 (bytes); WrongUse for anything else."""
+    match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*([KMGT]?B)?\s*", text, re.IGNORECASE)
+    if match is None:
+        raise WrongUse(f"invalid size {text!r}: expected a number with KB, MB, GB or TB, as 2GB")
+    return round(float(match[1]) * UNITS[(match[2] or "B").upper()])
+
+
+def _rows(results: Sequence[CachedResult], chosen: Sequence[CachedResult]) -> list[CacheRow]:
+    rows = []
+    for stage in sorted({result.stage for result in results}):
+        of_stage = [result for result in results if result.stage == stage]
+        removed = [result for result in chosen if result.stage == stage]
+        rows.append(
+            CacheRow(
+                stage,
+                len(of_stage),
+                sum(result.size_bytes for result in of_stage),
+                sum(result.in_use for result in of_stage),
+                len(removed),
+                sum(result.size_bytes for result in removed),
+            )
+        )
+    return rows
+
+
+def _current_detections(workspace: Workspace) -> list[Path]:
+    """The detections of the actions below actions/; all detections when one cannot be read."""
+    files: list[Path] = []
+    for file in (workspace.root / "actions").glob("*/action.yaml"):
+        try:
+            files += workspace.job(str(file.parent), []).action.detected.values()
+        except ImocapError:
+            return list((workspace.store.folder / ".cache" / "detections").glob("*.npz"))
+    return files
+
+
+@contextmanager
+def _no_run_in_progress(workspace: Workspace) -> Iterator[None]:
+    """Hold every action, so that no run starts; WorkFailed when one is in progress."""
+    with ExitStack() as held:
+        for lock in sorted(workspace.store.folder.glob("*/.lock")):
+            name = lock.parent.name
+            held.enter_context(workspace.store.lock(name, _refusal(name)))
+        yield
+
+
+def _refusal(name: str) -> Callable[[], None]:
+    def refuse() -> None:
+        raise WorkFailed(f"a run of {name} is in progress; clean when it has ended")
+
+    return refuse

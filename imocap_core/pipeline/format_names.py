@@ -1,0 +1,40 @@
+"""The names of formats and layouts, as action.yaml and the command line take them."""
+
+from typing import Literal
+
+DetectionFormat = Literal[
+    "openpose",
+    "alphapose",
+    "mmpose",
+    "coco",
+    "mediapipe",
+    "halpe26",
+    "wholebody",
+    "cpn_npz",
+    "npz",
+    "deeplabcut",
+    "sleap",
+]
+Layout = Literal[
+    "body25",
+    "body25b",
+    "coco17",
+    "coco18",
+    "halpe26",
+    "halpe136",
+    "wholebody133",
+    "h36m17",
+    "mediapipe33",
+]
+InitialFormat = Literal[
+    "smpl_npz",
+    "joints_npz",
+    "hmr2",
+    "wham",
+    "gvhmr",
+    "vibe",
+    "hmmr",
+    "tram",
+    "sam3d_body",
+    "mediapipe_world",
+]

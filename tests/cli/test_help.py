@@ -1,0 +1,90 @@
+"""`-h`, `--version`, completion: what the command line says about itself."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tomllib
+from typing import TYPE_CHECKING
+
+import pytest
+import typer
+
+from imocap_core.cli.app import app
+from imocap_core.pipeline.source import PROJECT
+
+if TYPE_CHECKING:
+    from tests.pipeline.conftest import Toy
+
+Capture = pytest.CaptureFixture[str]
+ORDER = (
+    *("init", "run", "view", "export", "video", "report", "compare", "sync", "status", "list"),
+    *("explain", "stage", "detect", "people", "params", "clean", "benchmark", "doctor"),
+)
+HEAVY = ("numpy", "pydantic", "scipy", "torch", "rich.table", "yaml", "imocap_core.library")
+
+
+def commands() -> dict[str, object]:
+    group = typer.main.get_command(app)
+    return dict(group.commands)  # type: ignore[attr-defined]
+
+
+def test_commands_are_listed_in_the_order_in_which_people_need_them(
+    toy: Toy, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert tuple(commands()) == ORDER
+    assert toy.imocap(["-h"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    listed = lines[lines.index("Commands:") + 1 :]
+    assert [line.split()[0] for line in listed] == list(ORDER)
+    assert not [line for line in listed if line.endswith("...")]  # no summary is cut
+
+
+@pytest.mark.parametrize("command", ORDER)
+@pytest.mark.parametrize("option", ["-h", "--help"])
+def test_every_command_has_help(toy: Toy, capsys: Capture, command: str, option: str) -> None:
+    assert toy.imocap([command, option]) == 0
+    assert f"Usage: imocap {command}" in capsys.readouterr().out
+
+
+def test_the_version_is_the_package_s(toy: Toy, capsys: Capture) -> None:
+    project = tomllib.loads((PROJECT / "pyproject.toml").read_text())["project"]
+    assert toy.imocap(["--version"]) == 0
+    assert capsys.readouterr().out == f"imocap {project['version']}\n"
+
+
+def test_the_command_line_imports_nothing_heavy() -> None:
+    code = (
+        "import sys; from imocap_core.cli.app import app; import typer; "
+        "typer.main.get_command(app); "
+        f"print([name for name in {HEAVY} if name in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=PROJECT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
+def completions(toy: Toy, line: str) -> list[str]:
+    """What bash is offered for a line that ends at the cursor."""
+    words = line.split(" ")
+    done = toy.apart(
+        _IMOCAP_COMPLETE="complete_bash", COMP_WORDS=line, COMP_CWORD=str(len(words) - 1)
+    )
+    return done.stdout.split()
+
+
+def test_the_shell_completes_commands_actions_stages_and_groups(toy: Toy) -> None:
+    assert completions(toy, "imocap st") == ["status", "stage"]
+    assert completions(toy, f"imocap --root {toy.root} run t") == ["taichi", "toy"]
+    assert completions(toy, f"imocap --root {toy.root} stage s") == ["scale"]
+    assert completions(toy, "imocap params sy") == ["sync"]
+    assert completions(toy, "imocap export toy --format b") == ["bvh"]
+
+
+def test_completion_can_be_installed(toy: Toy, capsys: Capture) -> None:
+    assert toy.imocap(["-h"]) == 0
+    shown = capsys.readouterr().out
+    assert "--install-completion" in shown
+    assert "--show-completion" in shown

@@ -1,0 +1,77 @@
+"""`--json`: one document on the standard output, and nothing else."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from imocap_core.cli.json_output import plain
+
+if TYPE_CHECKING:
+    from tests.pipeline.conftest import Toy
+
+Capture = pytest.CaptureFixture[str]
+
+
+def document(toy: Toy, capsys: Capture, *words: str, code: int = 0) -> Any:
+    capsys.readouterr()
+    assert toy.imocap([*words, "--json"]) == code
+    return json.loads(capsys.readouterr().out)
+
+
+def test_status(toy: Toy, capsys: Capture) -> None:
+    rows = document(toy, capsys, "status", "toy")["stages"]
+    assert rows[0] == {
+        "stage": "gather", "state": "would run", "why": ["never run"], "digest": None,
+    }  # fmt: skip
+    toy.imocap(["run", "toy"])
+    state = document(toy, capsys, "status", "toy")
+    assert state["action"] == "toy"
+    assert {row["stage"]: row["digest"] for row in state["stages"]} == toy.digests()
+    assert {row["state"] for row in state["stages"]} == {"cached"}
+
+
+def test_explain(toy: Toy, capsys: Capture) -> None:
+    before = document(toy, capsys, "explain", "toy", "scale")
+    assert before["missing"] == ["gather"]
+    assert "key" not in before
+    toy.imocap(["run", "toy"])
+    after = document(toy, capsys, "explain", "toy", "scale")
+    assert (after["state"], after["why"], after["seed"]) == ("cached", [], 7)
+    assert after["inputs"] == {"gather": toy.digests()["gather"]}
+    assert after["params"]["sync"]["method"] == "softmap"
+
+
+def test_doctor_reports_a_fault_in_its_exit_code_too(
+    toy: Toy, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("IMOCAP_MODELS", raising=False)
+    good = document(toy, capsys, "doctor")
+    assert good["ok"] is True
+    assert all(check["works"] for check in good["checks"])
+    (toy.root / "pipeline.yaml").write_text("seed: x\n")
+    bad = document(toy, capsys, "doctor", code=1)
+    assert bad["ok"] is False
+    assert sum(not check["works"] for check in bad["checks"]) == 1
+
+
+def test_a_fault_leaves_the_standard_output_empty(toy: Toy, capsys: Capture) -> None:
+    assert toy.imocap(["status", "nobody", "--json"]) == 2
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert "nobody" in shown.err
+
+
+def test_values_become_json_s_types() -> None:
+    @dataclass
+    class Row:
+        file: Path
+        values: tuple[float, ...]
+
+    row = Row(Path("a/b"), (1.5, float("nan"), np.float64(2.0), np.int64(3)))
+    assert plain({"row": row}) == {"row": {"file": "a/b", "values": [1.5, None, 2.0, 3]}}
