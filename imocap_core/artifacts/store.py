@@ -216,7 +216,7 @@ def _link(source: Path, target: Path) -> None:
 
 
 def _same_files(folder: Path, files: Mapping[str, bytes], *, and_more: bool) -> bool:
-    """Whether a folder holds these files, and no others unless `and_more`."""
+    """Whether a folder contains these files, and no others unless `and_more`."""
     present = {p.relative_to(folder).as_posix(): p for p in folder.rglob("*") if p.is_file()}
     complete = present.keys() >= files.keys() if and_more else present.keys() == files.keys()
     return complete and all(present[name].read_bytes() == data for name, data in files.items())

@@ -92,12 +92,13 @@ class SyncParams:
     outliers: Literal["exclude", "report", "ignore"] = param(
         "exclude",
         "A video that shows another action: `exclude` it from the joint solve, only `report` it, "
-        "or `ignore` the question.",
+        "or `ignore` it (no video is checked).",
     )
     mirrored: Literal["flip", "report", "ignore"] = param(
         "flip",
         "A video that shows the mirror image of the action (a flipped picture or a left-handed "
-        "performer): `flip` it for the joint solve, only `report` it, or `ignore` the question.",
+        "performer): `flip` it for the joint solve, only `report` it, or `ignore` it (no video is "
+        "checked).",
     )
 
     def __post_init__(self) -> None:

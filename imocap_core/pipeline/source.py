@@ -109,7 +109,7 @@ def _find(module: str) -> SourceFile | None:
 
 
 def module_name(script: Path) -> str:
-    """The dotted name of a file of this project; empty when it lies outside."""
+    """The dotted name of a file of this project; empty for a file outside."""
     script = script.resolve()
     if not script.is_relative_to(PROJECT) or script.relative_to(PROJECT).parts[0] not in PACKAGES:
         return ""
@@ -117,7 +117,7 @@ def module_name(script: Path) -> str:
 
 
 def _parents_and_self(module: str) -> Iterator[str]:
-    """A module and the packages it lies in, but for those that only re-export."""
+    """A module and the packages it is in, except those that only re-export."""
     parts = module.split(".")
     for i in range(1, len(parts)):
         if _reexports(package := ".".join(parts[:i])) is None:
