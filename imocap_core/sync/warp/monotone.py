@@ -41,20 +41,20 @@ def monotone_posterior(
     N, S = cost.shape
     # A match chooses among positions and "unmatched" doesn't: charge the match the prior of one
     # step of a walk that fills S positions in N frames.
-    match_like, skip_like, _ = bounded_likelihoods(cost + np.log1p(S / N), unmatched)
+    match_likelihood, skip_likelihood, _ = bounded_likelihoods(cost + np.log1p(S / N), unmatched)
     # a warp leaves "before" near the first position and enters "after" near the last
     edge = max(1, int(np.ceil(2.0 * S / N)))
     entry, leave = np.zeros(S), np.zeros(S)
     entry[:edge], leave[-edge:] = 1.0, 1.0
 
     forward, before, after = np.empty((N, S)), np.empty(N), np.zeros(N)
-    forward[0], before[0] = match_like[0], skip_like[0]
+    forward[0], before[0] = match_likelihood[0], skip_likelihood[0]
     for t in range(N):
         if t:
             come = _advance(forward[t - 1], max_step) + before[t - 1] * entry
-            forward[t] = come * match_like[t]
-            before[t] = before[t - 1] * skip_like[t]
-            after[t] = (after[t - 1] + forward[t - 1] @ leave) * skip_like[t]
+            forward[t] = come * match_likelihood[t]
+            before[t] = before[t - 1] * skip_likelihood[t]
+            after[t] = (after[t - 1] + forward[t - 1] @ leave) * skip_likelihood[t]
         scale = max(forward[t].max(), before[t], after[t])
         forward[t], before[t], after[t] = forward[t] / scale, before[t] / scale, after[t] / scale
 
@@ -62,7 +62,7 @@ def monotone_posterior(
     back, back_before, back_after = np.ones(S), 1.0, 1.0
     for t in range(N - 1, -1, -1):
         if t < N - 1:
-            match, skip = back * match_like[t + 1], skip_like[t + 1]
+            match, skip = back * match_likelihood[t + 1], skip_likelihood[t + 1]
             back_before = entry @ match + back_before * skip
             back = _advance(match[::-1], max_step)[::-1] + leave * back_after * skip
             back_after = back_after * skip

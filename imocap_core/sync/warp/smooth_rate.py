@@ -114,17 +114,19 @@ def smooth_rate_posterior(
         skipped: cost of a position of the other video before the warp's start or after its end.
     """
     N, S = cost.shape
-    like, transition = _Likelihoods.of(cost, unmatched, prior), _Transition.of(prior, S)
+    likelihoods, transition = _Likelihoods.of(cost, unmatched, prior), _Transition.of(prior, S)
     early = np.exp(-skipped * np.arange(S))
     first = _Message(
-        prior.share[:, None] * like.match[0] * early / early.sum(), float(like.skip[0]), 0.0
+        prior.share[:, None] * likelihoods.match[0] * early / early.sum(),
+        float(likelihoods.skip[0]),
+        0.0,
     )
     message, total = first.scaled()
-    evidence = np.log(total) + like.base
+    evidence = np.log(total) + likelihoods.base
     stride = max(1, int(np.sqrt(N)))
     stored = {0: message}
     for t in range(1, N):
-        message, total = _forward(message, t, like, transition).scaled()
+        message, total = _forward(message, t, likelihoods, transition).scaled()
         evidence += np.log(total)
         if t % stride == 0:
             stored[t] = message
@@ -140,28 +142,36 @@ def smooth_rate_posterior(
         stop = min(start + stride, N)
         messages = [stored[start]]
         for t in range(start + 1, stop):
-            messages.append(_forward(messages[-1], t, like, transition).scaled()[0])
+            messages.append(_forward(messages[-1], t, likelihoods, transition).scaled()[0])
         for t in range(stop - 1, start - 1, -1):
             if t < N - 1:
-                back = _backward(back, t + 1, like, transition).scaled()[0]
+                back = _backward(back, t + 1, likelihoods, transition).scaled()[0]
             here = messages[t - start]
             joint[t] = (here.inside * back.inside).sum(axis=0)
             outside[t] = here.before * back.before + here.after * back.after
     return *normalised(joint, outside), float(evidence)
 
 
-def _forward(message: _Message, t: int, like: _Likelihoods, transition: _Transition) -> _Message:
+def _forward(
+    message: _Message, t: int, likelihoods: _Likelihoods, transition: _Transition
+) -> _Message:
     """Message of frames 0 to t from that of frames 0 to t - 1."""
     inside = transition.forward(message.inside)
-    inside[:, : like.edge] += message.before * like.enter
-    after = message.after + float(message.inside[:, -like.edge :].sum())
-    return _Message(inside * like.match[t], message.before * like.skip[t], after * like.skip[t])
+    inside[:, : likelihoods.edge] += message.before * likelihoods.enter
+    after = message.after + float(message.inside[:, -likelihoods.edge :].sum())
+    return _Message(
+        inside * likelihoods.match[t],
+        message.before * likelihoods.skip[t],
+        after * likelihoods.skip[t],
+    )
 
 
-def _backward(back: _Message, t: int, like: _Likelihoods, transition: _Transition) -> _Message:
+def _backward(
+    back: _Message, t: int, likelihoods: _Likelihoods, transition: _Transition
+) -> _Message:
     """Message of frames t and later to the frame before t."""
-    match = back.inside * like.match[t]
-    inside, skip = transition.backward(match), like.skip[t]
-    inside[:, -like.edge :] += back.after * skip
-    enter = float((like.enter * match[:, : like.edge]).sum())
+    match = back.inside * likelihoods.match[t]
+    inside, skip = transition.backward(match), likelihoods.skip[t]
+    inside[:, -likelihoods.edge :] += back.after * skip
+    enter = float((likelihoods.enter * match[:, : likelihoods.edge]).sum())
     return _Message(inside, enter + back.before * skip, back.after * skip)
