@@ -104,7 +104,7 @@ def _returns(
         label = f"{name}: {closed:.0%} within {NEAR_FRAMES}"
         ax.plot(frames, off, color=color, lw=1.4, label=label)
     ax.axhline(0, color=QUIET, lw=0.7)
-    ax.set_title("distance of each frame's end from its start")
+    ax.set_title("end minus start of each round trip")
     ax.set_xlabel(f"frame of {trip[0]}")
     ax.set_ylabel("frames")
     low, high = np.quantile(np.concatenate([before[-1] - before[0], [-6, 6]]), [0.02, 0.98])

@@ -77,7 +77,7 @@ def _further(claimed: Uncertainty) -> list[str]:
     least = min(v.reduction for v in claimed.viewpoints)
     if best.reduction < MIN_BENEFIT_RATIO * least:
         return [
-            "No viewpoint is missing: from any side, one more camera would lower the summed "
+            "One more camera would help about equally from every side: it would lower the summed "
             f"variance of the common motion by {least:.0%} to {best.reduction:.0%}."
         ]
     if claimed.azimuth_from == "performer":

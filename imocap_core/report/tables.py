@@ -58,7 +58,7 @@ def metric_tables(rows: Sequence[ScoreRow], summary: Sequence[ScoreRow]) -> list
     rows_and_summary = [*(r for r in rows if r.video != ALL_VIDEOS), *summary]
     joint_sets = [r.metric for r in summary if "mpjpe" in r.metric and "hand" not in r.metric]
     tables = [
-        wide_table("summary", "In short: mean over the videos", summary, SUMMARY, per_video=False),
+        wide_table("summary", "Mean over the videos", summary, SUMMARY, per_video=False),
         wide_table("pose", "Pose, path and image, by video (12 joints)", rows_and_summary, POSE),
         wide_table(
             "joint_sets",

@@ -34,7 +34,7 @@ def trust_tables(sync: SyncSummary) -> list[Table]:
     tables = [
         Table(
             name="trust",
-            title="Trust, by video (no truth needed)",
+            title="Trust in the synchronisation, by video (needs no truth)",
             columns=columns,
             rows=videos,
             note=" ".join(f"{note}." for note in sync.notes)
