@@ -14,8 +14,10 @@ from typing import Any
 
 import pytest
 import yaml
+from typer.main import get_command
 
 import imocap
+from imocap_core.cli.app import app
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -69,6 +71,17 @@ def test_every_file_and_module_that_a_page_names_exists(file: Path) -> None:
     modules = {name.replace(".", "/") for name in re.findall(r"`(imocap_core(?:\.\w+)+)`", text)}
     missing = {name for name in named if not (ROOT / name).exists()}
     missing |= {m for m in modules if not (ROOT / m).is_dir() and not (ROOT / f"{m}.py").is_file()}
+    assert missing == set()
+
+
+def test_every_command_that_a_page_names_exists() -> None:
+    commands = set(get_command(app).commands)  # type: ignore[attr-defined]
+    missing = {
+        f"{file.relative_to(ROOT)}: imocap {word}"
+        for file in GUIDE
+        for word in re.findall(r"(?:^|`|bin/)imocap ([a-z][\w-]*)", file.read_text(), flags=re.M)
+        if word not in commands
+    }
     assert missing == set()
 
 
