@@ -1,4 +1,4 @@
-"""The cache of the store: what it holds, what can be removed, and leftovers of killed runs.
+"""The cache of the store: its contents, what can be removed, and leftovers of killed runs.
 
     .cache/<stage>/<key>.mcap       results of stages
     .cache/detections/<key>.npz     detections of videos
@@ -103,7 +103,7 @@ def removable(
 
     Args:
         action: only results that this action and no other has used.
-        older_s: those that have not been used for so long.
+        older_s: those that have not been used for this time.
         max_bytes: as many more as bring all results (in use or not) to this size, if possible.
     """
     candidates = [r for r in results if not r.in_use and (action is None or r.actions == {action})]

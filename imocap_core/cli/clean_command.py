@@ -25,7 +25,7 @@ def clean_command(
     ] = None,
     older: Annotated[
         float | None,
-        typer.Option(min=0, metavar="DAYS", help="Remove results not used for so many days."),
+        typer.Option(min=0, metavar="DAYS", help="Remove results not used for this many days."),
     ] = None,
     max_size: Annotated[
         str | None,

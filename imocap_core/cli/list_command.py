@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 from imocap_core.cli.json_output import print_json
-from imocap_core.cli.options import Json, root_of, speaker
+from imocap_core.cli.options import Json, root_of
 
 
 def list_command(context: typer.Context, as_json: Json = False) -> None:
@@ -16,14 +16,15 @@ def list_command(context: typer.Context, as_json: Json = False) -> None:
     if as_json:
         print_json({"actions": actions})
         return
-    from rich.table import Table
-
-    table = Table("action", "videos", "state", "last result", box=None, pad_edge=False)
+    rows = [("action", "videos", "state", "last result")]
     for action in actions:
         state = {
             "partly cached": f"{action.cached} of {action.stages} stages cached",
-            "not made": f"built in; make it: imocap run {action.name}",
+            "not made": "built in, not made yet",
         }.get(action.state, action.state)
         videos = "" if action.videos is None else str(action.videos)
-        table.add_row(action.name, videos, state, action.headline or action.fault)
-    speaker(markup=False).print(table)
+        rows.append((action.name, videos, state, action.headline or action.fault))
+    widths = [max(len(row[column]) for row in rows) for column in range(3)]
+    for row in rows:
+        cells = [f"{cell:<{width}}" for cell, width in zip(row, widths, strict=False)]
+        typer.echo("  ".join([*cells, row[-1]]).rstrip())

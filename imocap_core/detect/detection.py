@@ -34,7 +34,7 @@ def detect_video(
     """Write the detections of all frames of a video into `file`; whole or not at all.
 
     `progress` is called with the share of the work and a sentence. WorkFailed when the detector
-    fails or finds nobody, ValueError when the video cannot be read.
+    fails or finds no person, ValueError when the video cannot be read.
     """
     count = max(probe(video).frame_count, 1)
     answers = []
@@ -45,7 +45,7 @@ def detect_video(
     arrays: dict[str, Any] = detector.arrays(answers)
     if not frames_with_people(arrays):
         raise WorkFailed(
-            f"{video}: {detector.version} found nobody in {len(answers)} frames; try the other "
+            f"{video}: {detector.version} found no person in {len(answers)} frames; try the other "
             "detector (detect.detector in docs/detection.md), or give keypoints from elsewhere"
         )
     file.parent.mkdir(parents=True, exist_ok=True)

@@ -79,7 +79,7 @@ def clean(
 
     Args:
         action: only results that this action and no other has used.
-        older_days: results that have not been used for so many days.
+        older_days: results that have not been used for this many days.
         max_bytes: as many more as bring the cache to this size.
         dry_run: remove nothing.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import tomllib
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 import typer
@@ -24,7 +24,7 @@ ORDER = (
 HEAVY = ("numpy", "pydantic", "scipy", "torch", "rich.table", "yaml", "imocap_core.library")
 
 
-def commands() -> dict[str, object]:
+def commands() -> dict[str, Any]:
     group = typer.main.get_command(app)
     return dict(group.commands)  # type: ignore[attr-defined]
 
@@ -88,3 +88,10 @@ def test_completion_can_be_installed(toy: Toy, capsys: Capture) -> None:
     shown = capsys.readouterr().out
     assert "--install-completion" in shown
     assert "--show-completion" in shown
+
+
+def test_the_page_of_commands_has_every_command_with_its_summary() -> None:
+    page = (PROJECT / "docs" / "commands.md").read_text(encoding="utf-8")
+    rows = [line for line in page.splitlines() if line.startswith("| `imocap ")]
+    summaries = {name: (c.help or "").partition("\n\n")[0] for name, c in commands().items()}
+    assert rows == [f"| `imocap {name}` | {text} |" for name, text in summaries.items()]

@@ -52,7 +52,7 @@ def test_the_table_has_a_line_for_each_action(toy: Toy, capsys: Capture) -> None
     lines = capsys.readouterr().out.splitlines()
     (row,) = (line.split() for line in lines if line.startswith("toy"))
     assert row == ["toy", "2", "cached", "reprojection", "8.7", "px"]
-    assert "built in; make it: imocap run yoga" in "\n".join(lines)
+    assert "built in, not made yet" in "\n".join(lines)
 
 
 def test_the_headline_is_of_the_last_result_and_of_what_was_scored(tmp_path: Path) -> None:

@@ -88,7 +88,7 @@ def test_nobody_is_one_sentence_and_leaves_nothing(tmp_path: Path, detector_pyth
     video = clip(tmp_path / "dark.mp4", [None, None])
     detector = detector_of(params(), tmp_path)
     with pytest.raises(
-        WorkFailed, match=r"dark\.mp4: mediapipe 0\.10\.21 found nobody in 2 frames"
+        WorkFailed, match=r"dark\.mp4: mediapipe 0\.10\.21 found no person in 2 frames"
     ):
         detect_video(video, tmp_path / "o" / "f.npz", detector, detector_python, lambda s, w: None)
     assert not (tmp_path / "o").exists()

@@ -76,7 +76,7 @@ def test_what_was_finished_before_a_break_is_kept(
 ) -> None:
     clip(place.folder / "b.mp4", [None] * 3)
     assert place.run("detect", "mine") == 1
-    assert "b.mp4: mediapipe 0.10.21 found nobody" in capsys.readouterr().err
+    assert "b.mp4: mediapipe 0.10.21 found no person" in capsys.readouterr().err
     clip(place.folder / "b.mp4", [30, 32, 34])
     assert place.run("detect", "mine") == 0
     out = capsys.readouterr().out
