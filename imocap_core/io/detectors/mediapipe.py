@@ -66,7 +66,7 @@ def read_mediapipe_world(path: Path, performer: PerformerBoxes) -> JointsEstimat
     """World landmarks at the used frames as 3D joints, metres in camera axes.
 
     Frames without them are NaN; of several people the performer is found by the picture landmarks.
-    ValueError names file, field, what is wrong, or says that no used frame has a person.
+    ValueError names file, field, expected and got, or says that no used frame has a person.
     """
     people = dict(_frames(path, WORLD))
     persons = [(frame, n, person) for frame, ps in people.items() for n, person in enumerate(ps)]
