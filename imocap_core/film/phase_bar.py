@@ -91,7 +91,7 @@ def framed(
 def phase_bar(
     videos: Sequence[SyncedVideo], moments_s: Float[np.ndarray, " N"], width: int
 ) -> Image:
-    """The axis (height, width, 3): a row a video, and seconds below."""
+    """The time axis (height, width, 3): one row per video, and seconds below."""
     height = len(videos) * (ROW_PX + ROW_GAP_PX) + ROW_GAP_PX + LABELS_PX
     bar: Image = np.full((height + height % 2, width, 3), FRAME_RGB, dtype=np.uint8)
     for number, video in enumerate(videos):

@@ -28,7 +28,7 @@ class Check:
 
 
 def examine(root: str | Path = ".", models: Path | None = None) -> Iterator[Check]:
-    """Check one thing after the other, also after one that does not work.
+    """Check one thing after another, whether or not the one before works.
 
     models: the folder of the user's own body models.
     """

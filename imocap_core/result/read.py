@@ -106,8 +106,8 @@ def read_result(
 
 
 def read_monocular(artifacts: Artifacts) -> list[VideoMotion]:
-    """What each video alone says: motions in the axes of its first-frame camera, in the order of
-    the keypoints. WorkFailed when they are missing or of other frames than the keypoints."""
+    """Monocular motions, each in the axes of its first-frame camera, in the order of the
+    keypoints. WorkFailed when they are missing or of other frames than the keypoints."""
     videos = artifacts.get(InitialSmpl).videos
     frames = {v.id: v.frames for v in artifacts.get(Keypoints).videos}
     _check_frames(artifacts, "initial_smpl", {v.id: v.frames for v in videos}, frames)
