@@ -60,7 +60,7 @@ def test_reprojection_by_hand() -> None:
     assert reprojection_error_px(errors, np.array([[1.0, 0.25]])) == pytest.approx(6)
 
 
-def test_unseen_and_behind_do_not_count() -> None:
+def test_undetected_and_behind_do_not_count() -> None:
     points = np.array([[[0.0, 0, 1], [0, 0, -1], [0, 0, 1]]])
     seen = np.array([[[50.0, 41], [50, 40], [np.nan, np.nan]]])
     confidence = np.array([[1.0, 1.0, 0.0]])

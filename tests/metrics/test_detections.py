@@ -58,7 +58,7 @@ def test_outliers_and_misses_are_counted_apart() -> None:
     assert shoulder.outlier_rate < 0.001
 
 
-def test_exchanged_arms_are_seen_and_only_those() -> None:
+def test_exchanged_arms_and_only_those_are_counted() -> None:
     clean = film(np.random.default_rng(3), frames=200)
     assert exchanged_share(clean, NAMES, "arm") == 0
     found = clean.detected_px.copy()

@@ -47,7 +47,7 @@ def test_the_share_of_the_way_comes_back_and_is_no_offset() -> None:
     assert detector_bias(films, NAMES, "wrist", "").lasting > 1e-3
 
 
-def test_what_lasts_is_told_from_what_passes() -> None:
+def test_lasting_offsets_are_separated_from_noise() -> None:
     films = [
         film(seed, noise=0.006, persistent_share=1.0, persistence_s=0.15, constant_offset=0.01)
         for seed in range(30)

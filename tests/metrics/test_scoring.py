@@ -122,7 +122,7 @@ def test_camera_and_reprojection_rows() -> None:
     assert [row.value for row in unseen] == [None, None]
 
 
-def test_summary_is_unweighted_and_says_what_is_left_out() -> None:
+def test_summary_is_unweighted_and_counts_the_scored_videos() -> None:
     rows = [
         ScoreRow("a", "v1", "mpjpe_mm", 10.0),
         ScoreRow("a", "v2", "mpjpe_mm", 40.0),

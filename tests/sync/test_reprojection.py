@@ -153,7 +153,7 @@ def test_the_others_motion_is_without_the_video_itself() -> None:
 
 
 @pytest.mark.parametrize("off", [-6, 5])
-def test_where_a_frame_was_taken_to_lie_does_not_hold_it(off: int) -> None:
+def test_the_current_moment_of_a_frame_does_not_bias_its_counterpart(off: int) -> None:
     """Rigid offsets fitted there would absorb the error of time."""
     phase = np.linspace(0, 4, 81)
     video = film(phase, 0.7, 30)

@@ -48,7 +48,7 @@ def test_maps_are_named_and_lie_where_they_should() -> None:
     assert sync.affinity.shape == (120, 120)
 
 
-def test_a_frame_without_detections_has_no_say() -> None:
+def test_a_frame_without_detections_does_not_count() -> None:
     motions, keypoints = made(["a", "b"], [0.0, 0.4])
     motions[1].joints[20:24] = np.random.default_rng(1).normal(size=(4, 24, 3))
     keypoints.videos[1].confidence[20:24] = 0.0

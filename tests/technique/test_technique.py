@@ -100,7 +100,7 @@ def test_the_spread_is_the_standard_deviation() -> None:
     np.testing.assert_allclose(over_moments(found), 0.03, rtol=0.03)
 
 
-def test_a_known_mode_is_found() -> None:
+def test_a_given_mode_is_recovered() -> None:
     """Its shape, what each performance has of it, and nothing else."""
     rng = np.random.default_rng(2)
     shape = smooth(rng, 1.0)
