@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from imocap_core.artifacts.schemas import VideoKeypoints, VideoMotion
 from imocap_core.body import load_free_body
-from imocap_core.film.filmed_body import FilmedBody
+from imocap_core.film.overlay_body import OverlayBody
 from imocap_core.film.overlay_film import overlay_film
 from imocap_core.io.prefetch import prefetch
 from imocap_core.io.video import read_rgb, write_h264
@@ -28,7 +28,7 @@ SHARE_OF_HEIGHT = 0.9
 BODY_M = 1.75
 
 
-def performer(size: tuple[int, int], frames: int, file: Path) -> FilmedBody:
+def performer(size: tuple[int, int], frames: int, file: Path) -> OverlayBody:
     """A body that waves its limbs before the camera."""
     model = load_free_body()
     width, height = size
@@ -70,7 +70,7 @@ def performer(size: tuple[int, int], frames: int, file: Path) -> FilmedBody:
         reprojection_px=np.zeros(frames),
     )
     names = tuple(model.points(layout).names)
-    return FilmedBody(seen, motion, np.tile(K, (frames, 1, 1)), names, (49, 104, 155), file)
+    return OverlayBody(seen, motion, np.tile(K, (frames, 1, 1)), names, (49, 104, 155), file)
 
 
 def noise(size: tuple[int, int], frames: int) -> Iterator[NDArray[np.uint8]]:

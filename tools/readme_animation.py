@@ -16,7 +16,7 @@ from PIL import Image
 
 from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync
 from imocap_core.body import load_free_body
-from imocap_core.film.filmed_body import Painter, filmed_bodies
+from imocap_core.film.overlay_body import Painter, overlay_bodies
 from imocap_core.film.phase_bar import lock_step
 from imocap_core.library.outputs import result_of
 
@@ -36,7 +36,7 @@ def main() -> None:
     result, model = result_of(given.action, ROOT), load_free_body()
     keypoints, refined = result.artifacts.get(Keypoints), result.artifacts.get(RefineSync)
     files = {video.id: video.video for video in result}
-    bodies = filmed_bodies(
+    bodies = overlay_bodies(
         keypoints,
         result.artifacts.get(CameraMotion),
         refined.motion.videos,

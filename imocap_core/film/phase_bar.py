@@ -13,7 +13,7 @@ from jaxtyping import Float
 from imocap_core.artifacts.schemas import Keypoints, SyncSummary
 from imocap_core.figures.lettering import PALE, WHITE, write
 from imocap_core.figures.sync_summary import common_moments
-from imocap_core.film.filmed_body import Image
+from imocap_core.film.overlay_body import Image
 from imocap_core.film.side_by_side import (
     FRAME_RGB,
     Paint,

@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter1d
 from imocap_core.artifacts.schemas import Keypoints, SyncSummary, VideoKeypoints
 from imocap_core.figures.lettering import DIMMED, write, write_strip
 from imocap_core.figures.sync_summary import common_moments, positions_on_axis, retimed, title_of
-from imocap_core.film.filmed_body import Image, rgb_of, source_frames
+from imocap_core.film.overlay_body import Image, rgb_of, source_frames
 
 Paint = Callable[[int, Image, Float[np.ndarray, "3 3"]], Image]
 """Paints over a part of the picture of a used frame; (3, 3): from its pixels to the part's."""
