@@ -78,7 +78,7 @@ def test_the_truth_speaks_of_the_common_world_whatever_the_floor() -> None:
     shift = np.array([1.0, 2.0, 0.3])
     shot = CapturedVideo(captured[:, :14], np.arange(5.0), np.arange(5), 30.0, turn, shift)
     floor = 0.12
-    filmed = rendered_action.FilmedBody(
+    filmed = rendered_action.FilmedMotion(
         RetargetedMotion(np.zeros((5, 24, 3, 3)), np.zeros((5, 3))),
         captured - [0, 0, floor],
         np.eye(3),
