@@ -13,68 +13,54 @@ from imocap_core.artifacts.schemas import (
     SyncSummary,
 )
 from imocap_core.cli import stage_main
-from imocap_core.motion.multiview.alternation import Alternation, Turn, alternate
-from imocap_core.motion.multiview.joint import recover_motion
-from imocap_core.motion.state import MotionState
+from imocap_core.motion.multiview.alternation import Alternation, LoopRound, alternate
+from imocap_core.motion.multiview.scene import JointMotion
+from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.hints import hints_of
-from imocap_core.problem.mirroring import joint_work
-from imocap_core.problem.motion import (
-    body_for,
-    cameras_of,
-    evidence_joints,
-    observations_of,
-    pictures_of,
-    scene_of,
-    smpl_ba_of,
-    state_of,
-)
+from imocap_core.problem.joint import JointProblem, problem_of
 from imocap_core.problem.synchronisation import synchronise_motions
-from imocap_core.sync.warp.reprojection import ReprojectionEvidence
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     """All rounds; round 0 is the single pass."""
-    keypoints, initial = inputs.get(Keypoints), inputs.get(InitialSmpl)
-    first_sync, first_motion = inputs.get(Sync), inputs.get(SmplBa)
-    body = body_for(keypoints)
-    work = joint_work(keypoints, inputs.get(CameraMotion), initial, first_sync, body.model)
-    observations = observations_of(
-        body, work.keypoints, work.camera_motion, params.fit, evidence_joints(work.initial)
+    keypoints, first_sync = inputs.get(Keypoints), inputs.get(Sync)
+    single_pass = inputs.get(SmplBa)
+    problem = problem_of(
+        keypoints, inputs.get(CameraMotion), inputs.get(InitialSmpl), first_sync, params
     )
+    first = problem.solution(single_pass)
     hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))
+    by_pictures = params.refine.evidence == "pictures"
     rounds_begun = 0
 
-    def pictures(motion: SmplBa) -> ReprojectionEvidence:
-        motions, cameras = work.motions_in(motion.videos), work.cameras_in(motion.cameras)
-        return pictures_of(body, observations, motions, cameras, params.motion)
+    def progress(what: str) -> None:
+        share = rounds_begun / (params.refine.max_rounds + 1)
+        ctx.progress(share, f"round {rounds_begun}: {what}")
 
-    def synchronise(motion: SmplBa) -> Sync:
+    def synchronise(motion: JointMotion) -> Sync:
         nonlocal rounds_begun
         rounds_begun += 1
-        ctx.progress(rounds_begun / (params.refine.max_rounds + 1), f"round {rounds_begun}: sync")
+        progress("sync")
         return synchronise_motions(
-            motion.videos,
+            problem.filmed_joints(motion),
             keypoints,
             params.sync,
             ctx.rng(),
             reference=first_sync.reference,
             decided=first_sync,
             hints=hints,
-            reprojection=pictures(motion) if params.refine.evidence == "pictures" else None,
+            reprojection=problem.reprojection_evidence(motion) if by_pictures else None,
         )
 
-    def recover(sync: Sync, motion: SmplBa) -> SmplBa:
-        ctx.progress(rounds_begun / (params.refine.max_rounds + 1), f"round {rounds_begun}: motion")
-        scene = scene_of(body, observations, work.sync_in(sync), params.fit)
-        state: MotionState = state_of(work.motions_in(motion.videos))
-        cameras = cameras_of(work.cameras_in(motion.cameras))
-        found = recover_motion(scene, state, params.motion, cameras=cameras)
-        return work.out(smpl_ba_of(body, found, observations, work.keypoints, sync.reference))
+    def recover(sync: Sync, motion: JointMotion) -> JointMotion:
+        progress("motion")
+        scene = problem.synchronised(sync).scene
+        return recover_motion(scene, motion.state, problem.options, cameras=motion.cameras)
 
-    done = alternate(
-        Turn(first_sync, first_motion, first_motion.misfit, 0.0),
+    loop = alternate(
+        LoopRound(first_sync, first, first.misfit, 0.0),
         synchronise,
         recover,
         maps=lambda sync: [m.reference_frame for m in sync.maps],
@@ -82,25 +68,28 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
         max_rounds=params.refine.max_rounds if len(keypoints.videos) > 1 else 0,
         settled_frames=params.refine.settled_frames,
     )
-    return _as_artifact(done)
+    return _as_artifact(loop, problem, single_pass)
 
 
-def _as_artifact(done: Alternation[Sync, SmplBa]) -> RefineSync:
-    best = done.turns[done.best]
+def _as_artifact(
+    loop: Alternation[Sync, JointMotion], problem: JointProblem, single_pass: SmplBa
+) -> RefineSync:
+    """All rounds as they are stored; the common motion is the result's alone."""
+    motions = [single_pass, *(problem.result(r.motion) for r in loop.rounds[1:])]
     return RefineSync(
         rounds=[
             Round(
-                sync=_summary(turn.sync),
-                motion=turn.motion,
-                cost=turn.cost,
-                sync_change_frames=turn.change_frames,
+                sync=_summary(round_.sync),
+                motion=motion.model_copy(update={"common": None}),
+                cost=round_.cost,
+                sync_change_frames=round_.change_frames,
             )
-            for turn in done.turns
+            for round_, motion in zip(loop.rounds, motions, strict=True)
         ],
-        best=done.best,
-        sync=done.sync,
-        motion=best.motion,
-        status=done.status,
+        best=loop.best,
+        sync=loop.sync,
+        motion=motions[loop.best],
+        status=loop.status,
     )
 
 

@@ -15,8 +15,9 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Sync:
     keypoints, initial = inputs.get(Keypoints), inputs.get(InitialSmpl)
     hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))
     ctx.progress(0.1, "comparing all pairs of frames")
+    joints = [video.joints for video in initial.videos]
     return synchronise_motions(
-        initial.videos, keypoints, params.sync, ctx.rng(), mirrored=ctx.mirrored(), hints=hints
+        joints, keypoints, params.sync, ctx.rng(), mirrored=ctx.mirrored(), hints=hints
     )
 
 

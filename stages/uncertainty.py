@@ -1,4 +1,4 @@
-"""uncertainty: how far every joint may be off, and what the videos leave open."""
+"""uncertainty: standard deviations of every joint, and what the videos leave open."""
 
 from __future__ import annotations
 
@@ -10,62 +10,42 @@ from imocap_core.artifacts.schemas import (
     Uncertainty,
 )
 from imocap_core.cli import stage_main
+from imocap_core.motion.posterior.motion_posterior import motion_posterior
 from imocap_core.motion.posterior.noise import Noise
-from imocap_core.motion.posterior.observability import observe
-from imocap_core.motion.posterior.uncertainty import uncertainty
+from imocap_core.motion.posterior.observability import viewpoint_report
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
-from imocap_core.problem.mirroring import joint_work
-from imocap_core.problem.motion import (
-    body_for,
-    cameras_of,
-    evidence_joints,
-    observations_of,
-    scene_of,
-    state_of,
-)
-from imocap_core.problem.uncertainty import Claims, uncertainty_of
-from imocap_core.problem.uncertainty_groups import Group, groups_of
+from imocap_core.problem.solved_groups import SolvedGroup, solved_groups
+from imocap_core.problem.uncertainty import GroupPosterior, uncertainty_of
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Uncertainty:
-    """The posterior of the loop's result; a video kept out of it is looked at by itself."""
-    refined = inputs.get(RefineSync)
-    groups = groups_of(
-        inputs.get(Keypoints), inputs.get(CameraMotion), inputs.get(InitialSmpl), refined
+    """The posterior of the loop's result; an excluded video has one of its own."""
+    keypoints, refined = inputs.get(Keypoints), inputs.get(RefineSync)
+    groups = solved_groups(
+        keypoints, inputs.get(CameraMotion), inputs.get(InitialSmpl), refined, params
     )
-    claims = []
+    posteriors = []
     for k, group in enumerate(groups):
-        said = f"the posterior of {', '.join(v.id for v in group.keypoints.videos)}"
-        ctx.progress(k / len(groups), said)
-        claims.append(claims_of(group, params))
-    return uncertainty_of(claims, inputs.get(Keypoints), refined, params.uncertainty)
+        ctx.progress(k / len(groups), f"the posterior of {', '.join(group.ids)}")
+        posteriors.append(posterior_of(group, params))
+    return uncertainty_of(posteriors, keypoints, refined, params.uncertainty)
 
 
-def claims_of(group: Group, params: Params) -> Claims:
+def posterior_of(group: SolvedGroup, params: Params) -> GroupPosterior:
     """Covariances and viewpoints of videos that were solved together."""
-    body = body_for(group.keypoints)
-    work = joint_work(group.keypoints, group.camera_motion, group.initial, group.sync, body.model)
-    observations = observations_of(
-        body, work.keypoints, work.camera_motion, params.fit, evidence_joints(work.initial)
-    )
-    state, cameras = (
-        state_of(work.motions_in(group.motions)),
-        cameras_of(work.cameras_in(group.cameras)),
-    )
-    scene = scene_of(body, observations, work.sync_in(group.sync), params.fit).through(cameras)
-    noise = Noise(params.uncertainty)
-    found = uncertainty(scene, state, cameras, params.motion, noise)
-    left_open = observe(
+    noise, options = Noise(params.uncertainty), group.problem.options
+    scene = group.problem.scene.with_intrinsics(group.solution.cameras)
+    posterior = motion_posterior(scene, group.solution, options, noise)
+    viewpoints = viewpoint_report(
         scene,
-        state,
-        cameras,
-        found,
-        params.motion,
+        group.solution,
+        posterior,
+        options,
         near_limit_deg=params.uncertainty.near_limit_deg,
         evidence_share=noise.evidence_share(scene.fps),
     )
-    return Claims(work, found.covariances_m2, left_open)
+    return GroupPosterior(group.problem.participants, posterior.covariances_m2, viewpoints)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from imocap_core.pipeline.graph import read_pipeline, settings
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
 STAGES = yaml.safe_load((ROOT / "pipeline.yaml").read_text(encoding="utf-8"))["stages"]
-JOINT_SOLVE = "motion.multiview.joint.recover_motion"
+JOINT_SOLVE = "motion.multiview.smpl_ba.recover_motion"
 # Of Python or of files: dotted names that the page may use besides functions and parameters.
 DOTTED = re.compile(r"`([a-z]\w*(?:\.\w+)+)`")
 FILES = re.compile(r"`((?:tools|tests|stages|benchmarks|imocap_core)/[\w/.]+)`")

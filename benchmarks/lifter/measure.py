@@ -25,7 +25,7 @@ from imocap_core.io.truth import Truth
 from imocap_core.metrics.scoring import CameraJoints, ScoreRow, over_videos, pose_rows
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.runner import Display
-from imocap_core.problem.lifted import lifted_joints
+from imocap_core.problem.starts import lifted_joints
 from imocap_core.workspace import Workspace
 
 KINDS, LEVELS = ("trials", "protocol"), ("fine_tuned", "generic", "mediapipe")

@@ -16,21 +16,17 @@ from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, 
 from imocap_core.artifacts.schemas.sync import SyncSummary
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.sync import true_reference_frame
-from imocap_core.motion.multiview.common import common_then_own
-from imocap_core.motion.multiview.consensus import Cameras
-from imocap_core.motion.multiview.joint import one_body, recover_motion
+from imocap_core.motion.multiview.cameras import Cameras
 from imocap_core.motion.multiview.scene import JointMotion, Scene
+from imocap_core.motion.multiview.smpl_ba import (
+    common_then_deviations,
+    one_body,
+    recover_motion,
+)
 from imocap_core.motion.state import MotionState
 from imocap_core.params import MotionParams, Params
-from imocap_core.problem.motion import (
-    LIKE,
-    body_for,
-    evidence_joints,
-    observations_of,
-    scene_of,
-    smpl_ba_of,
-    state_of,
-)
+from imocap_core.problem.joint import problem_of
+from imocap_core.problem.motions import TEMPLATE
 
 Value = TypeVar("Value")
 
@@ -45,18 +41,11 @@ def oracle(
 ) -> tuple[SmplBa, SyncSummary]:
     """The oracle's motion and its correspondences, to the reference video of `estimated_sync`."""
     sync = true_sync(estimated_sync, truth)
-    body = body_for(keypoints)
-    estimated = observations_of(
-        body, keypoints, camera_motion, params.fit, evidence_joints(initial)
-    )
-    observations = [
-        replace(o, K=_required(truth.videos[v.id].K, v.id))
-        for o, v in zip(estimated, keypoints.videos, strict=True)
-    ]
-    scene = scene_of(body, observations, sync, params.fit)
+    problem = problem_of(keypoints, camera_motion, initial, sync, params)
     cameras = true_cameras(sync, truth)
-    motion = fit_with_cameras(scene, state_of(initial.videos), cameras, params.motion)
-    return smpl_ba_of(body, motion, observations, keypoints, sync.reference), sync
+    scene = problem.scene.with_intrinsics(cameras)
+    motion = fit_with_cameras(scene, problem.start, cameras, params.motion)
+    return replace(problem, scene=scene).result(motion), sync
 
 
 def fit_with_cameras(
@@ -65,7 +54,7 @@ def fit_with_cameras(
     """The steps of `recover_motion` after its first cameras, with cameras that stay fixed."""
     if len(scene.observations) == 1:
         return recover_motion(scene, start, options)
-    return common_then_own(scene, one_body(start), cameras, options, cameras_known=True)
+    return common_then_deviations(scene, one_body(start), cameras, options, cameras_known=True)
 
 
 def true_sync(estimated: SyncSummary, truth: Truth) -> SyncSummary:
@@ -90,7 +79,7 @@ def true_cameras(sync: SyncSummary, truth: Truth) -> Cameras:
     R = [_required(truth.videos[v].R, v) @ R_ref.T for v in sync.ids]
     t = [_required(truth.videos[v].t, v) - R_v @ t_ref for v, R_v in zip(sync.ids, R, strict=True)]
     K = [_required(truth.videos[v].K, v) for v in sync.ids]
-    return Cameras(*(torch.as_tensor(np.stack(x)).to(LIKE) for x in (R, t, K)))
+    return Cameras(*(torch.as_tensor(np.stack(x)).to(TEMPLATE) for x in (R, t, K)))
 
 
 def _required(value: Value | None, video: str) -> Value:

@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.scoring.costs import peak_gb
 from benchmarks.solver.scene import made_scene
-from imocap_core.motion.multiview.joint import recover_motion
+from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.params import FitParams, MotionParams
 
 SIZES = ((4, 150), (4, 300), (8, 500), (8, 1000))

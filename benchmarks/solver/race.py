@@ -22,12 +22,13 @@ from benchmarks.solver.adam import adam
 from benchmarks.solver.lbfgs import lbfgs
 from benchmarks.solver.scene import MadeScene
 from imocap_core.motion.monocular.fit import regularisers
-from imocap_core.motion.multiview.common import ROBUST_STAGES
-from imocap_core.motion.multiview.consensus import align, cameras_from_motion
-from imocap_core.motion.multiview.coupled import consensus_motion
-from imocap_core.motion.multiview.joint import one_body
-from imocap_core.motion.multiview.rigid_offsets import first_strays
-from imocap_core.motion.multiview.shared import gather, shared_problem
+from imocap_core.motion.multiview.aligned import align
+from imocap_core.motion.multiview.cameras import cameras_from_motion
+from imocap_core.motion.multiview.common_keypoints import common_keypoints
+from imocap_core.motion.multiview.common_motion import ROBUST_STAGES, common_problem
+from imocap_core.motion.multiview.consensus import consensus_motion
+from imocap_core.motion.multiview.offset_spread import initial_offset_sd
+from imocap_core.motion.multiview.smpl_ba import one_body
 from imocap_core.motion.solver.gauss_newton import Solution, gauss_newton
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.solver.objective import objective
@@ -112,7 +113,7 @@ def race(made: MadeScene, options: MotionParams, most_times: float) -> list[Race
             row
             for name, offsets in (("rigid copies", False), ("rigid offsets", True))
             for row in _race(
-                name, *common_problem(made, options, rigid_offsets=offsets), most_times
+                name, *first_common_problem(made, options, rigid_offsets=offsets), most_times
             )
         ]
 
@@ -155,22 +156,22 @@ def timed(
     return RaceRow(problem, name, reached, seconds, term.evaluations, above_pct, 0.0)
 
 
-def common_problem(
+def first_common_problem(
     made: MadeScene, options: MotionParams, *, rigid_offsets: bool
 ) -> tuple[list[Term], MotionState]:
     """The terms and the start of the first fit of one motion to all views."""
-    scene, weights = made.scene, made.scene.weights
-    state = one_body(made.start)
+    scene, state = made.scene, one_body(made.start)
     aligned = align(scene.body, state, scene.timeline)
     cameras = cameras_from_motion(aligned, scene.K.to(state.trans), scene.reference)
-    evidence = gather(scene.observations, scene.timeline)
+    keypoints = common_keypoints(scene.observations, scene.timeline)
     if rigid_offsets:
-        evidence = replace(evidence, stray=first_strays(len(scene.observations), options))
-    shared = consensus_motion(scene, state, cameras, options)
+        spread = initial_offset_sd(len(scene.observations), options)
+        keypoints = replace(keypoints, offset_sd=spread)
+    motion = consensus_motion(scene, state, cameras, options.agreement_rad)
     free = [v for v in range(len(scene.observations)) if v != scene.reference]
-    scale = weights.robust_scale_sigma * ROBUST_STAGES[0]
-    views, start = shared_problem(scene.body, shared, evidence, cameras, free, robust_scale=scale)
-    return [*views, *regularisers(scene.body, scene.prior, weights, scene.fps)], start
+    scale = scene.fit.robust_scale_sigma * ROBUST_STAGES[0]
+    views, start = common_problem(scene.body, motion, keypoints, cameras, free, robust_scale=scale)
+    return [*views, *regularisers(scene.body, scene.prior, scene.fit, scene.fps)], start
 
 
 @contextmanager

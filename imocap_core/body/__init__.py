@@ -1,4 +1,4 @@
-"""SMPL-family body models as immutable values: Model -> Shaped -> Posed -> Mesh, and keypoints."""
+"""Body models as immutable values: Model -> Shaped -> Posed -> Mesh, keypoints, derivatives."""
 
 from imocap_core.body.free import load_free_body
 from imocap_core.body.jacobian import keypoints_with_jacobian, points_with_jacobian

@@ -1,1 +1,1 @@
-"""Comparison of an action's performances with each other, and of two performers."""
+"""What performances of an action share, how they differ, and two performers."""

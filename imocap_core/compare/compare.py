@@ -1,4 +1,4 @@
-"""Comparison: mean, spread and modes of an action's performances, and two performers."""
+"""compare: what performances of an action share, how they differ, and two performers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 
 from imocap_core.compare.sources import Performances
 from imocap_core.errors import WorkFailed
-from imocap_core.motion.multiview.common_time import moments_of, values_at
+from imocap_core.motion.multiview.common_time import frame_positions, values_at
 from imocap_core.motion.multiview.timeline import sample_rotations
 from imocap_core.params import SyncParams
 from imocap_core.problem.synchronisation import joint_weights_of
@@ -26,7 +26,7 @@ LEAST = 3  # moments that two actions must share
 
 @dataclass(frozen=True, eq=False)
 class Technique:
-    """Mean, spread, consistency, modes and timing of one action's performances.
+    """One action's performances, described.
 
     spread_deg, spread_mm (N, J): standard deviation of every joint's rotation and place, NaN where
     fewer than two performances show the moment; joint_deg, joint_mm (J,) their root mean squares.
@@ -112,7 +112,7 @@ class TechniquePair:
 def pair_of(
     first: Technique, second: Technique, params: SyncParams, rng: np.random.Generator
 ) -> TechniquePair:
-    """The second action's mean motion, synchronised with the first one's.
+    """The second action's mean brought onto the first's axis by the synchronisation's core.
 
     WorkFailed when the two share no moment.
     """
@@ -130,14 +130,14 @@ def pair_of(
     axis = np.arange(len(means[0])) / first.performances.fps
     matched = np.isfinite(sync.reference_frame[1])
     phase = np.where(matched, sync.phase[1], np.nan)
-    m = moments_of(phase, axis) if matched.any() else None
+    m = frame_positions(phase, axis) if matched.any() else None
     index = np.zeros(0, dtype=np.int64) if m is None else np.flatnonzero(m.inside)
     if m is None or len(index) < LEAST:
         raise WorkFailed(
-            f"{first.action} and {second.action} cannot be synchronised: "
-            f"{len(index)} of {len(axis)} moments match; name two performers of one action"
+            f"{first.action} and {second.action} share no course of moments: "
+            f"{len(index)} of {len(axis)} match; name two performers of one action"
         )
-    return _difference(first, second, index, m.at[index])
+    return _difference(first, second, index, m.position[index])
 
 
 def _difference(

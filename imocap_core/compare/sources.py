@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 from imocap_core.body import Shaped
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WorkFailed
-from imocap_core.motion.multiview.common_time import moments_of
+from imocap_core.motion.multiview.common_time import frame_positions
 from imocap_core.result.body import local_rotations
 from imocap_core.result.result import ActionResult
 from imocap_core.result.video_body import body_model_of
@@ -22,7 +22,7 @@ from imocap_core.technique.performances import (
     to_the_front,
 )
 
-JOINTS = SMPL_JOINTS[:22]  # body keypoints do not determine SMPL's hand joints
+JOINTS = SMPL_JOINTS[:22]  # a body's keypoints say nothing of SMPL's hand joints
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,8 @@ def performances_of(result: ActionResult, body: Shaped | None = None) -> Perform
     moments = compared_moments(instances.inside)
     instances = to_the_front(facing_alike(at_moments(instances, moments)))
     clocks = [
-        moments_of(result[i].phase_s, instances.phase_s).at / result[i].fps for i in instances.ids
+        frame_positions(result[i].phase_s, instances.phase_s).position / result[i].fps
+        for i in instances.ids
     ]
     return Performances(
         action=result.action,
@@ -81,11 +82,8 @@ def performances_of(result: ActionResult, body: Shaped | None = None) -> Perform
 
 
 def compared_moments(inside: Bool[np.ndarray, "M N"]) -> Bool[np.ndarray, " N"]:
-    """Which of N moments to compare, given which performances show them (M, N).
-
-    The moments that all performances show; where these are fewer than half of those that at least
-    two show (one video is short), the latter.
-    """
+    """Which moments (N,) to compare, of what M performances show (M, N): those that all show; where
+    these are less than half of what two show (one video is short), what two show."""
     shown = inside.sum(0)
     everyone, two = shown == len(inside), shown >= min(2, len(inside))
     return everyone if 2 * everyone.sum() >= two.sum() else two

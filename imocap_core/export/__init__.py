@@ -1,1 +1,1 @@
-"""Results for other programs: the files of `imocap export`."""
+"""What a run gave, for other programs: the files of `imocap export`."""

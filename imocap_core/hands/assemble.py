@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float
 from torch import Tensor
 
-from imocap_core.hands.problem import CommonHand, HandState, HandViews
 from imocap_core.hands.skeleton import POINTS, HandSkeleton
+from imocap_core.hands.state import CommonHand, HandState, HandViews
 from imocap_core.motion.multiview.timeline import (
     Timeline,
     sample,
@@ -20,26 +20,27 @@ from imocap_core.motion.multiview.timeline import (
 )
 from imocap_core.rotations import mean
 
-FLOOR_PX = 0.5  # no keypoint is known better
+FLOOR_PX = 0.5  # least standard deviation of a keypoint
 
 
 @dataclass(frozen=True)
-class VideoHands:
+class ArmsAndHands:
     """One video's arms and hand keypoints; left, right first.
 
     Attributes:
-        R_forearm (2, T, 3, 3), wrist_m (2, T, 3): camera from forearm, place of the wrist.
-        R_body (2, T, 3, 3): forearm from hand, as the body's fit has it. K (3, 3). fps.
-        xy_px (2, T, 21, 2); weight (2, T, 21): 1 / variance, 0 for unseen points and hands.
+        R_forearm: (2, T, 3, 3) camera from forearm; wrist_m: (2, T, 3) camera axes.
+        R_body: (2, T, 3, 3) forearm from hand, as the body's fit has it.
+        K: (3, 3) intrinsics; fps: frames a second.
+        xy_px: (2, T, 21, 2); weight: (2, T, 21) 1/px^2, 0 for missing points and hands.
     """
 
-    R_forearm: Tensor
-    wrist_m: Tensor
-    R_body: Tensor
-    K: Tensor
+    R_forearm: Float[Tensor, "2 T 3 3"]
+    wrist_m: Float[Tensor, "2 T 3"]
+    R_body: Float[Tensor, "2 T 3 3"]
+    K: Float[Tensor, "3 3"]
     fps: float
-    xy_px: NDArray[np.float64]
-    weight: NDArray[np.float64]
+    xy_px: Float[np.ndarray, "2 T 21 2"]
+    weight: Float[np.ndarray, "2 T 21"]
 
     @property
     def frames(self) -> int:
@@ -47,23 +48,28 @@ class VideoHands:
         return self.weight.shape[1]
 
     @property
-    def seen(self) -> Tensor:
-        """(2, T) whether any point of a hand is used."""
+    def visible(self) -> Bool[Tensor, "2 T"]:
+        """Whether any keypoint of a hand is used."""
         return torch.as_tensor((self.weight > 0).any(-1))
 
 
 def point_weights(
-    xy_px: NDArray[np.float64],
-    confidence: NDArray[np.float64],
-    hand_px: NDArray[np.float64],
+    xy_px: Float[np.ndarray, "*hands K 2"],
+    confidence: Float[np.ndarray, "*hands K"],
+    hand_px: Float[np.ndarray, "*hands"],
     *,
     noise_share: float,
     min_confidence: float,
     min_points: int,
-) -> NDArray[np.float64]:
-    """(..., 21) 1 / variance of points (..., 21, 2) of hands that are ``hand_px`` (...) long.
+) -> Float[np.ndarray, "*hands K"]:
+    """Inverse variances of a hand's keypoints, 1/px^2; 0 for a missing one.
 
-    Hands with fewer than ``min_points`` points count as unseen.
+    Args:
+        hand_px: length of each hand in the picture.
+        min_points: a hand with fewer keypoints counts as missing.
+
+    Raises:
+        ValueError: not 21 keypoints.
     """
     if confidence.shape[-1] != POINTS:
         raise ValueError(f"confidence: expected (..., {POINTS}), got {confidence.shape}")
@@ -73,13 +79,13 @@ def point_weights(
     return np.where(usable, np.nan_to_num(confidence) / sigma**2, 0.0)
 
 
-def fps_of(videos: Sequence[VideoHands]) -> Tensor:
-    """(2 M,) frame rate of every hand of `own_views`."""
+def fps_of(videos: Sequence[ArmsAndHands]) -> Float[Tensor, " B"]:
+    """Frame rate of every hand of `per_video_views`."""
     return torch.tensor([v.fps for v in videos for _ in range(2)], dtype=torch.float64)
 
 
-def own_views(skeleton: HandSkeleton, videos: Sequence[VideoHands]) -> HandViews:
-    """Every video's two hands, (2 M, T) padded by their last frame, each seen by its own view."""
+def per_video_views(skeleton: HandSkeleton, videos: Sequence[ArmsAndHands]) -> HandViews:
+    """Two hands a video, (2 M, T) padded by their last frame, each in its own video's view."""
     length = max(v.frames for v in videos)
 
     def padded(values: Tensor) -> Tensor:
@@ -106,9 +112,9 @@ def own_views(skeleton: HandSkeleton, videos: Sequence[VideoHands]) -> HandViews
 
 
 def common_views(
-    skeleton: HandSkeleton, videos: Sequence[VideoHands], timeline: Timeline
+    skeleton: HandSkeleton, videos: Sequence[ArmsAndHands], timeline: Timeline
 ) -> HandViews:
-    """(2, N): the hands common to all videos at the reference's frames, seen by every video."""
+    """The hands common to all videos, (2, N) at the reference's frames, in every video's view."""
     per_side = [_common_side(side, videos, timeline) for side in range(2)]
     R_forearm, wrist, xy, weight, R_body = (
         torch.stack(part) for part in zip(*per_side, strict=True)
@@ -126,18 +132,18 @@ def common_views(
     )
 
 
-def _common_side(side: int, videos: Sequence[VideoHands], timeline: Timeline) -> list[Tensor]:
+def _common_side(side: int, videos: Sequence[ArmsAndHands], timeline: Timeline) -> list[Tensor]:
     columns: list[list[Tensor]] = [[] for _ in range(5)]
     for v, video in enumerate(videos):
-        at = timeline.from_reference[v]
-        xy, weight = sample_keypoints(video.xy_px[side], video.weight[side], at)
+        frame = timeline.from_reference[v]
+        xy, weight = sample_keypoints(video.xy_px[side], video.weight[side], frame)
         trusted = weight * timeline.confidence[v][:, None]
         row = (
-            sample_rotations(video.R_forearm[side][:, None], at)[:, 0],
-            sample(video.wrist_m[side], at),
+            sample_rotations(video.R_forearm[side][:, None], frame)[:, 0],
+            sample(video.wrist_m[side], frame),
             torch.as_tensor(xy),
             torch.as_tensor(trusted),
-            sample_rotations(video.R_body[side][:, None], at)[:, 0],
+            sample_rotations(video.R_body[side][:, None], frame)[:, 0],
         )
         for column, value in zip(columns, row, strict=True):
             column.append(value)
@@ -146,23 +152,24 @@ def _common_side(side: int, videos: Sequence[VideoHands], timeline: Timeline) ->
     return [*parts, mean(R_body, trust, dim=1)]
 
 
-def common_at(common: HandState, videos: Sequence[VideoHands], timeline: Timeline) -> CommonHand:
+def common_at(common: HandState, videos: Sequence[ArmsAndHands], timeline: Timeline) -> CommonHand:
     """The common hands (2, N) at the frames of every video, (2 M, T); trust 0 where unmatched.
 
-    An unmatched frame takes the nearest matched one as its start.
+    An unmatched frame takes its neighbours' place.
     """
     length = max(v.frames for v in videos)
     count = common.angles.shape[1]
     R, angles, trust = [], [], []
     for v, to_reference in enumerate(timeline.to_reference):
-        known = np.nonzero(np.isfinite(to_reference))[0]
-        frames = np.arange(length)
-        at = np.interp(frames, known, to_reference[known]) if len(known) else np.zeros(length)
-        sure = np.interp(
-            np.clip(at, 0, count - 1), np.arange(count), timeline.confidence[v]
-        ) * np.isin(frames, known)
+        matched = np.nonzero(np.isfinite(to_reference))[0]
+        frames, position = np.arange(length), np.zeros(length)
+        if len(matched):
+            position = np.interp(frames, matched, to_reference[matched])
+        inside = np.clip(position, 0, count - 1)
+        confidence = np.interp(inside, np.arange(count), timeline.confidence[v])
+        of_video = torch.as_tensor(confidence * np.isin(frames, matched))
         for side in range(2):
-            R.append(sample_rotations(common.R_wrist[side][:, None], at)[:, 0])
-            angles.append(sample(common.angles[side], at))
-            trust.append(torch.as_tensor(sure))
+            R.append(sample_rotations(common.R_wrist[side][:, None], position)[:, 0])
+            angles.append(sample(common.angles[side], position))
+            trust.append(of_video)
     return CommonHand(torch.stack(R), torch.stack(angles), torch.stack(trust))

@@ -7,20 +7,26 @@ G_k the joint's rotation; and the increment of a rotation vector a is ``Jr(a) da
 from __future__ import annotations
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.hands.skeleton import OPENPOSE_FINGERS
 from imocap_core.rotations import exp, right_jacobian
 
 
-def joint_vectors(axes: Tensor, angles: Tensor) -> Tensor:
-    """Rotation vectors (..., 5, 3, 3) of the joints: axes (..., 5, 3, 3, 21), angles (..., 21)."""
+def joint_vectors(
+    axes: Float[Tensor, "... 5 3 3 21"], angles: Float[Tensor, "... 21"]
+) -> Float[Tensor, "... 5 3 3"]:
+    """Rotation vectors of the joints, radians; arguments broadcast."""
     return torch.einsum("...fjcd,...d->...fjc", axes, angles)
 
 
 def hand_points(
-    bones: Tensor, axes: Tensor, R_wrist: Tensor, angles: Tensor
-) -> tuple[Tensor, Tensor, Tensor]:
+    bones: Float[Tensor, "... 5 4 3"],
+    axes: Float[Tensor, "... 5 3 3 21"],
+    R_wrist: Float[Tensor, "... 3 3"],
+    angles: Float[Tensor, "... 21"],
+) -> tuple[Float[Tensor, "... 21 3"], Float[Tensor, "... 21 3 3"], Float[Tensor, "... 21 3 21"]]:
     """Keypoints in OpenPose's order, and their derivatives.
 
     Args:

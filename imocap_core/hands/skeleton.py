@@ -1,10 +1,10 @@
 """The bones, the joint axes and the ranges of motion of two hands.
 
-Bones are those of the body that is given (the free body's fingers are MakeHuman's, CC0). A hand
-has 21 angles: each finger bends at three joints and spreads at its knuckle; the thumb's root turns
-about three axes. Angles are 0 in the body's rest pose, in which fingers are straight but for about
-20 degrees a joint; positive ones close the hand. Ranges are about those of clinical goniometry,
-counted from there.
+Bones are those of the given body (the free body's fingers are MakeHuman's, CC0). A hand has 21
+angles: each finger bends at three joints and spreads at its knuckle; the thumb's root turns about
+three axes. Angles are 0 in the body's rest pose, in which fingers are straight but for about 20
+degrees a joint; positive ones close the hand. Ranges are about those of clinical goniometry,
+relative to that pose.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.body.model import Shaped
@@ -46,20 +47,24 @@ class HandSkeleton:
         lower, upper, spread: (21,) radians.
     """
 
-    bones: Tensor
-    axes: Tensor
-    lower: Tensor
-    upper: Tensor
-    spread: Tensor
+    bones: Float[Tensor, "2 5 4 3"]
+    axes: Float[Tensor, "2 5 3 3 21"]
+    lower: Float[Tensor, "21"]
+    upper: Float[Tensor, "21"]
+    spread: Float[Tensor, "21"]
 
     @property
-    def length_m(self) -> Tensor:
-        """(2,) from the wrist to the tip of the middle finger, along its bones."""
+    def length_m(self) -> Float[Tensor, "2"]:
+        """From the wrist to the tip of the middle finger, along its bones."""
         return self.bones[:, 1].norm(dim=-1).sum(-1)
 
 
 def hand_skeleton(shaped: Shaped) -> HandSkeleton:
-    """The hands of a body with SMPL+H's fingers, of one shape (coefficients (n,))."""
+    """The hands of a body with SMPL+H's fingers, of one shape (coefficients (n,)).
+
+    Raises:
+        ValueError: the body has no fingers.
+    """
     names, rest = shaped.model.joint_names, shaped.joints_rest
     if "left_index1" not in names:
         raise ValueError(f"body: expected one with fingers, got {shaped.model.name}")

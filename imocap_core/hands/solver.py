@@ -10,8 +10,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from imocap_core.hands.problem import CommonHand, HandState, HandViews
 from imocap_core.hands.skeleton import HandSkeleton
+from imocap_core.hands.state import CommonHand, HandState, HandViews
 from imocap_core.hands.terms import (
     ROTATIONS,
     coupling_cost,
@@ -30,16 +30,21 @@ LARGEST_GROWTH = 0.2  # of the logarithm of the size in one step
 
 @dataclass(frozen=True)
 class HandProblem:
-    """Everything that stays fixed: views, skeleton (ranges), weights, fps (B,), common motion."""
+    """Everything that stays fixed during a fit.
+
+    Attributes:
+        skeleton: gives the ranges of motion; fps: (B,) frames a second.
+        common: the hand motion that the hands are coupled to, or None.
+    """
 
     views: HandViews
     skeleton: HandSkeleton
     weights: HandsParams
-    fps: Tensor
+    fps: Float[Tensor, " B"]
     common: CommonHand | None = None
 
-    def cost(self, state: HandState, normal: NormalEquations | None = None) -> Tensor:
-        """(B,) the objective; adds its linearisation to `normal`."""
+    def cost(self, state: HandState, normal: NormalEquations | None = None) -> Float[Tensor, " B"]:
+        """The objective; adds its linearisation to ``normal``."""
         views, weights = self.views, self.weights
         total = image_cost(views, state, weights, normal)
         total = total + prior_cost(views, state, self.skeleton, weights, normal)
@@ -49,8 +54,10 @@ class HandProblem:
         return total
 
 
-def solve_hands(problem: HandProblem, state: HandState, max_steps: int) -> tuple[HandState, Tensor]:
-    """Hands of known size: the state of lowest objective, and the objective (B,).
+def solve_hands(
+    problem: HandProblem, state: HandState, max_steps: int
+) -> tuple[HandState, Float[Tensor, " B"]]:
+    """Hands of known size: the state of lowest objective, and the objective.
 
     Every hand of the batch is accepted or rejected by itself, so no objective ever rises.
     """

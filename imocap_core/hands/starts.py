@@ -1,9 +1,9 @@
-"""Where the wrist may point: many starts in single frames, and the smoothest cheap path of them.
+"""Initial wrist rotations: many starts in single frames, and the cheapest smooth path of them.
 
-A body's keypoints say little about how a forearm is twisted, so the hand may begin half a turn
+A body's keypoints hardly determine how a forearm is twisted, so the hand may begin half a turn
 away from its keypoints, where no small step leads. Every few frames the fit is tried from a set of
-turns, each frame by itself; the path with the lowest sum of objectives and turning speeds starts
-the fit over time.
+rotations, each frame by itself; the path with the lowest sum of objectives and rotation speeds is
+the initial state of the fit over time.
 """
 
 from __future__ import annotations
@@ -12,30 +12,31 @@ from dataclasses import replace
 
 import numpy as np
 import torch
+from jaxtyping import Float, Int
 from torch import Tensor
 
-from imocap_core.hands.problem import HandState
 from imocap_core.hands.solver import HandProblem, solve_hands
+from imocap_core.hands.state import HandState
 from imocap_core.motion.multiview.timeline import sample, sample_rotations
 from imocap_core.rotations import exp, geodesic_angle
 
 _TWISTS_DEG, _BENDS_DEG = (-120, -60, 0, 60, 120, 180), (-45, 45)
-_SPEED_RAD_S = 3.0  # a turn of a wrist at this speed costs 1
+_SPEED_RAD_S = 3.0  # rotation speed of a wrist that costs 1
 _STEPS = 8
 _AT_ONCE = 16  # frames: bounds the memory of long videos
 
 
-def wrist_starts() -> Tensor:
-    """(H, 3, 3) turns of a hand against the body's: about the forearm, then at the wrist."""
-    turns = [(t, b) for t in _TWISTS_DEG for b in _BENDS_DEG]
-    radians = torch.deg2rad(torch.tensor(turns, dtype=torch.float64))
+def wrist_starts() -> Float[Tensor, "H 3 3"]:
+    """Rotations of a hand against the body's: about the forearm, then at the wrist."""
+    angles = [(t, b) for t in _TWISTS_DEG for b in _BENDS_DEG]
+    radians = torch.deg2rad(torch.tensor(angles, dtype=torch.float64))
     zero = torch.zeros_like(radians[:, 0])
     twist = torch.stack([radians[:, 0], zero, zero], -1)  # forearms lie along x at rest
     bend = torch.stack([zero, zero, radians[:, 1]], -1)
     return exp(twist) @ exp(bend)
 
 
-def started(problem: HandProblem, stride_s: float) -> HandState:
+def initial_state(problem: HandProblem, stride_s: float) -> HandState:
     """A state near the keypoints for all frames of a problem."""
     frames = problem.views.valid.shape[1]
     stride = max(1, round(stride_s * float(problem.fps.min())))
@@ -48,34 +49,31 @@ def started(problem: HandProblem, stride_s: float) -> HandState:
         torch.cat(each, dim=1) for each in zip(*parts, strict=True)
     )
     count = len(chosen)
-    paths = []
+    paths: list[tuple[Tensor, Tensor, Tensor]] = []
     for b, R in enumerate(all_R):
         seconds = np.diff(chosen) / float(problem.fps[b])
         best = cheapest_path(cost[b], R, seconds)
         pick = torch.arange(count), best
-        at = np.interp(np.arange(frames), chosen, np.arange(count))
+        position = np.interp(np.arange(frames), chosen, np.arange(count))
         paths.append(
-            HandState(
-                sample_rotations(R[pick][:, None], at)[:, 0],
-                sample(all_angles[b][pick], at),
-                sample(all_offsets[b][pick], at),
+            (
+                sample_rotations(R[pick][:, None], position)[:, 0],
+                sample(all_angles[b][pick], position),
+                sample(all_offsets[b][pick], position),
             )
         )
-    return HandState(
-        R_wrist=torch.stack([p.R_wrist for p in paths]),
-        angles=torch.stack([p.angles for p in paths]),
-        offset_m=torch.stack([p.offset_m for p in paths]),
-    )
+    R_wrist, angles, offset_m = (torch.stack(part) for part in zip(*paths, strict=True))
+    return HandState(R_wrist, angles, offset_m)
 
 
 def _tried(problem: HandProblem, frames: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Every turn in each of N frames by itself: R_wrist (B, N, H, 3, 3), angles (B, N, H, 21),
-    places (B, N, H, V, 3) and objectives (B, N, H)."""
-    few, turns = problem.views.frames(frames), wrist_starts()
-    alone = few.single_frames(len(turns))
-    shape = (*few.valid.shape, len(turns))
+    """Every rotation in each of N frames by itself: R_wrist (B, N, H, 3, 3), angles (B, N, H, 21),
+    offsets (B, N, H, V, 3) and objectives (B, N, H)."""
+    few, rotations = problem.views.frames(frames), wrist_starts()
+    alone = few.single_frames(len(rotations))
+    shape = (*few.valid.shape, len(rotations))
     start = HandState(
-        R_wrist=alone.R_body @ turns.repeat(few.valid.numel(), 1, 1)[:, None],
+        R_wrist=alone.R_body @ rotations.repeat(few.valid.numel(), 1, 1)[:, None],
         angles=alone.R_body.new_zeros(len(alone.valid), 1, 21),
         offset_m=torch.zeros_like(alone.wrist_m),
     )
@@ -90,9 +88,14 @@ def _tried(problem: HandProblem, frames: Tensor) -> tuple[Tensor, Tensor, Tensor
     )
 
 
-def cheapest_path(cost: Tensor, R: Tensor, seconds: np.ndarray) -> Tensor:
-    """(N,) which of H candidates in each frame: the lowest sum of costs (N, H) and of squared
-    turning speeds between candidates R (N, H, 3, 3) that lie `seconds` (N - 1,) apart."""
+def cheapest_path(
+    cost: Float[Tensor, "N H"], R: Float[Tensor, "N H 3 3"], seconds: Float[np.ndarray, " _"]
+) -> Int[Tensor, " N"]:
+    """Candidate of each frame, by the lowest sum of costs and of squared rotation speeds.
+
+    Args:
+        cost: of H candidates a frame; R: their rotations; seconds: (N - 1,) between frames.
+    """
     total, back = cost[0], list[Tensor]()
     for n in range(1, len(cost)):
         angle = geodesic_angle(R[n - 1][:, None], R[n][None])

@@ -1,29 +1,32 @@
-"""The objective of hands: one function a term; each gives its cost and adds to normal equations."""
+"""The objective of hands: each function returns a term's cost and adds its normal equations."""
 
 from __future__ import annotations
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.hands.kinematics import hand_points
-from imocap_core.hands.problem import CommonHand, HandState, HandViews
 from imocap_core.hands.skeleton import ANGLE_NAMES, HandSkeleton
+from imocap_core.hands.state import CommonHand, HandState, HandViews
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.params import HandsParams
 from imocap_core.robust import cauchy, geman_mcclure
 from imocap_core.rotations import log, right_jacobian
 
-ROTATIONS = 24  # unknowns of a frame: 3 of the wrist, 21 angles, then 3 a view of its place
-NEAREST_M = 0.1  # nothing is projected from nearer to the camera
+ROTATIONS = 24  # unknowns of a frame: 3 of the wrist, 21 angles; then 3 a view of its offset
+NEAREST_M = 0.1  # least depth of a projected point
 _END_SHARE, _END_SPREAD_RAD = 0.65, 0.25  # the last joint of a finger follows the one before
 _GROUPS = [[0, 1, 2], *([3 + 4 * f + k for k in range(4)] for f in range(4)), [*range(19, 24)]]
 
 Equations = NormalEquations | None
 
 
-def project_hands(views: HandViews, state: HandState) -> tuple[Tensor, Tensor]:
-    """Pixels (B, T, V, 21, 2) of the hands and their derivatives (B, T, V, 21, 2, 24 + 3 + 1): by
-    the rotations, this view's own offset, and the logarithm of the size."""
+def project_hands(
+    views: HandViews, state: HandState
+) -> tuple[Float[Tensor, "B T V 21 2"], Float[Tensor, "B T V 21 2 28"]]:
+    """Pixels of the hands and their derivatives: by the rotations (24), the offset of the same view
+    (3), and the logarithm of the size (1)."""
     bones, axes = views.bones[:, None] * state.size, views.axes[:, None]
     xyz, d_wrist, d_angles = hand_points(bones, axes, state.R_wrist, state.angles)
     R = views.R_forearm[..., None, :, :]  # (B, T, V, 1, 3, 3)
@@ -42,8 +45,8 @@ def project_hands(views: HandViews, state: HandState) -> tuple[Tensor, Tensor]:
 
 def image_cost(
     views: HandViews, state: HandState, weights: HandsParams, normal: Equations = None
-) -> Tensor:
-    """(B,) robust distance of the projected hands to the detected keypoints."""
+) -> Float[Tensor, " B"]:
+    """Robust distance of the projected hands to the detected keypoints."""
     pixels, jacobian = project_hands(views, state)
     miss = torch.where(views.weight[..., None] > 0, pixels - views.xy_px, 0.0)
     squared = views.weight * (miss**2).sum(-1)
@@ -54,19 +57,19 @@ def image_cost(
         lever = rows * w[..., None]
         square = lever.transpose(-1, -2) @ rows
         slope = (lever * rest[..., None]).sum(-2)
-        turn, own, size = slice(0, ROTATIONS), slice(ROTATIONS, -1), slice(-1, None)
+        turn, offset, size = slice(0, ROTATIONS), slice(ROTATIONS, -1), slice(-1, None)
         normal.diagonal[..., turn, turn] += square[..., turn, turn].sum(2)
         normal.gradient[..., turn] += slope[..., turn].sum(2)
         normal.border[..., turn, :] += square[..., turn, size].sum(2)
         normal.corner += square[..., size, size].sum((1, 2))
         normal.corner_gradient += slope[..., size].sum((1, 2))
         for v in range(square.shape[2]):
-            at = slice(ROTATIONS + 3 * v, ROTATIONS + 3 * v + 3)
-            normal.diagonal[..., at, at] += square[:, :, v, own, own]
-            normal.diagonal[..., turn, at] += square[:, :, v, turn, own]
-            normal.diagonal[..., at, turn] += square[:, :, v, own, turn]
-            normal.gradient[..., at] += slope[:, :, v, own]
-            normal.border[..., at, :] += square[:, :, v, own, size]
+            of_view = slice(ROTATIONS + 3 * v, ROTATIONS + 3 * v + 3)
+            normal.diagonal[..., of_view, of_view] += square[:, :, v, offset, offset]
+            normal.diagonal[..., turn, of_view] += square[:, :, v, turn, offset]
+            normal.diagonal[..., of_view, turn] += square[:, :, v, offset, turn]
+            normal.gradient[..., of_view] += slope[:, :, v, offset]
+            normal.border[..., of_view, :] += square[:, :, v, offset, size]
     return cost.sum((1, 2, 3))
 
 
@@ -76,8 +79,8 @@ def prior_cost(
     skeleton: HandSkeleton,
     weights: HandsParams,
     normal: Equations = None,
-) -> Tensor:
-    """(B,) spread of poses and ranges of motion, the wrist about the body's, its place likewise."""
+) -> Float[Tensor, " B"]:
+    """Priors of poses, ranges of motion, and the wrist's rotation and offset from the body's."""
     vectors = log(views.R_body.transpose(-1, -2) @ state.R_wrist)
     wrist = vectors / weights.wrist_rad
     turn = torch.linalg.inv(right_jacobian(vectors)) / weights.wrist_rad
@@ -114,9 +117,13 @@ def _pose_rows(angles: Tensor, spread: Tensor) -> Tensor:
 
 
 def smooth_cost(
-    views: HandViews, state: HandState, weights: HandsParams, fps: Tensor, normal: Equations = None
-) -> Tensor:
-    """(B,) accelerations of wrist, fingers and place; fps (B,)."""
+    views: HandViews,
+    state: HandState,
+    weights: HandsParams,
+    fps: Float[Tensor, " B"],
+    normal: Equations = None,
+) -> Float[Tensor, " B"]:
+    """Accelerations of wrist, fingers and offset."""
     if state.angles.shape[1] < 3:
         return state.angles.new_zeros(len(state.angles))
     turn = log(state.R_wrist[:, :-1].transpose(-1, -2) @ state.R_wrist[:, 1:])
@@ -128,9 +135,9 @@ def smooth_cost(
     if normal is not None:  # rows 1, -2, 1 over three frames: small turns add up
         frames, pull = change.shape[1], w * change
         for lag, share in enumerate((1.0, -2.0, 1.0)):
-            at = slice(lag, lag + frames)
-            torch.diagonal(normal.diagonal, dim1=-2, dim2=-1)[:, at] += share**2 * w
-            normal.gradient[:, at] += share * pull
+            span = slice(lag, lag + frames)
+            torch.diagonal(normal.diagonal, dim1=-2, dim2=-1)[:, span] += share**2 * w
+            normal.gradient[:, span] += share * pull
         torch.diagonal(normal.next1, dim1=-2, dim2=-1)[:, :frames] += -2 * w
         torch.diagonal(normal.next1, dim1=-2, dim2=-1)[:, 1 : frames + 1] += -2 * w
         torch.diagonal(normal.next2, dim1=-2, dim2=-1)[:, :frames] += w
@@ -143,8 +150,8 @@ def coupling_cost(
     common: CommonHand,
     weights: HandsParams,
     normal: Equations = None,
-) -> Tensor:
-    """(B,) differences from the common motion, the wrist and each finger robustly by itself."""
+) -> Float[Tensor, " B"]:
+    """Differences from the common motion, robustly for the wrist and for each finger."""
     vectors = log(common.R_wrist.transpose(-1, -2) @ state.R_wrist)
     away = torch.cat([vectors, state.angles - common.angles], -1) / weights.coupling_rad
     trust = common.trust * views.valid
@@ -163,8 +170,8 @@ def coupling_cost(
             normal.diagonal[..., :3, :3] += w[..., None] * (rows.transpose(-1, -2) @ rows)
             normal.gradient[..., :3] += w * (rows.transpose(-1, -2) @ part[..., None])[..., 0]
         else:
-            at = slice(group[0], group[-1] + 1)
+            span = slice(group[0], group[-1] + 1)
             diagonal = torch.diagonal(normal.diagonal, dim1=-2, dim2=-1)
-            diagonal[..., at] += w / weights.coupling_rad**2
-            normal.gradient[..., at] += w * part / weights.coupling_rad
+            diagonal[..., span] += w / weights.coupling_rad**2
+            normal.gradient[..., span] += w * part / weights.coupling_rad
     return total.sum(1)

@@ -53,12 +53,12 @@ class Body:
         def pose() -> Posed:
             return self.model.shape(state.betas[:, None]).pose(state.R_local, state.trans)
 
-        return state.once((self.model,), pose)
+        return state.cached((self.model,), pose)
 
     def positions(self, points: PointSet, state: MotionState) -> Points:
         """Positions only."""
         posed = self.posed(state)
-        return state.once((self.model, points), lambda: Points(posed.keypoints(points)))
+        return state.cached((self.model, points), lambda: Points(posed.keypoints(points)))
 
     def derivatives(self, points: PointSet, state: MotionState) -> Points:
         """Positions and their derivatives."""

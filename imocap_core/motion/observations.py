@@ -113,7 +113,7 @@ def validity(observations: Sequence[Observation], like: Tensor) -> Tensor:
     return torch.arange(int(lengths.max()), device=like.device) < lengths[:, None]
 
 
-def own_view(observations: Sequence[Observation], like: Tensor) -> View:
+def per_video_view(observations: Sequence[Observation], like: Tensor) -> View:
     """Each video seen by its own camera, which is also the frame of its state."""
     xy, weights = [], []
     for o in observations:

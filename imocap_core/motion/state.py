@@ -44,21 +44,22 @@ class MotionState:
         no_turn, no_focal = none[..., None].expand(-1, 0, 3, 3), none[..., 0]
         return cls(R_local, trans, betas, valid, no_turn, none, no_focal)
 
-    def once(self, owners: tuple[object, ...], make: Callable[[], T]) -> T:
-        """What ``owners`` work out of this state: made when first asked for, then the same again.
+    def cached(self, owners: tuple[object, ...], make: Callable[[], T]) -> T:
+        """What ``owners`` compute from this state, computed at the first request.
 
-        A step is tried, its cost found, and the equations of the next step are set up at the same
-        state: what both need (poses, strays) is found once. It lives as long as the state.
+        A step is tried, its cost evaluated, and the equations of the next step are set up at the
+        same state: what both need (poses, rigid offsets) is computed once. It lives as long as the
+        state.
         """
         key = tuple(id(owner) for owner in owners)
-        found = self._found.get(key)
-        if found is None:
-            found = self._found[key] = (owners, make())  # owners stay, so their ids stay theirs
-        value: T = found[1]
+        entry = self._cache.get(key)
+        if entry is None:  # owners are part of the entry, so that their ids stay theirs
+            entry = self._cache[key] = (owners, make())
+        value: T = entry[1]
         return value
 
     @cached_property
-    def _found(self) -> dict[tuple[int, ...], tuple[tuple[object, ...], Any]]:
+    def _cache(self) -> dict[tuple[int, ...], tuple[tuple[object, ...], Any]]:
         return {}
 
     @cached_property

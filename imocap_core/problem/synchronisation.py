@@ -14,7 +14,6 @@ from imocap_core.artifacts.schemas import (
     SyncMap,
     SyncSummary,
     SyncTrust,
-    VideoMotion,
     VideoTrust,
 )
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
@@ -26,7 +25,7 @@ from imocap_core.sync.warp.reprojection import ReprojectionEvidence
 
 
 def synchronise_motions(
-    videos: Sequence[VideoMotion],
+    joints: Sequence[Float[np.ndarray, "_ 24 3"]],
     keypoints: Keypoints,
     params: SyncParams,
     rng: np.random.Generator,
@@ -40,23 +39,23 @@ def synchronise_motions(
     """Synchronise motions by their joints; frames without any detection are bridged.
 
     Args:
-        videos: in the order of `keypoints`.
+        joints: of every video of `keypoints`, metres, in its own camera's axes.
         reference: id of the reference video, chosen by centrality when None.
         mirrored: per video True or False where action.yaml states it.
         hints, reprojection: as of `imocap_core.sync.synchronise`.
         decided: an earlier synchronisation whose mirrored and excluded videos stay as they are.
     """
-    ids = [video.id for video in videos]
+    ids = [video.id for video in keypoints.videos]
     detected = [(video.confidence > 0).max(axis=1).astype(float) for video in keypoints.videos]
     fps = [video.fps for video in keypoints.videos]
     result = synchronise(
-        [video.joints for video in videos],
+        joints,
         fps=fps,
         params=params,
         rng=rng,
         confidence=[
-            np.repeat(s[:, None], video.joints.shape[1], axis=1)
-            for s, video in zip(detected, videos, strict=True)
+            np.repeat(of_frames[:, None], of_video.shape[1], axis=1)
+            for of_frames, of_video in zip(detected, joints, strict=True)
         ],
         joint_weights=joint_weights_of(params),
         reference=None if reference is None else ids.index(reference),
@@ -164,6 +163,6 @@ def _trust(result: SyncResult, ids: Sequence[str], fps: Sequence[float]) -> Sync
                 seconds=triple.seconds,
                 share=triple.share,
             )
-            for triple in result.cycle_residuals
+            for triple in result.triples
         ],
     )

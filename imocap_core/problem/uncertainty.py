@@ -1,4 +1,4 @@
-"""Between artifacts and the core's posterior."""
+"""From posteriors to the artifact of the stage uncertainty."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float
 
 from imocap_core.artifacts.schemas import (
     Keypoints,
@@ -20,47 +20,53 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.conventions import EVAL_14, SMPL_JOINTS
 from imocap_core.metrics.calibration import along_and_across, total_sigma
-from imocap_core.motion.posterior.observability import Open, weak_spans
+from imocap_core.motion.posterior.observability import ViewpointReport, weak_spans
 from imocap_core.motion.posterior.viewpoints import AZIMUTHS_DEG
 from imocap_core.params import UncertaintyParams
-from imocap_core.problem.mirroring import REFLECTION, TWINS, JointWork
+from imocap_core.problem.mirroring import Participants
 
-Array = NDArray[np.float64]
-NAMED = [SMPL_JOINTS.index(name) for name in EVAL_14]  # hands, toes and collars are hardly seen
+REPORTED = [SMPL_JOINTS.index(name) for name in EVAL_14]  # hands, toes, collars: hardly observed
+MM2_PER_M2 = 1e6
 
 
 @dataclass(frozen=True)
-class Claims:
-    """What the core says of a group, as it was solved (mirrored videos reflected)."""
+class GroupPosterior:
+    """The posterior of videos that were solved together, as solved (mirrored ones reflected)."""
 
-    work: JointWork
-    covariances_m2: list[Array]
-    left_open: Open
+    participants: Participants
+    covariances_m2: list[Float[np.ndarray, "_ 24 3 3"]]
+    viewpoints: ViewpointReport
 
 
 def uncertainty_of(
-    claims: Sequence[Claims], keypoints: Keypoints, refined: RefineSync, told: UncertaintyParams
+    posteriors: Sequence[GroupPosterior],
+    keypoints: Keypoints,
+    refined: RefineSync,
+    params: UncertaintyParams,
 ) -> Uncertainty:
-    """The artifact: what the groups say, as filmed, and where that is much."""
+    """The artifact: the groups' posteriors as filmed, and ill-determined joints and phases.
+
+    Args:
+        posteriors: first of the videos that take part, then of each excluded one.
+    """
     motions = {v.id: v for v in refined.motion.videos}
-    found: dict[str, VideoUncertainty] = {}
-    for k, claim in enumerate(claims):
-        for v, seen in enumerate(claim.work.keypoints.videos):
-            C = claim.covariances_m2[v]
-            if seen.id in claim.work.mirrored:
-                C = C[:, TWINS] * REFLECTION[:, None] * REFLECTION
-            azimuth = float(claim.left_open.azimuths_deg[v]) if k == 0 else float("nan")
-            found[seen.id] = _video(motions[seen.id], 1e6 * C, azimuth)
-    videos = [found[v.id] for v in keypoints.videos]
-    every = np.concatenate([v.sigma_mm[:, NAMED].ravel() for v in videos])
+    by_id: dict[str, VideoUncertainty] = {}
+    for k, group in enumerate(posteriors):
+        for v, video in enumerate(group.participants.keypoints.videos):
+            covariance = group.participants.filmed_covariance(video.id, group.covariances_m2[v])
+            azimuth = float(group.viewpoints.azimuths_deg[v]) if k == 0 else float("nan")
+            by_id[video.id] = _video(motions[video.id], MM2_PER_M2 * covariance, azimuth)
+    videos = [by_id[v.id] for v in keypoints.videos]
+    every = np.concatenate([v.sigma_mm[:, REPORTED].ravel() for v in videos])
     unknown = [v.id for v in videos if not np.isfinite(v.sigma_mm).all()]
     median = float(np.nanmedian(every)) if np.isfinite(every).any() else float("nan")
     weak = [
         span
-        for video, seen in zip(videos, keypoints.videos, strict=True)
-        for span in _weak(video, seen.fps, told.weak_limit, median)
+        for uncertain, video in zip(videos, keypoints.videos, strict=True)
+        for span in _weak(uncertain, video.fps, params.weak_limit, median)
     ]
-    whole, ids = claims[0].left_open, [v.id for v in claims[0].work.keypoints.videos]
+    whole = posteriors[0].viewpoints
+    ids = [v.id for v in posteriors[0].participants.keypoints.videos]
     return Uncertainty(
         videos=videos,
         median_mm=median,
@@ -69,8 +75,8 @@ def uncertainty_of(
             NearPair(videos=[ids[p.a], ids[p.b]], angle_deg=p.angle_deg, seen_across=across)
             for p, across in zip(whole.pairs, whole.across, strict=True)
         ],
-        near_limit_deg=told.near_limit_deg,
-        weak_limit=told.weak_limit,
+        near_limit_deg=params.near_limit_deg,
+        weak_limit=params.weak_limit,
         viewpoints=[
             Viewpoint(azimuth_deg=a, reduction=float(r))
             for a, r in zip(AZIMUTHS_DEG, whole.reductions, strict=True)
@@ -81,7 +87,9 @@ def uncertainty_of(
     )
 
 
-def _video(motion: VideoMotion, covariance_mm2: Array, azimuth_deg: float) -> VideoUncertainty:
+def _video(
+    motion: VideoMotion, covariance_mm2: Float[np.ndarray, "T 24 3 3"], azimuth_deg: float
+) -> VideoUncertainty:
     root = motion.joints[:, 0]
     sight = root / np.linalg.norm(root, axis=-1, keepdims=True)
     depth, across = along_and_across(covariance_mm2, sight[:, None])
@@ -97,7 +105,7 @@ def _video(motion: VideoMotion, covariance_mm2: Array, azimuth_deg: float) -> Vi
 
 
 def _weak(video: VideoUncertainty, fps: float, limit: float, median: float) -> list[WeakSpan]:
-    spans = weak_spans(video.sigma_mm[:, NAMED], limit * median, fps)
+    spans = weak_spans(video.sigma_mm[:, REPORTED], limit * median, fps)
     return [
         WeakSpan(
             video=video.id,
@@ -114,7 +122,9 @@ def _weak(video: VideoUncertainty, fps: float, limit: float, median: float) -> l
 
 
 def _status(median: float, unknown: list[str]) -> str:
-    said = f"Half of all standard deviations (14 joints, all frames) are below {median:.0f} mm"
+    status = f"Half of all standard deviations (14 joints, all frames) are below {median:.0f} mm"
     if unknown:
-        said += f"; unknown for {', '.join(unknown)}, whose normal matrix is not positive definite"
-    return said + "."
+        status += (
+            f"; unknown for {', '.join(unknown)}, whose normal matrix is not positive definite"
+        )
+    return status + "."

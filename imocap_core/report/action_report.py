@@ -7,7 +7,6 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from imocap_core.artifacts.file_memory import save_memory
 from imocap_core.artifacts.store import Stored
 from imocap_core.errors import ArtifactCorrupt, WorkFailed
 from imocap_core.pipeline.graph import settings
@@ -41,9 +40,7 @@ def finish(job: Job, outcomes: Sequence[Outcome]) -> Path | None:
     stored = {outcome.stage: outcome.stored for outcome in outcomes}
     if not complete(stored):
         return None
-    page = bring_up_to_date(job, stored)
-    save_memory(job.store.folder)
-    return page
+    return bring_up_to_date(job, stored)
 
 
 def complete(stored: Mapping[str, Stored]) -> bool:

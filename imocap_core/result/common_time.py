@@ -10,9 +10,9 @@ import torch
 from jaxtyping import Float
 
 from imocap_core.motion.multiview.common_time import (
-    Moments,
+    FramePositions,
     common_grid,
-    moments_of,
+    frame_positions,
     pose_at,
     values_at,
 )
@@ -29,7 +29,7 @@ def on_common_time(videos: Sequence[VideoResult], fps: float) -> tuple[VideoResu
     """
     grid_s = common_grid([v.phase_s for v in videos], fps)
     return tuple(
-        replace(_resampled(v, moments_of(v.phase_s, grid_s), grid_s), fps=fps) for v in videos
+        replace(_resampled(v, frame_positions(v.phase_s, grid_s), grid_s), fps=fps) for v in videos
     )
 
 
@@ -39,13 +39,13 @@ def at_phase(videos: Sequence[VideoResult], phase_s: float) -> dict[str, VideoMo
     for video in videos:
         if not np.isfinite(video.phase_s).any():
             continue
-        where = moments_of(video.phase_s, np.array([phase_s]))
+        where = frame_positions(video.phase_s, np.array([phase_s]))
         if not where.inside[0]:
             continue
         shown = _resampled(video, where, np.array([phase_s]))
         frame = float(shown.frames[0])
         moments[video.id] = VideoMoment(
-            index=float(where.at[0]),
+            index=float(where.position[0]),
             frame=frame,
             time_s=frame / video.keypoints.fps,
             joints=shown.joints[0],
@@ -54,12 +54,14 @@ def at_phase(videos: Sequence[VideoResult], phase_s: float) -> dict[str, VideoMo
     return moments
 
 
-def _resampled(video: VideoResult, m: Moments, phase_s: Float[np.ndarray, " N"]) -> VideoResult:
+def _resampled(
+    video: VideoResult, m: FramePositions, phase_s: Float[np.ndarray, " N"]
+) -> VideoResult:
     """A video at the fractional frames of the moments `phase_s`."""
-    theta, trans = pose_at(video.theta, m.at), values_at(video.trans, m.at)
+    theta, trans = pose_at(video.theta, m.position), values_at(video.trans, m.position)
     model = body_model(video.model, video.action, hands=False)
     camera = video.camera
-    turns = local_rotations(pose_at(_vectors(camera.R_first_from_frame), m.at))[:, 0]
+    turns = local_rotations(pose_at(_vectors(camera.R_first_from_frame), m.position))[:, 0]
     uncertain = video.joint_uncertainty
     return replace(
         video,
@@ -70,31 +72,33 @@ def _resampled(video: VideoResult, m: Moments, phase_s: Float[np.ndarray, " N"])
         camera=replace(
             camera,
             R_first_from_frame=turns,
-            zoom=values_at(camera.zoom, m.at),
-            H_first_from_frame=values_at(camera.H_first_from_frame, m.at),
+            zoom=values_at(camera.zoom, m.position),
+            H_first_from_frame=values_at(camera.H_first_from_frame, m.position),
         ),
         joint_uncertainty=None
         if uncertain is None
         else JointUncertainty(
-            sigma_mm=values_at(uncertain.sigma_mm, m.at),
-            covariance_mm2=values_at(uncertain.covariance_mm2, m.at),
+            sigma_mm=values_at(uncertain.sigma_mm, m.position),
+            covariance_mm2=values_at(uncertain.covariance_mm2, m.position),
         ),
-        frames=values_at(video.frames.astype(np.float64), m.at),
-        reprojection_px=values_at(video.reprojection_px, m.at),
-        confidence=np.where(m.inside, values_at(video.confidence, m.at), 0.0),
+        frames=values_at(video.frames.astype(np.float64), m.position),
+        reprojection_px=values_at(video.reprojection_px, m.position),
+        confidence=np.where(m.inside, values_at(video.confidence, m.position), 0.0),
         inside=m.inside,
         phase_s=phase_s,
     )
 
 
-def _hands_at(hands: HandMotion, m: Moments) -> HandMotion:
+def _hands_at(hands: HandMotion, m: FramePositions) -> HandMotion:
     flat = np.concatenate([hands.wrists[:, :, None], hands.fingers], axis=2)
-    turned = pose_at(flat.reshape(len(flat), -1), m.at).reshape(len(m.at), *flat.shape[1:])
+    turned = pose_at(flat.reshape(len(flat), -1), m.position).reshape(
+        len(m.position), *flat.shape[1:]
+    )
     return HandMotion(
         wrists=turned[:, :, 0],
         fingers=turned[:, :, 1:],
-        points=values_at(hands.points, m.at),
-        visible=hands.visible[np.round(m.at).astype(np.int64)] & m.inside[:, None],
+        points=values_at(hands.points, m.position),
+        visible=hands.visible[np.round(m.position).astype(np.int64)] & m.inside[:, None],
     )
 
 

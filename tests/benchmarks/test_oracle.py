@@ -13,7 +13,7 @@ from imocap_core.artifacts.schemas import SyncMap
 from imocap_core.artifacts.schemas.sync import SyncSummary
 from imocap_core.io.truth import Truth, VideoTruth
 from tests.motion.made import mpjpe_mm
-from tests.motion.test_joint import OPTIONS, in_own_axes, made, whole  # noqa: F401
+from tests.motion.test_smpl_ba import OPTIONS, in_own_axes, made, whole  # noqa: F401
 
 
 def summary(reference: str = "b") -> SyncSummary:

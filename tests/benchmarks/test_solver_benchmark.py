@@ -9,7 +9,7 @@ import torch
 
 from benchmarks.solver.growth import measure_size
 from benchmarks.solver.measure import HEADS, markdown, measure
-from benchmarks.solver.race import NEWTON, common_problem, newton, race, timed
+from benchmarks.solver.race import NEWTON, first_common_problem, newton, race, timed
 from benchmarks.solver.scene import DISTANCE_M, NOISE_PX, K, made_scene
 from imocap_core.errors import WrongUse
 from imocap_core.motion.solver.gauss_newton import gauss_newton
@@ -48,7 +48,7 @@ def test_a_race_ends_for_everybody_and_gauss_newton_is_its_measure() -> None:
 
 def test_a_rival_out_of_time_is_said_not_to_have_got_there() -> None:
     made = made_scene(2, 6, FIT, 0)
-    terms, start = common_problem(made, MOTION, rigid_offsets=False)
+    terms, start = first_common_problem(made, MOTION, rigid_offsets=False)
     row = timed("p", "s", gauss_newton_once, terms, start, target=1e-3, limit_s=1e-9)
     assert not row.reached
     assert row.evaluations == 1

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from imocap_core.body import load_free_body
-from imocap_core.hands.assemble import VideoHands, point_weights
+from imocap_core.hands.assemble import ArmsAndHands, point_weights
 from imocap_core.hands.fit import FittedHands, fit_hands
 from imocap_core.hands.kinematics import hand_points
 from imocap_core.hands.skeleton import ANGLE_NAMES, hand_skeleton
@@ -53,7 +53,7 @@ def true_angles() -> Tensor:
 
 def made(
     size: float = 1.1, sides: tuple[float, ...] = (0.0, 1.5)
-) -> tuple[list[VideoHands], list[Tensor]]:
+) -> tuple[list[ArmsAndHands], list[Tensor]]:
     """Videos from cameras turned about the vertical, and their true points (2, T, 21, 3)."""
     rng = np.random.default_rng(3)
     time = torch.linspace(0, 1, FRAMES).double()
@@ -77,7 +77,7 @@ def made(
         # the body has the wrist 3 cm elsewhere, and unturned
         body_place = place + 0.03 * torch.nn.functional.normalize(vector(1, -1, 1), dim=0)
         body = exp(vector(0.4, 0, 0)).expand(2, FRAMES, 3, 3)
-        videos.append(VideoHands(R_arm_seen, body_place, body, K, FPS, xy, weight))
+        videos.append(ArmsAndHands(R_arm_seen, body_place, body, K, FPS, xy, weight))
         truths.append(points)
     return videos, truths
 
@@ -89,7 +89,7 @@ def error_mm(found: FittedHands, true: Tensor) -> float:
     return float(1000 * away.norm(dim=-1).mean())
 
 
-def fitted(videos: list[VideoHands]) -> tuple[list[FittedHands], float]:
+def fitted(videos: list[ArmsAndHands]) -> tuple[list[FittedHands], float]:
     frames = np.arange(FRAMES, dtype=float)
     timeline = make_timeline([frames] * len(videos), [np.ones(FRAMES)] * len(videos), FRAMES)
     return fit_hands(SKELETON, videos, timeline, 0, PARAMS)
@@ -116,7 +116,7 @@ def test_two_views_recover_fingers_wrist_and_size(two: tuple[list[FittedHands], 
         error = error_mm(hands, true)
         assert error < 5.5
         assert error < unfitted / 8
-        assert hands.seen.all()
+        assert hands.visible.all()
 
 
 def test_a_hand_unseen_in_one_video_is_told_by_the_other() -> None:
@@ -124,8 +124,8 @@ def test_a_hand_unseen_in_one_video_is_told_by_the_other() -> None:
     weight = videos[1].weight.copy()
     weight[0, 8:22] = 0.0
     found, _ = fitted([videos[0], replace(videos[1], weight=weight)])
-    assert found[1].seen[:, 1].all()
-    assert found[1].seen[:, 0].sum() == FRAMES - 14
+    assert found[1].visible[:, 1].all()
+    assert found[1].visible[:, 0].sum() == FRAMES - 14
     assert error_mm(found[1], truths[1]) < 7.0
 
 
@@ -135,8 +135,8 @@ def test_a_hand_never_seen_keeps_the_body_s_wrist_and_the_rest_pose() -> None:
     weight[1] = 0.0
     found, _ = fit_hands(SKELETON, [replace(videos[0], weight=weight)], None, 0, PARAMS)
     hands = found[0]
-    assert not hands.seen[:, 1].any()
-    assert hands.seen[:, 0].all()
+    assert not hands.visible[:, 1].any()
+    assert hands.visible[:, 0].all()
     assert hands.finger_vectors[:, 1].abs().max() < 1e-3
     assert (hands.R_wrist[:, 1] - videos[0].R_body[1]).abs().max() < 1e-3
 

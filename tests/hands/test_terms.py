@@ -10,9 +10,9 @@ import torch
 from torch import Tensor
 
 from imocap_core.body import load_free_body
-from imocap_core.hands.problem import CommonHand, HandState, HandViews
 from imocap_core.hands.skeleton import hand_skeleton
 from imocap_core.hands.starts import cheapest_path
+from imocap_core.hands.state import CommonHand, HandState, HandViews
 from imocap_core.hands.terms import coupling_cost, image_cost, prior_cost, smooth_cost
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.params import HandsParams

@@ -7,7 +7,8 @@ import torch
 
 from imocap_core.body import load_free_body
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.multiview.consensus import Cameras
+from imocap_core.motion.multiview.cameras import Cameras
+from imocap_core.motion.multiview.scene import JointMotion
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import PosePrior, mixture
 from imocap_core.motion.state import MotionState
@@ -104,6 +105,11 @@ def scene(
         t.append(shift)
         observations.append(Observation(xy, np.ones(xy.shape[:2]), K, 30.0, noise_share=0.01))
     return Made(body, state, np.stack(R), np.stack(t), observations)
+
+
+def result_at(state: MotionState, cameras: Cameras) -> JointMotion:
+    """A result with these motions and cameras and nothing else."""
+    return JointMotion(state, cameras, None, None, [], "made", 0.0)
 
 
 def mpjpe_mm(body: Body, found: MotionState, truth: MotionState) -> float:

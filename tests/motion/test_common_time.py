@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.motion.multiview.common_time import common_grid, moments_of, pose_at, values_at
+from imocap_core.motion.multiview.common_time import (
+    common_grid,
+    frame_positions,
+    pose_at,
+    values_at,
+)
 
 
 def test_the_grid_spans_all_videos_in_steps_of_the_reference() -> None:
@@ -18,22 +23,22 @@ def test_the_grid_spans_all_videos_in_steps_of_the_reference() -> None:
 
 def test_a_video_is_looked_up_where_its_phase_says() -> None:
     phase = np.array([0.0, 0.1, 0.4, 0.5])
-    m = moments_of(phase, np.array([-0.2, 0.0, 0.05, 0.25, 0.5, 0.6]))
-    np.testing.assert_allclose(m.at, [0, 0, 0.5, 1.5, 3, 3], atol=1e-6)
+    m = frame_positions(phase, np.array([-0.2, 0.0, 0.05, 0.25, 0.5, 0.6]))
+    np.testing.assert_allclose(m.position, [0, 0, 0.5, 1.5, 3, 3], atol=1e-6)
     np.testing.assert_array_equal(m.inside, [False, True, True, True, True, False])
 
 
 def test_own_frames_come_back_from_their_own_phases() -> None:
     rng = np.random.default_rng(0)
     phase = np.cumsum(rng.uniform(0.01, 0.1, 40))
-    np.testing.assert_allclose(moments_of(phase, phase).at, np.arange(40), atol=1e-5)
+    np.testing.assert_allclose(frame_positions(phase, phase).position, np.arange(40), atol=1e-5)
 
 
 def test_a_rest_is_stepped_over_and_frames_without_phase_are_bridged() -> None:
     phase = np.array([0.0, 0.1, 0.1, 0.1, 0.2, np.nan, 0.4])
-    m = moments_of(phase, np.array([0.05, 0.15, 0.3]))
-    np.testing.assert_allclose(m.at, [0.5, 3.5, 5.0], atol=1e-6)
-    assert (np.diff(moments_of(phase, np.linspace(0, 0.4, 50)).at) >= 0).all()
+    m = frame_positions(phase, np.array([0.05, 0.15, 0.3]))
+    np.testing.assert_allclose(m.position, [0.5, 3.5, 5.0], atol=1e-6)
+    assert (np.diff(frame_positions(phase, np.linspace(0, 0.4, 50)).position) >= 0).all()
 
 
 def test_wrong_axes_are_said() -> None:
@@ -42,9 +47,9 @@ def test_wrong_axes_are_said() -> None:
     with pytest.raises(ValueError, match="phases_s: expected a video with a place on the axis"):
         common_grid([np.full(3, np.nan)], 30)
     with pytest.raises(ValueError, match="phase_s: expected phases that never fall"):
-        moments_of(np.array([0.0, 0.2, 0.1]), np.zeros(1))
+        frame_positions(np.array([0.0, 0.2, 0.1]), np.zeros(1))
     with pytest.raises(ValueError, match="at least one frame with a phase"):
-        moments_of(np.full(3, np.nan), np.zeros(1))
+        frame_positions(np.full(3, np.nan), np.zeros(1))
 
 
 def test_poses_turn_evenly_between_frames_and_stay_on_one_branch() -> None:

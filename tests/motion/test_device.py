@@ -23,7 +23,7 @@ from imocap_core.motion.terms import Term
 from imocap_core.workers import in_turn
 from tests.motion.made import WEIGHTS, Made, scene, wide_prior
 from tests.motion.test_solver import disturbed
-from tests.motion.test_terms import TERMS, body, state, straying
+from tests.motion.test_terms import TERMS, body, state, with_rigid_offsets
 
 __all__ = ["body", "state"]  # fixtures
 
@@ -76,11 +76,11 @@ def test_a_homeless_tensor_is_noticed() -> None:
     assert watch.met == ["matmul"]
 
 
-@pytest.mark.parametrize("name", [*TERMS, "straying"])
+@pytest.mark.parametrize("name", [*TERMS, "with_rigid_offsets"])
 def test_terms_make_their_tensors_where_the_state_is(
     body: Body, state: MotionState, name: str
 ) -> None:
-    term = {**TERMS, "straying": straying}[name](body, state)
+    term = {**TERMS, "with_rigid_offsets": with_rigid_offsets}[name](body, state)
     with Homeless() as watch:
         term.cost(state)
         linearise([term], state)

@@ -8,22 +8,22 @@ import pytest
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.multiview.scene import Scene
 from imocap_core.motion.multiview.timeline import make_timeline
-from imocap_core.motion.posterior.azimuth import stage_of
+from imocap_core.motion.posterior.azimuth import performer_axes
+from imocap_core.motion.posterior.motion_posterior import MotionPosterior, motion_posterior
 from imocap_core.motion.posterior.noise import Noise
 from imocap_core.motion.posterior.observability import (
-    Open,
+    ViewpointReport,
     angles_deg,
     near_pairs,
-    observe,
     seen_across,
     view_directions,
+    viewpoint_report,
     weak_spans,
 )
-from imocap_core.motion.posterior.uncertainty import Uncertainty, uncertainty
 from imocap_core.motion.posterior.viewpoints import AZIMUTHS_DEG
 from imocap_core.params import UncertaintyParams
-from tests.motion.made import WEIGHTS, Made, scene, wide_prior
-from tests.motion.test_joint import FRAMES, OPTIONS, in_own_axes
+from tests.motion.made import WEIGHTS, Made, result_at, scene, wide_prior
+from tests.motion.test_smpl_ba import FRAMES, OPTIONS, in_own_axes
 
 NOISE = Noise(UncertaintyParams(correlation_s=0.1, pose_persistence_s=0.1))
 FPS = 30.0
@@ -49,16 +49,14 @@ def looked_at(
     return made, Scene(made.body, wide_prior(), observations, timeline, trust, 0, WEIGHTS)
 
 
-def posterior(made: Made, seen: Scene) -> tuple[Uncertainty, Open]:
+def posterior(made: Made, seen: Scene) -> tuple[MotionPosterior, ViewpointReport]:
     """At the truth."""
-    cameras = made.cameras()
-    state = in_own_axes(made)
-    found = uncertainty(seen, state, cameras, OPTIONS, NOISE)
+    result = result_at(in_own_axes(made), made.cameras())
+    found = motion_posterior(seen, result, OPTIONS, NOISE)
     share = NOISE.evidence_share(FPS)
-    left_open = observe(
-        seen, state, cameras, found, OPTIONS, near_limit_deg=20, evidence_share=share
+    return found, viewpoint_report(
+        seen, result, found, OPTIONS, near_limit_deg=20, evidence_share=share
     )
-    return found, left_open
 
 
 @pytest.mark.parametrize(("turns", "across"), [([0.0, 8.0], False), ([0.0, 8.0, 90.0], True)])
@@ -143,8 +141,8 @@ def test_spans_close_to_each_other_are_one_and_short_ones_none() -> None:
 
 def test_directions_are_those_of_the_cameras() -> None:
     made, seen = looked_at([0.0, 40.0])
-    cameras = made.cameras()
-    angles = angles_deg(view_directions(seen, in_own_axes(made), cameras))
+    result = result_at(in_own_axes(made), made.cameras())
+    angles = angles_deg(view_directions(seen, result))
     assert angles[0, 1] == pytest.approx(40, abs=1)
     assert angles[0, 0] == pytest.approx(0, abs=1e-3)
     assert np.isnan(angles_deg(np.full((2, 3, 3), np.nan))[0, 1])
@@ -161,7 +159,7 @@ def test_opposite_views_do_not_look_across_each_other() -> None:
 def test_azimuths_count_from_the_performer_s_front_to_the_left() -> None:
     made, _ = looked_at([0.0])
     ahead = np.array([0.0, 0.0, 1.0])
-    stage = stage_of(made.body, made.state, made.R, ahead)
+    stage = performer_axes(made.body, made.state, made.R, ahead)
     joints = made.body.positions(made.body.joints, made.state).xyz[0].numpy()
     left_hip, right_hip = (joints[:, SMPL_JOINTS.index(f"{s}_hip")] for s in ("left", "right"))
     towards_left = (left_hip - right_hip).mean(0)

@@ -140,7 +140,7 @@ def test_lbfgs_never_takes_a_step_that_raises_the_objective(made: Made) -> None:
     found = lbfgs(terms, disturbed(made.state, 0.3), max_steps=12)
     assert len(found.costs) == 13
     assert all(b < a for a, b in zip(found.costs, found.costs[1:], strict=False))
-    assert found.status == "L-BFGS stopped after 12 steps before it settled"
+    assert found.status == "L-BFGS stopped after 12 steps before it converged"
     assert not bool(found.converged.any())
 
 

@@ -14,6 +14,7 @@ from imocap_core.motion.solver.objective import linearise, objective
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms import (
     FocalPrior,
+    FootContact,
     HingeLimits,
     JointEvidence,
     PathCoupling,
@@ -23,12 +24,11 @@ from imocap_core.motion.terms import (
     PoseSmoothness,
     Reprojection,
     ShapePrior,
-    StandingFeet,
     Term,
     View,
 )
-from imocap_core.motion.terms.foot_contact import standing_share
-from imocap_core.motion.terms.rigid_offset import strayed
+from imocap_core.motion.terms.foot_contact import foot_contact_share
+from imocap_core.motion.terms.rigid_offset import with_rigid_offset
 from imocap_core.motion.terms.view import project
 from imocap_core.motion.terms.view_residuals import whitened
 from imocap_core.rotations import exp
@@ -81,17 +81,17 @@ def reprojection(body: Body, state: MotionState) -> Term:
     return Reprojection(body, tuple(views), 30.0)
 
 
-def straying(body: Body, state: MotionState) -> Reprojection:
-    """Detections near the body, so that the strays settle."""
+def with_rigid_offsets(body: Body, state: MotionState) -> Reprojection:
+    """Detections near the body, so that the inner solve converges."""
     xyz = body.positions(body.keypoints, state).xyz
     K = torch.tensor([[500.0, 0, 320], [0, 500, 180], [0, 0, 1]], dtype=torch.float64)
     weight = normal(B, T, POINTS, seed=5).abs() / 25 * seen(state)
     eye, zero = torch.eye(3, dtype=torch.float64).expand(B, 3, 3), torch.zeros(B, 3).double()
     view = View(torch.zeros(B, T, POINTS, 2).double(), weight, K.expand(B, 3, 3), eye, zero, 0, 1)
-    xy, _ = project(view.at(state), xyz)
+    xy, _ = project(view.with_camera_of(state), xyz)
     noisy = xy + normal(*xy.shape, seed=20, spread=5.0)
     precision = torch.tensor([25.0] * 3 + [100.0] * 3).double().expand(B, T, 6)
-    return Reprojection(body, (replace(view, xy_px=noisy, stray=precision),), 30.0)
+    return Reprojection(body, (replace(view, xy_px=noisy, offset_precision=precision),), 30.0)
 
 
 def pose_prior(_: Body, __: MotionState) -> Term:
@@ -112,8 +112,8 @@ TERMS: dict[str, Callable[[Body, MotionState], Term]] = {
     "limits": lambda b, s: HingeLimits(2.0),
     "velocity": lambda b, s: PoseSmoothness(normal(24).abs(), torch.zeros(24).double(), 1.0),
     "acceleration": lambda b, s: PoseSmoothness(torch.zeros(24).double(), normal(24).abs(), 0.7),
-    "standing feet": lambda b, s: StandingFeet(b, 40.0, 1.5),
-    "held feet": lambda b, s: StandingFeet(b, normal(B, T - 1, 4, seed=13).abs(), 1.5),
+    "foot speeds": lambda b, s: FootContact(b, 40.0, 1.5),
+    "foot contact": lambda b, s: FootContact(b, normal(B, T - 1, 4, seed=13).abs(), 1.5),
     "path": lambda b, s: PathSmoothness(3.0, 2.0),
     "pose coupling": lambda b, s: PoseCoupling(
         exp(normal(B, T, 24, 3, seed=7, spread=0.3)), normal(B, T, 24, seed=8).abs() * seen(s)
@@ -149,8 +149,8 @@ def test_gradient_is_the_derivative_of_the_cost(name: str, body: Body, state: Mo
         assert float((2 * mine - theirs).abs().max()) / scale < 1e-9
 
 
-def test_strays_leave_the_gradient_that_of_the_cost(body: Body, state: MotionState) -> None:
-    term = straying(body, state)
+def test_rigid_offsets_leave_the_gradient_that_of_the_cost(body: Body, state: MotionState) -> None:
+    term = with_rigid_offsets(body, state)
     d_frames = torch.zeros(B, T, FRAME_UNKNOWNS, dtype=torch.float64, requires_grad=True)
     d_globals = torch.zeros(B, state.unknown_globals, dtype=torch.float64, requires_grad=True)
     cost = objective([term], state.retract(d_frames, d_globals)).sum()
@@ -161,7 +161,7 @@ def test_strays_leave_the_gradient_that_of_the_cost(body: Body, state: MotionSta
         assert float(error) < 0.02  # the root's own shape is left out
 
 
-def test_strays_of_a_turned_and_shifted_performance_are_found(
+def test_rigid_offsets_of_a_rotated_and_translated_performance_are_recovered(
     body: Body, state: MotionState
 ) -> None:
     xyz = body.positions(body.keypoints, state).xyz
@@ -171,23 +171,25 @@ def test_strays_of_a_turned_and_shifted_performance_are_found(
     R = torch.eye(3, dtype=torch.float64).expand(B, 3, 3)
     t = torch.tensor([0.0, 0.0, 5.0], dtype=torch.float64).expand(B, 3)
     view = View(torch.zeros(1), 0.25 * seen(state), K.expand(B, 3, 3), R, t)
-    at = strayed(xyz, pivot, true)
-    view = replace(view, xy_px=project(view, at)[0])
-    found, _ = Reprojection(body, (view,), 30.0).strays(view, state, torch.full_like(true, 1e-4))
+    points = with_rigid_offset(xyz, pivot, true)
+    view = replace(view, xy_px=project(view, points)[0])
+    found, _ = Reprojection(body, (view,), 30.0).rigid_offsets(
+        view, state, torch.full_like(true, 1e-4)
+    )
     error = (found - true).abs()[state.valid].amax(0)
     assert float(error[:5].max()) < 2e-3
-    assert 0 < float(error[5]) < 0.05  # depth, which one view hardly sees
+    assert 0 < float(error[5]) < 0.05  # depth, which one view hardly determines
 
 
-def test_eliminating_strays_is_the_schur_complement() -> None:
+def test_eliminating_rigid_offsets_is_the_schur_complement() -> None:
     rows = normal(1, 2, 40, 15, seed=30)
     precision = normal(1, 2, 6, seed=31).abs() + 0.1
     whole = rows.mT @ rows
     whole[..., 9:, 9:] += torch.diag_embed(precision)
-    kept, by_stray = rows[..., :9], rows[..., 9:]
-    lost = whitened(by_stray, precision) @ kept
+    frames, by_offset = rows[..., :9], rows[..., 9:]
+    lost = whitened(by_offset, precision) @ frames
     expected = torch.linalg.inv(torch.linalg.inv(whole)[..., :9, :9])
-    assert torch.allclose(kept.mT @ kept - lost.mT @ lost, expected, rtol=1e-9)
+    assert torch.allclose(frames.mT @ frames - lost.mT @ lost, expected, rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", TERMS)
@@ -227,7 +229,7 @@ def test_slow_feet_stand_and_fast_ones_swing(body: Body) -> None:
 
     def share(trans: torch.Tensor) -> torch.Tensor:
         state = MotionState.of(upright, trans, torch.zeros(1, 10).double(), valid)
-        return standing_share(body, state, 30.0, speed_m_s=0.2)
+        return foot_contact_share(body, state, 30.0, speed_m_s=0.2)
 
     assert float(share(still).min()) == 1.0
     assert float(share(walking).max()) < 0.01

@@ -34,45 +34,45 @@ def made(ids: list[str], offsets_s: list[float]) -> tuple[list[VideoMotion], Key
                 presence=1.0, note="",
             )
         )  # fmt: skip
-    return motions, Keypoints(videos=detections)
+    return [motion.joints for motion in motions], Keypoints(videos=detections)
 
 
 def test_maps_are_named_and_lie_where_they_should() -> None:
-    motions, keypoints = made(["a", "b"], [0.0, 0.4])
-    sync = synchronise_motions(motions, keypoints, PARAMS, np.random.default_rng(0), reference="a")
+    joints, keypoints = made(["a", "b"], [0.0, 0.4])
+    sync = synchronise_motions(joints, keypoints, PARAMS, np.random.default_rng(0), reference="a")
     assert sync.reference == "a"
     assert [m.id for m in sync.maps] == ["a", "b"]
-    frames = sync.maps[1].reference_frame
-    matched = np.isfinite(frames)
-    assert np.median(np.abs(frames - np.arange(60) - 10)[matched]) < 0.5
+    found = sync.maps[1].reference_frame
+    known = np.isfinite(found)
+    assert np.median(np.abs(found - np.arange(60) - 10)[known]) < 0.5
     assert sync.affinity.shape == (120, 120)
 
 
-def test_a_frame_without_detections_does_not_count() -> None:
-    motions, keypoints = made(["a", "b"], [0.0, 0.4])
-    motions[1].joints[20:24] = np.random.default_rng(1).normal(size=(4, 24, 3))
+def test_a_frame_without_detections_has_no_say() -> None:
+    joints, keypoints = made(["a", "b"], [0.0, 0.4])
+    joints[1][20:24] = np.random.default_rng(1).normal(size=(4, 24, 3))
     keypoints.videos[1].confidence[20:24] = 0.0
-    sync = synchronise_motions(motions, keypoints, PARAMS, np.random.default_rng(0), reference="a")
-    frames = sync.maps[1].reference_frame[18:26]
-    assert np.abs(frames - np.arange(28, 36)).max() < 1.5
+    sync = synchronise_motions(joints, keypoints, PARAMS, np.random.default_rng(0), reference="a")
+    found = sync.maps[1].reference_frame[18:26]
+    assert np.abs(found - np.arange(28, 36)).max() < 1.5
 
 
 def test_one_video_is_its_own_reference() -> None:
-    motions, keypoints = made(["only"], [0.0])
-    sync = synchronise_motions(motions, keypoints, PARAMS, np.random.default_rng(0))
+    joints, keypoints = made(["only"], [0.0])
+    sync = synchronise_motions(joints, keypoints, PARAMS, np.random.default_rng(0))
     np.testing.assert_array_equal(sync.maps[0].reference_frame, np.arange(60.0))
     assert "nothing to synchronise" in sync.status
 
 
 def test_unknown_reference_is_refused() -> None:
-    motions, keypoints = made(["a"], [0.0])
+    joints, keypoints = made(["a"], [0.0])
     with pytest.raises(ValueError, match="z"):
-        synchronise_motions(motions, keypoints, PARAMS, np.random.default_rng(0), reference="z")
+        synchronise_motions(joints, keypoints, PARAMS, np.random.default_rng(0), reference="z")
 
 
 def test_trust_and_phase_travel_with_the_artifact() -> None:
-    motions, keypoints = made(["a", "b", "c"], [0.0, 0.4, 0.8])
-    sync = synchronise_motions(motions, keypoints, PARAMS, np.random.default_rng(0), reference="a")
+    joints, keypoints = made(["a", "b", "c"], [0.0, 0.4, 0.8])
+    sync = synchronise_motions(joints, keypoints, PARAMS, np.random.default_rng(0), reference="a")
     assert sync.trust is not None
     assert [v.id for v in sync.trust.videos] == ["a", "b", "c"]
     for video, offset in zip(sync.trust.videos, [0.0, 0.4, 0.8], strict=True):
@@ -87,8 +87,8 @@ def test_trust_and_phase_travel_with_the_artifact() -> None:
 
 
 def test_an_excluded_video_is_named_and_unmatched() -> None:
-    motions, keypoints = made(["a", "b", "c", "d"], [0.0, 0.4, 0.8, 60.0])
-    sync = synchronise_motions(motions, keypoints, PARAMS, np.random.default_rng(0))
+    joints, keypoints = made(["a", "b", "c", "d"], [0.0, 0.4, 0.8, 60.0])
+    sync = synchronise_motions(joints, keypoints, PARAMS, np.random.default_rng(0))
     assert sync.excluded == ["d"]
     assert np.isnan(sync.maps[3].reference_frame).all()
     assert sync.notes[0].startswith("d seems to show another action")

@@ -7,6 +7,7 @@ from imocap_core.artifacts.schemas.hands import Hands, VideoHands
 from imocap_core.artifacts.schemas.keypoints import HandKeypoints, Keypoints, VideoKeypoints
 from imocap_core.artifacts.schemas.motion import (
     Camera,
+    CommonMotion,
     Hypothesis,
     InitialSmpl,
     SmplBa,
@@ -33,6 +34,7 @@ __all__ = [
     "Artifact",
     "Camera",
     "CameraMotion",
+    "CommonMotion",
     "CycleTriple",
     "Evaluate",
     "Floats",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -50,8 +50,26 @@ class InitialSmpl(Artifact):
     hypotheses: list[Hypothesis] = Field(default_factory=list)
 
 
+class CommonMotion(Value):
+    """The motion common to M videos, at the N used frames of the reference, in the world's axes.
+
+    As it was solved: mirrored videos are reflected, excluded ones are not among `ids`. Spreads are
+    standard deviations of each video's performance from this motion. Keypoints are those of the
+    fit: of every layout in use, the ones that the body model has.
+    """
+
+    ids: list[str]
+    theta: Annotated[Floats, Shape("N", 72)]  # axis-angle radians, joint 0 about the pelvis
+    betas: Annotated[Floats, Shape(10)]
+    trans: Annotated[Floats, Shape("N", 3)]  # metres, as in smplx
+    rigid_offset_sd: Annotated[Floats, Shape("M", 6)]  # of every frame: rad three times, m three
+    keypoint_sd_m: Annotated[Floats, Shape("M", "N", "K")]  # per coordinate
+
+
 class SmplBa(Artifact):
     """Motion and cameras solved over all videos (Eq. 8)."""
+
+    OPTIONAL: ClassVar[frozenset[str]] = frozenset({"common"})
 
     reference: str
     model: str
@@ -61,3 +79,4 @@ class SmplBa(Artifact):
     objective: list[float]  # after each iteration
     misfit: float  # mean robust reprojection cost a keypoint of one motion for all views
     status: str
+    common: CommonMotion | None = None  # None for a single video, and in refine_sync's rounds

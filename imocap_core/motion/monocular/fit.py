@@ -16,12 +16,13 @@ from torch import Tensor
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular.starts import Start, interpolate_rotations
 from imocap_core.motion.multiview.timeline import sample
-from imocap_core.motion.observations import Observation, every, own_view, padded, validity
+from imocap_core.motion.observations import Observation, every, padded, per_video_view, validity
 from imocap_core.motion.prior import PosePrior
 from imocap_core.motion.solver.gauss_newton import gauss_newton
 from imocap_core.motion.solver.objective import objective
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import (
+    FootContact,
     HingeLimits,
     JointEvidence,
     PathSmoothness,
@@ -29,7 +30,6 @@ from imocap_core.motion.terms import (
     PoseSmoothness,
     Reprojection,
     ShapePrior,
-    StandingFeet,
     Term,
 )
 from imocap_core.params import FitParams
@@ -61,7 +61,7 @@ def regularisers(body: Body, prior: PosePrior, weights: FitParams, fps: float) -
     step = prior.velocity_rad.clamp_min(1e-3) / pace
     bend = prior.acceleration_rad.clamp_min(1e-3) / pace**2
     return [
-        StandingFeet(body, (fps / weights.foot_speed_m_s) ** 2, weights.foot_scale),
+        FootContact(body, (fps / weights.foot_speed_m_s) ** 2, weights.foot_scale),
         PosePriorTerm(prior, weights.pose_prior),
         ShapePrior(weights.shape_prior),
         HingeLimits(weights.limits),
@@ -147,7 +147,7 @@ def monocular_terms(
     scale: float,
 ) -> list[Term]:
     """The whole objective of videos seen by themselves, its robust loss widened by ``scale``."""
-    view = own_view(observations, like)
+    view = per_video_view(observations, like)
     fps = float(np.median([o.fps for o in observations]))
     return [
         Reprojection(body, (view,), weights.robust_scale_sigma * scale),

@@ -1,85 +1,117 @@
-"""How far each performance strays from the common motion, read from the images.
+"""How far each performance deviates from the common motion, estimated from the images.
 
-What a view's reprojection error has beyond detector noise is a difference of performance (or of
-synchronisation). It is seen in the image plane; depth is taken to differ as much. This is the
-moment estimate behind the coupling's strength: small where videos agree, large where they do not.
+What a view's reprojection errors have beyond detector noise is a difference of performance (or of
+synchronisation). It is observed in the image plane; in depth the same is assumed. This moment
+estimate sets the coupling's strength: strong where videos agree, weak where they do not.
 """
 
-from dataclasses import dataclass
+from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from jaxtyping import Float
 
 from imocap_core.motion.kinematics import Body
+from imocap_core.motion.multiview.cameras import Cameras
+from imocap_core.motion.multiview.common_keypoints import (
+    CommonKeypoints,
+    reprojection_errors_px,
+    root_depths_m,
+)
+from imocap_core.motion.multiview.scene import Scene
 from imocap_core.motion.state import MotionState
 
-Array = NDArray[np.float64]
 LEAST_SPREAD_RAD = 0.03
 LEAST_LEVER_M = 0.15
-UNSEEN_SPREAD_M = 0.1  # of a video that shows nothing of the common motion
-
-
-@dataclass(frozen=True)
-class Spread:
-    """How far each performance strays from the common one (standard deviations).
-
-    Attributes:
-        keypoints_m: (M, N, K) of each keypoint by itself; whole: (M, 6) of the body as a whole,
-            three turns (rad) and three shifts (m).
-    """
-
-    keypoints_m: Array
-    whole: Array
+UNSEEN_SPREAD_M = 0.1  # of a video whose keypoints are missing throughout
+UNMOVED_SPREAD_RAD = 0.1  # of a joint that moves no keypoint
 
 
 def keypoint_spread_m(
-    errors_px: Array, sigma_px: Array, depth_m: Array, focal_px: Array, *, window: int
-) -> Array:
-    """(M, N, K) standard deviation per coordinate, metres, of each keypoint's deviation.
+    scene: Scene, motion: MotionState, keypoints: CommonKeypoints, cameras: Cameras
+) -> Float[np.ndarray, "M N K"]:
+    """Standard deviation per coordinate, metres, of each keypoint from the common motion."""
+    errors = reprojection_errors_px(
+        scene.body, motion, keypoints, cameras, robust_scale=scene.fit.robust_scale_sigma
+    )
+    depth = root_depths_m(scene.body, motion, cameras)
+    return spread_beyond_noise_m(
+        errors, keypoints.sigma_px, depth, cameras.focal_px, window=round(scene.fps / 2)
+    )
+
+
+def with_keypoint_spread(
+    body: Body,
+    keypoints: CommonKeypoints,
+    spread_m: Float[np.ndarray, "M N K"],
+    motion: MotionState,
+    cameras: Cameras,
+) -> CommonKeypoints:
+    """Keypoints whose variance includes the performances' deviations."""
+    depth = root_depths_m(body, motion, cameras)
+    spread_px = spread_m * (cameras.focal_px[:, None] / depth)[..., None]
+    sigma2 = keypoints.sigma_px[..., None] ** 2
+    return replace(keypoints, weight=keypoints.weight * sigma2 / (sigma2 + spread_px**2))
+
+
+def spread_beyond_noise_m(
+    errors_px: Float[np.ndarray, "M N K 2"],
+    sigma_px: Float[np.ndarray, "M N"],
+    depth_m: Float[np.ndarray, "M N"],
+    focal_px: Float[np.ndarray, " M"],
+    *,
+    window: int,
+) -> Float[np.ndarray, "M N K"]:
+    """Standard deviation per coordinate, metres, of what detector noise does not explain.
 
     Args:
-        errors_px: (M, N, K, 2), NaN where unseen; sigma_px: (M, N) detector noise.
-        depth_m: (M, N); focal_px: (M,).
+        errors_px: NaN where missing; sigma_px: detector noise.
         window: frames over which squared errors are pooled (median, so outliers do not count).
     """
     squared = (errors_px**2).sum(-1) / 2
     half = max(1, window // 2)
     padded = np.pad(squared, ((0, 0), (half, half), (0, 0)), mode="reflect")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1, axis=1)
-    seen = np.isfinite(windows).sum(-1) >= 3
-    filled = np.where(seen[..., None], windows, 0.0)
-    pooled = median_of_known(filled) / np.log(2)  # the median of an exponential is ln 2 of its mean
+    usable = np.isfinite(windows).sum(-1) >= 3
+    filled = np.where(usable[..., None], windows, 0.0)
+    # the median of an exponential distribution is ln 2 times its mean
+    pooled = finite_median(filled) / np.log(2)
     videos = len(errors_px)
     inflated = pooled * videos / max(videos - 1, 1)
     excess = np.maximum(inflated - sigma_px[..., None] ** 2, 0.0)
     spread = np.sqrt(excess) * (depth_m / focal_px[:, None])[..., None]
     typical = [
-        np.median(s[k]) if k.any() else UNSEEN_SPREAD_M for s, k in zip(spread, seen, strict=True)
+        np.median(s[k]) if k.any() else UNSEEN_SPREAD_M for s, k in zip(spread, usable, strict=True)
     ]
-    return np.where(seen, spread, np.array(typical)[:, None, None])
+    return np.where(usable, spread, np.array(typical)[:, None, None])
 
 
-def median_of_known(values: Array) -> Array:
-    """Medians over the last axis, NaN left out; every row has a number (`np.nanmedian`, faster)."""
+def finite_median(values: Float[np.ndarray, "... W"]) -> Float[np.ndarray, "..."]:
+    """Medians over the last axis without NaN (`np.nanmedian`, faster); no row may be all NaN."""
     ordered = np.sort(values, axis=-1)  # NaN last
-    known = np.isfinite(values).sum(-1, keepdims=True)
-    low, high = (np.take_along_axis(ordered, k, -1)[..., 0] for k in ((known - 1) // 2, known // 2))
+    count = np.isfinite(values).sum(-1, keepdims=True)
+    low, high = (np.take_along_axis(ordered, k, -1)[..., 0] for k in ((count - 1) // 2, count // 2))
     return np.asarray(0.5 * (low + high))
 
 
-def joint_spread_rad(body: Body, shared: MotionState, spread_m: Array) -> Array:
-    """(M, N, 24) deviation of each joint's rotation: what its nearest moved keypoint allows.
+def joint_spread_rad(
+    body: Body, motion: MotionState, spread_m: Float[np.ndarray, "M N K"]
+) -> Float[np.ndarray, "M N 24"]:
+    """Standard deviation of each joint's rotation: the smallest bound that a keypoint sets.
 
-    A keypoint at distance d below joint j that strays by s metres turns the joint by at most s/d;
-    the smallest such bound over the keypoints that the joint moves is the joint's own.
+    A keypoint at distance d below joint j that deviates by s metres rotates the joint by at most
+    s/d; the smallest such bound over the keypoints that the joint moves is taken.
+
+    Args:
+        motion: the common one (batch of 1).
     """
-    points = body.positions(body.keypoints, shared).xyz[0]
-    joints = body.positions(body.joints, shared).xyz[0]
+    points = body.positions(body.keypoints, motion).xyz[0]
+    joints = body.positions(body.joints, motion).xyz[0]
     lever = torch.cdist(joints, points).clamp_min(LEAST_LEVER_M).cpu().numpy()  # (N, 24, K)
     moved = body.keypoints.moved_by.T.cpu().numpy()  # (24, K)
     angle = spread_m[:, :, None] / lever[None]  # (M, N, 24, K)
     angle = np.where(moved, angle, np.inf).min(-1)
-    nothing = ~moved.any(1)
-    angle[:, :, nothing] = 0.1
+    angle[:, :, ~moved.any(1)] = UNMOVED_SPREAD_RAD
     return np.maximum(angle, LEAST_SPREAD_RAD)

@@ -1,94 +1,117 @@
-"""From the common motion back to every video's own."""
+"""From the common motion to every video's own deviation from it."""
+
+from __future__ import annotations
 
 from dataclasses import replace
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
-from imocap_core.motion.multiview.consensus import Cameras, pelvis
-from imocap_core.motion.multiview.coupling import Targets, coupling_terms, to_own_axes, to_own_time
-from imocap_core.motion.multiview.deviation import Spread, joint_spread_rad
-from imocap_core.motion.multiview.scene import Scene, correlation_frames, own_terms, solve
+from imocap_core.motion.multiview.aligned import root_positions
+from imocap_core.motion.multiview.cameras import Cameras
+from imocap_core.motion.multiview.coupling import (
+    CouplingTargets,
+    coupling_terms,
+    to_video_axes,
+    to_video_frames,
+)
+from imocap_core.motion.multiview.deviation import joint_spread_rad
+from imocap_core.motion.multiview.scene import (
+    DeviationSpread,
+    Scene,
+    correlation_frames,
+    per_video_terms,
+    solve,
+)
 from imocap_core.motion.state import MotionState
-from imocap_core.motion.terms import StandingFeet, Term
-from imocap_core.motion.terms.foot_contact import standing_share
+from imocap_core.motion.terms import FootContact, Term
+from imocap_core.motion.terms.foot_contact import foot_contact_share
 from imocap_core.params import MotionParams
 from imocap_core.robust import geman_mcclure_weight
 from imocap_core.rotations import geodesic_angle
 
 FACING_RAD = 0.6  # beyond a monocular estimate's own errors
 FACING_FRAMES = 7
-STANDING_M_S, SWINGING_M_S = 0.05, 0.2  # of a foot by the common motion, by one video alone
-HOLD = 4.0  # square root of what a foot that stands would pay at most for a step
+# Foot speeds at which contact counts a quarter: in the common motion, and in one video's own.
+COMMON_CONTACT_M_S, VIDEO_CONTACT_M_S = 0.05, 0.2
+CONTACT_SCALE = 4.0  # square root of the largest cost of a step of a foot in contact
 
 
-def own_deviations(
+def fit_deviations(
     scene: Scene,
     state: MotionState,
-    shared: MotionState,
+    common: MotionState,
     cameras: Cameras,
-    spread: Spread,
+    spread: DeviationSpread,
     options: MotionParams,
     *,
     warm: bool = False,
 ) -> tuple[MotionState, float]:
-    """Each video from its own image, drawn to the common motion as strongly as it follows it.
+    """Fit each video to its own image evidence, coupled to the common motion.
 
     Args:
-        state: what each video said before; warm: it is such a fit, and the start of this one.
+        state: every video's motion so far, in its own camera's axes.
+        common: batch of 1, world axes; spread: sets the coupling's strength.
+        warm: ``state`` is a result of this function and the start; else the common motion is.
+
+    Returns:
+        Every video's motion, and the objective.
     """
-    targets = targets_of(scene, state, shared, cameras)
-    faces = facing_alike(state, targets)
-    common = _released(single_motion(scene, state, shared, cameras), state, faces)
-    start = replace(state, betas=common.betas) if warm else common
-    terms = [*own_terms(scene, start.trans), held_feet(scene, common, state)]
-    terms += deviation_terms(scene, common, shared, cameras, spread, options, faces)
-    solution = solve(terms, start, options, one_body=True)
+    targets = targets_of(scene, state, common, cameras)
+    faces = facing_agreement(state, targets)
+    carried = common_at_video_frames(scene, state, common, cameras)
+    carried = _facing_released(carried, state, faces)
+    start = replace(state, betas=carried.betas) if warm else carried
+    terms = [*per_video_terms(scene, start.trans), foot_contact_term(scene, carried, state)]
+    terms += deviation_terms(scene, carried, common, cameras, spread, options, faces)
+    solution = solve(terms, start, options.max_steps, one_body=True)
     return solution.state, solution.costs[-1]
 
 
 def deviation_terms(
     scene: Scene,
     start: MotionState,
-    shared: MotionState,
+    common: MotionState,
     cameras: Cameras,
-    spread: Spread,
+    spread: DeviationSpread,
     options: MotionParams,
-    faces: Tensor,
+    faces: Float[Tensor, "B T"],
 ) -> list[Term]:
-    """What draws each video to the common motion, a deviation counted once per correlation time.
+    """Coupling to the common motion, a deviation counted once per correlation time.
 
     Args:
-        start: the common motion at every video's own frames (unmatched ones keep their own).
+        start: the common motion at every video's own frames; unmatched frames need no target.
+        faces: weight of the root orientation's coupling (`facing_agreement`).
     """
-    targets = targets_of(scene, start, shared, cameras)
-    joints = joint_spread_rad(scene.body, shared, spread.keypoints_m)
-    joints[:, :, 0] = spread.whole[:, None, 0]
-    once = correlation_frames(options, scene.fps)
-    on_axis = torch.as_tensor(1 / (joints**2 * once)).to(start.trans)
-    joint_weight = to_own_time(on_axis, scene.timeline, start)
+    targets = targets_of(scene, start, common, cameras)
+    joints = joint_spread_rad(scene.body, common, spread.keypoints_m)
+    joints[:, :, 0] = spread.offset_sd[:, None, 0]
+    frames = correlation_frames(options, scene.fps)
+    at_reference = torch.as_tensor(1 / (joints**2 * frames)).to(start.trans)
+    joint_weight = to_video_frames(at_reference, scene.timeline, start)
     joint_weight[..., 0] *= faces
-    path_weight = torch.as_tensor(1 / (spread.whole[:, 3:4] ** 2 * once)).to(start.trans)
+    path_weight = torch.as_tensor(1 / (spread.offset_sd[:, 3:4] ** 2 * frames)).to(start.trans)
     return coupling_terms(scene.body, targets, start, joint_weight, path_weight)
 
 
-def held_feet(scene: Scene, common: MotionState, own: MotionState) -> Term:
-    """Feet that stand hold their place: all videos have voted in the common motion, none objects.
+def foot_contact_term(scene: Scene, common: MotionState, state: MotionState) -> Term:
+    """Hold feet that are in contact with the ground in the common motion and in the video's own.
 
     Args:
-        common: the common motion at every video's own frames; own: what each video said before.
+        common: the common motion at every video's own frames; state: every video's own motion.
     """
-    hold = (scene.fps / scene.weights.foot_hold_m_s) ** 2
-    voted = standing_share(scene.body, common, scene.fps, speed_m_s=STANDING_M_S)
-    stands = standing_share(scene.body, own, scene.fps, speed_m_s=SWINGING_M_S)
-    return StandingFeet(scene.body, hold * voted * stands, HOLD)
+    weight = (scene.fps / scene.fit.foot_hold_m_s) ** 2
+    in_common = foot_contact_share(scene.body, common, scene.fps, speed_m_s=COMMON_CONTACT_M_S)
+    in_video = foot_contact_share(scene.body, state, scene.fps, speed_m_s=VIDEO_CONTACT_M_S)
+    return FootContact(scene.body, weight * in_common * in_video, CONTACT_SCALE)
 
 
-def facing_alike(state: MotionState, targets: Targets) -> Tensor:
-    """(B, T) in [0, 1]: whether a performance faces where the common motion does.
+def facing_agreement(state: MotionState, targets: CouplingTargets) -> Float[Tensor, "B T"]:
+    """Geman-McClure weight of the angle between a performance's root and the common motion's.
 
-    A performer may turn to another side for a while. Geman-McClure weight of the angle between the
-    two root orientations, averaged over `FACING_FRAMES`, so that noise alone releases nobody.
+    A performer may face another side for a while. The angle is averaged over `FACING_FRAMES`, so
+    that noise alone releases no root orientation.
     """
     angle = geodesic_angle(state.R_local[:, :, 0], targets.R_local[:, :, 0])
     half = FACING_FRAMES // 2
@@ -97,32 +120,34 @@ def facing_alike(state: MotionState, targets: Targets) -> Tensor:
     return geman_mcclure_weight(angle, FACING_RAD)
 
 
-def _released(start: MotionState, own: MotionState, faces: Tensor) -> MotionState:
-    """A start that keeps its own root orientation where it faces another way."""
+def _facing_released(start: MotionState, state: MotionState, faces: Tensor) -> MotionState:
+    """The start with the video's own root orientation where it faces another way."""
     R_local = start.R_local.clone()
     other_way = (faces < 0.25)[..., None, None]
-    R_local[:, :, 0] = torch.where(other_way, own.R_local[:, :, 0], R_local[:, :, 0])
+    R_local[:, :, 0] = torch.where(other_way, state.R_local[:, :, 0], R_local[:, :, 0])
     return replace(start, R_local=R_local)
 
 
-def single_motion(
-    scene: Scene, state: MotionState, shared: MotionState, cameras: Cameras
+def common_at_video_frames(
+    scene: Scene, state: MotionState, common: MotionState, cameras: Cameras
 ) -> MotionState:
-    """The common motion at every matched frame of every video; unmatched frames keep theirs."""
-    targets = targets_of(scene, state, shared, cameras)
+    """The common motion at every video's matched frames; unmatched ones stay as in ``state``."""
+    targets = targets_of(scene, state, common, cameras)
     matched = (targets.trust > 0)[..., None]
-    rest = scene.body.model.shape(shared.betas).joints_rest[:, 0]
+    rest = scene.body.model.shape(common.betas).joints_rest[:, 0]
     return replace(
         state,
         R_local=torch.where(matched[..., None, None], targets.R_local, state.R_local),
-        trans=torch.where(matched, targets.pelvis - rest[:, None], state.trans),
-        betas=shared.betas.expand_as(state.betas).clone(),
+        trans=torch.where(matched, targets.root - rest[:, None], state.trans),
+        betas=common.betas.expand_as(state.betas).clone(),
     )
 
 
-def targets_of(scene: Scene, state: MotionState, shared: MotionState, cameras: Cameras) -> Targets:
-    """The common motion at every video's frames and in its axes."""
+def targets_of(
+    scene: Scene, state: MotionState, common: MotionState, cameras: Cameras
+) -> CouplingTargets:
+    """The common motion at every video's frames and in its camera's axes."""
     videos = len(scene.observations)
-    Z = shared.R_local.expand(videos, -1, -1, -1, -1)
-    Y = pelvis(scene.body, shared).expand(videos, -1, -1)
-    return to_own_axes(Z, Y, cameras, scene.timeline, scene.confidences, state)
+    Z = common.R_local.expand(videos, -1, -1, -1, -1)
+    Y = root_positions(scene.body, common).expand(videos, -1, -1)
+    return to_video_axes(Z, Y, cameras, scene.timeline, scene.confidences, state)

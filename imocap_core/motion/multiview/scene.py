@@ -1,16 +1,18 @@
-"""What SMPL-BA works on, how it proceeds, and what it returns."""
+"""What SMPL-BA works on, and what it returns."""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular.fit import monocular_terms
-from imocap_core.motion.multiview.consensus import Cameras
+from imocap_core.motion.multiview.cameras import Cameras
 from imocap_core.motion.multiview.timeline import Timeline
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import PosePrior
@@ -18,6 +20,8 @@ from imocap_core.motion.solver.gauss_newton import Solution, gauss_newton
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import Term
 from imocap_core.params import FitParams, MotionParams
+
+TOLERANCE = 1e-3  # share of the objective that the last step of a solve lowers it by
 
 
 @dataclass(frozen=True)
@@ -33,23 +37,37 @@ class Scene:
     prior: PosePrior
     observations: Sequence[Observation]
     timeline: Timeline
-    confidences: list[NDArray[np.float64]]
+    confidences: list[Float[np.ndarray, " _"]]
     reference: int
-    weights: FitParams
+    fit: FitParams
 
     @property
-    def K(self) -> Tensor:
-        """(M, 3, 3) intrinsics that are known or assumed."""
+    def K(self) -> Float[Tensor, "M 3 3"]:
+        """Intrinsics as given or assumed."""
         return torch.as_tensor(np.stack([o.K for o in self.observations]))
 
-    def through(self, cameras: Cameras) -> "Scene":
-        """The same seen by cameras whose focal lengths were found."""
-        return replace(self, observations=through(self.observations, cameras))
+    def with_intrinsics(self, cameras: Cameras) -> Scene:
+        """The same scene with the intrinsics of solved cameras."""
+        return replace(self, observations=with_intrinsics(self.observations, cameras))
 
     @property
     def fps(self) -> float:
         """Frame rate of the reference."""
         return self.observations[self.reference].fps
+
+
+@dataclass(frozen=True)
+class DeviationSpread:
+    """Standard deviations of performances from the common motion.
+
+    Attributes:
+        keypoints_m: (M, N, K) of each keypoint, per coordinate, metres.
+        offset_sd: (M, 6) of the per-frame rigid offset: three rotations (rad), three translations
+            (m).
+    """
+
+    keypoints_m: Float[np.ndarray, "M N K"]
+    offset_sd: Float[np.ndarray, "M 6"]
 
 
 @dataclass(frozen=True)
@@ -59,15 +77,18 @@ class JointMotion:
     Attributes:
         state: every video's motion in its own camera's axes (batch of M).
         cameras: from the world, which is the reference's camera axes.
-        shared: the motion common to all on the reference's axis (batch of 1), world axes.
+        common: the motion common to all at the reference's frames (batch of 1), world axes; None
+            for a single video, like its spread.
+        spread: how far each performance deviates from it.
         costs: the objective after each solve; status: a sentence.
-        misfit: mean robust reprojection cost a keypoint of the motion common to all videos: how
-            well the correspondences explain every image at once. Lower is better.
+        misfit: mean robust reprojection cost per keypoint of the common motion: how well the
+            correspondences explain all images at once. Lower is better.
     """
 
     state: MotionState
     cameras: Cameras
-    shared: MotionState
+    common: MotionState | None
+    spread: DeviationSpread | None
     costs: list[float]
     status: str
     misfit: float
@@ -78,27 +99,25 @@ def correlation_frames(options: MotionParams, fps: float) -> float:
     return max(1.0, options.correlation_s * fps)
 
 
-def through(observations: Sequence[Observation], cameras: Cameras) -> list[Observation]:
-    """What was seen, by cameras whose focal lengths were found."""
+def with_intrinsics(observations: Sequence[Observation], cameras: Cameras) -> list[Observation]:
+    """Observations with the intrinsics of solved cameras."""
     rows = zip(observations, cameras.K.cpu().numpy(), strict=True)
     return [replace(o, K=K) for o, K in rows]
 
 
-def solve(
-    terms: Sequence[Term], state: MotionState, options: MotionParams, *, one_body: bool
-) -> Solution:
-    """Minimise by damped Gauss-Newton."""
+def solve(terms: Sequence[Term], state: MotionState, max_steps: int, *, one_body: bool) -> Solution:
+    """Minimise by damped Gauss-Newton; ``one_body``: the motions of the batch share their shape."""
     return gauss_newton(
         terms,
         state,
-        max_steps=options.max_steps,
-        relative_tolerance=1e-3,
+        max_steps=max_steps,
+        relative_tolerance=TOLERANCE,
         shared_globals=one_body,
     )
 
 
-def own_terms(scene: Scene, like: Tensor) -> list[Term]:
-    """Every video's own image evidence and regularisers."""
+def per_video_terms(scene: Scene, template: Tensor) -> list[Term]:
+    """Every video's own image evidence and regularisers; template: gives dtype and device."""
     return monocular_terms(
-        scene.body, scene.prior, scene.observations, like, scene.weights, scale=1.0
+        scene.body, scene.prior, scene.observations, template, scene.fit, scale=1.0
     )

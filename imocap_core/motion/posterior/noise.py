@@ -1,9 +1,11 @@
-"""What a posterior counts as independent, and what it does not.
+"""Which errors a posterior counts as independent.
 
-The solver needs a minimum; a standard deviation needs the number of independent looks. Detector
-errors and deviations of a performance persist over neighbouring frames, a pose persists longer
-still, and one performer has one body. Each is counted once per its own time here.
+The solver needs a minimum; a standard deviation needs the number of independent observations.
+Detector errors and deviations of a performance persist over neighbouring frames, a pose persists
+longer still, and one performer has one body. Each is counted once per its own correlation time.
 """
+
+from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
@@ -24,25 +26,25 @@ class Noise:
     params: UncertaintyParams
 
     def evidence_share(self, fps: float) -> float:
-        """What one frame's image evidence counts."""
+        """Weight of one frame's image evidence: 1 over the frames of a correlation time."""
         return 1 / max(1.0, self.params.correlation_s * fps)
 
     def scene(self, scene: Scene, videos: int) -> Scene:
-        """The scene with priors as a posterior needs them; ``videos`` share one body's prior."""
+        """The scene with the priors of a posterior; ``videos`` share one body's prior."""
         prior = 1 / max(1.0, self.params.pose_persistence_s * scene.fps)
-        weights = replace(
-            scene.weights,
-            pose_prior=min(prior, scene.weights.pose_prior),
+        fit = replace(
+            scene.fit,
+            pose_prior=min(prior, scene.fit.pose_prior),
             shape_prior=POPULATION / videos,
         )
-        return replace(scene, weights=weights)
+        return replace(scene, fit=fit)
 
     def options(self, options: MotionParams) -> MotionParams:
-        """The options of a posterior: deviations persist for its own time."""
+        """The options with the correlation time of the posterior."""
         return replace(options, correlation_s=self.params.correlation_s)
 
     def temper(self, terms: list[Term], fps: float) -> list[Term]:
-        """The terms, those that look at images or at estimates with their share."""
+        """The terms, image and estimate evidence with its share."""
         share = self.evidence_share(fps)
-        looks = (Reprojection, JointEvidence)
-        return [Tempered(term, share) if isinstance(term, looks) else term for term in terms]
+        evidence = (Reprojection, JointEvidence)
+        return [Tempered(term, share) if isinstance(term, evidence) else term for term in terms]

@@ -1,32 +1,31 @@
 """What the videos leave open.
 
-Ill-determined joints and phases, videos that see the performer from nearly the same side, and the
-viewpoint that would help most.
+Ill-determined joints and phases, near-identical viewpoints, and the viewpoint that would help most.
 """
+
+from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float
 
-from imocap_core.motion.multiview.consensus import Cameras, align
-from imocap_core.motion.multiview.scene import Scene
-from imocap_core.motion.observations import own_view
-from imocap_core.motion.posterior.azimuth import stage_of
-from imocap_core.motion.posterior.uncertainty import Uncertainty
-from imocap_core.motion.posterior.viewpoints import reductions, spec_alone, spec_of
-from imocap_core.motion.state import MotionState
+from imocap_core.motion.multiview.aligned import align
+from imocap_core.motion.multiview.scene import JointMotion, Scene
+from imocap_core.motion.observations import per_video_view
+from imocap_core.motion.posterior.azimuth import performer_axes
+from imocap_core.motion.posterior.motion_posterior import MotionPosterior
+from imocap_core.motion.posterior.viewpoints import camera_for_single, camera_like, reductions
 from imocap_core.params import MotionParams
 
-Array = NDArray[np.float64]
-ACROSS_DEG = 30.0  # a video this far off a line of sight tells depth along it
+ACROSS_DEG = 30.0  # a video this far off a line of sight determines depth along it
 LEAST_SPAN_S = 0.2  # shorter ones are not reported
 GAP_S = 0.2  # spans of one joint closer than this are one
 
 
 @dataclass(frozen=True)
-class Span:
+class WeakInterval:
     """Frames ``first`` to ``last`` (both within) in which a joint is ill-determined."""
 
     joint: int
@@ -36,7 +35,7 @@ class Span:
 
 
 @dataclass(frozen=True)
-class Pair:
+class NearViews:
     """Two videos and the angle between their directions to the performer."""
 
     a: int
@@ -45,51 +44,52 @@ class Pair:
 
 
 @dataclass(frozen=True)
-class Open:
+class ViewpointReport:
     """The viewpoints of a result.
 
     Attributes:
-        azimuths_deg: (M,) where each camera stands about the performer, as a rule.
-        pairs: videos that see the performer alike; across: whether another looks across theirs.
+        azimuths_deg: (M,) mean azimuth of each camera about the performer.
+        pairs: near-identical views; across: whether another video looks across theirs.
         reductions: (8,) share of the common motion's summed joint variance that one more camera
             at each of `viewpoints.AZIMUTHS_DEG` would take away.
-        by_performer: False when azimuths count from the first camera (`azimuth.Stage`).
+        by_performer: False when azimuths count from the first camera (`azimuth.PerformerAxes`).
     """
 
-    azimuths_deg: Array
-    pairs: list[Pair]
+    azimuths_deg: Float[np.ndarray, " M"]
+    pairs: list[NearViews]
     across: list[bool]
-    reductions: Array
+    reductions: Float[np.ndarray, "8"]
     by_performer: bool
 
 
-def observe(
+def viewpoint_report(
     scene: Scene,
-    state: MotionState,
-    cameras: Cameras,
-    found: Uncertainty,
+    result: JointMotion,
+    posterior: MotionPosterior,
     options: MotionParams,
     *,
     near_limit_deg: float,
     evidence_share: float,
-) -> Open:
-    """The viewpoints of a result: its motions (batch of M), cameras and posterior."""
-    directions = view_directions(scene, state, cameras)
+) -> ViewpointReport:
+    """The viewpoints of a result and its posterior; evidence_share: see `Noise`."""
+    cameras = result.cameras
+    directions = view_directions(scene, result)
     mean = _mean(directions)
-    ground = stage_of(scene.body, found.motion, cameras.R.cpu().numpy(), mean[scene.reference])
+    ground = performer_axes(
+        scene.body, posterior.motion, cameras.R.cpu().numpy(), mean[scene.reference]
+    )
     angles = angles_deg(directions)
     pairs = near_pairs(angles, near_limit_deg)
-    weights = scene.weights
-    if found.common is None:
-        own = own_view(scene.observations, state.trans)
-        spec = spec_alone(state, own, options)
+    if posterior.common is None:
+        view = per_video_view(scene.observations, result.state.trans)
+        camera = camera_for_single(result.state, view, options)
     else:
-        spec = spec_of(found.common)
+        camera = camera_like(posterior.common)
     gain = reductions(
-        scene.body, found.motion, found.normal, ground, spec,
-        scale=weights.robust_scale_sigma, share=evidence_share,
+        scene.body, posterior.motion, posterior.normal, ground, camera,
+        scale=scene.fit.robust_scale_sigma, share=evidence_share,
     )  # fmt: skip
-    return Open(
+    return ViewpointReport(
         np.array([ground.azimuth_deg(direction) for direction in mean]),
         pairs,
         [seen_across(angles, pair.a, pair.b, ACROSS_DEG) for pair in pairs],
@@ -98,48 +98,48 @@ def observe(
     )
 
 
-def weak_spans(sigma: Array, limit: float, fps: float) -> list[Span]:
-    """Where standard deviations (T, J) exceed ``limit``, worst first; NaN counts as known."""
+def weak_spans(sigma: Float[np.ndarray, "T J"], limit: float, fps: float) -> list[WeakInterval]:
+    """Where standard deviations exceed ``limit``, worst first; NaN counts as 0."""
     spans = []
     for joint, column in enumerate(sigma.T):
         for first, last in _runs(np.nan_to_num(column) > limit, max(1, round(GAP_S * fps))):
             if last - first + 1 >= LEAST_SPAN_S * fps:
                 inside = column[first : last + 1]
-                spans.append(Span(joint, first, last, float(np.sqrt(np.nanmean(inside**2)))))
+                spans.append(
+                    WeakInterval(joint, first, last, float(np.sqrt(np.nanmean(inside**2))))
+                )
     return sorted(spans, key=lambda s: -s.sigma)
 
 
-def _runs(flags: NDArray[np.bool_], gap: int) -> list[tuple[int, int]]:
+def _runs(flags: Bool[np.ndarray, " T"], gap: int) -> list[tuple[int, int]]:
     """First and last index of each run of True; runs closer than ``gap`` are one."""
-    at = np.flatnonzero(flags)
-    if not len(at):
+    index = np.flatnonzero(flags)
+    if not len(index):
         return []
-    cuts = np.flatnonzero(np.diff(at) > gap)
-    begins, ends = at[np.r_[0, cuts + 1]], at[np.r_[cuts, len(at) - 1]]
+    cuts = np.flatnonzero(np.diff(index) > gap)
+    begins, ends = index[np.r_[0, cuts + 1]], index[np.r_[cuts, len(index) - 1]]
     return [(int(a), int(b)) for a, b in zip(begins, ends, strict=True)]
 
 
-def view_directions(scene: Scene, state: MotionState, cameras: Cameras) -> Array:
-    """(M, N, 3) unit vectors from each camera to its performer, world axes; NaN where unmatched."""
-    aligned = align(scene.body, state, scene.timeline)
-    ray = torch.nn.functional.normalize(aligned.pelvis, dim=-1)
-    world = torch.einsum("mji,mnj->mni", cameras.R, ray)
+def view_directions(scene: Scene, result: JointMotion) -> Float[np.ndarray, "M N 3"]:
+    """Unit vectors from each camera to its performer, world axes; NaN where unmatched."""
+    aligned = align(scene.body, result.state, scene.timeline)
+    ray = torch.nn.functional.normalize(aligned.root, dim=-1)
+    world = torch.einsum("mji,mnj->mni", result.cameras.R, ray)
     unmatched = (aligned.weight <= 0)[..., None]
-    directions: Array = torch.where(unmatched, torch.nan, world).cpu().numpy()
-    return directions
+    return torch.where(unmatched, torch.nan, world).cpu().numpy()
 
 
-def _mean(directions: Array) -> Array:
-    """(M, 3) over the frames that are known; NaN for a video without any."""
-    known = np.isfinite(directions).all(-1, keepdims=True)
-    count = known.sum(1)
-    total = np.where(known, directions, 0.0).sum(1)
+def _mean(directions: np.ndarray) -> np.ndarray:
+    """(M, 3) over the frames that are matched; NaN for a video without any."""
+    matched = np.isfinite(directions).all(-1, keepdims=True)
+    count = matched.sum(1)
+    total = np.where(matched, directions, 0.0).sum(1)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def angles_deg(directions: Array) -> Array:
-    """(M, M) median angle between two videos' directions over the frames that both have; NaN
-    where there are none."""
+def angles_deg(directions: Float[np.ndarray, "M N 3"]) -> Float[np.ndarray, "M M"]:
+    """Median angle between two videos' directions over the frames that both have; NaN if none."""
     cosine = np.einsum("anx,bnx->abn", directions, directions).clip(-1, 1)
     angles = np.full(cosine.shape[:2], np.nan)
     for a, b in np.ndindex(*angles.shape):
@@ -149,10 +149,10 @@ def angles_deg(directions: Array) -> Array:
     return angles
 
 
-def near_pairs(angles: Array, limit_deg: float) -> list[Pair]:
+def near_pairs(angles: Float[np.ndarray, "M M"], limit_deg: float) -> list[NearViews]:
     """Videos that see the performer from nearly the same side, nearest first."""
     pairs = [
-        Pair(a, b, float(angles[a, b]))
+        NearViews(a, b, float(angles[a, b]))
         for a in range(len(angles))
         for b in range(a + 1, len(angles))
         if angles[a, b] < limit_deg
@@ -160,7 +160,7 @@ def near_pairs(angles: Array, limit_deg: float) -> list[Pair]:
     return sorted(pairs, key=lambda pair: pair.angle_deg)
 
 
-def seen_across(angles: Array, a: int, b: int, limit_deg: float) -> bool:
+def seen_across(angles: Float[np.ndarray, "M M"], a: int, b: int, limit_deg: float) -> bool:
     """Whether some video looks across the line of sight that ``a`` and ``b`` share."""
     off_axis = np.minimum(angles[a], 180 - angles[a])
     off_axis[[a, b]] = 0.0

@@ -8,7 +8,7 @@ from imocap_core.motion.terms.base import Term
 from imocap_core.motion.terms.coupling import PathCoupling, PoseCoupling
 from imocap_core.motion.terms.evidence import JointEvidence
 from imocap_core.motion.terms.focal_prior import FocalPrior
-from imocap_core.motion.terms.foot_contact import StandingFeet
+from imocap_core.motion.terms.foot_contact import FootContact
 from imocap_core.motion.terms.limits import HingeLimits
 from imocap_core.motion.terms.pose_prior import PosePriorTerm
 from imocap_core.motion.terms.reprojection import Reprojection
@@ -18,6 +18,7 @@ from imocap_core.motion.terms.view import View
 
 __all__ = [
     "FocalPrior",
+    "FootContact",
     "HingeLimits",
     "JointEvidence",
     "PathCoupling",
@@ -27,7 +28,6 @@ __all__ = [
     "PoseSmoothness",
     "Reprojection",
     "ShapePrior",
-    "StandingFeet",
     "Term",
     "View",
 ]

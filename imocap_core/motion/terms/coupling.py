@@ -24,7 +24,7 @@ class PoseCoupling:
     weight: Tensor
 
     def _residual(self, state: MotionState) -> Tensor:
-        return state.once((self,), lambda: log(self.target.mT @ state.R_local))
+        return state.cached((self,), lambda: log(self.target.mT @ state.R_local))
 
     def of(self, v: int, frames: int) -> Self:
         """One motion's target."""

@@ -57,7 +57,7 @@ class JointEvidence:
 
     def _residual_at(self, state: MotionState) -> Tensor:
         """The residual; the cost needs it, and the equations of the step from there."""
-        return state.once(
+        return state.cached(
             (self,), lambda: self.residual(self.body.positions(self.body.joints, state).xyz)
         )
 

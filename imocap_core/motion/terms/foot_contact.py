@@ -11,11 +11,11 @@ from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import MotionState
 from imocap_core.robust import geman_mcclure, geman_mcclure_weight
 
-STANDING_S = 0.4
+CONTACT_WINDOW_S = 0.4
 
 
 @dataclass(frozen=True)
-class StandingFeet:
+class FootContact:
     """Speeds of ankles and balls of the feet, at a cost with a ceiling.
 
     A foot either stands or swings. Geman-McClure's loss draws slow feet to a stop and lets fast
@@ -49,7 +49,9 @@ class StandingFeet:
         """A step is the later frame's foot minus the earlier one's, so with feet's derivatives J
         and a pair's weights W a frame gets ``J^T W J`` of both pairs it is in, and a pair
         ``-J^T W J'``. Only the unknowns that move a foot take part."""
-        feet, frame, d_beta = state.once((self.body.feet, _moved), lambda: _moved(self.body, state))
+        feet, frame, d_beta = state.cached(
+            (self.body.feet, _moved), lambda: _moved(self.body, state)
+        )
         step = _steps(feet, state.valid)
         weight = self.weight * self._cost(step)[1] * _both(state.valid)[..., None]
         weight = weight.repeat_interleave(3, -1)[..., None]  # (B, T-1, 12, 1)
@@ -73,14 +75,14 @@ class StandingFeet:
         normal.corner_gradient[:, :count] += corner[..., -1]
 
 
-def standing_share(body: Body, state: MotionState, fps: float, *, speed_m_s: float) -> Tensor:
+def foot_contact_share(body: Body, state: MotionState, fps: float, *, speed_m_s: float) -> Tensor:
     """(B, T-1, 4) in (0, 1]: whether each foot stands between a frame and the next.
 
-    Geman-McClure weight of its mean speed over `STANDING_S`, so that jitter lifts no foot;
+    Geman-McClure weight of its mean speed over `CONTACT_WINDOW_S`, so that jitter lifts no foot;
     ``speed_m_s`` counts a quarter.
     """
     step = _steps(body.positions(body.feet, state).xyz, state.valid)
-    half = max(1, round(STANDING_S * fps / 2))
+    half = max(1, round(CONTACT_WINDOW_S * fps / 2))
     padded = torch.nn.functional.pad(step.flatten(2).mT, (half, half), mode="replicate")
     mean = padded.unfold(-1, 2 * half + 1, 1).mean(-1).mT.unflatten(-1, (-1, 3))
     speed = fps * mean.norm(dim=-1)

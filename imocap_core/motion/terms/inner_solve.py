@@ -1,13 +1,18 @@
-"""The strays of a view that fit its frames best: Gauss-Newton, six unknowns a frame.
+"""Inner solve (variable projection): the rigid offsets that fit a view's frames best.
 
-Every frame is by itself and small, and this runs at every state that is tried, so it works in the
-camera's axes, where a projection's derivative has four entries, and on planes (B, T, K) of one
-coordinate of all points; what is quadratic in a frame's rows is one product.
+Plain Gauss-Newton on six unknowns a frame. Every frame is by itself and small, and this runs at
+every state that is tried, so it works in the camera's axes, where a projection's derivative has
+four entries, and on planes (B, T, K) of one coordinate of all points; what is quadratic in a
+frame's rows is one product. The descent of the outer solve (`solver.descent`) would evaluate the
+cost of every step besides: the prior keeps these steps from running away without it.
 """
+
+from __future__ import annotations
 
 from dataclasses import dataclass
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.motion.terms.view import NEAREST_M, View
@@ -15,46 +20,46 @@ from imocap_core.robust import geman_mcclure_root
 from imocap_core.rotations import exp
 
 INNER_STEPS = 30  # at most
-SETTLED = 1e-4  # rad, m: strays that move less have settled
+CONVERGED = 1e-4  # rad, m: change of an offset in the last step
 
 
-@torch.no_grad()  # at their optimum the strays' own change does not change the cost
-def settle(
+@torch.no_grad()  # at their optimum the offsets' change does not change the cost
+def solve_rigid_offsets(
     view: View,
     scale: float,
-    xyz: Tensor,
-    pivot: Tensor,
-    precision: Tensor,
-    start: Tensor | None = None,
-) -> tuple[Tensor, Tensor]:
-    """The strays of a view that fit its frames best, and how sharply.
+    xyz: Float[Tensor, "B T K 3"],
+    pivot: Float[Tensor, "B T 3"],
+    precision: Float[Tensor, "B T 6"],
+    start: Float[Tensor, "B T 6"] | None = None,
+) -> tuple[Float[Tensor, "B T 6"], Float[Tensor, "B T 6 6"]]:
+    """Rigid offsets of a view's frames, and their precision matrices.
 
     Args:
-        view: what was seen; scale: of the Geman-McClure loss.
-        xyz: (B, T, K, 3) points of the common motion; pivot: (B, T, 3) its root.
-        precision: (B, T, 6) inverse variances of the strays, 1/rad^2 and 1/m^2.
-        start: (B, T, 6) strays that were found nearby, or None: from zero.
+        view: the detected keypoints; scale: of the Geman-McClure loss.
+        xyz: points of the common motion; pivot: its root.
+        precision: inverse variances of the offsets, 1/rad^2 and 1/m^2.
+        start: offsets of a nearby problem, or None: from zero.
 
     Returns:
-        d (B, T, 6), turn and shift in the state's axes, and its precision matrix (B, T, 6, 6).
+        Rotation and translation in the state's axes, and their inverse covariance.
     """
-    seen = _Seen.of(view, scale, xyz, pivot)
-    both = _twice(view.R)[:, None]  # turn and shift, to camera axes
+    frames = _CameraAxes.of(view, scale, xyz, pivot)
+    both = _twice(view.R)[:, None]  # rotation and translation, to camera axes
     prior = both @ torch.diag_embed(precision) @ both.mT
     d = torch.zeros_like(precision) if start is None else _to_state(start, view.R.mT)
     for _ in range(INNER_STEPS):
-        square = seen.square(d)
+        square = frames.square(d)
         sharpness = square[..., :6, :6] + prior
         gradient = square[..., :6, 6] + (prior * d[..., None, :]).sum(-1)
         step = torch.linalg.solve(sharpness, gradient)
         d = d - step
-        if float(_to_state(step, view.R).abs().max()) < SETTLED:
+        if float(_to_state(step, view.R).abs().max()) < CONVERGED:
             break
     return _to_state(d, view.R), both.mT @ sharpness @ both
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _CameraAxes:
     """One view's keypoints and the common motion's, in camera axes.
 
     Attributes:
@@ -74,7 +79,7 @@ class _Seen:
     scale: float
 
     @classmethod
-    def of(cls, view: View, scale: float, xyz: Tensor, pivot: Tensor) -> "_Seen":
+    def of(cls, view: View, scale: float, xyz: Tensor, pivot: Tensor) -> _CameraAxes:
         R, centre = view.R[:, None], view.K[:, None, None, :2, 2]
         x_px, y_px = (view.xy_px - centre).unbind(-1)
         return cls(
@@ -90,9 +95,9 @@ class _Seen:
         )
 
     def square(self, d: Tensor) -> Tensor:
-        """(B, T, 7, 7) of the rows [by turn | by shift | residual] at strays d, with themselves.
+        """(B, T, 7, 7) products of the rows [by rotation | by translation | residual] at offsets d.
 
-        An arm a at the end of a derivative J by the point turns it: ``J (w x a) = (a x J) w``.
+        An arm a at the end of a derivative J by the point rotates it: ``J (w x a) = (a x J) w``.
         """
         arms = exp(d[..., :3]) @ self.arms
         ax, ay, az = arms.unbind(-2)
@@ -118,7 +123,7 @@ class _Seen:
 
 
 def _to_state(d: Tensor, R: Tensor) -> Tensor:
-    """Strays (B, T, 6) in camera axes, in the state's."""
+    """Offsets (B, T, 6) from camera axes to the state's."""
     return (d.unflatten(-1, (2, 3)).flatten(1, 2) @ R).view(d.shape)
 
 

@@ -35,7 +35,7 @@ class PosePriorTerm:
         return self.weight * torch.where(state.valid, distance, 0.0).sum(1)
 
     def _best(self, state: MotionState) -> tuple[Tensor, Tensor]:
-        return state.once((self.prior,), lambda: self.prior.best(_articulation(state)))
+        return state.cached((self.prior,), lambda: self.prior.best(_articulation(state)))
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """Precision of the best component, pulled back by d theta / d delta = Jr^-1."""

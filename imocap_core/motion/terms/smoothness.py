@@ -143,13 +143,13 @@ def _triples(valid: Tensor) -> Tensor:
 def _turns(state: MotionState) -> Tensor:
     """(B, T-1, 24, 3, 3) relative rotation from each frame to the next."""
     R = state.R_local
-    return state.once((_turns,), lambda: R[:, :-1].mT @ R[:, 1:])
+    return state.cached((_turns,), lambda: R[:, :-1].mT @ R[:, 1:])
 
 
 def _steps(state: MotionState) -> Tensor:
     """(B, T-1, 24, 3) the same as vectors, 0 where one of them is padding."""
     pair = _pairs(state.valid)[..., None, None]
-    return state.once((_steps,), lambda: log(_turns(state)) * pair)
+    return state.cached((_steps,), lambda: log(_turns(state)) * pair)
 
 
 def _chords(state: MotionState) -> Tensor:

@@ -1,53 +1,56 @@
 """A camera's view of a batch of motions: projection and its derivative."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.motion.state import MotionState
 
-NEAREST_M = 0.05  # points nearer to the camera plane than this are held there
+NEAREST_M = 0.05  # least depth: points nearer to the camera plane are projected from there
 
 
 @dataclass(frozen=True)
 class View:
-    """What one camera saw of each motion of the batch.
+    """One camera's keypoints of each motion of the batch.
 
     Attributes:
         xy_px: (B, T, K, 2) detected keypoints (any value where ``weight`` is 0, but finite).
         weight: (B, T, K) confidence over the noise's variance, 1/px^2; 0 for a missing one.
         K: (B, 3, 3) intrinsics; R: (B, 3, 3), t: (B, 3) camera from the state's axes.
-        camera: index of the state's free camera that takes the place of R and t, or None.
+        camera: index of the state's free camera that replaces R and t, or None.
         focal: index of the state's free focal length that K's is multiplied by, or None.
-        stray: (B, T, 6) inverse variances (1/rad^2, 1/m^2) with which this view's performance
-            may turn and shift as a whole against the state (`stray`), or None.
+        offset_precision: (B, T, 6) inverse variances (1/rad^2, 1/m^2) of this view's per-frame
+            rigid offset against the state (`rigid_offset`), or None: no offset.
     """
 
-    xy_px: Tensor
-    weight: Tensor
-    K: Tensor
-    R: Tensor
-    t: Tensor
+    xy_px: Float[Tensor, "B T K 2"]
+    weight: Float[Tensor, "B T K"]
+    K: Float[Tensor, "B 3 3"]
+    R: Float[Tensor, "B 3 3"]
+    t: Float[Tensor, "B 3"]
     camera: int | None = None
     focal: int | None = None
-    stray: Tensor | None = None
+    offset_precision: Float[Tensor, "B T 6"] | None = None
 
-    def of(self, v: int, frames: int) -> "View":
-        """What was seen of motion ``v`` (batch of 1) in its first frames."""
-        own = slice(v, v + 1)
+    def of(self, v: int, frames: int) -> View:
+        """The view of motion ``v`` (batch of 1) in its first frames."""
+        row, precision = slice(v, v + 1), self.offset_precision
         return replace(
             self,
-            xy_px=self.xy_px[own, :frames],
-            weight=self.weight[own, :frames],
-            K=self.K[own],
-            R=self.R[own],
-            t=self.t[own],
-            stray=None if self.stray is None else self.stray[own, :frames],
+            xy_px=self.xy_px[row, :frames],
+            weight=self.weight[row, :frames],
+            K=self.K[row],
+            R=self.R[row],
+            t=self.t[row],
+            offset_precision=None if precision is None else precision[row, :frames],
         )
 
-    def at(self, state: MotionState) -> "View":
-        """The view with the camera that the state holds."""
+    def with_camera_of(self, state: MotionState) -> View:
+        """The view with the state's free camera and focal length."""
         view = self
         if self.camera is not None:
             c = self.camera
@@ -57,31 +60,35 @@ class View:
         return view
 
     def columns(self, state: MotionState) -> list[int]:
-        """Where its free camera (turn, shift) and focal length stand among the globals."""
-        own: list[int] = []
+        """Indices of its free camera (rotation, translation) and focal length among the globals."""
+        columns: list[int] = []
         if self.camera is not None:
             span = state.camera_columns(self.camera)
-            own += range(span.start, span.stop)
+            columns += range(span.start, span.stop)
         if self.focal is not None:
-            own.append(state.focal_column(self.focal))
-        return own
+            columns.append(state.focal_column(self.focal))
+        return columns
 
 
-def with_focal(K: Tensor, factor: Tensor) -> Tensor:
-    """`zooming.lens_of` of tensors: K (..., 3, 3) with focal lengths times ``factor`` (...)."""
+def with_focal(
+    K: Float[Tensor, "... 3 3"], factor: Float[Tensor, "..."]
+) -> Float[Tensor, "... 3 3"]:
+    """Intrinsics with focal lengths multiplied by a factor."""
     return K * torch.stack([factor, factor, torch.ones_like(factor)], -1)[..., None, :]
 
 
-def project(view: View, xyz: Tensor) -> tuple[Tensor, Tensor]:
-    """Pixels (B, T, K, 2) and camera-frame points (B, T, K, 3) of points in the state's axes."""
+def project(
+    view: View, xyz: Float[Tensor, "B T K 3"]
+) -> tuple[Float[Tensor, "B T K 2"], Float[Tensor, "B T K 3"]]:
+    """Pixels and camera-frame points of points in the state's axes."""
     x_cam = torch.einsum("bij,btkj->btki", view.R, xyz) + view.t[:, None, None]
     depth = x_cam[..., 2:].clamp_min(NEAREST_M)
     focal = torch.stack([view.K[:, 0, 0], view.K[:, 1, 1]], -1)[:, None, None]
     return x_cam[..., :2] / depth * focal + view.K[:, None, None, :2, 2], x_cam
 
 
-def projection_jacobian(view: View, x_cam: Tensor) -> Tensor:
-    """(B, T, K, 2, 3) derivative of the pixels by the point in CAMERA axes."""
+def projection_jacobian(view: View, x_cam: Float[Tensor, "B T K 3"]) -> Float[Tensor, "B T K 2 3"]:
+    """Derivative of the pixels by the point in CAMERA axes."""
     depth = x_cam[..., 2].clamp_min(NEAREST_M)
     fx, fy = view.K[:, 0, 0, None, None], view.K[:, 1, 1, None, None]
     zero = torch.zeros_like(depth)

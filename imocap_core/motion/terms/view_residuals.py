@@ -1,14 +1,17 @@
-"""What several views say of the same points, added to the normal equations at once.
+"""Residuals of several views of the same points, added to the normal equations at once.
 
-A view's residuals depend on the body through its points alone. So what all views say is first
-gathered a point, as 3 x 3 blocks, and carried to the unknowns by one product with the points'
+A view's residuals depend on the body through its points alone. So the residuals of all views are
+first gathered a point, as 3 x 3 blocks, and carried to the unknowns by one product with the points'
 Jacobian instead of one a view.
 """
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.motion.kinematics import Points
@@ -17,40 +20,40 @@ from imocap_core.motion.state import POSE
 
 
 @dataclass(frozen=True)
-class Sight:
-    """One view's weighted residuals and their derivatives.
+class ViewResiduals:
+    """One view's weighted residuals and their derivatives; R = 2 K of them a frame.
 
     Attributes:
-        residual: (B, T, 2K).
-        by_point: (B, T, 2K, 3) by each residual's own point, the body having stayed as it is posed.
-        turned: (B, T, 2K, 3) by the point of the common motion, before it strays.
-        by_camera: (B, T, 2K, m) and the globals they belong to, or None: a known camera.
-        strays: (B, T, 6, 2K) whitened derivative by the strays, as `whitened`, or None.
+        residual: (B, T, R).
+        by_point: (B, T, R, 3) by each residual's point, rigid offset included.
+        by_common_point: (B, T, R, 3) by the point of the common motion, without the offset.
+        by_camera: (B, T, R, m) by the globals in ``columns``, or None: a known camera.
+        by_offset: (B, T, 6, R) whitened derivative by the rigid offset (`whitened`), or None.
     """
 
-    residual: Tensor
-    by_point: Tensor
-    turned: Tensor
-    by_camera: Tensor | None = None
+    residual: Float[Tensor, "B T R"]
+    by_point: Float[Tensor, "B T R 3"]
+    by_common_point: Float[Tensor, "B T R 3"]
+    by_camera: Float[Tensor, "B T R m"] | None = None
     columns: list[int] = field(default_factory=list)
-    strays: Tensor | None = None
+    by_offset: Float[Tensor, "B T 6 R"] | None = None
 
 
-def whitened(by_stray: Tensor, precision: Tensor) -> Tensor:
-    """(B, T, 6, R) rows V such that ``V^T V`` is what R residuals lose to their strays.
+def whitened(
+    by_offset: Float[Tensor, "B T R 6"], precision: Float[Tensor, "B T 6"]
+) -> Float[Tensor, "B T 6 R"]:
+    """Rows V such that ``V^T V`` is the information that R residuals lose to their offset.
 
-    Args:
-        by_stray: (B, T, R, 6) S; precision: (B, T, 6) P.
-
-    With S and P, the loss is ``S (S^T S + P)^-1 S^T``: the Schur complement that eliminates them.
+    With the derivative S and the precision P the loss is ``S (S^T S + P)^-1 S^T``: the Schur
+    complement that eliminates the offset.
     """
-    own = by_stray.mT @ by_stray + torch.diag_embed(precision)
-    factor, _ = torch.linalg.cholesky_ex(own)
-    return torch.linalg.solve_triangular(factor, by_stray.mT, upper=False)
+    information = by_offset.mT @ by_offset + torch.diag_embed(precision)
+    factor, _ = torch.linalg.cholesky_ex(information)
+    return torch.linalg.solve_triangular(factor, by_offset.mT, upper=False)
 
 
-def add_sights(
-    normal: NormalEquations, points: Points, sights: Sequence[Sight], movers: int
+def add_view_residuals(
+    normal: NormalEquations, points: Points, views: Sequence[ViewResiduals], movers: int
 ) -> None:
     """Add ``J^T W J`` and ``J^T W r`` of all views.
 
@@ -62,14 +65,18 @@ def add_sights(
     of_joints = slice(3 * movers)
     d_pose = points.d_pose[..., of_joints]
     pose, shape = d_pose.flatten(2, 3), points.d_beta.flatten(2, 3)  # (B, T, 3K, n)
-    metric, mixed, moved = _metric(sights)
+    metric, mixed, moved = _metric(views)
     add_product(normal.diagonal[..., of_joints, of_joints], pose, (metric @ d_pose).flatten(2, 3))
-    residual, pull = _residual(sights)
-    cameras = [s for s in sights if s.by_camera is not None]
-    straying = [s for s in sights if s.strays is not None]
+    residual, pull = _residual(views)
+    cameras = [view for view in views if view.by_camera is not None]
+    offset = [view for view in views if view.by_offset is not None]
     columns = [mixed.flatten(2, 3), (metric @ points.d_beta).flatten(2, 3), residual]
-    columns += [_by_points(s.turned, s.by_camera) for s in cameras]
-    columns += [_by_points(s.turned, s.strays.mT) for s in straying if s.strays is not None]
+    columns += [_at_points(view.by_common_point, view.by_camera) for view in cameras]
+    columns += [
+        _at_points(view.by_common_point, view.by_offset.mT)
+        for view in offset
+        if view.by_offset is not None
+    ]
     sizes = [x.shape[-1] for x in columns]
     together = torch.cat(columns, -1)
     of_pose, of_shape = ((x.mT @ together).split(sizes, -1) for x in (pose, shape))
@@ -83,80 +90,86 @@ def add_sights(
     normal.gradient[..., of_joints] += of_pose[2][..., 0]
     normal.gradient[..., POSE:] += pull
     normal.corner_gradient[:, shapes] += of_shape[2][..., 0].sum(1)
-    for sight, by_pose, by_shape in zip(cameras, of_pose[3:], of_shape[3:], strict=False):
-        _add_camera(normal, sight, by_pose, by_shape)
-    if straying:
+    for view, by_pose, by_shape in zip(cameras, of_pose[3:], of_shape[3:], strict=False):
+        _add_camera(normal, view, by_pose, by_shape)
+    if offset:
         first = 3 + len(cameras)
-        _take_strays(normal, straying, *(torch.cat(x[first:], -1) for x in (of_pose, of_shape)))
+        _eliminate_offsets(normal, offset, *(torch.cat(x[first:], -1) for x in (of_pose, of_shape)))
 
 
-def _metric(sights: Sequence[Sight]) -> tuple[Tensor, Tensor, Tensor]:
-    """What pose meets by pose and by translation, (B, T, K, 3, 3) a point, and translation by
-    itself, (B, T, 3, 3)."""
-    metric, mixed, moved = (torch.zeros((), device=sights[0].residual.device),) * 3
-    for sight in sights:
-        turned, still = (x.unflatten(2, (-1, 2)) for x in (sight.turned, sight.by_point))
-        metric = metric + turned.mT @ turned
-        mixed = mixed + turned.mT @ still
-        moved = moved + sight.by_point.mT @ sight.by_point
+def _metric(views: Sequence[ViewResiduals]) -> tuple[Tensor, Tensor, Tensor]:
+    """Products of pose with pose and with translation, (B, T, K, 3, 3) a point, and of translation
+    with itself, (B, T, 3, 3)."""
+    metric, mixed, moved = (torch.zeros((), device=views[0].residual.device),) * 3
+    for view in views:
+        common, point = (x.unflatten(2, (-1, 2)) for x in (view.by_common_point, view.by_point))
+        metric = metric + common.mT @ common
+        mixed = mixed + common.mT @ point
+        moved = moved + view.by_point.mT @ view.by_point
     return metric, mixed, moved
 
 
-def _residual(sights: Sequence[Sight]) -> tuple[Tensor, Tensor]:
-    """The residuals' pull at the points of the common motion (B, T, 3K, 1), and at its place
+def _residual(views: Sequence[ViewResiduals]) -> tuple[Tensor, Tensor]:
+    """Gradient by the points of the common motion (B, T, 3K, 1), and by its translation
     (B, T, 3)."""
-    at_points = [_by_points(s.turned, s.residual[..., None]) for s in sights]
-    at_place = [(s.by_point.mT @ s.residual[..., None])[..., 0] for s in sights]
-    return torch.stack(at_points).sum(0), torch.stack(at_place).sum(0)
+    by_points = [_at_points(view.by_common_point, view.residual[..., None]) for view in views]
+    by_translation = [(view.by_point.mT @ view.residual[..., None])[..., 0] for view in views]
+    return torch.stack(by_points).sum(0), torch.stack(by_translation).sum(0)
 
 
-def _by_points(turned: Tensor, rows: Tensor | None) -> Tensor:
+def _at_points(by_common_point: Tensor, rows: Tensor | None) -> Tensor:
     """(B, T, 3K, n) of rows (B, T, 2K, n): each residual's, carried to its point."""
     assert rows is not None
-    of_point = turned.unflatten(2, (-1, 2)).mT @ rows.unflatten(2, (-1, 2))
+    of_point = by_common_point.unflatten(2, (-1, 2)).mT @ rows.unflatten(2, (-1, 2))
     return of_point.flatten(2, 3)
 
 
-def _add_camera(normal: NormalEquations, sight: Sight, by_pose: Tensor, by_shape: Tensor) -> None:
-    """A free camera's equations; by_pose (B, T, 3J, m), by_shape (B, T, n, m): with the others."""
-    assert sight.by_camera is not None
-    own, shapes, rows = sight.columns, slice(by_shape.shape[2]), sight.by_camera.flatten(1, 2)
-    normal.border[..., : by_pose.shape[2], own] += by_pose
-    normal.border[..., POSE:, own] += sight.by_point.mT @ sight.by_camera
-    _add_corner(normal, own, shapes, by_shape.sum(1), rows.mT @ rows)
-    normal.corner_gradient[:, own] += (rows.mT @ sight.residual.flatten(1)[..., None])[..., 0]
-
-
-def _take_strays(
-    normal: NormalEquations, sights: Sequence[Sight], by_pose: Tensor, by_shape: Tensor
+def _add_camera(
+    normal: NormalEquations, view: ViewResiduals, by_pose: Tensor, by_shape: Tensor
 ) -> None:
-    """Take away what the strays of V views could explain: a product of six rows a frame and view.
+    """A free camera's equations; by_pose (B, T, 3J, m), by_shape (B, T, n, m): with the others."""
+    assert view.by_camera is not None
+    columns, shapes = view.columns, slice(by_shape.shape[2])
+    rows = view.by_camera.flatten(1, 2)
+    normal.border[..., : by_pose.shape[2], columns] += by_pose
+    normal.border[..., POSE:, columns] += view.by_point.mT @ view.by_camera
+    _add_corner(normal, columns, shapes, by_shape.sum(1), rows.mT @ rows)
+    gradient = (rows.mT @ view.residual.flatten(1)[..., None])[..., 0]
+    normal.corner_gradient[:, columns] += gradient
 
-    The gradient stays: the strays' own is zero where they have settled.
+
+def _eliminate_offsets(
+    normal: NormalEquations, views: Sequence[ViewResiduals], by_pose: Tensor, by_shape: Tensor
+) -> None:
+    """Subtract what the rigid offsets of V views could explain: six rows a frame and view.
+
+    The gradient stays: the offsets' own is zero once the inner solve has converged.
 
     Args:
-        by_pose: (B, T, 3J, 6V) derivatives of the strays by the pose; by_shape: (B, T, n, 6V).
+        by_pose: (B, T, 3J, 6V) derivatives of the offsets by the pose; by_shape: (B, T, n, 6V).
     """
     shapes = slice(by_shape.shape[2])
-    by_place = torch.cat([s.strays @ s.by_point for s in sights if s.strays is not None], -2)
+    by_translation = torch.cat(
+        [view.by_offset @ view.by_point for view in views if view.by_offset is not None], -2
+    )
     by_pose = torch.nn.functional.pad(by_pose, (0, 0, 0, POSE - by_pose.shape[2]))
-    frame, others = torch.cat([by_pose, by_place.mT], -2), by_shape.mT  # (B, T, 75, 6V)
+    frame, others = torch.cat([by_pose, by_translation.mT], -2), by_shape.mT  # (B, T, 75, 6V)
     add_product(normal.diagonal, frame.mT, frame.mT, share=-1.0)
     normal.border[..., shapes] -= frame @ others
     normal.corner[:, shapes, shapes] -= others.flatten(1, 2).mT @ others.flatten(1, 2)
-    for k, sight in enumerate(sights):
-        if sight.by_camera is None or sight.strays is None:
+    for k, view in enumerate(views):
+        if view.by_camera is None or view.by_offset is None:
             continue
-        own, camera = slice(6 * k, 6 * k + 6), sight.strays @ sight.by_camera
-        normal.border[..., sight.columns] -= frame[..., own] @ camera
+        six, camera = slice(6 * k, 6 * k + 6), view.by_offset @ view.by_camera
+        normal.border[..., view.columns] -= frame[..., six] @ camera
         flat = camera.flatten(1, 2)
-        crossed = by_shape[..., own].transpose(1, 2).flatten(2) @ flat
-        _add_corner(normal, sight.columns, shapes, -crossed, -flat.mT @ flat)
+        crossed = by_shape[..., six].transpose(1, 2).flatten(2) @ flat
+        _add_corner(normal, view.columns, shapes, -crossed, -flat.mT @ flat)
 
 
 def _add_corner(
-    normal: NormalEquations, own: list[int], shapes: slice, crossed: Tensor, square: Tensor
+    normal: NormalEquations, columns: list[int], shapes: slice, crossed: Tensor, square: Tensor
 ) -> None:
-    normal.corner[:, [[k] for k in own], own] += square
-    normal.corner[:, shapes, own] += crossed
-    normal.corner[:, own, shapes] += crossed.mT
+    normal.corner[:, [[k] for k in columns], columns] += square
+    normal.corner[:, shapes, columns] += crossed
+    normal.corner[:, columns, shapes] += crossed.mT

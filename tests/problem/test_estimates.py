@@ -18,12 +18,13 @@ from imocap_core.io.detectors.by_name import FORMATS
 from imocap_core.io.estimators.by_name import JOINTS, ROTATIONS
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.observations import Observation
+from imocap_core.params import InitialSmplParams
 from imocap_core.pipeline.action import Action, Declaration
 from imocap_core.pipeline.format_names import DetectionFormat, InitialFormat, Layout
 from imocap_core.pipeline.stage import Context
 from imocap_core.problem.estimates import estimate_of
+from imocap_core.problem.starts import starts
 from imocap_core.rotations import exp
-from stages.initial_smpl import _starts
 from tests.io import made_estimates as made
 
 WRITERS = {
@@ -113,8 +114,8 @@ def test_the_body_is_placed_where_the_keypoints_are() -> None:
     )
     K = np.array([[600.0, 0, 320], [0, 600.0, 180], [0, 0, 1]])
     xy = (xyz / xyz[..., 2:]).numpy() @ K.T
-    seen = Observation(xy[..., :2], np.ones(xy.shape[:2]), K, 30.0, noise_share=0.01)
+    observation = Observation(xy[..., :2], np.ones(xy.shape[:2]), K, 30.0, noise_share=0.01)
     library = SimpleNamespace(R_view=R_local)
-    (start,) = _starts(body, library, seen, R_local, None)  # type: ignore[arg-type]
+    (start,) = starts(body, library, observation, R_local, None, InitialSmplParams())  # type: ignore[arg-type]
     assert torch.equal(start.R_local, R_local)
     assert float((start.trans - trans).norm(dim=-1).max()) < 0.25  # weak perspective, 4 m away

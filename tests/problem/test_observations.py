@@ -3,7 +3,7 @@
 import pytest
 
 from imocap_core.params import FitParams
-from imocap_core.problem.motion import noise_share_of
+from imocap_core.problem.observations import noise_share_of
 
 
 def test_a_detector_has_its_own_noise_and_others_the_usual() -> None:

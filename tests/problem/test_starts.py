@@ -15,7 +15,7 @@ from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular.library import make_library
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import load_pose_prior
-from imocap_core.problem.lifted import evidence_of, lifted_joints, starts_of
+from imocap_core.problem.starts import evidence_of, lifted_joints, starts_of_lifted
 from tests.pipeline.test_people import figure
 
 FRAMES = 60
@@ -48,7 +48,7 @@ def test_the_starts_are_where_the_lifter_says_and_where_the_person_is_seen() -> 
     body, prior = Body.of(load_free_body(), "coco17"), load_pose_prior()
     library = make_library(body, prior, np.random.default_rng(0), poses=800, directions=2)
     observation = Observation(video.xy_px, video.confidence, camera.K, 30.0, noise_share=0.01)
-    starts = starts_of(body, library, observation, lifted)
+    starts = starts_of_lifted(body, library, observation, lifted)
     assert len(starts) == 2
     posed = body.model.shape(starts[0].trans.new_zeros(1, 10)).pose(
         starts[0].R_local, starts[0].trans

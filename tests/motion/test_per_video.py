@@ -7,16 +7,22 @@ import pytest
 import torch
 from torch import Tensor
 
-from imocap_core.motion.multiview.coupling import Targets
-from imocap_core.motion.multiview.deviation import Spread, median_of_known
-from imocap_core.motion.multiview.per_video import HOLD, facing_alike, held_feet, own_deviations
-from imocap_core.motion.multiview.rigid_offsets import first_strays
+from imocap_core.motion.multiview.coupling import CouplingTargets
+from imocap_core.motion.multiview.deviation import finite_median
+from imocap_core.motion.multiview.offset_spread import initial_offset_sd
+from imocap_core.motion.multiview.per_video import (
+    CONTACT_SCALE,
+    facing_agreement,
+    fit_deviations,
+    foot_contact_term,
+)
+from imocap_core.motion.multiview.scene import DeviationSpread
 from imocap_core.motion.state import MotionState
-from imocap_core.motion.terms import StandingFeet
+from imocap_core.motion.terms import FootContact
 from imocap_core.params import MotionParams
 from imocap_core.rotations import exp
 from tests.motion.made import WEIGHTS, Made, mpjpe_mm, scene
-from tests.motion.test_joint import OPTIONS, disturbed, in_own_axes, whole
+from tests.motion.test_smpl_ba import OPTIONS, disturbed, in_own_axes, whole
 
 FULL = (30.0 / WEIGHTS.foot_hold_m_s) ** 2  # weight of a step between frames at 30 a second
 
@@ -45,10 +51,10 @@ def speeds(*m_s: float) -> Tensor:
 def weight(made: Made, common_m_s: Tensor, own_m_s: Tensor) -> Tensor:
     """(B,) how feet are held when the common motion and the own ones travel so fast."""
     state = in_own_axes(made)
-    term = held_feet(whole(made), moving(state, common_m_s), moving(state, own_m_s))
-    assert isinstance(term, StandingFeet)
+    term = foot_contact_term(whole(made), moving(state, common_m_s), moving(state, own_m_s))
+    assert isinstance(term, FootContact)
     assert isinstance(term.weight, Tensor)
-    assert term.scale == HOLD
+    assert term.scale == CONTACT_SCALE
     return term.weight.mean((1, 2))
 
 
@@ -73,8 +79,8 @@ def test_who_turns_away_for_a_while_is_released_for_that_while(made: Made) -> No
     state = in_own_axes(made)
     R_local = state.R_local.clone()
     R_local[1, 8:, 0] = R_local[1, 8:, 0] @ exp(torch.tensor([0.0, 1.5, 0.0]).double())
-    targets = Targets(state.R_local, state.trans, torch.ones_like(state.trans[..., 0]))
-    alike = facing_alike(replace(state, R_local=R_local), targets)
+    targets = CouplingTargets(state.R_local, state.trans, torch.ones_like(state.trans[..., 0]))
+    alike = facing_agreement(replace(state, R_local=R_local), targets)
     torch.testing.assert_close(alike[[0, 2]], torch.ones(2, 20, dtype=torch.float64))
     assert float(alike[1, :4].min()) > 0.99
     assert float(alike[1, 12:].max()) < 0.25
@@ -82,14 +88,14 @@ def test_who_turns_away_for_a_while_is_released_for_that_while(made: Made) -> No
 
 def test_a_fit_goes_on_from_the_one_before_to_the_same_place(made: Made) -> None:
     all_, true = whole(made), in_own_axes(made)
-    spread = Spread(np.full((3, 20, 25), 0.03), first_strays(3, MotionParams()))
+    spread = DeviationSpread(np.full((3, 20, 25), 0.03), initial_offset_sd(3, MotionParams()))
     given = (made.state, made.cameras(), spread, replace(OPTIONS, max_steps=12))
-    cold, cost = own_deviations(all_, true, *given)
-    again, lower = own_deviations(all_, cold, *given, warm=True)
+    cold, cost = fit_deviations(all_, true, *given)
+    again, lower = fit_deviations(all_, cold, *given, warm=True)
     assert lower <= cost
     assert mpjpe_mm(made.body, again, cold) < 1.0
     astray = disturbed(cold, 0.03)
-    back, _ = own_deviations(all_, astray, *given, warm=True)
+    back, _ = fit_deviations(all_, astray, *given, warm=True)
     assert mpjpe_mm(made.body, astray, cold) > 10.0
     assert mpjpe_mm(made.body, back, cold) < 2.0
 
@@ -98,4 +104,4 @@ def test_medians_leave_out_what_is_not_known() -> None:
     rng = np.random.default_rng(0)
     values = np.where(rng.random((7, 4, 9)) < 0.4, np.nan, rng.random((7, 4, 9)))
     values[..., 0] = 0.5
-    np.testing.assert_array_equal(median_of_known(values), np.nanmedian(values, axis=-1))
+    np.testing.assert_array_equal(finite_median(values), np.nanmedian(values, axis=-1))

@@ -1,4 +1,4 @@
-"""Focal lengths that nobody told come back where the videos show one motion."""
+"""Unknown focal lengths are recovered where the videos show one motion."""
 
 from dataclasses import replace
 
@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.motion.multiview.focal_lengths import lenses_of
-from imocap_core.motion.multiview.joint import recover_motion
+from imocap_core.motion.multiview.focal_lengths import free_focal_lengths
 from imocap_core.motion.multiview.scene import JointMotion, Scene
+from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.motion.state import MotionState
 from imocap_core.params import MotionParams
 from tests.motion.made import FOCAL_PX, WEIGHTS, Made, scene, wide_prior
-from tests.motion.test_joint import FRAMES, OPTIONS, disturbed, in_own_axes
+from tests.motion.test_smpl_ba import FRAMES, OPTIONS, disturbed, in_own_axes
 
 TURNS_DEG = [0.0, 75.0, -80.0, 170.0]
 OFF = np.array([1.12, 0.9, 1.0, 0.86])  # of the true focal lengths
@@ -26,7 +26,7 @@ def made() -> Made:
 
 
 def assumed(made: Made, spread: float) -> Scene:
-    """Wrong focal lengths, told to be wrong by so much."""
+    """Wrong focal lengths with a prior of this spread."""
     maps = [np.arange(float(FRAMES)) for _ in TURNS_DEG]
     trust = [np.ones(FRAMES) for _ in TURNS_DEG]
     seen = [
@@ -69,7 +69,7 @@ def test_known_focal_lengths_stay(made: Made) -> None:
     np.testing.assert_allclose(focal_errors(recovered(made, 0.0)), np.log(OFF), atol=1e-12)
 
 
-def test_the_whole_action_counts_as_one_look_against_what_is_assumed(made: Made) -> None:
+def test_the_focal_likelihood_counts_once_per_action(made: Made) -> None:
     all_ = assumed(made, SPREAD)
     some = replace(
         all_,
@@ -78,17 +78,17 @@ def test_the_whole_action_counts_as_one_look_against_what_is_assumed(made: Made)
             for v, o in enumerate(all_.observations)
         ],
     )
-    lenses = lenses_of(some)
-    assert list(lenses.videos) == [1, 3]
-    assert lenses.weight.tolist() == pytest.approx([FRAMES / SPREAD**2] * 2)
+    free = free_focal_lengths(some)
+    assert list(free.videos) == [1, 3]
+    assert free.weight.tolist() == pytest.approx([FRAMES / SPREAD**2] * 2)
 
 
-def test_the_prior_is_about_what_was_assumed_wherever_the_fit_has_come(made: Made) -> None:
-    lenses = lenses_of(assumed(made, SPREAD))
+def test_the_prior_is_about_the_assumed_value_wherever_the_fit_is(made: Made) -> None:
+    free = free_focal_lengths(assumed(made, SPREAD))
     state = replace(made.state, log_focal=torch.log(torch.as_tensor(OFF))[None])
-    (prior,) = lenses.prior(made.cameras().K)
+    (prior,) = free.prior(made.cameras().K)
     assert float(prior.cost(state)) == pytest.approx(0.0, abs=1e-12)
-    (elsewhere,) = lenses.prior(lenses.found(made.cameras().K, state.log_focal[0]))
+    (elsewhere,) = free.prior(free.intrinsics(made.cameras().K, state.log_focal[0]))
     moved = replace(state, log_focal=state.log_focal + 0.1)
     still = replace(state, log_focal=torch.zeros_like(state.log_focal))
     assert float(elsewhere.cost(still)) == pytest.approx(0.0, abs=1e-12)

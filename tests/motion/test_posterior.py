@@ -7,17 +7,19 @@ import pytest
 import torch
 from torch import Tensor
 
-from imocap_core.motion.multiview.joint import recover_motion
-from imocap_core.motion.multiview.scene import JointMotion, Scene, own_terms
+from imocap_core.motion.multiview.scene import JointMotion, Scene, per_video_terms
+from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.motion.posterior.common_posterior import (
+    CommonEvidence,
     CommonPosterior,
+    common_evidence,
     common_posterior,
-    settle_common,
+    with_common_motion,
 )
-from imocap_core.motion.posterior.joint_covariance import joint_claim, joint_jacobian
+from imocap_core.motion.posterior.joint_covariance import joint_covariance, joint_jacobian
+from imocap_core.motion.posterior.motion_posterior import motion_posterior, nearest_reference
 from imocap_core.motion.posterior.noise import Noise
-from imocap_core.motion.posterior.per_video_posterior import own_fits, own_posterior
-from imocap_core.motion.posterior.uncertainty import nearest_reference, uncertainty
+from imocap_core.motion.posterior.per_video_posterior import per_video_fits, per_video_posterior
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.solver.objective import linearise
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
@@ -25,8 +27,8 @@ from imocap_core.motion.terms import Reprojection
 from imocap_core.motion.terms.tempered import Tempered
 from imocap_core.params import UncertaintyParams
 from imocap_core.rotations import log
-from tests.motion.made import Made, scene
-from tests.motion.test_joint import FRAMES, OPTIONS, TURNS_DEG, disturbed, in_own_axes, whole
+from tests.motion.made import Made, mpjpe_mm, result_at, scene
+from tests.motion.test_smpl_ba import FRAMES, OPTIONS, TURNS_DEG, disturbed, in_own_axes, whole
 
 # Made noise is independent from frame to frame.
 WHITE = Noise(UncertaintyParams(correlation_s=1 / 30, pose_persistence_s=1 / 30))
@@ -74,10 +76,10 @@ def test_joint_covariances_are_those_of_the_dense_inverse(made: Made) -> None:
     frames = 4
     one, state = few(made, frames)
     honest = WHITE.scene(one, 1)
-    own = own_posterior(own_fits(honest, state, None, OPTIONS, WHITE)[0])
-    claim = joint_claim(made.body, state, own.given_shape, own.response)
+    own = per_video_posterior(per_video_fits(honest, state, None, OPTIONS, WHITE)[0])
+    claim = joint_covariance(made.body, state, own.given_shape, own.response)
     found = claim.covariance(torch.linalg.inv(own.schur))
-    inverse = torch.linalg.inv(dense(linearise(own_terms(honest, state.trans), state)))
+    inverse = torch.linalg.inv(dense(linearise(per_video_terms(honest, state.trans), state)))
     by_frame, by_shape = joint_jacobian(made.body, state)
     for t in range(frames):
         at = [*range(t * FRAME_UNKNOWNS, (t + 1) * FRAME_UNKNOWNS), *range(-10, 0)]
@@ -89,23 +91,29 @@ def test_joint_covariances_are_those_of_the_dense_inverse(made: Made) -> None:
 
 def test_the_gain_is_what_a_displaced_common_motion_does(given: tuple[Scene, JointMotion]) -> None:
     all_, result = given
-    settled = settle_common(all_, result.state, result.cameras, OPTIONS)
-    own = own_posterior(own_fits(WHITE.scene(all_, 3), result.state, settled, OPTIONS, WHITE)[1])
+    evidence = common_evidence(all_, result, OPTIONS)
+    own = per_video_posterior(
+        per_video_fits(WHITE.scene(all_, 3), result.state, evidence, OPTIONS, WHITE)[1]
+    )
     size = torch.linalg.eigvals(own.gain).abs()
     assert float(size.max()) < 1.3  # follows, never overshoots by much
     elbow = own.gain[FRAMES // 2, 3 * 18 : 3 * 18 + 3, 3 * 18 : 3 * 18 + 3]
     assert 0.05 < float(elbow.trace()) / 3 < 1.0
-    still = own_posterior(own_fits(WHITE.scene(all_, 3), result.state, None, OPTIONS, WHITE)[1])
+    still = per_video_posterior(
+        per_video_fits(WHITE.scene(all_, 3), result.state, None, OPTIONS, WHITE)[1]
+    )
     assert float(still.gain.abs().max()) == 0.0
     drop = torch.linalg.eigvalsh(still.given_shape - own.given_shape)
     assert float(drop.min()) > -1e-8  # to know the common motion never hurts
 
 
-def test_seen_by_a_camera_is_the_numeric_derivative(given: tuple[Scene, JointMotion]) -> None:
+def test_the_covariance_in_camera_axes_is_the_numeric_derivative(
+    given: tuple[Scene, JointMotion],
+) -> None:
     all_, result = given
-    settled = settle_common(all_, result.state, result.cameras, OPTIONS)
-    posterior = common_posterior(WHITE.scene(all_, 1), settled, WHITE)
-    motion, v, step = posterior.common.motion, 2, 1e-6
+    evidence = common_evidence(all_, result, OPTIONS)
+    posterior = common_posterior(WHITE.scene(all_, 1), evidence, WHITE)
+    motion, v, step = posterior.evidence.motion, 2, 1e-6
     size = motion.unknown_globals
     for k in range(10, size):
         one_hot = torch.zeros(size, dtype=torch.float64)
@@ -123,7 +131,7 @@ def test_seen_by_a_camera_is_the_numeric_derivative(given: tuple[Scene, JointMot
         turn = log(before[0].mT @ after[0]) / step
         shift = (after[1] - before[1]) / step
         column = torch.cat([turn, shift], -1)
-        seen = lone.seen_by(v)
+        seen = lone.in_camera_axes(v)
         rows = [0, 1, 2, 72, 73, 74]
         expected = column[:, :, None] * column[:, None]
         assert torch.allclose(seen[:, rows][:, :, rows], expected, atol=1e-4)
@@ -135,13 +143,21 @@ def _in_camera(motion: MotionState, camera: int) -> tuple[Tensor, Tensor]:
     return R @ motion.R_local[0, :, 0], motion.trans[0] @ R.T + t
 
 
+def evidence_at_truth(made: Made) -> CommonEvidence:
+    """The evidence for the true motions' mean, its spread estimated."""
+    result = result_at(in_own_axes(made), made.cameras())
+    return common_evidence(whole(made), with_common_motion(whole(made), result, OPTIONS), OPTIONS)
+
+
+def test_without_a_common_motion_one_is_fitted(made: Made) -> None:
+    evidence = evidence_at_truth(made)
+    assert mpjpe_mm(made.body, evidence.motion, made.state) < 25.0
+    with pytest.raises(ValueError, match="common motion"):
+        common_evidence(whole(made), result_at(in_own_axes(made), made.cameras()), OPTIONS)
+
+
 def test_the_common_motion_s_covariance_is_the_dense_inverse_s(made: Made) -> None:
-    all_ = whole(made)
-    truth = in_own_axes(made)
-    cameras = made.cameras()
-    posterior = common_posterior(
-        WHITE.scene(all_, 1), settle_common(all_, truth, cameras, OPTIONS), WHITE
-    )
+    posterior = common_posterior(WHITE.scene(whole(made), 1), evidence_at_truth(made), WHITE)
     inverse = torch.linalg.inv(dense(posterior.normal))
     expected = torch.stack(
         [
@@ -149,7 +165,7 @@ def test_the_common_motion_s_covariance_is_the_dense_inverse_s(made: Made) -> No
             for t in range(FRAMES)
         ]
     )
-    found = posterior.seen_by(0)  # the reference: the world's axes
+    found = posterior.in_camera_axes(0)  # the reference: the world's axes
     scale = expected.diagonal(dim1=-2, dim2=-1).sqrt()
     error = (found - expected).abs() / (scale[:, :, None] * scale[:, None])
     assert float(error.max()) < 1e-3
@@ -157,7 +173,7 @@ def test_the_common_motion_s_covariance_is_the_dense_inverse_s(made: Made) -> No
 
 def test_claims_are_honest_on_a_made_scene(made: Made, given: tuple[Scene, JointMotion]) -> None:
     all_, result = given
-    found = uncertainty(all_, result.state, result.cameras, OPTIONS, WHITE)
+    found = motion_posterior(all_, result, OPTIONS, WHITE)
     joints, true = (
         made.body.positions(made.body.joints, s).xyz.numpy()
         for s in (result.state, in_own_axes(made))
@@ -173,8 +189,7 @@ def test_persistent_errors_count_less(given: tuple[Scene, JointMotion]) -> None:
     all_, result = given
     slow = Noise(replace(WHITE.params, correlation_s=0.3))
     pairs = [
-        uncertainty(all_, result.state, result.cameras, OPTIONS, noise).covariances_m2[0]
-        for noise in (WHITE, slow)
+        motion_posterior(all_, result, OPTIONS, noise).covariances_m2[0] for noise in (WHITE, slow)
     ]
     narrow, wide = (np.einsum("tjxx->", x) for x in pairs)
     assert 1.3 < wide / narrow < 9.0
@@ -182,7 +197,7 @@ def test_persistent_errors_count_less(given: tuple[Scene, JointMotion]) -> None:
 
 def test_a_tempered_term_is_its_share(made: Made) -> None:
     one, state = few(made, 3)
-    term = own_terms(one, state.trans)[0]
+    term = per_video_terms(one, state.trans)[0]
     assert isinstance(term, Reprojection)
     whole_, part = (linearise([t], state) for t in (term, Tempered(term, 0.25)))
     assert torch.allclose(part.diagonal, 0.25 * whole_.diagonal)

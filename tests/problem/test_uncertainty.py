@@ -16,10 +16,9 @@ from imocap_core.artifacts.schemas import (
     RefineSync,
     Uncertainty,
 )
+from imocap_core.motion.mirror import mirrored_covariance
 from imocap_core.params import Params
 from imocap_core.problem.mirroring import (
-    REFLECTION,
-    TWINS,
     mirrored_camera,
     mirrored_detections,
     mirrored_keypoints,
@@ -108,7 +107,7 @@ def test_a_mirrored_video_has_the_claims_of_its_mirror_image(
         ),
         refined.model_copy(update={"motion": motion}),
     )
-    expected = plain.videos[1].covariance_mm2[:, TWINS] * REFLECTION[:, None] * REFLECTION
+    expected = mirrored_covariance(plain.videos[1].covariance_mm2)
     scale = expected.max()
     np.testing.assert_allclose(found.videos[1].covariance_mm2, expected, atol=1e-3 * scale)
     np.testing.assert_allclose(found.videos[0].sigma_mm, plain.videos[0].sigma_mm, rtol=1e-3)

@@ -7,15 +7,15 @@ import pytest
 import torch
 
 from imocap_core import rotations
-from imocap_core.artifacts.schemas import Camera, SyncMap, VideoMotion
+from imocap_core.artifacts.schemas import Camera
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.problem.mirroring import (
-    JointWork,
-    joint_work,
+    Participants,
     mirrored_camera,
     mirrored_detections,
     mirrored_keypoints,
     mirrored_motion,
+    participants_of,
 )
 from tests.report.made import K, Made
 
@@ -25,16 +25,16 @@ def made() -> Made:
     return Made(count=4, frames=24)
 
 
-def work_of(made: Made, **decided: list[str]) -> JointWork:
+def participants(made: Made, **decided: list[str]) -> Participants:
     sync = made.sync.model_copy(update=decided)
-    return joint_work(made.keypoints, made.camera_motion, made.initial, sync, made.model)
+    return participants_of(made.keypoints, made.camera_motion, made.initial, sync, made.model)
 
 
 def test_without_anything_to_do_nothing_is_done(made: Made) -> None:
-    work = work_of(made)
+    work = participants(made)
     assert work.keypoints.videos == made.keypoints.videos
     assert work.initial.videos == made.initial.videos
-    assert work.out(made.single) is made.single
+    assert work.as_filmed(made.single) is made.single
 
 
 def test_a_reflected_motion_is_the_reflection_of_its_joints(made: Made) -> None:
@@ -53,13 +53,13 @@ def test_a_reflected_motion_is_the_reflection_of_its_joints(made: Made) -> None:
 
 
 def test_reflected_detections_are_where_the_reflected_joints_are(made: Made) -> None:
-    seen, camera = made.keypoints.videos[0], made.camera_motion.videos[0]
-    turned = mirrored_keypoints(seen, K)
+    video, camera = made.keypoints.videos[0], made.camera_motion.videos[0]
+    turned = mirrored_keypoints(video, K)
     back = mirrored_keypoints(turned, K)
-    np.testing.assert_allclose(back.xy_px, seen.xy_px, atol=1e-9)
-    np.testing.assert_allclose(back.person_box_px, seen.person_box_px, atol=1e-9)
+    np.testing.assert_allclose(back.xy_px, video.xy_px, atol=1e-9)
+    np.testing.assert_allclose(back.person_box_px, video.person_box_px, atol=1e-9)
     assert (turned.person_box_px[:, 0] <= turned.person_box_px[:, 2]).all()
-    warped = mirrored_detections(camera, seen.layout)
+    warped = mirrored_detections(camera, video.layout)
     np.testing.assert_array_equal(warped.xy_first_px, turned.xy_px)
 
 
@@ -73,79 +73,42 @@ def test_a_reflected_camera_films_the_reflected_world() -> None:
 
 
 def test_excluded_videos_stay_out_and_keep_their_monocular_motion(made: Made) -> None:
-    work = work_of(made, excluded=["v2"])
+    work = participants(made, excluded=["v2"])
     assert [v.id for v in work.keypoints.videos] == ["v1", "v3", "v4"]
-    assert work.sync_in(made.sync).ids == ["v1", "v3", "v4"]
+    assert work.sync(made.sync).ids == ["v1", "v3", "v4"]
     part = made.single.model_copy(
         update={
             "videos": [v for v in made.single.videos if v.id != "v2"],
             "cameras": [c for c in made.single.cameras if c.id != "v2"],
         }
     )
-    whole = work.out(part)
+    whole = work.as_filmed(part)
     assert [v.id for v in whole.videos] == [c.id for c in whole.cameras] == made.ids
     np.testing.assert_array_equal(whole.videos[1].theta, made.initial.videos[1].theta)
     np.testing.assert_array_equal(whole.cameras[1].R, np.eye(3))
 
 
-def test_a_mirrored_video_is_recovered_as_unmirrored() -> None:
-    made, flipped = Made(count=3, frames=12), Made(count=3, frames=12)
-    straight = solve(made, [])
-    v = 2
-    flipped.keypoints.videos[v] = mirrored_keypoints(made.keypoints.videos[v], K)
-    flipped.camera_motion.videos[v] = mirrored_detections(made.camera_motion.videos[v], "body25")
-    flipped.initial.videos[v] = mirrored_motion(made.initial.videos[v], made.model)
-    found = solve(flipped, [made.ids[v]])
-    wanted = [m.joints for m in straight]
-    wanted[v] = mirrored_motion(straight[v], made.model).joints
-    for motion, joints in zip(found, wanted, strict=True):
-        assert float(np.linalg.norm(motion.joints - joints, axis=-1).mean()) < 0.003
-    # and it stays the mirror image that was filmed
-    across = found[v].joints[:, SMPL_JOINTS.index("left_hip")] - straight[v].joints[:, 1]
-    assert np.linalg.norm(across, axis=-1).mean() > 0.05
-
-
-def solve(made: Made, mirrored: list[str]) -> list[VideoMotion]:
-    """Every video's motion after one pass of the joint motion, as filmed."""
-    from imocap_core.motion.multiview.joint import recover_motion
-    from imocap_core.params import Params
-    from imocap_core.problem.motion import (
-        body_for,
-        observations_of,
-        scene_of,
-        smpl_ba_of,
-        state_of,
-    )
-
-    params = Params()
-    maps = [
-        SyncMap(
-            id=i,
-            reference_frame=np.where(f <= made.frames[0][-1], f.astype(float), np.nan),
-            confidence=(f <= made.frames[0][-1]).astype(float),
-        )
-        for i, f in zip(made.ids, made.frames, strict=True)
-    ]
-    sync = made.sync.model_copy(update={"mirrored": mirrored, "maps": maps})
-    body = body_for(made.keypoints)
-    work = joint_work(made.keypoints, made.camera_motion, made.initial, sync, body.model)
-    observations = observations_of(body, work.keypoints, work.camera_motion, params.fit)
-    motion = recover_motion(
-        scene_of(body, observations, work.sync_in(sync), params.fit),
-        state_of(work.initial.videos),
-        params.motion,
-    )
-    whole = work.out(smpl_ba_of(body, motion, observations, work.keypoints, sync.reference))
-    return whole.videos
-
-
 def test_cameras_come_back_into_the_world_of_the_joint_motion(made: Made) -> None:
-    work = work_of(made, mirrored=["v2"], excluded=["v4"])
-    found = made.single.model_copy(
+    work = participants(made, mirrored=["v2"], excluded=["v4"])
+    solved = made.single.model_copy(
         update={"videos": made.single.videos[:3], "cameras": made.single.cameras[:3]}
     )
-    back = work.cameras_in(work.out(found).cameras)
+    back = work.cameras(work.as_filmed(solved).cameras)
     assert [c.id for c in back] == ["v1", "v2", "v3"]
-    for camera, before in zip(back, found.cameras, strict=True):
+    for camera, before in zip(back, solved.cameras, strict=True):
         np.testing.assert_allclose(camera.R, before.R, atol=1e-12)
         np.testing.assert_allclose(camera.t, before.t, atol=1e-12)
+
+
+def test_joints_and_covariances_come_back_as_filmed(made: Made) -> None:
+    work = participants(made, mirrored=["v2"], excluded=["v4"])
+    solved = [v.joints for v in work.initial.videos]
+    for joints, filmed in zip(work.filmed_joints(solved), made.initial.videos, strict=True):
+        np.testing.assert_allclose(joints, filmed.joints, atol=1e-12)
+    spread = np.random.default_rng(0).normal(size=(5, 24, 3, 3))
+    assert work.filmed_covariance("v1", spread) is spread
+    turned = work.filmed_covariance("v2", spread)
+    np.testing.assert_array_equal(work.filmed_covariance("v2", turned), spread)
+    left, right = (SMPL_JOINTS.index(f"{side}_wrist") for side in ("left", "right"))
+    S = np.diag([-1.0, 1.0, 1.0])
+    np.testing.assert_allclose(turned[:, left], S @ spread[:, right] @ S)

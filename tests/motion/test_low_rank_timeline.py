@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.motion.multiview.alternation import Alternation, Turn, alternate, mean_change
-from imocap_core.motion.multiview.lowrank import low_rank_paths, low_rank_poses, low_rank_rows
+from imocap_core.motion.multiview.alternation import Alternation, LoopRound, alternate, mean_change
+from imocap_core.motion.multiview.low_rank import low_rank_paths, low_rank_poses, low_rank_rows
 from imocap_core.motion.multiview.timeline import (
     make_timeline,
     sample,
@@ -112,7 +112,7 @@ def rounds(costs: list[float], maps: list[float], limit: int) -> Alternation[np.
     """An alternation whose rounds have these costs and these correspondences."""
     cost, place = iter(costs), iter(maps)
     return alternate(
-        Turn(np.zeros(4), 9.0, 9.0, 0.0),
+        LoopRound(np.zeros(4), 9.0, 9.0, 0.0),
         lambda motion: np.full(4, next(place)),
         lambda sync, motion: next(cost),
         maps=lambda sync: [sync],
@@ -124,8 +124,8 @@ def rounds(costs: list[float], maps: list[float], limit: int) -> Alternation[np.
 
 def test_alternation_stops_when_the_correspondences_settle() -> None:
     done = rounds([3.0, 3.5], [2.0, 2.5, 2.55], 5)
-    assert [t.cost for t in done.turns] == [9.0, 3.0, 3.5]
-    assert [t.change_frames for t in done.turns] == [0.0, 2.0, 0.5]
+    assert [t.cost for t in done.rounds] == [9.0, 3.0, 3.5]
+    assert [t.change_frames for t in done.rounds] == [0.0, 2.0, 0.5]
     assert done.best == 2
     assert "settled after 2 rounds" in done.status
     np.testing.assert_array_equal(done.sync, np.full(4, 2.55))  # as the last motion tells it
@@ -141,7 +141,7 @@ def test_alternation_returns_the_cheapest_round_when_it_diverges() -> None:
 def test_a_round_that_loses_frames_is_not_kept_for_being_cheap() -> None:
     lost = np.array([2.0, np.nan, np.nan, 2.0])
     done = alternate(
-        Turn(np.zeros(4), 9.0, 9.0, 0.0),
+        LoopRound(np.zeros(4), 9.0, 9.0, 0.0),
         lambda motion: lost,
         lambda sync, motion: 1.0,
         maps=lambda sync: [sync],
@@ -149,7 +149,7 @@ def test_a_round_that_loses_frames_is_not_kept_for_being_cheap() -> None:
         max_rounds=1,
         settled_frames=0.1,
     )
-    assert [t.cost for t in done.turns] == [9.0, 1.0]
+    assert [t.cost for t in done.rounds] == [9.0, 1.0]
     assert done.best == 0
 
 

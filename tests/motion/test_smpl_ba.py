@@ -7,10 +7,12 @@ import pytest
 import torch
 
 from imocap_core.camera.averaging import angle_deg
-from imocap_core.motion.multiview.consensus import agreement, align, cameras_from_motion, to_world
-from imocap_core.motion.multiview.deviation import joint_spread_rad, keypoint_spread_m
-from imocap_core.motion.multiview.joint import recover_motion
+from imocap_core.motion.multiview.aligned import align
+from imocap_core.motion.multiview.cameras import cameras_from_motion
+from imocap_core.motion.multiview.consensus import agreement, to_world
+from imocap_core.motion.multiview.deviation import joint_spread_rad, spread_beyond_noise_m
 from imocap_core.motion.multiview.scene import Scene
+from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.params import MotionParams
@@ -72,7 +74,7 @@ def test_cameras_of_equal_motions_are_exact(made: Made) -> None:
     assert float(np.max(angle_deg(cameras.R.numpy(), made.R))) < 1e-4
     np.testing.assert_allclose(cameras.t.numpy(), made.t, atol=1e-6)
     world = to_world(aligned, cameras)
-    assert torch.allclose(world.pelvis[1], world.pelvis[0], atol=1e-6)
+    assert torch.allclose(world.root[1], world.root[0], atol=1e-6)
 
 
 @pytest.mark.parametrize("objective", ["shared", "paper", "single"])
@@ -149,11 +151,11 @@ def test_spread_is_read_from_the_excess_over_detector_noise() -> None:
     px = np.hypot(sigma, spread_m * focal / depth)
     errors = rng.normal(0, px, (4, 400, 25, 2))
     errors[:, :, 3] = np.nan
-    found = keypoint_spread_m(
+    found = spread_beyond_noise_m(
         errors, np.full((4, 400), sigma), np.full((4, 400), depth), np.full(4, focal), window=60
     )
     assert np.median(found) == pytest.approx(spread_m * np.sqrt(4 / 3), rel=0.1)
-    quiet = keypoint_spread_m(
+    quiet = spread_beyond_noise_m(
         errors / 20,
         np.full((4, 400), sigma),
         np.full((4, 400), depth),

@@ -9,23 +9,35 @@ from imocap_core.motion.kinematics import Body
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.solver.objective import linearise
 from imocap_core.motion.state import FRAME_UNKNOWNS, POSE, MotionState
-from imocap_core.motion.terms import JointEvidence, PoseSmoothness, Reprojection, StandingFeet, Term
-from imocap_core.motion.terms.inner_solve import INNER_STEPS, SETTLED, settle
-from imocap_core.motion.terms.rigid_offset import by_stray, strayed
+from imocap_core.motion.terms import FootContact, JointEvidence, PoseSmoothness, Reprojection, Term
+from imocap_core.motion.terms.inner_solve import CONVERGED, INNER_STEPS, solve_rigid_offsets
+from imocap_core.motion.terms.rigid_offset import by_rigid_offset, with_rigid_offset
 from imocap_core.motion.terms.view import View, project, projection_jacobian
 from imocap_core.robust import geman_mcclure
 from imocap_core.rotations import exp, hat
-from tests.motion.test_terms import B, T, body, normal, reprojection, seen, state, straying
+from tests.motion.test_terms import (
+    B,
+    T,
+    body,
+    normal,
+    reprojection,
+    seen,
+    state,
+    with_rigid_offsets,
+)
 
 __all__ = ["body", "state"]  # fixtures
 
 
-def two_straying_views(body: Body, state: MotionState) -> Reprojection:
-    """One of a known camera, one of the state's own, each with strays of its own."""
-    first = straying(body, state)
+def two_offset_views(body: Body, state: MotionState) -> Reprojection:
+    """One of a known camera, one of the state's own, each with its own rigid offsets."""
+    first = with_rigid_offsets(body, state)
     (view,) = first.views
     known = replace(
-        view.at(state), camera=None, focal=None, xy_px=view.xy_px + normal(B, T, 25, 2, seed=40)
+        view.with_camera_of(state),
+        camera=None,
+        focal=None,
+        xy_px=view.xy_px + normal(B, T, 25, 2, seed=40),
     )
     turned = exp(normal(B, 3, seed=41, spread=0.2)) @ known.R
     return replace(first, views=(view, replace(known, R=turned)))
@@ -40,44 +52,44 @@ def weighted(term: Reprojection, view: View, xyz: Tensor) -> tuple[Tensor, Tenso
     return error * root, projection_jacobian(view, x_cam) * root[..., None]
 
 
-def settle_slowly(
+def solve_slowly(
     term: Reprojection, view: View, xyz: Tensor, pivot: Tensor, precision: Tensor
 ) -> tuple[Tensor, Tensor]:
     d = torch.zeros_like(precision)
     for _ in range(INNER_STEPS):
-        at = strayed(xyz, pivot, d)
+        at = with_rigid_offset(xyz, pivot, d)
         residual, by_camera = weighted(term, view, at)
-        rows = by_stray(by_camera @ view.R[:, None, None], at, pivot, d).flatten(2, 3)
+        rows = by_rigid_offset(by_camera @ view.R[:, None, None], at, pivot, d).flatten(2, 3)
         gradient = (rows.mT @ residual.flatten(2)[..., None])[..., 0] + precision * d
         sharpness = rows.mT @ rows + torch.diag_embed(precision)
         step = torch.linalg.solve(sharpness, gradient)
         d = d - step
-        if float(step.abs().max()) < SETTLED:
+        if float(step.abs().max()) < CONVERGED:
             break
     return d, sharpness
 
 
-def test_strays_settle_where_the_definition_says(body: Body, state: MotionState) -> None:
-    term = two_straying_views(body, state)
+def test_the_inner_solve_ends_where_the_definition_says(body: Body, state: MotionState) -> None:
+    term = two_offset_views(body, state)
     xyz = body.positions(body.keypoints, state).xyz
     pivot = state.trans + body.model.shape(state.betas).joints_rest[:, 0][:, None]
     precision = normal(B, T, 6, seed=42).abs() * 100 + 20  # of every axis its own
-    for view in (view.at(state) for view in term.views):
-        expected = settle_slowly(term, view, xyz, pivot, precision)
-        found = settle(view, term.scale, xyz, pivot, precision)
+    for view in (view.with_camera_of(state) for view in term.views):
+        expected = solve_slowly(term, view, xyz, pivot, precision)
+        found = solve_rigid_offsets(view, term.scale, xyz, pivot, precision)
         assert float(expected[0].abs().max()) > 0.01
         for mine, theirs in zip(found, expected, strict=True):
             assert torch.allclose(mine, theirs, rtol=1e-9, atol=1e-10 * float(theirs.abs().max()))
 
 
 def rows_of(term: Reprojection, state: MotionState) -> NormalEquations:
-    """All rows of every view, its strays' among them, and their Schur complement."""
+    """All rows of every view, its rigid offsets' among them, and their Schur complement."""
     body, m = term.body, state.unknown_globals
     found = NormalEquations.zeros(B, T, FRAME_UNKNOWNS, m, state.trans)
     points = body.derivatives(body.keypoints, state)
     pivot = state.trans + body.model.shape(state.betas).joints_rest[:, 0][:, None]
     for fixed in term.views:
-        view, (xyz, d) = fixed.at(state), term.placed(fixed, state)
+        view, (xyz, d) = fixed.with_camera_of(state), term.offset_points(fixed, state)
         residual, by_camera = weighted(term, view, xyz)
         by_point = by_camera @ view.R[:, None, None]
         turned = by_point @ exp(d[:, :, None, :3])
@@ -96,13 +108,13 @@ def rows_of(term: Reprojection, state: MotionState) -> NormalEquations:
             pixels, _ = project(view, xyz)
             grows = residual * (pixels - centre) / (pixels - view.xy_px)
             rows[..., FRAME_UNKNOWNS + state.focal_column(view.focal)] = grows
-        if view.stray is not None:
-            rows[..., -6:] = by_stray(by_point, xyz, pivot, d)
+        if view.offset_precision is not None:
+            rows[..., -6:] = by_rigid_offset(by_point, xyz, pivot, d)
         flat = rows.flatten(2, 3)
         full, gradient = flat.mT @ flat, (flat.mT @ residual.flatten(2)[..., None])[..., 0]
-        if view.stray is not None:
-            own_part = full[..., -6:, -6:] + torch.diag_embed(view.stray)
-            full = full - full[..., -6:] @ torch.linalg.solve(own_part, full[..., -6:, :])
+        if view.offset_precision is not None:
+            information = full[..., -6:, -6:] + torch.diag_embed(view.offset_precision)
+            full = full - full[..., -6:] @ torch.linalg.solve(information, full[..., -6:, :])
         n = FRAME_UNKNOWNS
         found.diagonal += full[..., :n, :n]
         found.border += full[..., :n, n:-6]
@@ -113,7 +125,7 @@ def rows_of(term: Reprojection, state: MotionState) -> NormalEquations:
 
 
 def test_views_gathered_by_their_points_are_their_rows(body: Body, state: MotionState) -> None:
-    for term in (reprojection(body, state), two_straying_views(body, state)):
+    for term in (reprojection(body, state), two_offset_views(body, state)):
         assert isinstance(term, Reprojection)
         expected = rows_of(term, state)
         found = NormalEquations.zeros(B, T, FRAME_UNKNOWNS, state.unknown_globals, state.trans)
@@ -168,7 +180,7 @@ def test_terms_that_couple_frames_are_their_rows(body: Body, state: MotionState)
     bend = PoseSmoothness(torch.zeros(24).double(), torch.ones(24).double(), 1e9)
     cases: list[tuple[Term, object]] = [
         (bend, lambda s: chords(s)),
-        (StandingFeet(body, 1.0, 1e9), lambda s: steps_of_feet(body, s)),
+        (FootContact(body, 1.0, 1e9), lambda s: steps_of_feet(body, s)),
     ]
     for term, residuals in cases:
 
@@ -194,12 +206,12 @@ def test_what_a_state_was_asked_before_is_not_worked_out_again(state: MotionStat
         return len(asked)
 
     one, other = object(), object()
-    assert [state.once((one,), answer) for _ in range(3)] == [1, 1, 1]
-    assert state.once((one, other), answer) == 2
-    assert replace(state).once((one,), answer) == 3
+    assert [state.cached((one,), answer) for _ in range(3)] == [1, 1, 1]
+    assert state.cached((one, other), answer) == 2
+    assert replace(state).cached((one,), answer) == 3
 
 
-def rows_of_feet(term: StandingFeet, state: MotionState) -> NormalEquations:
+def rows_of_feet(term: FootContact, state: MotionState) -> NormalEquations:
     """Every step's weighted row by all unknowns of both frames and of the shape."""
     n = FRAME_UNKNOWNS
     found = NormalEquations.zeros(B, T, n, state.unknown_globals, state.trans)
@@ -228,19 +240,19 @@ def rows_of_feet(term: StandingFeet, state: MotionState) -> NormalEquations:
 
 
 def test_feet_add_what_their_rows_say(body: Body, state: MotionState) -> None:
-    term = StandingFeet(body, normal(B, T - 1, 4, seed=50).abs() + 0.1, 0.8)
+    term = FootContact(body, normal(B, T - 1, 4, seed=50).abs() + 0.1, 0.8)
     found = NormalEquations.zeros(B, T, FRAME_UNKNOWNS, state.unknown_globals, state.trans)
     term.add_to(found, state)
     assert_equal(found, rows_of_feet(term, state))
 
 
-def test_strays_settle_at_one_place_wherever_they_start(body: Body, state: MotionState) -> None:
-    term = straying(body, state)
+def test_the_inner_solve_has_one_end_wherever_it_starts(body: Body, state: MotionState) -> None:
+    term = with_rigid_offsets(body, state)
     (view,) = term.views
     precision = normal(B, T, 6, seed=42).abs() * 100 + 20
-    expected, sharpness = term.strays(view, state, precision)
+    expected, sharpness = term.rigid_offsets(view, state, precision)
     elsewhere = expected + normal(B, T, 6, seed=43, spread=0.05)
     for start in (expected, elsewhere):
-        found, sharp = term.strays(view, state, precision, start)
-        assert float((found - expected).abs().max()) < 2 * SETTLED
+        found, sharp = term.rigid_offsets(view, state, precision, start)
+        assert float((found - expected).abs().max()) < 2 * CONVERGED
         assert torch.allclose(sharp, sharpness, rtol=1e-2, atol=1e-2 * float(sharpness.abs().max()))

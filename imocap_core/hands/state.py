@@ -1,4 +1,4 @@
-"""What the fit of hands works on: a batch of hands over time, each seen by one or more views.
+"""Views and unknowns of a batch of hands over time, each hand in one or more views.
 
 A hand's wrist turns against the forearm, which the body's fit gives for every view; so one hand
 that is common to several videos has one set of rotations, and every view its own forearm, place of
@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 
 import torch
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from imocap_core.rotations import exp
@@ -17,31 +18,31 @@ from imocap_core.rotations import exp
 
 @dataclass(frozen=True)
 class HandViews:
-    """B hands of T frames, each seen by V views (batch first in every tensor).
+    """B hands of T frames in V views each (batch first in every tensor).
 
     Attributes:
         bones: (B, 5, 4, 3), axes: (B, 5, 3, 3, 21): the skeleton of each hand.
         R_forearm: (B, T, V, 3, 3) camera from forearm; wrist_m: (B, T, V, 3) in camera axes;
             K: (B, V, 3, 3).
-        xy_px: (B, T, V, 21, 2); weight: (B, T, V, 21) 1 / variance in pixels, 0 where unseen.
+        xy_px: (B, T, V, 21, 2); weight: (B, T, V, 21) 1/px^2, 0 for a missing one.
         R_body: (B, T, 3, 3) forearm from hand as the body's fit has it.
         valid: (B, T) bool, False pads.
     """
 
-    bones: Tensor
-    axes: Tensor
-    R_forearm: Tensor
-    wrist_m: Tensor
-    K: Tensor
-    xy_px: Tensor
-    weight: Tensor
-    R_body: Tensor
-    valid: Tensor
+    bones: Float[Tensor, "B 5 4 3"]
+    axes: Float[Tensor, "B 5 3 3 21"]
+    R_forearm: Float[Tensor, "B T V 3 3"]
+    wrist_m: Float[Tensor, "B T V 3"]
+    K: Float[Tensor, "B V 3 3"]
+    xy_px: Float[Tensor, "B T V 21 2"]
+    weight: Float[Tensor, "B T V 21"]
+    R_body: Float[Tensor, "B T 3 3"]
+    valid: Bool[Tensor, "B T"]
 
-    def frames(self, at: Tensor) -> HandViews:
-        """Some frames (N,) of the batch."""
+    def frames(self, index: Int[Tensor, " N"]) -> HandViews:
+        """Some frames of the batch."""
         per_frame = ("R_forearm", "wrist_m", "xy_px", "weight", "R_body", "valid")
-        return replace(self, **{name: getattr(self, name)[:, at] for name in per_frame})
+        return replace(self, **{name: getattr(self, name)[:, index] for name in per_frame})
 
     def single_frames(self, copies: int) -> HandViews:
         """Every frame as a motion of its own, `copies` times: batch B T copies of one frame."""
@@ -59,17 +60,21 @@ class HandViews:
 
 @dataclass(frozen=True)
 class HandState:
-    """The unknowns: R_wrist (B, T, 3, 3) forearm from hand; angles (B, T, 21) radians; offset_m
-    (B, T, V, 3) of the wrist from the body's, camera axes; size: factor of the bones, one for all.
+    """The unknowns.
+
+    Attributes:
+        R_wrist: (B, T, 3, 3) forearm from hand; angles: (B, T, 21) radians.
+        offset_m: (B, T, V, 3) of the wrist from the body's, camera axes.
+        size: factor of the bones, one for all.
     """
 
-    R_wrist: Tensor
-    angles: Tensor
-    offset_m: Tensor
+    R_wrist: Float[Tensor, "B T 3 3"]
+    angles: Float[Tensor, "B T 21"]
+    offset_m: Float[Tensor, "B T V 3"]
     size: float = 1.0
 
-    def retract(self, step: Tensor) -> HandState:
-        """The state after increments (B, T, 24 + 3 V)."""
+    def retract(self, step: Float[Tensor, "B T n"]) -> HandState:
+        """The state after increments, n = 24 + 3 V of a frame."""
         return replace(
             self,
             R_wrist=self.R_wrist @ exp(step[..., :3]),
@@ -77,11 +82,11 @@ class HandState:
             offset_m=self.offset_m + step[..., 24:].reshape(self.offset_m.shape),
         )
 
-    def where(self, take: Tensor, other: HandState) -> HandState:
-        """This state for the hands of the batch where `take` (B,), else the other."""
+    def where(self, chosen: Bool[Tensor, " B"], other: HandState) -> HandState:
+        """This state in the chosen hands of the batch, the other state elsewhere."""
 
         def pick(a: Tensor, b: Tensor) -> Tensor:
-            return torch.where(take.reshape(-1, *[1] * (a.ndim - 1)), a, b)
+            return torch.where(chosen.reshape(-1, *[1] * (a.ndim - 1)), a, b)
 
         return replace(
             self,
@@ -93,9 +98,13 @@ class HandState:
 
 @dataclass(frozen=True)
 class CommonHand:
-    """The motion common to all videos at each frame: R_wrist (B, T, 3, 3), angles (B, T, 21), and
-    the trust (B, T) in [0, 1] of each frame's correspondence."""
+    """The hand motion common to all videos.
 
-    R_wrist: Tensor
-    angles: Tensor
-    trust: Tensor
+    Attributes:
+        R_wrist: (B, T, 3, 3) forearm from hand; angles: (B, T, 21) radians.
+        trust: (B, T) in [0, 1] of each frame's correspondence.
+    """
+
+    R_wrist: Float[Tensor, "B T 3 3"]
+    angles: Float[Tensor, "B T 21"]
+    trust: Float[Tensor, "B T"]

@@ -1,0 +1,212 @@
+"""The motion common to all videos, fitted to every view's 2D at once.
+
+Averaging monocular fits keeps their depth errors; fitting one motion to all views' 2D removes
+them. This is bundle adjustment proper: poses, shape, cameras and unknown focal lengths are unknowns
+of one system.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from imocap_core.motion.kinematics import Body
+from imocap_core.motion.monocular.fit import Progress, regularisers
+from imocap_core.motion.multiview.cameras import Cameras
+from imocap_core.motion.multiview.common_keypoints import (
+    CommonKeypoints,
+    common_estimates,
+    common_keypoints,
+    reprojection_errors_px,
+    views_of,
+)
+from imocap_core.motion.multiview.deviation import keypoint_spread_m, with_keypoint_spread
+from imocap_core.motion.multiview.focal_lengths import (
+    NO_FREE_FOCAL_LENGTHS,
+    FreeFocalLengths,
+    free_focal_lengths,
+)
+from imocap_core.motion.multiview.offset_spread import estimate_offset_sd, initial_offset_sd
+from imocap_core.motion.multiview.scene import (
+    DeviationSpread,
+    Scene,
+    correlation_frames,
+    solve,
+)
+from imocap_core.motion.solver.gauss_newton import Solution
+from imocap_core.motion.solver.objective import HALVES
+from imocap_core.motion.state import MotionState
+from imocap_core.motion.terms import Reprojection, Term
+from imocap_core.params import MotionParams
+from imocap_core.robust import geman_mcclure
+
+ROBUST_STAGES = (3.0, 1.0, 1.0)  # of the robust scale, relative to the final one
+MISFIT_SIGMAS = 3.0  # Geman-McClure scale of the misfit, relative to the final robust scale
+
+
+@dataclass(frozen=True)
+class CommonFit:
+    """The common motion (batch of 1, world axes), its cameras, and how the solver ended.
+
+    Attributes:
+        spread: how far each performance deviates; None: one motion for all.
+        costs: the objective after each stage.
+    """
+
+    motion: MotionState
+    cameras: Cameras
+    spread: DeviationSpread | None
+    costs: list[float]
+    status: str
+
+
+def fit_in_stages(
+    scene: Scene,
+    start: MotionState,
+    cameras: Cameras,
+    options: MotionParams,
+    progress: Progress,
+    *,
+    cameras_known: bool,
+    warm: bool,
+) -> CommonFit:
+    """Common motion and cameras, the robust loss narrowing; deviations re-estimated in between.
+
+    Args:
+        start: one motion (batch of 1), world axes; cameras: where they begin, or where they are
+            and stay (``cameras_known``).
+        warm: the start has passed the widest robust scale.
+    """
+    free = [] if cameras_known else [v for v in range(len(cameras.R)) if v != scene.reference]
+    keypoints = common_keypoints(scene.observations, scene.timeline)
+    if options.objective != "single":
+        first = initial_offset_sd(len(scene.observations), options)
+        keypoints = replace(keypoints, offset_sd=first)
+    terms = [*regularisers(scene.body, scene.prior, scene.fit, scene.fps)]
+    terms += estimate_terms(scene, start, options)
+    focal = NO_FREE_FOCAL_LENGTHS if cameras_known else free_focal_lengths(scene)
+    motion, costs, status = start, list[float](), ""
+    spread_m = np.zeros(keypoints.weight.shape)
+    for stage in ROBUST_STAGES[warm:]:
+        progress(f"one motion for all views, robust scale {stage:g}x")
+        scale = scene.fit.robust_scale_sigma * stage
+        weighted = with_keypoint_spread(scene.body, keypoints, spread_m, motion, cameras)
+        motion, cameras, solution = fit_common_motion(
+            scene.body, motion, weighted, cameras, free, terms, options.max_steps,
+            robust_scale=scale, focal=focal,
+        )  # fmt: skip
+        keypoints = estimate_offset_sd(
+            scene.body, motion, keypoints, cameras, options, robust_scale=scale
+        )
+        spread_m = keypoint_spread_m(scene, motion, keypoints, cameras)
+        costs.append(solution.costs[-1])
+        status = solution.status
+    sd = keypoints.offset_sd
+    spread = None if sd is None else DeviationSpread(spread_m, sd)
+    return CommonFit(motion, cameras, spread, costs, status)
+
+
+def estimate_terms(scene: Scene, motion: MotionState, options: MotionParams) -> list[Term]:
+    """Monocular estimates as evidence, counted once per correlation time."""
+    sd_mm = scene.fit.evidence_mm * correlation_frames(options, scene.fps) ** 0.5
+    return common_estimates(
+        scene.body, scene.observations, scene.timeline, motion.trans, evidence_mm=sd_mm
+    )
+
+
+def estimate_spread(
+    scene: Scene, motion: MotionState, cameras: Cameras, options: MotionParams
+) -> DeviationSpread:
+    """How far performances deviate from a common motion that was not fitted with deviations."""
+    scale = scene.fit.robust_scale_sigma
+    first = initial_offset_sd(len(scene.observations), options)
+    keypoints = replace(common_keypoints(scene.observations, scene.timeline), offset_sd=first)
+    for _ in ROBUST_STAGES:  # as often as a fit does: expectation maximisation is slow
+        keypoints = estimate_offset_sd(
+            scene.body, motion, keypoints, cameras, options, robust_scale=scale
+        )
+    assert keypoints.offset_sd is not None
+    spread_m = keypoint_spread_m(scene, motion, keypoints, cameras)
+    return DeviationSpread(spread_m, keypoints.offset_sd)
+
+
+def common_problem(
+    body: Body,
+    start: MotionState,
+    keypoints: CommonKeypoints,
+    cameras: Cameras,
+    free: Sequence[int],
+    *,
+    robust_scale: float,
+    focal: FreeFocalLengths = NO_FREE_FOCAL_LENGTHS,
+) -> tuple[list[Term], MotionState]:
+    """The terms of all views, in two halves that can be worked on at the same time, and the start.
+
+    The cameras in ``free`` and the focal lengths of ``focal`` are among the start's unknowns.
+    """
+    index = torch.tensor(free, dtype=torch.long, device=start.trans.device)
+    state = replace(
+        start,
+        camera_R=cameras.R[index][None],
+        camera_t=cameras.t[index][None],
+        log_focal=start.trans.new_zeros(1, len(focal.videos)),
+    )
+    views = views_of(keypoints, cameras, start.trans, free=free, free_focal=focal.videos)
+    halves = [views[k::HALVES] for k in range(min(HALVES, len(views)))]
+    image = [Reprojection(body, half, robust_scale) for half in halves]
+    return [*image, *focal.prior(cameras.K)], state
+
+
+def fit_common_motion(
+    body: Body,
+    start: MotionState,
+    keypoints: CommonKeypoints,
+    cameras: Cameras,
+    free: Sequence[int],
+    terms: Sequence[Term],
+    max_steps: int,
+    *,
+    robust_scale: float,
+    focal: FreeFocalLengths = NO_FREE_FOCAL_LENGTHS,
+) -> tuple[MotionState, Cameras, Solution]:
+    """Joint Gauss-Newton over the common motion, its shape, cameras and unknown focal lengths.
+
+    Args:
+        start: one motion (batch of 1) in the world's axes at the reference's frames.
+        free: videos whose cameras are unknowns; terms: regularisers.
+
+    Returns:
+        The motion, the cameras, and how the solver ended.
+    """
+    free = [v for v in free if (keypoints.weight[v] > 0).any()]
+    image, state = common_problem(
+        body, start, keypoints, cameras, free, robust_scale=robust_scale, focal=focal
+    )
+    solution = solve([*image, *terms], state, max_steps, one_body=False)
+    state = solution.state
+    R, t = cameras.R.clone(), cameras.t.clone()
+    index = torch.tensor(free, dtype=torch.long, device=start.trans.device)
+    R[index], t[index] = state.camera_R[0], state.camera_t[0]
+    K = focal.intrinsics(cameras.K, state.log_focal[0])
+    motion = MotionState.of(state.R_local, state.trans, state.betas, state.valid)
+    return motion, Cameras(R, t, K), solution
+
+
+def misfit(
+    scene: Scene,
+    motion: MotionState,
+    cameras: Cameras,
+    offset_sd: Float[np.ndarray, "M 6"] | None = None,
+) -> float:
+    """Mean Geman-McClure reprojection cost per keypoint of one motion for all videos."""
+    keypoints = common_keypoints(scene.observations, scene.timeline)
+    keypoints = replace(keypoints, offset_sd=offset_sd)
+    scale = scene.fit.robust_scale_sigma
+    errors = reprojection_errors_px(scene.body, motion, keypoints, cameras, robust_scale=scale)
+    squared = keypoints.weight * np.nan_to_num(errors**2).sum(-1)
+    cost, _ = geman_mcclure(torch.as_tensor(squared), MISFIT_SIGMAS * scale)
+    return float(cost.sum()) / max(int((keypoints.weight > 0).sum()), 1)

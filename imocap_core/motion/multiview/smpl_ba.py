@@ -1,0 +1,126 @@
+"""SMPL-BA: the motion of every video and all cameras, jointly (Eq. 8).
+
+Two ways behind one parameter. ``paper`` alternates as the paper does: Z and Y by SVD, poses and
+paths by the solver, cameras by PnP. ``shared`` (default) starts from one such round, then fits
+ONE motion to all views' 2D at once and gives each video back as much freedom as its own image
+evidence asks for. ``single`` stops before that last step: one motion for all videos.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import torch
+
+from imocap_core.motion.monocular.fit import Progress
+from imocap_core.motion.multiview.aligned import align
+from imocap_core.motion.multiview.cameras import Cameras, cameras_from_motion
+from imocap_core.motion.multiview.common_motion import estimate_spread, fit_in_stages, misfit
+from imocap_core.motion.multiview.consensus import consensus_motion
+from imocap_core.motion.multiview.low_rank_round import low_rank_round
+from imocap_core.motion.multiview.per_video import common_at_video_frames, fit_deviations
+from imocap_core.motion.multiview.scene import JointMotion, Scene
+from imocap_core.motion.state import MotionState
+from imocap_core.params import MotionParams
+
+START_STEPS = 2  # of the coupled fit that the common one starts from: more gain nothing there
+
+
+def recover_motion(
+    scene: Scene,
+    start: MotionState,
+    options: MotionParams,
+    progress: Progress = lambda _: None,
+    *,
+    cameras: Cameras | None = None,
+) -> JointMotion:
+    """SMPL-BA from motions in their own camera axes (batch of M) and correspondences.
+
+    Args:
+        cameras: of an earlier result that ``start`` is part of: it needs no coupling before the
+            common fit (``paper`` alternates all the same).
+    """
+    if len(scene.observations) == 1:
+        return _single_video(scene, start)
+    state = one_body(start)
+    if cameras is not None and options.objective != "paper":
+        return common_then_deviations(scene, state, cameras, options, progress, warm=True)
+    aligned = align(scene.body, state, scene.timeline)
+    cameras = cameras_from_motion(aligned, scene.K.to(start.trans), scene.reference)
+    if options.objective == "paper":
+        return _alternate(scene, state, cameras, options, progress)
+    progress("coupled fit 1 of 1")  # only a start for the common fit
+    few = replace(options, max_steps=min(START_STEPS, options.max_steps))
+    state, cameras, cost = low_rank_round(scene, state, cameras, few, pnp=False)
+    result = common_then_deviations(scene, state, cameras, options, progress)
+    return replace(result, costs=[cost, *result.costs])
+
+
+def common_then_deviations(
+    scene: Scene,
+    state: MotionState,
+    cameras: Cameras,
+    options: MotionParams,
+    progress: Progress = lambda _: None,
+    *,
+    cameras_known: bool = False,
+    warm: bool = False,
+) -> JointMotion:
+    """One motion for all views, then each video's deviation from it.
+
+    Args:
+        state: every video's motion in its own camera's axes, one body.
+        cameras: where they start, or where they are and stay (``cameras_known``).
+        warm: state and cameras are an earlier result of this function.
+    """
+    start = consensus_motion(scene, state, cameras, options.agreement_rad)
+    common = fit_in_stages(
+        scene, start, cameras, options, progress, cameras_known=cameras_known, warm=warm
+    )
+    motion, cameras = common.motion, common.cameras
+    if common.spread is None:
+        fit = misfit(scene, motion, cameras)
+        status = f"one motion for all: {common.status}"
+        spread = estimate_spread(scene, motion, cameras, options)
+        state = common_at_video_frames(scene, state, motion, cameras)
+        return JointMotion(state, cameras, motion, spread, common.costs, status, fit)
+    fit = misfit(scene, motion, cameras, common.spread.offset_sd)
+    progress("each video's own deviation")
+    state, cost = fit_deviations(
+        scene.with_intrinsics(cameras), state, motion, cameras, common.spread, options, warm=warm
+    )
+    costs, status = [*common.costs, cost], f"shared motion {common.status}"
+    return JointMotion(state, cameras, motion, common.spread, costs, status, fit)
+
+
+def one_body(state: MotionState) -> MotionState:
+    """The mean shape for every video: all show one performer."""
+    mean = state.betas.mean(0, keepdim=True)
+    return replace(state, betas=mean.expand_as(state.betas).clone())
+
+
+def _alternate(
+    scene: Scene,
+    state: MotionState,
+    cameras: Cameras,
+    options: MotionParams,
+    progress: Progress,
+) -> JointMotion:
+    """Section 3.2, "Optimization": the alternations of Eq. 8."""
+    costs = []
+    for round_ in range(options.rounds):
+        progress(f"coupled fit {round_ + 1} of {options.rounds}")
+        state, cameras, cost = low_rank_round(scene, state, cameras, options, pnp=round_ > 0)
+        costs.append(cost)
+    common = consensus_motion(scene, state, cameras, options.agreement_rad)
+    spread = estimate_spread(scene, common, cameras, options)
+    status = f"{options.rounds} alternations of Eq. 8"
+    fit = misfit(scene, common, cameras)
+    return JointMotion(state, cameras, common, spread, costs, status, fit)
+
+
+def _single_video(scene: Scene, start: MotionState) -> JointMotion:
+    eye, zero = torch.eye(3).to(start.trans)[None], torch.zeros(1, 3).to(start.trans)
+    cameras = Cameras(eye, zero, scene.K.to(eye))
+    status = "one video: the monocular motion stands"
+    return JointMotion(start, cameras, None, None, [], status, 0.0)

@@ -1,0 +1,133 @@
+"""The joint motion's problem: from artifacts to what SMPL-BA solves, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from imocap_core.artifacts.schemas import (
+    CameraMotion,
+    InitialSmpl,
+    Keypoints,
+    SmplBa,
+    SyncMap,
+    SyncSummary,
+)
+from imocap_core.motion.kinematics import Body
+from imocap_core.motion.multiview.scene import JointMotion, Scene
+from imocap_core.motion.multiview.timeline import make_timeline
+from imocap_core.motion.observations import Observation
+from imocap_core.motion.prior import load_pose_prior
+from imocap_core.motion.state import MotionState
+from imocap_core.params import FitParams, MotionParams, Params
+from imocap_core.problem.mirroring import Participants, participants_of
+from imocap_core.problem.motions import joint_motion_of, smpl_ba_of, state_of
+from imocap_core.problem.observations import body_for, estimated_joints, observations_of
+from imocap_core.sync.warp.reprojection import CalibratedVideo, ReprojectionEvidence
+
+
+@dataclass(frozen=True)
+class JointProblem:
+    """What SMPL-BA solves, of the videos that take part, and the way back to artifacts.
+
+    Attributes:
+        participants: the artifacts behind it; scene: what stays fixed.
+        start: every participant's monocular motion, in its own camera's axes.
+    """
+
+    participants: Participants
+    scene: Scene
+    start: MotionState
+    options: MotionParams
+
+    def synchronised(self, sync: SyncSummary) -> JointProblem:
+        """The same problem with other correspondences."""
+        scene, matches = self.scene, self.participants.sync(sync)
+        return replace(self, scene=scene_of(scene.body, scene.observations, matches, scene.fit))
+
+    def result(self, motion: JointMotion) -> SmplBa:
+        """SMPL-BA's result as an artifact: as filmed, and of all videos."""
+        scene, keypoints = self.scene, self.participants.keypoints
+        reference = keypoints.videos[scene.reference].id
+        return self.participants.as_filmed(
+            smpl_ba_of(scene.body, motion, scene.observations, keypoints, reference)
+        )
+
+    def solution(self, result: SmplBa) -> JointMotion:
+        """A stored result as it was solved."""
+        motions = self.participants.motions(result.videos)
+        return joint_motion_of(result, motions, self.participants.cameras(result.cameras))
+
+    def filmed_joints(self, motion: JointMotion) -> list[Float[np.ndarray, "_ 24 3"]]:
+        """SMPL's joints of all videos as filmed, metres, in their own cameras' axes."""
+        body = self.scene.body
+        xyz = body.positions(body.joints, motion.state).xyz.numpy()
+        rows = zip(xyz, self.scene.observations, strict=True)
+        return self.participants.filmed_joints([x[: len(o.xy_px)] for x, o in rows])
+
+    def reprojection_evidence(self, motion: JointMotion) -> ReprojectionEvidence:
+        """All motions in one world, to be compared with every video's detections."""
+        body, cameras = self.scene.body, motion.cameras
+        xyz = body.positions(body.keypoints, motion.state).xyz.numpy()
+        videos = []
+        rows = zip(self.scene.observations, xyz, cameras.K, cameras.R, cameras.t, strict=True)
+        for o, x, *camera in rows:
+            K, R, t = (value.numpy() for value in camera)
+            world = (x[: len(o.xy_px)] - t) @ R
+            weight = o.confidence / o.sigma_px[:, None] ** 2
+            xy = np.where(weight[..., None] > 0, o.xy_px, 0.0)
+            videos.append(CalibratedVideo(world, xy, weight, K, R, t))
+        return ReprojectionEvidence(videos, self.options)
+
+
+def problem_of(
+    keypoints: Keypoints,
+    camera_motion: CameraMotion,
+    initial: InitialSmpl,
+    sync: SyncSummary,
+    params: Params,
+) -> JointProblem:
+    """The joint motion's problem for some videos and their correspondences."""
+    body = body_for(keypoints)
+    participants = participants_of(keypoints, camera_motion, initial, sync, body.model)
+    observations = observations_of(
+        body,
+        participants.keypoints,
+        participants.camera_motion,
+        params.fit,
+        estimated_joints(participants.initial),
+    )
+    scene = scene_of(body, observations, participants.sync(sync), params.fit)
+    start = state_of(participants.initial.videos)
+    return JointProblem(participants, scene, start, params.motion)
+
+
+def scene_of(
+    body: Body, observations: Sequence[Observation], sync: SyncSummary, fit: FitParams
+) -> Scene:
+    """What SMPL-BA keeps fixed, for one set of correspondences."""
+    reference = sync.ids.index(sync.reference)
+    maps = [m.reference_frame for m in sync.maps]
+    trust = [m.confidence for m in sync.maps]
+    timeline = make_timeline(maps, trust, sync.lengths[reference])
+    prior = load_pose_prior()
+    return Scene(body, prior, observations, timeline, trust, reference, fit)
+
+
+def single_video_sync(video: str, frames: int) -> SyncSummary:
+    """Correspondences of a video with itself."""
+    identity = SyncMap(
+        id=video, reference_frame=np.arange(frames, dtype=float), confidence=np.ones(frames)
+    )
+    return SyncSummary(
+        reference=video,
+        ids=[video],
+        lengths=[frames],
+        maps=[identity],
+        method="none",
+        centrality=np.ones(1),
+        status="alone",
+    )

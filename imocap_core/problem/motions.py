@@ -1,0 +1,150 @@
+"""Motions and cameras between artifacts and the core: axis-angle there, rotation matrices here."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+
+from imocap_core.artifacts.schemas import (
+    Camera,
+    CommonMotion,
+    Hypothesis,
+    Keypoints,
+    SmplBa,
+    VideoMotion,
+)
+from imocap_core.motion.kinematics import Body
+from imocap_core.motion.multiview.cameras import Cameras
+from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion, with_intrinsics
+from imocap_core.motion.observations import Observation, padded, per_video_view
+from imocap_core.motion.state import MotionState
+from imocap_core.motion.terms.view import project
+from imocap_core.rotations import exp, log, unwrap
+
+TEMPLATE = torch.zeros((), dtype=torch.float64)  # device and dtype of every fit
+
+
+def state_of(videos: Sequence[VideoMotion]) -> MotionState:
+    """Stored motions as one padded batch."""
+    theta = padded([v.theta.reshape(-1, 24, 3) for v in videos], TEMPLATE)
+    trans = padded([v.trans for v in videos], TEMPLATE)
+    lengths = torch.tensor([len(v.frames) for v in videos])
+    valid = torch.arange(theta.shape[1]) < lengths[:, None]
+    betas = torch.as_tensor(np.stack([v.betas for v in videos])).to(TEMPLATE)
+    return MotionState.of(exp(theta), trans, betas, valid)
+
+
+def motions_of(
+    body: Body, state: MotionState, observations: Sequence[Observation], keypoints: Keypoints
+) -> list[VideoMotion]:
+    """A batch as stored motions, axis-angle on continuous branches."""
+    joints = body.positions(body.joints, state).xyz
+    view = per_video_view(observations, state.trans)
+    pixels, _ = project(view, body.positions(body.keypoints, state).xyz)
+    error = torch.where(view.weight > 0, (pixels - view.xy_px).norm(dim=-1), torch.nan)
+    errors = torch.nanmedian(error, dim=-1).values
+    motions = []
+    for v, video in enumerate(keypoints.videos):
+        used = slice(0, len(video.frames))
+        motions.append(
+            VideoMotion(
+                id=video.id,
+                frames=video.frames,
+                theta=unwrap(log(state.R_local[v, used])).flatten(1).numpy(),
+                betas=state.betas[v].numpy(),
+                trans=state.trans[v, used].numpy(),
+                joints=joints[v, used].numpy(),
+                reprojection_px=errors[v, used].numpy(),
+            )
+        )
+    return motions
+
+
+def hypotheses_of(ids: Sequence[str], costs: Sequence[Sequence[float]]) -> list[Hypothesis]:
+    """Every start of every video as it is stored; costs: the objective of the fit from each."""
+    return [
+        Hypothesis(
+            video=video,
+            name=f"start {n + 1}",
+            cost=cost,
+            chosen=cost == min(of_video),
+            note="objective of the fit from this start",
+        )
+        for video, of_video in zip(ids, costs, strict=True)
+        for n, cost in enumerate(of_video)
+    ]
+
+
+def cameras_of(cameras: Sequence[Camera]) -> Cameras:
+    """Stored cameras as one batch."""
+    R, t, K = (np.stack([getattr(camera, name) for camera in cameras]) for name in "RtK")
+    return Cameras(*(torch.as_tensor(x).to(TEMPLATE) for x in (R, t, K)))
+
+
+def smpl_ba_of(
+    body: Body,
+    motion: JointMotion,
+    observations: Sequence[Observation],
+    keypoints: Keypoints,
+    reference: str,
+) -> SmplBa:
+    """SMPL-BA's result as an artifact, as it was solved (`mirroring.Participants.as_filmed`)."""
+    ids = [video.id for video in keypoints.videos]
+    rows = zip(ids, motion.cameras.K, motion.cameras.R, motion.cameras.t, strict=True)
+    solved = with_intrinsics(observations, motion.cameras)
+    return SmplBa(
+        reference=reference,
+        model=body.model.name,
+        model_digest=body.model.digest,
+        videos=motions_of(body, motion.state, solved, keypoints),
+        cameras=[Camera(id=i, K=K.numpy(), R=R.numpy(), t=t.numpy()) for i, K, R, t in rows],
+        objective=motion.costs,
+        misfit=motion.misfit,
+        status=motion.status,
+        common=_stored_common(motion, ids),
+    )
+
+
+def joint_motion_of(
+    result: SmplBa, motions: Sequence[VideoMotion], cameras: Sequence[Camera]
+) -> JointMotion:
+    """A stored result as the core's.
+
+    Args:
+        motions, cameras: the result's, as they were solved (`mirroring.Participants`).
+    """
+    common, spread = None, None
+    if result.common is not None:
+        common = _common_state(result.common)
+        spread = DeviationSpread(result.common.keypoint_sd_m, result.common.rigid_offset_sd)
+    return JointMotion(
+        state_of(motions),
+        cameras_of(cameras),
+        common,
+        spread,
+        result.objective,
+        result.status,
+        result.misfit,
+    )
+
+
+def _stored_common(motion: JointMotion, ids: list[str]) -> CommonMotion | None:
+    if motion.common is None or motion.spread is None:
+        return None
+    return CommonMotion(
+        ids=ids,
+        theta=unwrap(log(motion.common.R_local[0])).flatten(1).numpy(),
+        betas=motion.common.betas[0].numpy(),
+        trans=motion.common.trans[0].numpy(),
+        rigid_offset_sd=motion.spread.offset_sd,
+        keypoint_sd_m=motion.spread.keypoints_m,
+    )
+
+
+def _common_state(common: CommonMotion) -> MotionState:
+    theta, trans, betas = (torch.as_tensor(x) for x in (common.theta, common.trans, common.betas))
+    valid = torch.ones(1, len(trans), dtype=torch.bool)
+    R_local = exp(theta.reshape(1, -1, 24, 3))
+    return MotionState.of(R_local, trans[None], betas[None], valid)

@@ -1,0 +1,83 @@
+"""From detections to the observations that a fit works on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+
+from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints
+from imocap_core.body import load_free_body
+from imocap_core.body.layouts import layouts
+from imocap_core.io.estimators.by_name import JOINTS
+from imocap_core.motion.kinematics import Body
+from imocap_core.motion.observations import Observation
+from imocap_core.params import FitParams
+
+
+def body_for(keypoints: Keypoints) -> Body:
+    """The free body with the keypoints of every layout that the videos use."""
+    return Body.of(load_free_body(), *layouts_of(keypoints))
+
+
+def layouts_of(keypoints: Keypoints) -> list[str]:
+    """The layouts in use, each once, in order of appearance."""
+    return list(dict.fromkeys(v.layout for v in keypoints.videos))
+
+
+def observations_of(
+    body: Body,
+    keypoints: Keypoints,
+    camera_motion: CameraMotion,
+    fit: FitParams,
+    joints: Mapping[str, Float[np.ndarray, "_ 24 3"]] | None = None,
+) -> list[Observation]:
+    """Keypoints in the first frame's image, each video's layout in its columns among all.
+
+    Args:
+        joints: monocular 3D joints of the videos that have them.
+    """
+    columns = {layout: list(body.model.points(layout).columns) for layout in layouts_of(keypoints)}
+    ends = np.cumsum([len(indices) for indices in columns.values()])
+    place = {
+        layout: slice(end - len(columns[layout]), end)
+        for layout, end in zip(columns, ends, strict=True)
+    }
+    observations = []
+    for video, camera in zip(keypoints.videos, camera_motion.videos, strict=True):
+        xy = np.full((len(video.frames), ends[-1], 2), np.nan)
+        confidence = np.zeros(xy.shape[:2])
+        used, here = columns[video.layout], place[video.layout]
+        xy[:, here], confidence[:, here] = camera.xy_first_px[:, used], video.confidence[:, used]
+        confidence[~np.isfinite(xy).all(-1)] = 0.0
+        observations.append(
+            Observation(
+                xy,
+                confidence,
+                camera.K,
+                video.fps,
+                (joints or {}).get(video.id),
+                noise_share=noise_share_of(video.layout, fit),
+                focal_spread=fit.focal_spread if camera.focal_source == "assumed" else 0.0,
+            )
+        )
+    return observations
+
+
+def noise_share_of(layout: str, fit: FitParams) -> float:
+    """The noise of a layout's detector, as a share of the person's size.
+
+    Raises:
+        ValueError: `fit.noise_share_of` names an unknown layout.
+    """
+    if unknown := sorted(set(fit.noise_share_of) - set(layouts())):
+        raise ValueError(
+            f"fit.noise_share_of: expected some of {', '.join(layouts())}, got {unknown[0]}"
+        )
+    return fit.noise_share_of.get(layout, fit.noise_share)
+
+
+def estimated_joints(initial: InitialSmpl) -> dict[str, Float[np.ndarray, "_ 24 3"]]:
+    """Monocular 3D joints that stay evidence in SMPL-BA: those of an estimator, by video."""
+    return {v.id: v.joints for v in initial.videos if initial.source.get(v.id, "") in JOINTS}

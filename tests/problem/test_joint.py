@@ -1,0 +1,101 @@
+"""The joint motion's problem on a made scene, and the way back to artifacts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+
+from imocap_core.artifacts.schemas import SmplBa, SyncMap
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.motion.multiview.scene import JointMotion
+from imocap_core.motion.multiview.smpl_ba import recover_motion
+from imocap_core.params import Params
+from imocap_core.problem.joint import JointProblem, problem_of
+from imocap_core.problem.mirroring import (
+    mirrored_detections,
+    mirrored_keypoints,
+    mirrored_motion,
+)
+from tests.report.made import K, Made
+
+
+def problem(made: Made, **decided: list[str]) -> JointProblem:
+    """Frame to frame correspondences, NaN after the reference's end."""
+    maps = [
+        SyncMap(
+            id=i,
+            reference_frame=np.where(f <= made.frames[0][-1], f.astype(float), np.nan),
+            confidence=(f <= made.frames[0][-1]).astype(float),
+        )
+        for i, f in zip(made.ids, made.frames, strict=True)
+    ]
+    sync = made.sync.model_copy(update={"maps": maps, **decided})
+    return problem_of(made.keypoints, made.camera_motion, made.initial, sync, Params())
+
+
+def solved(of: JointProblem) -> JointMotion:
+    return recover_motion(of.scene, of.start, of.options)
+
+
+@pytest.fixture(scope="module")
+def made() -> Made:
+    return Made(count=3, frames=12)
+
+
+@pytest.fixture(scope="module")
+def straight(made: Made) -> SmplBa:
+    of = problem(made)
+    return of.result(solved(of))
+
+
+def test_a_mirrored_video_is_recovered_as_unmirrored(made: Made, straight: SmplBa) -> None:
+    flipped, v = Made(count=3, frames=12), 2
+    flipped.keypoints.videos[v] = mirrored_keypoints(made.keypoints.videos[v], K)
+    flipped.camera_motion.videos[v] = mirrored_detections(made.camera_motion.videos[v], "body25")
+    flipped.initial.videos[v] = mirrored_motion(made.initial.videos[v], made.model)
+    of = problem(flipped, mirrored=[made.ids[v]])
+    result = of.result(solved(of)).videos
+    expected = [m.joints for m in straight.videos]
+    expected[v] = mirrored_motion(straight.videos[v], made.model).joints
+    for motion, joints in zip(result, expected, strict=True):
+        assert float(np.linalg.norm(motion.joints - joints, axis=-1).mean()) < 0.003
+    # and it stays the mirror image that was filmed
+    across = result[v].joints[:, SMPL_JOINTS.index("left_hip")] - straight.videos[v].joints[:, 1]
+    assert np.linalg.norm(across, axis=-1).mean() > 0.05
+
+
+def test_a_stored_result_comes_back_as_it_was_solved(made: Made) -> None:
+    of = problem(made, mirrored=["v2"])
+    motion = solved(of)
+    stored = of.result(motion)
+    back = of.solution(stored)
+    for name in ("R_local", "trans", "betas"):
+        for one, other in ((motion.state, back.state), (motion.common, back.common)):
+            torch.testing.assert_close(getattr(one, name), getattr(other, name), atol=1e-9, rtol=0)
+    for name in ("R", "t", "K"):
+        here, there = getattr(motion.cameras, name), getattr(back.cameras, name)
+        torch.testing.assert_close(here, there, atol=1e-12, rtol=0)
+    assert motion.spread is not None
+    assert back.spread is not None
+    np.testing.assert_array_equal(motion.spread.offset_sd, back.spread.offset_sd)
+    np.testing.assert_array_equal(motion.spread.keypoints_m, back.spread.keypoints_m)
+    assert (back.misfit, back.costs, back.status) == (motion.misfit, motion.costs, motion.status)
+    for joints, video in zip(of.filmed_joints(motion), stored.videos, strict=True):
+        np.testing.assert_allclose(joints, video.joints, atol=1e-12)
+
+
+def test_the_common_motion_is_stored_with_its_spread(made: Made, straight: SmplBa) -> None:
+    common = straight.common
+    assert common is not None
+    assert common.ids == made.ids
+    assert len(common.theta) == len(made.frames[0])
+    assert common.rigid_offset_sd.shape == (3, 6)
+    assert common.keypoint_sd_m.shape[:2] == (3, len(common.theta))
+    assert (common.rigid_offset_sd > 0).all()
+    assert (common.keypoint_sd_m >= 0).all()
+
+
+def test_a_single_video_has_no_common_motion() -> None:
+    of = problem(Made(count=1, frames=8))
+    assert of.result(solved(of)).common is None
