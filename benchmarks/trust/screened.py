@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from benchmarks.actions.captured import video_rng
+from imocap_core.params import SyncParams
 from imocap_core.sync.pairwise.poses import body_scales
 from imocap_core.sync.screening.mirror import mirrored_poses
 from imocap_core.sync.screening.screening import Screening, screen
@@ -134,11 +135,9 @@ def _screened(videos: PoseVideos, max_rate: float) -> Screening:
         [x / s for x, s in zip(videos.poses, scales, strict=True)],
         [np.ones(x.shape[:2]) for x in videos.poses],
         videos.fps,
-        outliers="exclude",
-        mirrored="flip",
+        SyncParams(outliers="exclude", mirrored="flip", max_rate=max_rate),
         twins=videos.twins,
         declared=[None] * len(videos.poses),
-        max_rate=max_rate,
     )
 
 

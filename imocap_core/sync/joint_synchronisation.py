@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Float32
 
 from imocap_core.params import SyncParams
 from imocap_core.sync.anchors import Hints, anchored_distances
-from imocap_core.sync.cycle.methods import relax, relax_auto
+from imocap_core.sync.cycle.methods import relax
 from imocap_core.sync.cycle.report import CycleReport
 from imocap_core.sync.map_consistency import (
     CycleResidual,
@@ -24,7 +24,7 @@ from imocap_core.sync.map_consistency import (
     pair_maps,
 )
 from imocap_core.sync.pairwise.affinity import gaussian_affinity, reciprocal_affinity
-from imocap_core.sync.pairwise.distance_matrix import distance_matrix
+from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix, distance_matrix
 from imocap_core.sync.phase import WeightedMap, common_phase, inside
 from imocap_core.sync.reference import centrality, most_central
 from imocap_core.sync.reference_anchors import (
@@ -85,21 +85,13 @@ def synchronise_jointly(
     distances = distance_matrix(poses, confidence, joint_weights, fps, params)
     distances = anchored_distances(distances, hints, fps, params.evidence_per_s)
     blocks = distances.blocks
-    affinity = AFFINITIES[params.affinity](
-        np.sqrt(distances.squares), np.sqrt(distances.matched_square)
-    )
-    blocks.set_diagonal_to_identity(affinity)
-
+    affinity = _affinity(distances, params)
     soft_maps, matched = pairwise_soft_maps(distances, fps, params)
     centralities = centrality(distances, soft_maps, matched)
     chosen = most_central(centralities, eligible) if reference is None else reference
 
     evidence = soft_maps if params.warp == "posterior" else affinity
-    if params.method == "auto":
-        relaxed, report = relax_auto(evidence, blocks, rounds=params.rounds, rng=rng)
-    else:
-        relaxed, report = relax(params.method, evidence, blocks, rounds=params.rounds, rng=rng)
-
+    relaxed, report = relax(params.method, evidence, blocks, rounds=params.rounds, rng=rng)
     pairs = pair_maps(soft_maps, matched, blocks, fps, params.confidence_reach_s)
     if params.warp == "posterior":
         points = anchors_to_reference(hints, pairs, len(poses), chosen)
@@ -132,6 +124,14 @@ def synchronise_jointly(
         left_out_frames=left_out,
         left_out_share=share,
     )
+
+
+def _affinity(distances: DistanceMatrix, params: SyncParams) -> np.ndarray:
+    """Eq. 1: affinities (N_a, N_a) of all pairs of frames; within a video the identity."""
+    scale = np.sqrt(distances.matched_square)
+    affinity = AFFINITIES[params.affinity](np.sqrt(distances.squares), scale)
+    distances.blocks.set_diagonal_to_identity(affinity)
+    return affinity
 
 
 def _check(params: SyncParams) -> None:

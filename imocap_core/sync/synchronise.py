@@ -108,18 +108,15 @@ def synchronise(
     hints = hints or Hints()
     check_hints(hints, lengths)
     confidence = _without_forbidden(poses, confidence, hints)
-    if screening is None:
-        screening = screen(
-            [x / s for x, s in zip(poses, body_scales(poses), strict=True)],
-            joint_weights_of(poses, confidence, joint_weights),
-            fps,
-            outliers=params.outliers,
-            mirrored=params.mirrored,
-            twins=twins,
-            declared=mirrored or [None] * M,
-            max_rate=params.max_rate,
-            never_outliers=[v == reference for v in range(M)],
-        )
+    screening = screening or screen(
+        [x / s for x, s in zip(poses, body_scales(poses), strict=True)],
+        joint_weights_of(poses, confidence, joint_weights),
+        fps,
+        params,
+        twins=twins,
+        declared=mirrored or [None] * M,
+        never_outliers=[v == reference for v in range(M)],
+    )
     used = [v for v in range(M) if v not in screening.excluded]
     upright = [_reflected(v, poses, confidence, screening, twins) for v in used]
     joint = synchronise_jointly(

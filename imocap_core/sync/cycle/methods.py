@@ -26,11 +26,13 @@ def relax(
     rounds: int,
     rng: np.random.Generator,
 ) -> tuple[Float[np.ndarray, "N_a N_a"], CycleReport]:
-    """Denoise soft maps or affinities by one of METHODS; with fewer than three videos there is no
-    cycle and they are returned as they are.
+    """Denoise soft maps or affinities by one of METHODS or by `auto` (`relax_auto`); with fewer
+    than three videos there is no cycle and they are returned as they are.
 
     `rounds` compositions of `softmap`; `rng` draws the starting factor of `als`.
     """
+    if method == "auto":
+        return relax_auto(maps, blocks, rounds=rounds, rng=rng)
     if method not in METHODS:
         raise ValueError(f"method: expected one of {', '.join(METHODS)}, auto; got {method!r}")
     if method == "none" or len(blocks.lengths) < 3:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from imocap_core.params import SyncParams
 from imocap_core.sync.screening.evidence import WeightedPoses, mirrored_among, outliers_among
 from imocap_core.sync.screening.mirror import CLEAR_MARGIN, mirrored_poses
 from imocap_core.sync.screening.warp_residual import thinned
@@ -46,12 +47,10 @@ def screen(
     poses: Sequence[Float[np.ndarray, "_T J 3"]],
     weights: Sequence[Float[np.ndarray, "_T J"]],
     fps: Sequence[float],
+    params: SyncParams,
     *,
-    outliers: str,
-    mirrored: str,
     twins: Sequence[int] | None,
     declared: Sequence[bool | None],
-    max_rate: float,
     never_outliers: Sequence[bool] | None = None,
 ) -> Screening:
     """Detect mirrored videos, then, with those reflected, videos of another action.
@@ -59,24 +58,23 @@ def screen(
     Args:
         poses: of one body scale.
         weights: of the joints.
-        outliers, mirrored: what to do, one of OUTLIERS and of MIRRORED.
         twins: each joint's mirror twin; None when not given (then no video is called mirrored).
         declared: True or False where the user states whether a video is mirrored.
-        max_rate: largest rate, seconds of one video per second of another.
         never_outliers: videos that are no outliers, whatever their score.
 
     Raises:
         ValueError: unknown switches, or a video declared mirrored without twins.
     """
-    _check(outliers, mirrored)
+    _check(params)
+    look_outliers = params.outliers != "ignore"
+    look_mirrored = twins is not None and params.mirrored != "ignore"
     M = len(poses)
     declared_mirrored = [v for v in range(M) if declared[v]]
     if declared_mirrored and twins is None:
         raise ValueError(
             "mirrored: a video is declared mirrored, but the joints' twins are unknown"
         )
-    look_mirrored = twins is not None and mirrored != "ignore"
-    if M < 2 or (outliers == "ignore" and not look_mirrored):
+    if M < 2 or not (look_outliers or look_mirrored):
         return not_screened(M, declared_mirrored)
     thin, w, rates = thinned(poses, weights, fps)
     order = list(range(poses[0].shape[1])) if twins is None else list(twins)
@@ -87,28 +85,28 @@ def screen(
     margins = np.full(M, np.nan)
     if look_mirrored:
         pinned = [d is not None for d in declared]
-        detected, margins = mirrored_among(plain, reflected, rates, max_rate, pinned)
+        detected, margins = mirrored_among(plain, reflected, rates, params.max_rate, pinned)
     other_action: list[int] = []
     scores = np.full(M, np.nan)
-    if outliers != "ignore":
+    if look_outliers:
         never = np.zeros(M, dtype=bool) if never_outliers is None else np.asarray(never_outliers)
         upright, _ = plain.swapped(detected, reflected)
-        other_action, scores = outliers_among(upright, rates, max_rate, never)
+        other_action, scores = outliers_among(upright, rates, params.max_rate, never)
         # another action has no mirror image here
         detected = [v for v in detected if v not in other_action]
-    flips = [v for v in detected if margins[v] > CLEAR_MARGIN] if mirrored == "flip" else []
+    flips = [v for v in detected if margins[v] > CLEAR_MARGIN] if params.mirrored == "flip" else []
     return Screening(
         outliers=tuple(sorted(other_action)),
         mirrored=tuple(sorted({*detected, *declared_mirrored})),
-        excluded=tuple(sorted(other_action)) if outliers == "exclude" else (),
+        excluded=tuple(sorted(other_action)) if params.outliers == "exclude" else (),
         flipped=tuple(sorted({*flips, *declared_mirrored})),
         outlier_score=scores,
         mirror_margin=margins,
     )
 
 
-def _check(outliers: str, mirrored: str) -> None:
-    faults = []
+def _check(params: SyncParams) -> None:
+    outliers, mirrored, faults = params.outliers, params.mirrored, []
     if outliers not in OUTLIERS:
         faults.append(f"outliers: expected one of {', '.join(OUTLIERS)}, got {outliers!r}")
     if mirrored not in MIRRORED:
