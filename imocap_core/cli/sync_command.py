@@ -16,7 +16,6 @@ from imocap_core.pipeline.format_names import DetectionFormat, Layout
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from imocap_core.artifacts.schemas import Keypoints, SyncSummary
     from imocap_core.library.progress import Progress
     from imocap_core.standalone_sync.run import Synchronised
 
@@ -91,19 +90,17 @@ def sync_command(
 
 
 def _document(done: Synchronised) -> dict[str, object]:
-    from imocap_core.figures.sync_summary import sync_rows
-
-    sync = done.sync.summary
+    sync = done.sync
     videos = [
         asdict(row)
         | {"excluded": row.video in sync.excluded, "mirrored": row.video in sync.mirrored}
-        for row in sync_rows(done.keypoints, sync)
+        for row in done.rows
     ]
     return {
         "action": done.action,
         "reference": sync.reference,
-        "status": done.sync.status,
-        "notes": [*done.notes, *done.sync.notes],
+        "status": sync.status,
+        "notes": [*done.notes, *sync.notes],
         "videos": videos,
         "files": done.files,
     }
@@ -115,19 +112,18 @@ def _print(done: Synchronised, seconds: float) -> None:
     console = speaker()
     for note in (*done.notes, *done.sync.notes, done.sync.status):
         console.print(escape(note))
-    console.print(_table(done.keypoints, done.sync.summary))
+    console.print(_table(done))
     for file in done.files:
         console.print(escape(str(file)))
     console.print(f"{seconds:.1f} s. For cameras and motion: imocap run {escape(done.action)}")
 
 
-def _table(keypoints: Keypoints, sync: SyncSummary) -> Table:
+def _table(done: Synchronised) -> Table:
     from rich.table import Table
 
-    from imocap_core.figures.sync_summary import sync_rows
-
+    sync = done.sync
     table = Table("video", "matched", "mean rate", "confidence", "offset", box=None, pad_edge=False)
-    for row in sync_rows(keypoints, sync):
+    for row in done.rows:
         if row.video == sync.reference:
             table.add_row(row.video, "reference", "", "", "")
         elif row.matched == 0:

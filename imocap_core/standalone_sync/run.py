@@ -9,6 +9,7 @@ from pathlib import Path
 from imocap_core.artifacts.schemas import InitialSmpl, Keypoints, Sync
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.export.tables import write_sync_table
+from imocap_core.figures.sync_summary import SyncRow, sync_rows
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.action import FILE_NAME
 from imocap_core.pipeline.builtin_actions import BUILT_IN
@@ -29,12 +30,13 @@ CSV, PICTURE, FILM = "sync.csv", "sync.png", "side_by_side.mp4"
 class Synchronised:
     """The synchronisation of some videos, and the files in which it was written.
 
-    action: a name or folder by which other commands find it. notes: sentences for the user.
+    action: a name or folder by which other commands find it. rows: one per video, its share
+    matched, rate, confidence and offset. notes: sentences for the user.
     """
 
     action: str
-    keypoints: Keypoints
     sync: Synchronisation
+    rows: list[SyncRow]
     files: list[Path]
     notes: list[str]
 
@@ -112,7 +114,8 @@ def write_synchronised(solved: SolvedSync, out: Path | None, display: Display) -
         files = _write(folder, solved, display)
     except OSError as error:
         raise WorkFailed(f"cannot write to {folder}: {error.strerror}") from None
-    return Synchronised(solved.action, solved.keypoints, solved.values, files, solved.notes)
+    rows = sync_rows(solved.keypoints, solved.sync)
+    return Synchronised(solved.action, solved.values, rows, files, solved.notes)
 
 
 def _action_of(
