@@ -85,7 +85,7 @@ def test_what_is_not_declared_is_told_by_the_files(folder):
     given = run(folder)
     for left_out in ({"format": None}, {"layout": None}, {"format": None, "layout": None}):
         if "layout" in left_out:
-            with pytest.raises(ValueError, match="25 points a person are BODY_25 or BODY_25B"):
+            with pytest.raises(ValueError, match="25 points per person are BODY_25 or BODY_25B"):
                 run(folder, **left_out)
         else:
             assert np.array_equal(run(folder, **left_out).xy_px, given.xy_px, equal_nan=True)
