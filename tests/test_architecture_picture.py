@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from itertools import chain
+from itertools import chain, pairwise
 
 import grimp
 import pytest
@@ -46,6 +46,17 @@ def test_the_same_code_gives_the_same_bytes(
 ) -> None:
     drawing = tool.picture(stages, bands)
     assert drawing == tool.picture(tool.stages_of_code(), tool.rooms_of_code())
+
+
+def test_the_files_from_a_stage_to_a_residual_import_each_other() -> None:
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    files = re.findall(r"^\d\. `([\w/]+)\.py`", page, flags=re.M)
+    graph = grimp.build_graph("imocap_core", "stages", cache_dir=None)
+    modules = [file.replace("/", ".") for file in files]
+    assert len(modules) == 4
+    for module, imported in pairwise(modules):
+        packages = {imported, imported.rpartition(".")[0]}  # or by way of the package's names
+        assert packages & graph.find_modules_directly_imported_by(module), (module, imported)
 
 
 def test_every_import_leads_to_a_later_room(bands: list[list[RoomBox]]) -> None:
