@@ -1,7 +1,7 @@
-"""Procrustes alignment of point sets: rigid or similarity, weighted, batched, blind to NaN.
+"""Procrustes alignment of point sets: rigid or similarity, weighted, batched, ignoring NaN.
 
-A point that is NaN in either set, or whose weight is zero, takes no part. Directions are in the
-names: ``R_target_from_source`` turns a vector in the axes of ``source`` into those of ``target``.
+Points that are NaN in either set, or whose weight is zero, are ignored. Directions are in the
+names: ``R_target_from_source`` rotates vectors from the axes of ``source`` to those of ``target``.
 """
 
 from __future__ import annotations
@@ -9,11 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from jaxtyping import Float
+from numpy.typing import ArrayLike
 
 from imocap_core.robust import geman_mcclure
-
-Array = NDArray[np.float64]
 
 MIN_POINTS = 3
 """Fewer points than this leave a rotation undetermined; such an alignment is all NaN."""
@@ -29,11 +28,11 @@ class Alignment:
     ``x_target = scale * R_target_from_source @ x_source + t_target``.
     """
 
-    R_target_from_source: Array  # (..., 3, 3)
-    t_target: Array  # (..., 3), units of the points
-    scale: Array  # (...,)
+    R_target_from_source: Float[np.ndarray, "*batch 3 3"]
+    t_target: Float[np.ndarray, "*batch 3"]  # units of the points
+    scale: Float[np.ndarray, "*batch"]
 
-    def apply(self, points: ArrayLike) -> Array:
+    def apply(self, points: ArrayLike) -> Float[np.ndarray, "... N 3"]:
         """Points (..., N, 3) of the source, in the axes of the target."""
         x = np.asarray(points, dtype=np.float64)
         rotated = x @ np.swapaxes(self.R_target_from_source, -1, -2)
@@ -42,12 +41,17 @@ class Alignment:
 
 @dataclass(frozen=True)
 class RobustAlignment:
-    """One transform for a whole motion, with what it left over."""
+    """One transform of a whole motion, with its residuals.
+
+    residual: distance of each aligned point to its target, NaN where missing. weights: final robust
+    weights in [0, 1], 0 where missing. rms: weighted root-mean-square residual. Lengths in the unit
+    of the points.
+    """
 
     alignment: Alignment
-    residual: Array  # (...,) distance of each aligned point to its target, NaN where unseen
-    weights: Array  # (...,) final robust weight in [0, 1], 0 where unseen
-    rms: float  # weighted root-mean-square residual, units of the points
+    residual: Float[np.ndarray, "*points"]
+    weights: Float[np.ndarray, "*points"]
+    rms: float
     converged: bool
     status: str
 
@@ -64,7 +68,8 @@ def procrustes(
 
     Returns:
         Alignment over the leading axes; NaN where fewer than three points are usable. Collinear
-        points leave a turn about their line free: one of the equally good rotations is returned.
+        points do not determine the rotation about their line: one of the optimal rotations is
+        returned.
 
     Raises:
         ValueError: last axis not 3, different numbers of points, or a negative weight.
@@ -115,21 +120,21 @@ def align_motion(
     iterations: int = 50,
     tolerance: float = 1e-9,
 ) -> RobustAlignment:
-    """ONE robust transform that lays a whole motion onto another (initial cameras, section 3.2).
+    """Robust Procrustes alignment: ONE transform for a whole motion (initial cameras, section 3.2).
 
-    Iteratively reweighted least squares. It starts from least absolute residuals, which a large
-    minority of bad frames cannot capture, and ends on the Geman-McClure weights
+    Iteratively reweighted least squares. It starts with least absolute residuals, which are robust
+    to a large minority of wrong frames, and ends with the Geman-McClure weights
     ``(sigma^2 / (sigma^2 + r^2))^2``.
 
     Args:
         source, target: (..., 3), of equal shape: root paths (T, 3) or motions (T, J, 3). A path
-            that hardly moves, or moves on a line, does not fix a rotation: pass joints then.
-        weights: (...,) trust of each point, or None.
+            that hardly moves, or moves on a line, does not determine a rotation: pass joints then.
+        weights: (...,) confidence of each point, or None.
         scale: solve a scale too.
-        sigma: residual, in units of the points, at which a point counts a quarter; None reads it
-            from the residuals (three robust standard deviations, again at every step).
-        iterations: at most so many steps in each of the two phases.
-        tolerance: stop when no weight moves by more than this.
+        sigma: residual, in units of the points, at which a point has a quarter of its weight; None
+            estimates it from the residuals (three robust standard deviations, in every step).
+        iterations: maximum number of steps in each of the two phases.
+        tolerance: convergence when no weight changes by more than this.
 
     Raises:
         ValueError: shapes differ, fewer than three usable points, or sigma not positive.
@@ -142,25 +147,27 @@ def align_motion(
     shape = x.shape[:-1]
     flat_weights = None if weights is None else np.broadcast_to(weights, shape).reshape(-1)
     x, y, trust = _usable(x.reshape(-1, 3), y.reshape(-1, 3), flat_weights)
-    seen = trust > 0
-    if seen.sum() < MIN_POINTS:
-        raise ValueError(f"need {MIN_POINTS} points seen in both motions, got {int(seen.sum())}")
+    usable = trust > 0
+    if usable.sum() < MIN_POINTS:
+        raise ValueError(
+            f"expected at least {MIN_POINTS} points that both motions have, got {int(usable.sum())}"
+        )
 
-    robust = np.ones(len(x))
-    extent = float(np.ptp(y[seen], axis=0).max())
+    extent = float(np.ptp(y[usable], axis=0).max())
     floor = max(1e-9 * extent, 1e-15)
-    for _ in range(iterations):
+    robust = np.ones(len(x))
+    for _ in range(iterations):  # least absolute residuals
         residual = _residual(procrustes(x, y, trust * robust, scale=scale), x, y)
-        least = max(float(np.median(residual[seen])) * 1e-2, floor)
+        least = max(float(np.median(residual[usable])) * 1e-2, floor)
         last, robust = robust, least / np.maximum(residual, least)
-        if np.abs(robust - last)[seen].max() < tolerance:
+        if np.abs(robust - last)[usable].max() < tolerance:
             break
     moved = np.inf
-    for _ in range(iterations):
+    for _ in range(iterations):  # Geman-McClure
         residual = _residual(procrustes(x, y, trust * robust, scale=scale), x, y)
-        width = sigma or max(3 * MAD_TO_SIGMA * float(np.median(residual[seen])), floor)
+        width = sigma or max(3 * MAD_TO_SIGMA * float(np.median(residual[usable])), floor)
         last, robust = robust, geman_mcclure(residual**2, width)[1]
-        moved = float(np.abs(robust - last)[seen].max())
+        moved = float(np.abs(robust - last)[usable].max())
         if moved < tolerance:
             break
     alignment = procrustes(x, y, trust * robust, scale=scale)
@@ -169,8 +176,8 @@ def align_motion(
     converged = bool(moved < max(tolerance, 1e-3))
     return RobustAlignment(
         alignment,
-        np.where(seen, residual, np.nan).reshape(shape),
-        np.where(seen, robust, 0.0).reshape(shape),
+        np.where(usable, residual, np.nan).reshape(shape),
+        np.where(usable, robust, 0.0).reshape(shape),
         float(np.sqrt((total * residual**2).sum() / total.sum())),
         converged,
         "converged" if converged else f"weights still moved by {moved:.2g} at the last step",
@@ -179,20 +186,23 @@ def align_motion(
 
 def _usable(
     source: ArrayLike, target: ArrayLike, weights: ArrayLike | None
-) -> tuple[Array, Array, Array]:
+) -> tuple[
+    Float[np.ndarray, "*batch N 3"], Float[np.ndarray, "*batch N 3"], Float[np.ndarray, "*batch N"]
+]:
     """Both point sets with zeros for NaN, and weights that are zero there."""
     x, y = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
     if x.shape[-1:] != (3,) or y.shape[-1:] != (3,) or x.shape[-2:] != y.shape[-2:]:
         raise ValueError(f"points must be (..., N, 3) with one N, got {x.shape} and {y.shape}")
     x, y = np.broadcast_arrays(x, y)
-    seen = np.asarray(np.isfinite(x).all(axis=-1) & np.isfinite(y).all(axis=-1))
-    w = np.ones(seen.shape) if weights is None else np.broadcast_to(weights, seen.shape)
-    w = np.where(seen & np.isfinite(w), w, 0.0)
+    usable = np.asarray(np.isfinite(x).all(axis=-1) & np.isfinite(y).all(axis=-1))
+    w = np.ones(usable.shape) if weights is None else np.broadcast_to(weights, usable.shape)
+    w = np.where(usable & np.isfinite(w), w, 0.0)
     if (w < 0).any():
         raise ValueError(f"weights must not be negative, got {w.min()}")
-    return np.where(seen[..., None], x, 0.0), np.where(seen[..., None], y, 0.0), w
+    return np.where(usable[..., None], x, 0.0), np.where(usable[..., None], y, 0.0), w
 
 
-def _residual(alignment: Alignment, x: Array, y: Array) -> Array:
-    distance: Array = np.linalg.norm(alignment.apply(x) - y, axis=-1)
-    return distance
+def _residual(
+    alignment: Alignment, x: Float[np.ndarray, "N 3"], y: Float[np.ndarray, "N 3"]
+) -> Float[np.ndarray, " N"]:
+    return np.linalg.norm(alignment.apply(x) - y, axis=-1)

@@ -1,7 +1,7 @@
-"""The constants of the field: body trees, and the joints that evaluations speak of.
+"""Constants of the field: kinematic trees of the SMPL family, and the joints of evaluations.
 
 Names are lower snake case and start with ``left_`` or ``right_`` where the body has two of them
-(left and right are the performer's own). Every layout of the project uses this vocabulary.
+(from the performer's point of view). Every layout of the project uses these names.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ SMPLX_PARENTS: tuple[int, ...] = (
 )
 
 # The evaluation joints (docs/paper.md): the 12 of the authors' tables, then two common supersets.
-# Each is the name of an SMPL joint, or of a point that `body.Model.points` knows.
+# Each is the name of an SMPL joint, or of a point of `body.Model.points`.
 EVAL_12: tuple[str, ...] = (
     "right_ankle",
     "right_knee",
@@ -90,7 +90,7 @@ EVAL_17: tuple[str, ...] = (*EVAL_12, "pelvis", "spine2", "neck", "nose", "head"
 
 
 def swap_side(name: str) -> str:
-    """The name of the mirror twin: left_knee -> right_knee; names without a side stay."""
+    """Name of the same point of the other side: left_knee -> right_knee; others are unchanged."""
     if name.startswith("left_"):
         return "right_" + name.removeprefix("left_")
     if name.startswith("right_"):
@@ -99,7 +99,7 @@ def swap_side(name: str) -> str:
 
 
 def sideless(name: str) -> str:
-    """left_knee and right_knee -> knee; names without a side stay."""
+    """Name without its side: left_knee and right_knee -> knee; others are unchanged."""
     return name.removeprefix("left_").removeprefix("right_")
 
 
@@ -107,13 +107,13 @@ OTHER = "other"  # the same point of the other side
 
 
 def point_towards(name: str, target: str) -> str:
-    """The point of the same side that `target` names without its side, or with `OTHER` the twin."""
+    """Name of the `target` (without its side) of the same side; for `OTHER`, of the other side."""
     side = name[: len(name) - len(sideless(name))]
     return swap_side(name) if target == OTHER else side + target
 
 
 def mirror_indices(names: Sequence[str]) -> tuple[int, ...]:
-    """For each name the index of its mirror twin (its own index when it has none)."""
+    """For each name the index of the same point of the other side, or of itself without one."""
     index = {name: i for i, name in enumerate(names)}
     return tuple(index.get(swap_side(name), i) for i, name in enumerate(names))
 

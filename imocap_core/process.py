@@ -1,12 +1,12 @@
-"""How this process computes: threads and memory, set where a run begins and nowhere else.
+"""Thread count and memory allocator of this process, set only where a run begins.
 
-PyTorch gets one thread. The solver's blocks (75 to 150 unknowns) are too small for a library's own
-threads to pay; it has threads of its own, one a motion. Results do not depend on how a stage was
-reached, because every stage runs under the same setting.
+PyTorch gets one thread. The solver's blocks (75 to 150 unknowns) are too small to benefit from
+multithreaded linear algebra; the solver uses one thread per motion instead. Every stage runs under
+the same settings, so results do not depend on which command ran it.
 
-Freed memory is kept for the next arrays. The solver makes and frees arrays of megabytes all the
-time; glibc hands each back to the system, which gives it again page by page, filled with zeros: a
-tenth of a fit's processor time went into that. Other systems' libraries are left as they are.
+Freed memory is reused for new arrays. The solver allocates and frees arrays of megabytes all the
+time; by default glibc returns each to the system, which provides it again page by page, filled with
+zeros: this took a tenth of a fit's processor time. Other systems' libraries are not changed.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ NEVER, LARGEST = 2**31 - 1, 32 * 2**20  # the largest MMAP_THRESHOLD that glibc 
 
 
 def configure_process() -> None:
-    """One thread for PyTorch, freed memory kept: for this process and all its threads."""
+    """One thread for PyTorch, freed memory reused: for this process and all its threads."""
     import torch
 
     torch.set_num_threads(1)
@@ -27,9 +27,9 @@ def configure_process() -> None:
 
 
 def keep_freed_memory() -> bool:
-    """Of this process, for all its threads together. Whether the system could be told so."""
+    """Set glibc's allocator to reuse freed memory. Whether this was possible."""
     if sys.platform != "linux":
         return False
-    tell = getattr(ctypes.CDLL(None), "mallopt", None)
-    wanted = ((TRIM_THRESHOLD, NEVER), (MMAP_THRESHOLD, LARGEST), (ARENA_MAX, 1))
-    return tell is not None and all(tell(*setting) == 1 for setting in wanted)
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    options = ((TRIM_THRESHOLD, NEVER), (MMAP_THRESHOLD, LARGEST), (ARENA_MAX, 1))
+    return mallopt is not None and all(mallopt(*option) == 1 for option in options)

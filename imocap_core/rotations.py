@@ -1,8 +1,8 @@
-"""Rotations in three dimensions, in torch: batched over any leading axes, differentiable.
+"""Rotations in three dimensions (SO(3)), in torch: batched over leading axes, differentiable.
 
-A rotation is a 3x3 matrix wherever it is worked with. Axis-angle vectors (radians), unit
-quaternions (w, x, y, z) and the 6D form are representations at the edges. A *right local
-increment* of R is a vector delta with ``R <- R @ exp(delta)``; solvers step with these.
+Computations use 3x3 matrices. Axis-angle vectors (radians), unit quaternions (w, x, y, z) and the
+6D form are for input and output. A *right local increment* of R is a vector delta with
+``R <- R @ exp(delta)``; solvers step with these.
 """
 
 from __future__ import annotations
@@ -10,21 +10,22 @@ from __future__ import annotations
 import math
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 _SMALL_RAD2 = 1e-4  # below this squared angle, series are exact to round-off and never divide by 0
 
 
-def hat(vector: Tensor) -> Tensor:
-    """Cross-product matrix: ``hat(a) @ b == cross(a, b)``. (..., 3) -> (..., 3, 3)."""
+def hat(vector: Float[Tensor, "... 3"]) -> Float[Tensor, "... 3 3"]:
+    """Cross-product matrix: ``hat(a) @ b == cross(a, b)``."""
     x, y, z = vector.unbind(-1)
     zero = torch.zeros_like(x)
     rows = torch.stack((zero, -z, y, z, zero, -x, -y, x, zero), dim=-1)
     return rows.unflatten(-1, (3, 3))
 
 
-def exp(axis_angle: Tensor) -> Tensor:
-    """Axis-angle (..., 3), radians, to rotation matrices (..., 3, 3): Rodrigues' formula.
+def exp(axis_angle: Float[Tensor, "... 3"]) -> Float[Tensor, "... 3 3"]:
+    """Exponential map: axis-angle vectors, radians, to rotation matrices (Rodrigues' formula).
 
     Values and first derivatives are exact at zero too (series below 0.01 rad).
     """
@@ -43,20 +44,20 @@ def exp(axis_angle: Tensor) -> Tensor:
     return identity + sine * hat(axis_angle) + cosine * (outer - angle2 * identity)
 
 
-def log(rotation: Tensor) -> Tensor:
-    """Rotation matrices (..., 3, 3) to axis-angle (..., 3), radians, of angle at most pi.
+def log(rotation: Float[Tensor, "... 3 3"]) -> Float[Tensor, "... 3"]:
+    """Logarithm map: rotation matrices to axis-angle vectors, radians, of angle at most pi.
 
-    Goes through the quaternion, so it is accurate near 0 and near pi alike. At exactly pi the
+    Computed by the quaternion, so it is accurate near 0 and near pi alike. At exactly pi the
     axis' sign is arbitrary: use `nearest_branch` to follow a path.
     """
     return quaternion_to_axis_angle(matrix_to_quaternion(rotation))
 
 
-def matrix_to_quaternion(rotation: Tensor) -> Tensor:
-    """Rotation matrices (..., 3, 3) to unit quaternions (..., 4) as w, x, y, z with w >= 0.
+def matrix_to_quaternion(rotation: Float[Tensor, "... 3 3"]) -> Float[Tensor, "... 4"]:
+    """Rotation matrices to unit quaternions w, x, y, z with w >= 0.
 
-    Of the four quaternion rows that the matrix offers, the one divided by the largest
-    component is taken (Shepperd 1978), so no division is ever by a small number.
+    Shepperd's method (1978): of the four formulas for the quaternion, the one that divides by the
+    largest component.
     """
     m00, m01, m02, m10, m11, m12, m20, m21, m22 = rotation.flatten(-2).unbind(-1)
     rows = torch.stack(
@@ -75,8 +76,8 @@ def matrix_to_quaternion(rotation: Tensor) -> Tensor:
     return torch.where(quaternion[..., :1] < 0, -quaternion, quaternion)
 
 
-def quaternion_to_matrix(quaternion: Tensor) -> Tensor:
-    """Quaternions (..., 4) as w, x, y, z, of any non-zero length, to matrices (..., 3, 3)."""
+def quaternion_to_matrix(quaternion: Float[Tensor, "... 4"]) -> Float[Tensor, "... 3 3"]:
+    """Quaternions w, x, y, z of any non-zero length to rotation matrices."""
     w, x, y, z = (quaternion / quaternion.norm(dim=-1, keepdim=True)).unbind(-1)
     entries = (
         1 - 2 * (y * y + z * z),
@@ -92,8 +93,8 @@ def quaternion_to_matrix(quaternion: Tensor) -> Tensor:
     return torch.stack(entries, dim=-1).unflatten(-1, (3, 3))
 
 
-def quaternion_to_axis_angle(quaternion: Tensor) -> Tensor:
-    """Unit quaternions (..., 4) as w, x, y, z to axis-angle (..., 3), radians, at most pi long."""
+def quaternion_to_axis_angle(quaternion: Float[Tensor, "... 4"]) -> Float[Tensor, "... 3"]:
+    """Unit quaternions w, x, y, z to axis-angle vectors, radians, at most pi long."""
     quaternion = torch.where(quaternion[..., :1] < 0, -quaternion, quaternion)
     w, vector = quaternion[..., :1], quaternion[..., 1:]
     sine2 = (vector * vector).sum(-1, keepdim=True)
@@ -103,21 +104,23 @@ def quaternion_to_axis_angle(quaternion: Tensor) -> Tensor:
     return scale * vector
 
 
-def matrix_to_6d(rotation: Tensor) -> Tensor:
-    """First two COLUMNS of the matrix, (..., 3, 3) -> (..., 6): Zhou et al., CVPR 2019."""
+def matrix_to_6d(rotation: Float[Tensor, "... 3 3"]) -> Float[Tensor, "... 6"]:
+    """6D form: the first two COLUMNS of the matrix (Zhou et al., CVPR 2019)."""
     return torch.cat((rotation[..., :, 0], rotation[..., :, 1]), dim=-1)
 
 
-def matrix_from_6d(sixd: Tensor) -> Tensor:
-    """Any two independent 3-vectors (..., 6) to a rotation (..., 3, 3) by Gram-Schmidt."""
+def matrix_from_6d(sixd: Float[Tensor, "... 6"]) -> Float[Tensor, "... 3 3"]:
+    """Gram-Schmidt: any two linearly independent 3-vectors to rotation matrices."""
     first = torch.nn.functional.normalize(sixd[..., :3], dim=-1)
     second = sixd[..., 3:] - (first * sixd[..., 3:]).sum(-1, keepdim=True) * first
     second = torch.nn.functional.normalize(second, dim=-1)
     return torch.stack((first, second, torch.linalg.cross(first, second, dim=-1)), dim=-1)
 
 
-def geodesic_angle(a: Tensor, b: Tensor) -> Tensor:
-    """Angle in radians, 0 to pi, of the rotation from a to b. (..., 3, 3) twice -> (...).
+def geodesic_angle(
+    a: Float[Tensor, "... 3 3"], b: Float[Tensor, "... 3 3"]
+) -> Float[Tensor, "..."]:
+    """Geodesic distance: the angle of the rotation from a to b, radians, 0 to pi.
 
     By sine and cosine together: accurate at both ends, where ``arccos`` loses half the digits.
     """
@@ -128,11 +131,13 @@ def geodesic_angle(a: Tensor, b: Tensor) -> Tensor:
     return torch.atan2(twice_sine, twice_cosine)
 
 
-def nearest_branch(axis_angle: Tensor, reference: Tensor) -> Tensor:
-    """The same rotation, written as the axis-angle vector nearest to `reference`.
+def nearest_branch(
+    axis_angle: Float[Tensor, "... 3"], reference: Float[Tensor, "... 3"]
+) -> Float[Tensor, "... 3"]:
+    """The axis-angle vector of the same rotation that is nearest to `reference`.
 
-    A rotation has the vectors ``(angle + 2 pi k) axis``, k any integer; (..., 3) twice -> (..., 3).
-    The identity, which has no axis, takes the reference's.
+    A rotation has the vectors ``(angle + 2 pi k) axis`` for every integer k. For the identity the
+    reference's axis is used.
     """
     angle = axis_angle.norm(dim=-1, keepdim=True)
     tiny = angle < 1e-12
@@ -144,28 +149,32 @@ def nearest_branch(axis_angle: Tensor, reference: Tensor) -> Tensor:
     return torch.where(turns == 0, axis_angle, (angle + 2 * math.pi * turns) * axis)
 
 
-def unwrap(axis_angle: Tensor) -> Tensor:
-    """A path of axis-angle vectors (T, ..., 3), each on the branch nearest to the one before."""
+def unwrap(axis_angle: Float[Tensor, "T *batch 3"]) -> Float[Tensor, "T *batch 3"]:
+    """A path of axis-angle vectors, each on the branch nearest to the one before."""
     path = [axis_angle[0]]
     for vector in axis_angle[1:]:
         path.append(nearest_branch(vector, path[-1]))
     return torch.stack(path)
 
 
-def project(matrix: Tensor) -> Tensor:
-    """Nearest rotation (Frobenius norm) to any 3x3 matrices (..., 3, 3), by SVD (Kabsch)."""
+def project(matrix: Float[Tensor, "... 3 3"]) -> Float[Tensor, "... 3 3"]:
+    """Nearest rotations to any matrices, in the Frobenius norm, by SVD (Kabsch 1976)."""
     u, _, vt = torch.linalg.svd(matrix)
     sign = torch.linalg.det(u @ vt)
     flip = torch.stack((torch.ones_like(sign), torch.ones_like(sign), sign), dim=-1)
     return (u * flip[..., None, :]) @ vt
 
 
-def mean(rotation: Tensor, weights: Tensor | None = None, dim: int = 0) -> Tensor:
+def mean(
+    rotation: Float[Tensor, "... 3 3"],
+    weights: Float[Tensor, "..."] | None = None,
+    dim: int = 0,
+) -> Float[Tensor, "... 3 3"]:
     """Weighted chordal mean over a leading axis: argmin over R of sum w |R - R_i|_F^2.
 
     Parameters
     ----------
-    rotation: (..., 3, 3); `dim` counts its leading axes only (0 is the first; -1 the last one).
+    dim: the leading axis of `rotation` (0 is the first; -1 the last one).
     weights: non-negative, broadcast against the leading axes; None means equal. Where all
         weights are zero the result is the identity, never NaN.
     """
@@ -180,10 +189,10 @@ def mean(rotation: Tensor, weights: Tensor | None = None, dim: int = 0) -> Tenso
     return project(torch.where(empty, identity, total))
 
 
-def right_jacobian(axis_angle: Tensor) -> Tensor:
-    """Jr with ``exp(a + d) ~ exp(a) @ exp(Jr d)``: (..., 3) -> (..., 3, 3).
+def right_jacobian(axis_angle: Float[Tensor, "... 3"]) -> Float[Tensor, "... 3 3"]:
+    """Right Jacobian of SO(3): Jr with ``exp(a + d) ~ exp(a) @ exp(Jr d)``.
 
-    Turns derivatives by right local increments into derivatives by axis-angle:
+    Converts derivatives by right local increments to derivatives by axis-angle:
     ``d x / d a = (d x / d delta) @ Jr``.
     """
     angle2 = (axis_angle * axis_angle).sum(-1)[..., None, None]
@@ -197,10 +206,10 @@ def right_jacobian(axis_angle: Tensor) -> Tensor:
     return identity - first * cross + second * (cross @ cross)
 
 
-def inverse_right_jacobian(axis_angle: Tensor) -> Tensor:
-    """The inverse of `right_jacobian`, (..., 3) -> (..., 3, 3), for angles below 2 pi.
+def inverse_right_jacobian(axis_angle: Float[Tensor, "... 3"]) -> Float[Tensor, "... 3 3"]:
+    """Inverse right Jacobian of SO(3), for angles below 2 pi.
 
-    Turns derivatives by axis-angle into derivatives by right local increments.
+    Converts derivatives by axis-angle to derivatives by right local increments.
     """
     angle2 = (axis_angle * axis_angle).sum(-1)[..., None, None]
     small = angle2 < _SMALL_RAD2

@@ -56,6 +56,7 @@ class Workspace:
     def ready_job(self, action: str, sets: list[str], display: Display) -> Job:
         """The same for running: a built-in action is made first, every file must be there, and
         people are detected where action.yaml says `keypoints: detect`."""
+        load_memory(self.store.folder)
         if action in demos.BUILT_IN:
             folder = self.root / "actions" / action
             with self.store.lock(action, display.waiting):

@@ -12,6 +12,7 @@ import tests.shape_check  # noqa: F401  (the hook names it)
 # Rooms whose annotations (types, and shapes of arrays) are checked at every call in the tests.
 CHECKED: tuple[str, ...] = (
     "imocap_core.alignment",
+    "imocap_core.body",
     "imocap_core.camera",
     "imocap_core.compare",
     "imocap_core.detect",
@@ -25,6 +26,7 @@ CHECKED: tuple[str, ...] = (
     "imocap_core.metrics",
     "imocap_core.people",
     "imocap_core.render",
+    "imocap_core.rotations",
     "imocap_core.report",
     "imocap_core.result",
     "imocap_core.standalone_sync",

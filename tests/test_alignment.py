@@ -38,19 +38,19 @@ def test_recovers_a_known_transform(rng: np.random.Generator, scale: bool) -> No
     s = rng.uniform(0.5, 2.0, size=(4, 5)) if scale else np.ones((4, 5))
     t = rng.normal(size=(4, 5, 3))
     y = s[..., None, None] * np.einsum("...rc,...nc->...nr", R, x) + t[..., None, :]
-    found = procrustes(x, y, scale=scale)
-    np.testing.assert_allclose(found.R_target_from_source, R, atol=1e-12)
-    np.testing.assert_allclose(found.t_target, t, atol=1e-12)
-    np.testing.assert_allclose(found.scale, s, atol=1e-12)
-    np.testing.assert_allclose(found.apply(x), y, atol=1e-12)
+    alignment = procrustes(x, y, scale=scale)
+    np.testing.assert_allclose(alignment.R_target_from_source, R, atol=1e-12)
+    np.testing.assert_allclose(alignment.t_target, t, atol=1e-12)
+    np.testing.assert_allclose(alignment.scale, s, atol=1e-12)
+    np.testing.assert_allclose(alignment.apply(x), y, atol=1e-12)
 
 
 @pytest.mark.parametrize("scale", [False, True])
 def test_no_search_finds_a_smaller_error(rng: np.random.Generator, scale: bool) -> None:
     x, y = rng.normal(size=(6, 3)), rng.normal(size=(6, 3))
     w = rng.uniform(0.1, 1.0, size=6)
-    found = procrustes(x, y, w, scale=scale)
-    cost = float((w * ((found.apply(x) - y) ** 2).sum(axis=1)).sum())
+    alignment = procrustes(x, y, w, scale=scale)
+    cost = float((w * ((alignment.apply(x) - y) ** 2).sum(axis=1)).sum())
     assert cost == pytest.approx(_naive(x, y, w, scale), rel=1e-6)
 
 
@@ -83,10 +83,10 @@ def test_two_points_give_nan_not_a_guess(rng: np.random.Generator) -> None:
     x = rng.normal(size=(2, 5, 3))
     y = x.copy()
     y[1, :3] = np.nan
-    found = rigid(x, y)
-    assert np.isfinite(found.t_target[0]).all()
-    assert np.isnan(found.t_target[1]).all()
-    assert np.isnan(found.R_target_from_source[1]).all()
+    alignment = rigid(x, y)
+    assert np.isfinite(alignment.t_target[0]).all()
+    assert np.isnan(alignment.t_target[1]).all()
+    assert np.isnan(alignment.R_target_from_source[1]).all()
 
 
 def test_misuse_is_named(rng: np.random.Generator) -> None:
@@ -95,7 +95,7 @@ def test_misuse_is_named(rng: np.random.Generator) -> None:
         rigid(x, x[:4])
     with pytest.raises(ValueError, match="negative"):
         rigid(x, x, [1, 1, 1, 1, -1])
-    with pytest.raises(ValueError, match="need 3 points"):
+    with pytest.raises(ValueError, match="at least 3 points that both motions have"):
         align_motion(x, np.full((5, 3), np.nan))
     with pytest.raises(ValueError, match="sigma"):
         align_motion(x, x, sigma=0.0)
@@ -111,13 +111,13 @@ def test_motion_alignment_survives_a_third_of_bad_frames(
     target = s * source @ R.T + t + rng.normal(scale=0.01, size=source.shape)
     target[::3] = rng.normal(scale=2.0, size=target[::3].shape) + 3.0
     target[10:14, 2] = np.nan
-    found = align_motion(source, target, scale=scale)
-    angle = Rotation.from_matrix(found.alignment.R_target_from_source @ R.T).magnitude()
-    assert found.converged, found.status
+    robust = align_motion(source, target, scale=scale)
+    angle = Rotation.from_matrix(robust.alignment.R_target_from_source @ R.T).magnitude()
+    assert robust.converged, robust.status
     assert np.degrees(angle) < 0.2
-    assert float(found.alignment.scale) == pytest.approx(s, abs=0.005)
-    assert np.nanmedian(found.residual) < 0.03
-    assert np.isnan(found.residual[10:14, 2]).sum() == np.isnan(target[10:14, 2, 0]).sum()
+    assert float(robust.alignment.scale) == pytest.approx(s, abs=0.005)
+    assert np.nanmedian(robust.residual) < 0.03
+    assert np.isnan(robust.residual[10:14, 2]).sum() == np.isnan(target[10:14, 2, 0]).sum()
 
 
 def test_motion_alignment_without_outliers_is_nearly_procrustes(rng: np.random.Generator) -> None:
@@ -133,7 +133,7 @@ def test_motion_alignment_without_outliers_is_nearly_procrustes(rng: np.random.G
 
 def test_motion_alignment_of_equal_motions_is_exact(rng: np.random.Generator) -> None:
     path = rng.normal(size=(30, 3))
-    found = align_motion(path, path)
-    np.testing.assert_allclose(found.alignment.R_target_from_source, np.eye(3), atol=1e-12)
-    assert found.rms < 1e-9
-    assert found.converged
+    robust = align_motion(path, path)
+    np.testing.assert_allclose(robust.alignment.R_target_from_source, np.eye(3), atol=1e-12)
+    assert robust.rms < 1e-9
+    assert robust.converged

@@ -86,19 +86,19 @@ def test_nearest_branch_is_the_same_rotation_and_the_nearest() -> None:
     rng = np.random.default_rng(2)
     vectors = torch.as_tensor(rng.normal(size=(200, 3)) * 2)
     reference = torch.as_tensor(rng.normal(size=(200, 3)) * 5)
-    found = so3.nearest_branch(vectors, reference)
-    torch.testing.assert_close(so3.exp(found), so3.exp(vectors), atol=1e-12, rtol=0)
+    nearest = so3.nearest_branch(vectors, reference)
+    torch.testing.assert_close(so3.exp(nearest), so3.exp(vectors), atol=1e-12, rtol=0)
     axis = vectors / vectors.norm(dim=-1, keepdim=True)
     for turn in (-3, -2, -1, 0, 1, 2, 3):
         other = vectors + 2 * math.pi * turn * axis
-        nearer = (found - reference).norm(dim=-1) <= (other - reference).norm(dim=-1) + 1e-12
+        nearer = (nearest - reference).norm(dim=-1) <= (other - reference).norm(dim=-1) + 1e-12
         assert nearer.all()
 
 
 def test_the_identity_takes_the_branch_of_its_reference() -> None:
     reference = torch.tensor([[6.0, 0.0, 0.0]], dtype=torch.float64)
-    found = so3.nearest_branch(torch.zeros_like(reference), reference)
-    torch.testing.assert_close(found, torch.tensor([[2 * math.pi, 0.0, 0.0]]).double())
+    nearest = so3.nearest_branch(torch.zeros_like(reference), reference)
+    torch.testing.assert_close(nearest, torch.tensor([[2 * math.pi, 0.0, 0.0]]).double())
 
 
 def test_unwrapped_paths_have_no_jumps() -> None:

@@ -1,10 +1,10 @@
-"""What Blender reads in a BVH or GLB file: joints in the world. Runs where `bpy` is installed.
+"""World joints of a BVH or GLB file as Blender imports it. Runs where `bpy` is installed.
 
 python tools/blender_joints.py FILE OUT.json --fps 30 --frames 0 10 20 [--up y|z]
 
-OUT.json: {"<armature>": {"<joint>": [[x, y, z], ...]}}, metres, Blender's world (z up), one row a
-frame of the file (from 0); "cameras": {"<name>": {"angle", "across", "location"}} at the
-first, the angle in radians across the picture's "HORIZONTAL" or "VERTICAL" side.
+OUT.json: {"<armature>": {"<joint>": [[x, y, z], ...]}}, metres, Blender's world (z up), one row per
+frame (from 0); "cameras": {"<name>": {"angle", "across", "location"}} in the first frame, the angle
+of view in radians along the picture's "HORIZONTAL" or "VERTICAL" side.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ def main() -> int:
     else:
         bpy.ops.import_scene.gltf(filepath=str(given.file))
     armatures = [o for o in scene.objects if o.type == "ARMATURE"]
-    found = {o.name: {bone.name: [] for bone in o.pose.bones} for o in armatures}
+    joints = {o.name: {bone.name: [] for bone in o.pose.bones} for o in armatures}
     for frame in given.frames:
         scene.frame_set(frame + first)
         for o in armatures:
             for bone in o.pose.bones:
-                found[o.name][bone.name].append(list(o.matrix_world @ bone.head))
+                joints[o.name][bone.name].append(list(o.matrix_world @ bone.head))
     scene.frame_set(given.frames[0] + first)
-    found["cameras"] = {
+    joints["cameras"] = {
         o.name: {
             "angle": o.data.angle,
             "across": o.data.sensor_fit,
@@ -54,7 +54,7 @@ def main() -> int:
         for o in scene.objects
         if o.type == "CAMERA"
     }
-    given.out.write_text(json.dumps(found))
+    given.out.write_text(json.dumps(joints))
     return 0
 
 

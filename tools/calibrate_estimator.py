@@ -1,4 +1,4 @@
-"""Solve the simulated estimator's two numbers: ``python tools/calibrate_estimator.py DATA``.
+"""Calibrate the simulated estimator's two parameters: ``python tools/calibrate_estimator.py DATA``.
 
 Target: on the five `protocol` clips, four cameras each, the 12-joint errors of HMMR on Human3.6M.
 The motions are the Carnegie Mellon University motion capture database's (mocap.cs.cmu.edu, NSF
@@ -41,23 +41,23 @@ def camera_clips(data: Path) -> list[tuple[np.ndarray, float]]:
 def errors_mm(
     clips: list[tuple[np.ndarray, float]], errors: EstimatorErrors, seeds: Sequence[int] = SEEDS
 ) -> np.ndarray:
-    """MPJPE, P-MPJPE and scaled MPJPE (clips x seeds, 3), each frame counted once a quarter."""
+    """MPJPE, P-MPJPE and scaled MPJPE (clips x seeds, 3), of every fourth frame."""
     rows = []
     for number, (joints, fps) in enumerate(clips):
         hips = joints[:, [EVAL_12.index("left_hip"), EVAL_12.index("right_hip")]].mean(1)
         true = (joints - hips[:, None])[::4, : len(EVAL_12)]
         for seed in seeds:
             rng = np.random.default_rng((seed, number))
-            found = estimate(joints, fps, rng, errors)[::4, : len(EVAL_12)]
-            rows.append([f(found, true) for f in (mpjpe_mm, pa_mpjpe_mm, mpjpe_scaled_mm)])
+            estimated = estimate(joints, fps, rng, errors)[::4, : len(EVAL_12)]
+            rows.append([f(estimated, true) for f in (mpjpe_mm, pa_mpjpe_mm, mpjpe_scaled_mm)])
     return np.array(rows)
 
 
 def main() -> None:
-    """Solve, and print what the numbers give."""
+    """Solve, and print the parameters and their errors."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("data", type=Path, help="folder that holds protocol/")
-    parser.add_argument("--check", action="store_true", help="only print today's errors")
+    parser.add_argument("data", type=Path, help="folder that contains protocol/")
+    parser.add_argument("--check", action="store_true", help="only print the current errors")
     arguments = parser.parse_args()
     clips = camera_clips(arguments.data)
     base = EstimatorErrors()

@@ -3,7 +3,7 @@
 python tools/check_in_blender.py ACTION --blender PYTHON [--root DIR]
 
 PYTHON is an interpreter that has `bpy` (Blender as a module, an environment of its own). Every
-video is looked at in five frames, on both timelines; the largest distance of any joint is printed.
+video is checked in five frames, on both timelines; the largest distance of any joint is printed.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def main() -> None:
 
 
 def compare(python: Path, files: list[Path], result: ActionResult, up: str) -> list[str]:
-    """A sentence a video."""
+    """A sentence per video."""
     sentences = []
     for video in result:
         clip = clip_of(video, shaped_body(video))
@@ -72,20 +72,20 @@ def compare(python: Path, files: list[Path], result: ActionResult, up: str) -> l
 
 
 def read_in_blender(python: Path, file: Path, fps: int, frames: list[int], up: str) -> dict:
-    """What tools/blender_joints.py finds."""
+    """The output of tools/blender_joints.py."""
     out = file.with_suffix(".json")
     command = [python, READER, file, out, "--fps", str(fps), "--up", up, "--frames"]
-    told = [*map(str, command), *map(str, frames)]
-    run = subprocess.run(told, capture_output=True, text=True, check=False)
+    arguments = [*map(str, command), *map(str, frames)]
+    run = subprocess.run(arguments, capture_output=True, text=True, check=False)
     if run.returncode != 0:
         raise SystemExit(f"{python} could not read {file}:\n{run.stderr}")
     return json.loads(out.read_text())
 
 
-def joint_error_m(take: MotionClip, frames: np.ndarray, seen: dict, up: str) -> float:
+def joint_error_m(clip: MotionClip, frames: np.ndarray, read: dict, up: str) -> float:
     """The largest distance of any joint in any of the frames."""
-    theirs = np.array([seen[take.id][name] for name in take.joint_names]).swapaxes(0, 1)
-    ours = blender_axes(take.joints[frames], up)
+    theirs = np.array([read[clip.id][name] for name in clip.joint_names]).swapaxes(0, 1)
+    ours = blender_axes(clip.joints[frames], up)
     return float(np.linalg.norm(theirs - ours, axis=-1).max())
 
 

@@ -1,10 +1,10 @@
-"""Where a real detector sees each keypoint, seen from where the body's layout puts it.
+"""Offsets of a real detector's keypoints from their places in the body's layout.
 
     python tools/check_keypoint_places.py balance_beam/trc_reference.npz
 
 Fits poses and one shape of the free body to triangulated BODY_25B detections (`xyz_zup_m`
 (T, K, 3), `names`) and prints each keypoint's mean distance and its median offset in the frame of
-the bone that carries it. A steady offset means that data/layouts.toml has it in the wrong place.
+its bone. A constant offset means that its place in data/layouts.toml is wrong.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from imocap_core.body import Model, PointSet, Shaped, keypoints_with_jacobian, l
 from imocap_core.rotations import exp, log
 
 EVERY = 5  # frames
-SCALE_M, ROBUST = 0.02, 3.0  # detection noise, and where Geman-McClure-like weights set in
+SCALE_M, ROBUST = 0.02, 3.0  # detection noise, and scale of the robust weights
 STIFFNESS = {"spine": 6.0, "collar": 6.0, "hand": 30.0, "foot": 30.0, "pelvis": 0.0}  # else 0.9
 SPELLED = {"Nose": "nose", "Neck": "upper_neck", "Head": "head_top"}
 PARTS = {
@@ -49,14 +49,14 @@ CARRIED_BY = {
 
 
 def carrier(name: str) -> str:
-    """The joint in whose frame an offset of this keypoint is told."""
+    """The joint in whose frame the offset of this keypoint is printed."""
     side = name.partition("_")[0]
-    found = [joint for part, joint in CARRIED_BY.items() if name.endswith(part)]
-    return found[0].format(side) if found else "head"
+    joints = [joint for part, joint in CARRIED_BY.items() if name.endswith(part)]
+    return joints[0].format(side) if joints else "head"
 
 
 def start(model: Model, xyz: dict[str, Tensor]) -> tuple[Tensor, Tensor]:
-    """Trunk upright along the seen one, limbs as in the T pose."""
+    """Orientation and position of the detected trunk, limbs as in the T pose."""
     across = xyz["left_hip"] - xyz["right_hip"]
     up = xyz["left_shoulder"] + xyz["right_shoulder"] - xyz["left_hip"] - xyz["right_hip"]
     x = torch.nn.functional.normalize(across, dim=-1)
@@ -70,14 +70,14 @@ def fit(
     model: Model,
     points: PointSet,
     columns: list[int],
-    seen: Tensor,
+    detected: Tensor,
     R_local: Tensor,
     transl: Tensor,
 ) -> tuple[Shaped, Tensor, Tensor]:
-    """Robust Gauss-Newton over all poses and one shape; seen (T, K, 3), NaN where missing."""
-    frames, betas = len(seen), torch.zeros(10).double()
-    here = torch.isfinite(seen).flatten(1)
-    target = torch.nan_to_num(seen).flatten(1)
+    """Robust Gauss-Newton over all poses and one shape; detected (T, K, 3), NaN where missing."""
+    frames, betas = len(detected), torch.zeros(10).double()
+    here = torch.isfinite(detected).flatten(1)
+    target = torch.nan_to_num(detected).flatten(1)
     names = model.joint_names
     stiff = [next((v for k, v in STIFFNESS.items() if k in n), 0.9) for n in names]
     pull = torch.tensor([*np.repeat(stiff, 3), 0, 0, 0]).double()
@@ -106,14 +106,14 @@ def main() -> None:
     with np.load(sys.argv[1]) as data:
         zup = torch.as_tensor(data["xyz_zup_m"][::EVERY])
         names = [SPELLED[str(name)] for name in data["names"]]
-    seen = zup[..., [1, 2, 0]]  # y up, still right-handed
+    detected = zup[..., [1, 2, 0]]  # y up, still right-handed
     model = load_free_body()
     points = model.points("body25b")
     columns = [points.names.index(name) for name in names]
-    first = {name: seen[:, k] for k, name in enumerate(names)}
-    shaped, R_local, transl = fit(model, points, columns, seen, *start(model, first))
+    first = {name: detected[:, k] for k, name in enumerate(names)}
+    shaped, R_local, transl = fit(model, points, columns, detected, *start(model, first))
     posed = shaped.pose(R_local, transl)
-    offset_mm = 1000 * (seen - posed.keypoints(points)[:, columns])
+    offset_mm = 1000 * (detected - posed.keypoints(points)[:, columns])
     print(f"all keypoints: {offset_mm.square().sum(-1).nanmean().sqrt():.1f} mm RMS")
     for k, name in enumerate(names):
         R_world = posed.R_world[:, model.joint_names.index(carrier(name))]

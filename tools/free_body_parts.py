@@ -1,4 +1,4 @@
-"""Named points on the free body's surface, and which part of a dressed person each face shows."""
+"""Landmarks on the free body's surface, and the part of a dressed person for each face."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from free_body_rig import JOINTS_24, JOINTS_52, Rig, _owner
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-MIX = 8  # vertices of a landmark that is not a vertex itself
+MIX = 8  # vertices of a landmark that is a weighted mean of vertices
 
 # MakeHuman's vertex groups (mpfb2, basemesh_vertex_groups.json, CC0).
 EAR_RADIUS_M = 0.036
@@ -17,7 +17,7 @@ SIDES = (("left", ".L", 1.0), ("right", ".R", -1.0))
 
 
 def bone_vertices(rig: Rig, *prefixes: str, least: float = 0.5) -> NDArray[np.int64]:
-    """Vertices that mostly follow the bones of these prefixes."""
+    """Vertices whose largest weights are those of bones with these prefixes."""
     columns = [i for i, name in enumerate(rig.names) if name.startswith(prefixes)]
     return np.flatnonzero(rig.weights[:, columns].sum(1) > least)
 
@@ -26,30 +26,30 @@ def landmarks(
     mean: Array, directions: Array, rig: Rig, joints: Array, coefficients: Array
 ) -> dict[str, NDArray[np.generic]]:
     """landmark_names (L,), landmark_vertices (L, 8), landmark_weights (L, 8), rows sum to 1."""
-    found: dict[str, tuple[NDArray[np.int64], Array]] = {}
+    marks: dict[str, tuple[NDArray[np.int64], Array]] = {}
 
     def vertex(name: str, candidates: NDArray[np.int64], score: Array) -> None:
         best = candidates[np.argmax(score)]
-        found[name] = np.array([best]), np.ones(1)
+        marks[name] = np.array([best]), np.ones(1)
 
     head = _head_vertices(rig)
     middle = head[np.abs(mean[head, 0]) < 0.01]
     vertex("nose", middle, mean[middle, 2])
     vertex("head_top", middle, mean[middle, 1])
-    nose = mean[found["nose"][0][0]]
+    nose = mean[marks["nose"][0][0]]
     for word, side, sign in SIDES:
         _face(mean, rig, head, nose, word, sign, vertex)
         _foot(mean, rig, word, side, sign, vertex)
         _fingertips(mean, rig, word, side, vertex)
     for joint in range(22, 52):  # knuckles, for bodies without finger joints
-        found[JOINTS_52.names[joint]] = _mix(mean, directions, joints[:, joint], coefficients)
-    vertices = np.zeros((len(found), MIX), dtype=np.uint16)
-    weights = np.zeros((len(found), MIX), dtype=np.float32)
-    for row, (index, share) in enumerate(found.values()):
+        marks[JOINTS_52.names[joint]] = _mix(mean, directions, joints[:, joint], coefficients)
+    vertices = np.zeros((len(marks), MIX), dtype=np.uint16)
+    weights = np.zeros((len(marks), MIX), dtype=np.float32)
+    for row, (index, share) in enumerate(marks.values()):
         vertices[row, : len(index)] = index
         weights[row, : len(index)] = share
     return {
-        "landmark_names": np.array(list(found)),
+        "landmark_names": np.array(list(marks)),
         "landmark_vertices": vertices,
         "landmark_weights": weights,
     }
@@ -106,10 +106,10 @@ def _mix(
 ) -> tuple[NDArray[np.int64], Array]:
     """The 8 nearest vertices, weighted to follow a joint (S, 3) over the shape space."""
     design = np.concatenate([np.ones((len(coefficients), 1)), coefficients], axis=1)
-    wanted = np.linalg.lstsq(design, joint, rcond=None)[0]
-    near = np.argsort(((mean - wanted[0]) ** 2).sum(1))[:MIX]
+    target = np.linalg.lstsq(design, joint, rcond=None)[0]
+    near = np.argsort(((mean - target[0]) ** 2).sum(1))[:MIX]
     rows = np.concatenate([100 * np.ones((1, MIX)), mean[near].T, 0.1 * np.eye(MIX) * 0.02])
-    values = np.concatenate([[100], wanted[0], np.full(MIX, 0.1 * 0.02 / MIX)])
+    values = np.concatenate([[100], target[0], np.full(MIX, 0.1 * 0.02 / MIX)])
     share = np.linalg.lstsq(rows, values, rcond=None)[0]
     return near, share / share.sum()
 
@@ -118,7 +118,7 @@ def face_parts(
     mean: Array, rig: Rig, joints: Array, ears: dict[str, int], eyes: dict[str, int]
 ) -> NDArray[np.uint8]:
     """(F,) 0 skin, 1 hair (and irises), 2 shirt, 3 trousers, 4 shoes, by the T pose."""
-    at = {name: joints[j] for j, name in enumerate(JOINTS_24.names)}
+    place_of = {name: joints[j] for j, name in enumerate(JOINTS_24.names)}
     owner = np.array([_owner(JOINTS_24, name) for name in rig.names])
     dominant = owner[rig.weights.argmax(1)]
     names = np.array(JOINTS_24.names)[dominant]
@@ -153,13 +153,15 @@ def face_parts(
             "right_shoulder",
         ],
     )
-    waist = at["pelvis"][1] + 0.02
-    sleeve = at["left_shoulder"][0] + 0.55 * (at["left_elbow"][0] - at["left_shoulder"][0])
-    collar = at["neck"][1] + 0.01 - 0.35 * (z - at["neck"][2])  # lower in front
+    waist = place_of["pelvis"][1] + 0.02
+    sleeve = place_of["left_shoulder"][0] + 0.55 * (
+        place_of["left_elbow"][0] - place_of["left_shoulder"][0]
+    )
+    collar = place_of["neck"][1] + 0.01 - 0.35 * (z - place_of["neck"][2])  # lower in front
     part[torso & (y >= waist) & (x < sleeve) & ((y < collar) | (x > 0.065))] = 2
     part[(leg | torso) & (y < waist)] = 3
     part[leg & (y >= waist)] = 2
-    part[leg & (y < at["left_ankle"][1] + 0.015)] = 4
+    part[leg & (y < place_of["left_ankle"][1] + 0.015)] = 4
     part[head & _hair(mean, head)] = 1
     for side in ("left", "right"):
         part[head & (np.linalg.norm(mean - mean[ears[side]], axis=1) < EAR_RADIUS_M)] = 0

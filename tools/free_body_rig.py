@@ -1,4 +1,4 @@
-"""From MakeHuman's 163 bones to SMPL's 24 joints and SMPL+H's 52: places, weights, T pose."""
+"""MakeHuman's 163 bones converted to SMPL's 24 joints and SMPL+H's 52: places, weights, T pose."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Mix = Mapping[str, float]  # bone -> weight of its head; "mirror" bones are aver
 
 @dataclass(frozen=True)
 class Rig:
-    """B bones over V vertices; `base` is each vertex' number in MakeHuman's own mesh."""
+    """B bones and V vertices; `base` is each vertex' number in MakeHuman's mesh."""
 
     names: tuple[str, ...]
     parents: tuple[int, ...]
@@ -28,7 +28,7 @@ class Rig:
 
 @dataclass(frozen=True)
 class Joints:
-    """A tree of joints, where they sit (a mix of bone heads) and which bones each takes over."""
+    """A tree of joints, their places (weighted means of bone heads) and the bones each replaces."""
 
     names: tuple[str, ...]
     parents: tuple[int, ...]
@@ -49,7 +49,7 @@ class Joints:
 
 
 def _hip(side: str, other: str) -> Mix:
-    """MakeHuman begins the thigh at its outside; the hip's centre is deeper, at that height."""
+    """MakeHuman's thigh begins at its outside; the hip's centre is deeper, at the same height."""
     inward = 0.11
     return {f"upperleg01.{side}": 1 - inward, f"upperleg01.{other}": inward}
 
@@ -58,7 +58,7 @@ def _mean(*bones: str) -> Mix:
     return {bone: 1 / len(bones) for bone in bones}
 
 
-TORSO = ("root", "pelvis.", "spine", "breast.")  # shared out by height, see `collect_weights`
+TORSO = ("root", "pelvis.", "spine", "breast.")  # distributed by height, see `collect_weights`
 _FACE = (
     "head",
     "jaw",
@@ -137,7 +137,7 @@ JOINTS_52 = _joints([*_BODY, *_hand_52("L", "left", 20, 22), *_hand_52("R", "rig
 
 
 def _owner(joints: Joints, bone: str) -> int:
-    """The joint that takes a bone over: the longest matching prefix, on the same side."""
+    """The joint that replaces a bone: the longest matching prefix, on the same side."""
     best, length = -1, 0
     for j, prefixes in enumerate(joints.bones):
         sided = joints.names[j].startswith(("left_", "right_"))
@@ -150,7 +150,7 @@ def _owner(joints: Joints, bone: str) -> int:
             ):
                 best, length = j, len(prefix)
     if best < 0:
-        raise ValueError(f"bone {bone}: no joint takes it over")
+        raise ValueError(f"bone {bone}: no joint replaces it")
     return best
 
 
@@ -171,7 +171,7 @@ def collect_weights(rig: Rig, mean: Array, joints: Joints, places: Array) -> NDA
 
 
 def _torso_shares(height: Array, joints: Joints, places: Array) -> dict[int, Array]:
-    """Pelvis, spine1, spine2, spine3 fade into each other around the joints between them."""
+    """Weights of pelvis, spine1, spine2, spine3, blended around the joints between them."""
     chain = [joints.names.index(n) for n in ("pelvis", "spine1", "spine2", "spine3")]
     widths = (0.07, 0.06, 0.06)  # metres either side of spine1, spine2, spine3
     above = [np.ones_like(height)]

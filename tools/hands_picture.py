@@ -1,6 +1,6 @@
-"""Fitted hands over an action's videos: `python tools/hands_picture.py taichi out.jpg`.
+"""Contact sheet of fitted hands: `python tools/hands_picture.py taichi out.jpg`.
 
-One row a video, columns at equal times, each a crop about one hand, left and right in turn:
+One row per video, columns at equal times, each a crop of one hand, left and right in turn:
 detected points as dots, the fitted hand as lines. The action must have been run.
 """
 
@@ -43,10 +43,10 @@ def picture(root: Path, action: str) -> np.ndarray:
     keypoints, turned, hands = (stored[s].decode(kind) for s, kind in kinds.items())
     cameras = {c.id: c.K for c in stored["refine_sync"].decode(RefineSync).motion.cameras}
     rows = []
-    for video, camera, found in zip(keypoints.videos, turned.videos, hands.videos, strict=True):
+    for video, camera, fitted in zip(keypoints.videos, turned.videos, hands.videos, strict=True):
         images = [image for _, image in read_rgb(root / "actions" / action / video.video)]
-        h = found.points_m @ cameras[video.id].T
-        xy = (h[..., :2] / h[..., 2:]).reshape(len(found.frames), 42, 2)
+        h = fitted.points_m @ cameras[video.id].T
+        xy = (h[..., :2] / h[..., 2:]).reshape(len(fitted.frames), 42, 2)
         back = np.linalg.inv(camera.H_first_from_frame)
         xy = warp(back[:, None], xy).reshape(-1, 2, 21, 2)
         chosen = np.linspace(0, len(xy) - 1, COLUMNS + 2).round().astype(int)[1:-1]
@@ -59,18 +59,18 @@ def picture(root: Path, action: str) -> np.ndarray:
     return np.vstack(rows)
 
 
-def tile(image: np.ndarray, fit: np.ndarray, seen: np.ndarray, color: tuple) -> np.ndarray:
-    """A crop about a hand: fit (21, 2), seen (21, 2) in pixels."""
+def tile(image: np.ndarray, fit: np.ndarray, detected: np.ndarray, color: tuple) -> np.ndarray:
+    """A crop of a hand; fitted and detected points (21, 2) in pixels."""
     low = np.round(fit.mean(axis=0)).astype(int) - HALF_PX
     padded = cv2.copyMakeBorder(image, *[2 * HALF_PX] * 4, cv2.BORDER_REPLICATE)
     y, x = low[1] + 2 * HALF_PX, low[0] + 2 * HALF_PX
     crop = padded[y : y + 2 * HALF_PX, x : x + 2 * HALF_PX]
     crop = cv2.resize(crop, (TILE, TILE), interpolation=cv2.INTER_CUBIC)
     place = TILE / (2 * HALF_PX)
-    at = [tuple(p) for p in np.round(((fit - low) + 0.5) * place).astype(int).tolist()]
+    corners = [tuple(p) for p in np.round(((fit - low) + 0.5) * place).astype(int).tolist()]
     for a, b in LINES:
-        cv2.line(crop, at[a], at[b], color, 1, cv2.LINE_AA)
-    for point in seen[np.isfinite(seen).all(axis=1)]:
+        cv2.line(crop, corners[a], corners[b], color, 1, cv2.LINE_AA)
+    for point in detected[np.isfinite(detected).all(axis=1)]:
         p = np.round(((point - low) + 0.5) * place).astype(int).tolist()
         cv2.circle(crop, tuple(p), 2, (255, 80, 60), -1, cv2.LINE_AA)
     return crop

@@ -1,6 +1,6 @@
 """Write docs/artifacts.md from the schemas: `python tools/make_artifact_docs.py`.
 
-Every field with its type, its shape, and the comment beside it in the source.
+Every field with its type, its shape, and the comment on its line in the source.
 """
 
 from __future__ import annotations

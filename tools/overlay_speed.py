@@ -1,8 +1,8 @@
-"""How fast films with the body over each frame are written: python tools/overlay_speed.py
+"""Speed of writing videos with the body over each frame: python tools/overlay_speed.py
 
-A made video (moving noise, 1280 x 720) with a body nine tenths as high as the picture; decoding,
-posing, painting and encoding together. Prints frames per second of wall clock, CPU seconds a frame
-and the parts of these.
+A synthetic video (moving noise, 1280 x 720) with a body of 0.9 of the picture's height; decoding,
+posing, painting and encoding together. Prints frames per second of wall-clock time, and CPU time
+per frame, in total and by step.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from imocap_core.artifacts.schemas import VideoKeypoints, VideoMotion
 from imocap_core.body import load_free_body
-from imocap_core.film.filmed_body import FilmedBody
+from imocap_core.film.overlay_body import OverlayBody
 from imocap_core.film.overlay_film import overlay_film
 from imocap_core.io.prefetch import prefetch
 from imocap_core.io.video import read_rgb, write_h264
@@ -28,8 +28,8 @@ SHARE_OF_HEIGHT = 0.9
 BODY_M = 1.75
 
 
-def performer(size: tuple[int, int], frames: int, file: Path) -> FilmedBody:
-    """A body that waves its limbs before the camera."""
+def performer(size: tuple[int, int], frames: int, file: Path) -> OverlayBody:
+    """A body that moves its limbs in front of the camera."""
     model = load_free_body()
     width, height = size
     depth_m = 3.0
@@ -43,7 +43,7 @@ def performer(size: tuple[int, int], frames: int, file: Path) -> FilmedBody:
     layout = "body25"
     count = len(model.points(layout).names)
     nothing = np.full((frames, count), 0.0)
-    seen = VideoKeypoints(
+    keypoints = VideoKeypoints(
         id="made",
         fps=FPS,
         size=size,
@@ -70,11 +70,11 @@ def performer(size: tuple[int, int], frames: int, file: Path) -> FilmedBody:
         reprojection_px=np.zeros(frames),
     )
     names = tuple(model.points(layout).names)
-    return FilmedBody(seen, motion, np.tile(K, (frames, 1, 1)), names, (49, 104, 155), file)
+    return OverlayBody(keypoints, motion, np.tile(K, (frames, 1, 1)), names, (49, 104, 155), file)
 
 
 def noise(size: tuple[int, int], frames: int) -> Iterator[NDArray[np.uint8]]:
-    """Coarse noise that moves: neither trivial nor hopeless for the codec."""
+    """Coarse noise that moves: neither trivial nor incompressible for the codec."""
     rng = np.random.default_rng(7)
     width, height = size
     coarse = rng.integers(40, 200, (height // 16 + frames, width // 16, 3), dtype=np.uint8)
@@ -83,11 +83,11 @@ def noise(size: tuple[int, int], frames: int) -> Iterator[NDArray[np.uint8]]:
 
 
 def main() -> None:
-    """Measure and say."""
-    words = argparse.ArgumentParser(description=__doc__)
-    words.add_argument("--size", default="1280x720")
-    words.add_argument("--frames", type=int, default=120)
-    given = words.parse_args()
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--size", default="1280x720")
+    parser.add_argument("--frames", type=int, default=120)
+    given = parser.parse_args()
     width, height = map(int, given.size.split("x"))
     size, model = (width, height), load_free_body()
     with tempfile.TemporaryDirectory() as folder:

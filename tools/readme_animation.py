@@ -16,7 +16,7 @@ from PIL import Image
 
 from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync
 from imocap_core.body import load_free_body
-from imocap_core.film.filmed_body import Painter, filmed_bodies
+from imocap_core.film.overlay_body import Painter, overlay_bodies
 from imocap_core.film.phase_bar import lock_step
 from imocap_core.library.outputs import result_of
 
@@ -24,19 +24,19 @@ ROOT = Path(__file__).resolve().parents[1]
 
 
 def main() -> None:
-    """Write the animation and say how large it is."""
-    words = argparse.ArgumentParser(description=__doc__)
-    words.add_argument("action")
-    words.add_argument("out", type=Path)
-    words.add_argument("--width", type=int, default=840, help="pixels")
-    words.add_argument("--every", type=int, default=3, help="one of so many moments")
-    words.add_argument("--quality", type=int, default=45, help="of WebP, 0 to 100")
-    words.add_argument("--opacity", type=float, default=0.75)
-    given = words.parse_args()
+    """Write the animation and print its size."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("action")
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--width", type=int, default=840, help="pixels")
+    parser.add_argument("--every", type=int, default=3, help="use every n-th moment")
+    parser.add_argument("--quality", type=int, default=45, help="of WebP, 0 to 100")
+    parser.add_argument("--opacity", type=float, default=0.75)
+    given = parser.parse_args()
     result, model = result_of(given.action, ROOT), load_free_body()
     keypoints, refined = result.artifacts.get(Keypoints), result.artifacts.get(RefineSync)
     files = {video.id: video.video for video in result}
-    bodies = filmed_bodies(
+    bodies = overlay_bodies(
         keypoints,
         result.artifacts.get(CameraMotion),
         refined.motion.videos,

@@ -56,21 +56,21 @@ def main() -> None:
         for scene in scenes_of(kind, args.seed):
             if args.only not in scene.name:
                 continue
-            own = chosen if scene.max_rate is None else replace(chosen, max_rate=scene.max_rate)
+            limited = chosen if scene.max_rate is None else replace(chosen, max_rate=scene.max_rate)
             began = time.perf_counter()
             n = args.videos
-            found = synchronise(
-                scene.poses[:n], fps=scene.fps[:n], params=own, rng=np.random.default_rng(0)
+            sync = synchronise(
+                scene.poses[:n], fps=scene.fps[:n], params=limited, rng=np.random.default_rng(0)
             )
             took = time.perf_counter() - began
-            score = score_maps(scene, found.reference, found.reference_frame, found.confidence)
+            score = score_maps(scene, sync.reference, sync.reference_frame, sync.confidence)
             rows.append(astuple(score))
             event = ""
             if scene.events is not None:
-                errors = event_errors_frames(scene, found.reference, found.reference_frame)
+                errors = event_errors_frames(scene, sync.reference, sync.reference_frame)
                 event = f"  event {np.array2string(np.sort(errors), precision=1)}"
             print(
-                f"{scene.name:32s} N {scene.frames:5d} ref {found.reference}  "
+                f"{scene.name:32s} N {scene.frames:5d} ref {sync.reference}  "
                 + "{:6.2f} % {:6.2f} fr  matched {:.2f}  <=1 {:.2f}  conf {:.2f}".format(*rows[-1])
                 + f"  {took:.1f} s{event}",
                 flush=True,

@@ -27,8 +27,8 @@ from imocap_core.pipeline.source import closure
 from imocap_core.synthetic.cameras import stature_px
 from imocap_core.synthetic.captured import CAMERA_PLACEMENTS
 from imocap_core.synthetic.rendered import (
-    FilmedBody,
-    film_body,
+    FilmedMotion,
+    film_motion,
     render_frames,
     true_points_px,
     viewed_side,
@@ -84,7 +84,7 @@ def _write(
     for v, (captured, motion) in enumerate(zip(videos, motions, strict=True)):
         video = f"v{v + 1}"
         report((v + 1) / (len(videos) + 1), f"rendering {video}")
-        filmed = film_body(motion, shaped, CAMERA_PLACEMENTS[v], size)
+        filmed = film_motion(motion, shaped, CAMERA_PLACEMENTS[v], size)
         file = folder / "videos" / f"{video}.mp4"
         write_h264(file, render_frames(filmed, shaped, v, SEED), captured.fps, crf=CRF)
         truth |= _with_body_joints(captured, filmed).truth(video, filmed.K, filmed.R, filmed.t)
@@ -97,7 +97,7 @@ def _write(
     (folder / "action.yaml").write_text(yaml.safe_dump(action, sort_keys=False))
 
 
-def _with_body_joints(captured: CapturedVideo, filmed: FilmedBody) -> CapturedVideo:
+def _with_body_joints(captured: CapturedVideo, filmed: FilmedMotion) -> CapturedVideo:
     """The video with the rendered body's joints as truth, on the floor of the captured motion."""
     lifted = captured.R_common_from_scene @ np.array([0.0, 0.0, filmed.floor_m])
     return replace(
@@ -108,7 +108,7 @@ def _with_body_joints(captured: CapturedVideo, filmed: FilmedBody) -> CapturedVi
     )
 
 
-def true_points(filmed: FilmedBody, shaped: Shaped) -> dict[str, Any]:
+def true_points(filmed: FilmedMotion, shaped: Shaped) -> dict[str, Any]:
     """True pixels of the layout's points, the person's height in pixels, and the side of view."""
     xy_px, depth_m = true_points_px(filmed, shaped, BODY_LAYOUT)
     return {

@@ -1,4 +1,4 @@
-"""Body models as immutable values: Model -> Shaped -> Posed -> Mesh, keypoints, derivatives."""
+"""SMPL-family body models as immutable values: Model -> Shaped -> Posed -> Mesh, and keypoints."""
 
 from imocap_core.body.free import load_free_body
 from imocap_core.body.jacobian import keypoints_with_jacobian, points_with_jacobian

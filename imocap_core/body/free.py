@@ -1,4 +1,4 @@
-"""The free body that ships with the package: SMPL's tree and format, CC0 data, no registration.
+"""The free body that ships with the package: SMPL's kinematic tree and format, CC0 data.
 
 Made by tools/make_free_body.py from MakeHuman's CC0 mesh, bones and shape targets; see
 data/free_body.LICENSE.md and data/free_body.PROVENANCE.md. 13,492 vertices, 10 betas of unit
@@ -14,7 +14,6 @@ from importlib import resources
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from imocap_core.body.model import Model
 from imocap_core.body.protocols import Landmark
@@ -51,7 +50,7 @@ def load_free_body(
 
 
 @lru_cache(maxsize=1)
-def _arrays() -> dict[str, NDArray[np.generic]]:
+def _arrays() -> dict[str, np.ndarray]:
     source = resources.files("imocap_core.body") / "data" / "free_body.npz"
     with source.open("rb") as stream, np.load(stream) as archive:
         return {name: archive[name] for name in archive.files}
@@ -64,8 +63,8 @@ def _digest(prefix: str) -> str:
     return digest_of(arrays[name] for name in (*names, f"{prefix}kintree_table"))
 
 
-def digest_of(arrays: Iterable[NDArray[np.generic]]) -> str:
-    """SHA-256 over shapes, types and values: the same body has the same digest everywhere."""
+def digest_of(arrays: Iterable[np.ndarray]) -> str:
+    """SHA-256 over shapes, types and values: the same for the same body on every machine."""
     total = hashlib.sha256()
     for array in arrays:
         total.update(f"{array.dtype.str}{array.shape}".encode())

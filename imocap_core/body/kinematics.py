@@ -1,4 +1,4 @@
-"""Forward kinematics of a joint tree, every joint of a depth at once."""
+"""Forward kinematics of a joint tree, all joints of one depth at a time."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from functools import lru_cache
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 
 @lru_cache(maxsize=64)
 def tree_levels(parents: tuple[int, ...]) -> tuple[tuple[int, ...], ...]:
-    """Joints grouped by their depth below the root: level 0 is the root alone."""
+    """Joints grouped by their depth below the root; the first group is the root."""
     depth = [0] * len(parents)
     for joint, parent in enumerate(parents[1:], start=1):
         depth[joint] = depth[parent] + 1
@@ -31,16 +32,18 @@ def check_tree(parents: Sequence[int]) -> None:
             )
 
 
-def ancestors(parents: Sequence[int]) -> Tensor:
-    """A (J, J) float64 with A[j, a] = 1 where a is j itself or above it, else 0."""
+def ancestors(parents: Sequence[int]) -> Float[Tensor, "J J"]:
+    """Ancestor matrix A, float64: A[j, a] = 1 where a is j itself or an ancestor of j, else 0."""
     table = torch.eye(len(parents), dtype=torch.float64)
     for joint, parent in enumerate(parents[1:], start=1):
         table[joint] += table[parent]
     return table
 
 
-def world_rotations(R_local: Tensor, parents: tuple[int, ...]) -> Tensor:
-    """Compose local rotations down the tree: (..., J, 3, 3) -> (..., J, 3, 3)."""
+def world_rotations(
+    R_local: Float[Tensor, "... J 3 3"], parents: tuple[int, ...]
+) -> Float[Tensor, "... J 3 3"]:
+    """World rotations of the joints: local rotations composed down the tree."""
     levels = tree_levels(parents)
     if len(levels) == 1:
         return R_local
@@ -56,11 +59,14 @@ def world_rotations(R_local: Tensor, parents: tuple[int, ...]) -> Tensor:
 
 
 def joint_positions(
-    R_world: Tensor, joints_rest: Tensor, transl: Tensor, parents: tuple[int, ...]
-) -> Tensor:
-    """World joints (..., J, 3) in metres: each hangs off its parent by the rest-pose bone.
+    R_world: Float[Tensor, "... J 3 3"],
+    joints_rest: Float[Tensor, "... J 3"],
+    transl: Float[Tensor, "... 3"],
+    parents: tuple[int, ...],
+) -> Float[Tensor, "... J 3"]:
+    """World positions of the joints, metres: each is its parent's plus the rotated rest-pose bone.
 
-    The pelvis is at ``joints_rest[0] + transl``. All shapes broadcast over leading axes.
+    The pelvis is at ``joints_rest[0] + transl``. Leading axes broadcast.
     """
     if len(parents) == 1:
         return joints_rest + transl[..., None, :]

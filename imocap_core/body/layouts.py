@@ -26,7 +26,7 @@ _FIXED: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Keypoint:
-    """One column of a layout: the detector's name, and the point of the body it sits at."""
+    """One column of a layout: the detector's name, and the point of the body at which it lies."""
 
     name: str
     point: str
@@ -38,25 +38,25 @@ def layouts() -> tuple[str, ...]:
 
 
 def layout_names(layout: str) -> tuple[str, ...]:
-    """All K keypoint names of a layout in the detector's order, those that no body has included."""
+    """All K keypoint names of a layout in the detector's order, including those of no body."""
     return tuple(keypoint.name for keypoint in layout_keypoints(layout))
 
 
 @lru_cache(maxsize=64)
 def layout_keypoints(layout: str) -> tuple[Keypoint, ...]:
-    """The columns of a layout. ValueError lists the known layouts when there is no such one."""
+    """The columns of a layout. ValueError for an unknown layout lists all layouts."""
     if layout not in layouts():
-        raise ValueError(f"layout {layout!r} is not known; known are: {', '.join(layouts())}")
+        raise ValueError(f"layout: expected one of {', '.join(layouts())}, got {layout!r}")
     return tuple(_expand(layout))
 
 
 def body_layout(layout: str) -> str:
-    """The layout of a whole-body layout's first points, body and feet; any other layout itself."""
+    """The layout of the body and feet of a whole-body layout; any other layout itself."""
     return {"wholebody133": "coco23", "halpe136": "halpe26"}.get(layout, layout)
 
 
 def hand_columns(layout: str) -> list[list[int]] | None:
-    """Columns of the left and of the right hand's 21 points, of layouts that have them."""
+    """Columns of the left and of the right hand's 21 points; None for layouts without them."""
     names = layout_names(layout)
     hands = [layout_names(f"{side}_hand21") for side in ("left", "right")]
     if not all(name in names for hand in hands for name in hand):
@@ -65,15 +65,16 @@ def hand_columns(layout: str) -> list[list[int]] | None:
 
 
 def layout_points(model: ModelArrays, layout: str) -> PointSet:
-    """A layout on a body. What the body cannot provide is left out: see `PointSet.columns`."""
-    found = [
+    """The points of a layout on a body, without those that the body does not have (see
+    `PointSet.columns`). ValueError when the body has none of them."""
+    available = [
         (column, keypoint.name, mix)
         for column, keypoint in enumerate(layout_keypoints(layout))
         if (mix := _locate(model, keypoint.point)) is not None
     ]
-    if not found:
+    if not available:
         raise ValueError(f"layout {layout}: body model {model.name} has none of its keypoints")
-    columns, names, mixes = zip(*found, strict=True)
+    columns, names, mixes = zip(*available, strict=True)
     points = make_points(model, names, [mix[0] for mix in mixes], [mix[1] for mix in mixes])
     return replace(points, columns=columns)
 

@@ -1,9 +1,9 @@
-"""The body as immutable values: Model -> Shaped -> Posed -> Mesh.
+"""The SMPL body model as immutable values: Model -> Shaped -> Posed -> Mesh.
 
-Each stage adds one thing (a shape, a pose, a surface) and keeps what came before, so nothing is
+Each value adds a shape, a pose or a surface to the one before and refers to it, so nothing is
 computed twice and nothing can be out of date. All arrays are torch tensors of one device and
-dtype; everything broadcasts over leading axes, e.g. betas (M, 1, 10) with R_local
-(M, T, 24, 3, 3). Model and formulas: Loper et al., "SMPL", SIGGRAPH Asia 2015.
+dtype; leading axes broadcast, e.g. betas (M, 1, 10) with R_local (M, T, 24, 3, 3). Model and
+formulas: Loper et al., "SMPL", SIGGRAPH Asia 2015.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import torch
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from imocap_core.body.kinematics import check_tree, joint_positions, world_rotations
@@ -24,40 +25,42 @@ from imocap_core.body.skinning import skin
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A skinned body: y up, facing +z, x to its left, metres.
+    """A skinned body model: y up, facing +z, x to its left, metres.
 
     Attributes
     ----------
-    name, digest: which body this is; the digest covers every number that moves a vertex.
-    joint_names (J), parents (J): the joint tree; joint 0 is the root, of parent -1.
-    v_template (V, 3), faces (F, 3): the mean surface at rest.
-    shapedirs (V, 3, B): displacement per unit of each shape coefficient. The first `num_betas`
-        are the person's shape, the rest (SMPL-X) facial expression.
-    posedirs (V, 3, 9 (J - 1)) or None: pose blend shapes, per entry of ``R_local[1:] - I``.
-    J_regressor (J, V): rest joints from rest vertices. weights (V, J): skinning, rows sum to 1.
-    landmarks: named surface points, each a weighted mix of vertices.
-    face_parts (F,), part_names: which part of a person a face shows (skin, hair, shirt, ...).
-    hand_pca: (mean (45,), components (45, 45)) of "left" and "right" axis-angle hand poses.
+    name, digest: identity of the body; the digest covers every number that moves a vertex.
+    joint_names, parents: the J joints of the kinematic tree; joint 0 is the root, of parent -1.
+    v_template, faces: the mean surface at rest.
+    shapedirs: displacement per unit of each shape coefficient. The first `num_betas` are the
+        person's shape, the rest (SMPL-X) facial expression.
+    posedirs: pose blend shapes, per entry of ``R_local[1:] - I``: P = 9 (J - 1).
+    J_regressor: rest joints from rest vertices. weights: skinning weights, rows sum to 1.
+    landmarks: named surface points, each a weighted mean of vertices.
+    face_parts, part_names: the part of a person to which each face belongs (skin, hair, ...).
+    hand_pca: mean and components of "left" and "right" axis-angle hand poses.
     """
 
     name: str
     joint_names: tuple[str, ...]
     parents: tuple[int, ...]
-    v_template: Tensor
-    shapedirs: Tensor
-    J_regressor: Tensor
-    weights: Tensor
-    faces: Tensor
+    v_template: Float[Tensor, "V 3"]
+    shapedirs: Float[Tensor, "V 3 B"]
+    J_regressor: Float[Tensor, "J V"]
+    weights: Float[Tensor, "V J"]
+    faces: Int[Tensor, "F 3"]
     digest: str = ""
     num_betas: int = 10
-    posedirs: Tensor | None = None
+    posedirs: Float[Tensor, "V 3 P"] | None = None
     landmarks: Mapping[str, Landmark] = field(default_factory=dict)
-    face_parts: Tensor | None = None
+    face_parts: Int[Tensor, " F"] | None = None
     part_names: tuple[str, ...] = ()
-    hand_pca: Mapping[str, tuple[Tensor, Tensor]] = field(default_factory=dict)
+    hand_pca: Mapping[str, tuple[Float[Tensor, "45"], Float[Tensor, "_ 45"]]] = field(
+        default_factory=dict
+    )
 
     def __post_init__(self) -> None:
-        """Check that the arrays belong together; ValueError names every one that does not."""
+        """Check the shapes of the arrays; ValueError names every one that does not fit."""
         check_tree(self.parents)
         vertices, joints = self.v_template.shape[0], len(self.parents)
         expected: dict[str, tuple[int, ...]] = {
@@ -90,19 +93,22 @@ class Model:
         return self.v_template.dtype
 
     @cached_property
-    def joints_template(self) -> Tensor:
-        """Rest joints (J, 3) of the mean shape."""
+    def joints_template(self) -> Float[Tensor, "J 3"]:
+        """Rest joints of the mean shape."""
         return self.J_regressor @ self.v_template
 
     @cached_property
-    def joints_shapedirs(self) -> Tensor:
-        """(J, 3, B): how rest joints move per unit of each shape coefficient."""
+    def joints_shapedirs(self) -> Float[Tensor, "J 3 B"]:
+        """Displacement of the rest joints per unit of each shape coefficient."""
         return torch.einsum("jv,vcb->jcb", self.J_regressor, self.shapedirs)
 
-    def shape(self, betas: Tensor, expression: Tensor | None = None) -> Shaped:
-        """Give the body a shape: betas (..., n), n at most `num_betas`; missing ones are 0.
+    def shape(
+        self, betas: Float[Tensor, "... n"], expression: Float[Tensor, "... m"] | None = None
+    ) -> Shaped:
+        """The body with a shape: at most `num_betas` betas; missing ones are 0.
 
-        expression (..., m): facial expression of bodies that have it (SMPL-X).
+        expression: facial expression of bodies that have it (SMPL-X). ValueError for too many
+        coefficients.
         """
         expressions = self.shapedirs.shape[-1] - self.num_betas
         if betas.shape[-1] > self.num_betas:
@@ -123,36 +129,37 @@ class Model:
 
     def points(self, layout: str) -> PointSet:
         """The keypoints of a layout ("body25", "coco17", "smpl24", ...) on this body."""
-
         return layout_points(self, layout)
 
 
 @dataclass(frozen=True, eq=False)
 class Shaped:
-    """A body of a certain shape, at rest. coefficients (..., n): betas, then expression."""
+    """A body with a shape, at rest. coefficients: betas, then expression."""
 
     model: Model
-    coefficients: Tensor
+    coefficients: Float[Tensor, "... n"]
 
     @cached_property
-    def joints_rest(self) -> Tensor:
-        """Rest joints (..., J, 3), metres."""
+    def joints_rest(self) -> Float[Tensor, "... J 3"]:
+        """Rest joints, metres."""
         count = self.coefficients.shape[-1]
         directions = self.model.joints_shapedirs[..., :count]
         offsets = self.coefficients @ directions.flatten(0, 1).T
         return self.model.joints_template + offsets.unflatten(-1, directions.shape[:2])
 
     @cached_property
-    def vertices_rest(self) -> Tensor:
-        """Rest surface (..., V, 3), metres, before pose blend shapes."""
+    def vertices_rest(self) -> Float[Tensor, "... V 3"]:
+        """Rest surface, metres, before pose blend shapes."""
         count = self.coefficients.shape[-1]
         directions = self.model.shapedirs[..., :count]
         offsets = self.coefficients @ directions.flatten(0, 1).T
         return self.model.v_template + offsets.unflatten(-1, directions.shape[:2])
 
-    def pose(self, R_local: Tensor, transl: Tensor) -> Posed:
-        """Pose it: R_local (..., J, 3, 3) rotations relative to the parent joint (joint 0: to the
-        world, about the pelvis), transl (..., 3) metres added to everything.
+    def pose(self, R_local: Float[Tensor, "..."], transl: Float[Tensor, "..."]) -> Posed:
+        """The body in a pose.
+
+        R_local (..., J, 3, 3): rotations relative to the parent joint (joint 0: to the world, about
+        the pelvis). transl (..., 3): metres, added to everything. ValueError for other shapes.
         """
         joints = len(self.model.parents)
         if R_local.shape[-3:] != (joints, 3, 3):
@@ -167,33 +174,31 @@ class Shaped:
 
 @dataclass(frozen=True, eq=False)
 class Posed:
-    """A shaped body in a pose; R_world (..., J, 3, 3) are the joints' world rotations."""
+    """A shaped body in a pose, with the world rotations of its joints."""
 
     shaped: Shaped
-    R_local: Tensor
-    transl: Tensor
-    R_world: Tensor
+    R_local: Float[Tensor, "... J 3 3"]
+    transl: Float[Tensor, "... 3"]
+    R_world: Float[Tensor, "... J 3 3"]
 
     @cached_property
-    def joints(self) -> Tensor:
-        """World joints (..., J, 3), metres."""
+    def joints(self) -> Float[Tensor, "... J 3"]:
+        """World joints, metres."""
         shaped = self.shaped
         return joint_positions(self.R_world, shaped.joints_rest, self.transl, shaped.model.parents)
 
-    def keypoints(self, points: PointSet) -> Tensor:
-        """World positions (..., K, 3) of a layout's keypoints, metres."""
-
+    def keypoints(self, points: PointSet) -> Float[Tensor, "... K 3"]:
+        """World positions of a layout's keypoints, metres."""
         return place_points(self, points)
 
     def mesh(self) -> Mesh:
-        """Skin the whole surface: never needed to fit, only to look at."""
-
+        """The skinned surface: needed for pictures and exports, not for fitting."""
         return Mesh(skin(self), self.shaped.model.faces)
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A posed surface: vertices (..., V, 3) in metres, faces (F, 3)."""
+    """A posed surface, metres."""
 
-    vertices: Tensor
-    faces: Tensor
+    vertices: Float[Tensor, "... V 3"]
+    faces: Int[Tensor, "F 3"]

@@ -1,6 +1,6 @@
-"""SMPL, SMPL+H and SMPL-X from the user's own files (.pkl or .npz as downloaded).
+"""SMPL, SMPL+H and SMPL-X from official files (.pkl or .npz as downloaded).
 
-Nothing of these models ships with the package: their licences ask each user to register at
+Nothing of these models ships with the package: their licences require each user to register at
 smpl.is.tue.mpg.de, mano.is.tue.mpg.de or smpl-x.is.tue.mpg.de.
 """
 
@@ -9,13 +9,13 @@ from __future__ import annotations
 import re
 import zipfile
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from jaxtyping import Int64
 
 from imocap_core.body.free import digest_of
 from imocap_core.body.landmarks import find_landmarks, static_face_landmarks
@@ -33,10 +33,10 @@ _SMPLX_SPLIT = {400: 300}  # SMPL-X 1.1: 300 betas, 100 expressions; 1.0 and oth
 def load_body(
     path: Path | str, device: torch.device | str = "cpu", dtype: torch.dtype = torch.float64
 ) -> Model:
-    """A body model from a file in SMPL's, SMPL+H's or SMPL-X's format; the joint count decides.
+    """A body model from a file in SMPL's, SMPL+H's or SMPL-X's format, by its number of joints.
 
-    Raises ValueError, with the file and the field, for what cannot be read, is unsafe or does not
-    fit together.
+    Raises ValueError, with the file and the field, for files that cannot be read, are unsafe or
+    inconsistent.
     """
     path = Path(path)
     arrays = _read(path)
@@ -51,11 +51,11 @@ def load_body(
     shapes = arrays["shapedirs"].shape[-1]
     posedirs = arrays.get("posedirs")
 
-    def tensor(array: NDArray[np.generic]) -> torch.Tensor:
+    def tensor(array: np.ndarray) -> torch.Tensor:
         return torch.as_tensor(np.ascontiguousarray(array, dtype=np.float64)).to(device, dtype)
 
     try:
-        return Model(
+        model = Model(
             name=f"{kind}:{path.stem}",
             joint_names=names,
             parents=_parents(tree),
@@ -67,20 +67,20 @@ def load_body(
             digest=_digest(arrays),
             num_betas=_betas(kind, shapes),
             posedirs=None if posedirs is None or posedirs.size == 0 else tensor(posedirs),
-            landmarks=_landmarks(arrays, names),
             hand_pca={
                 side: (tensor(arrays[f"hands_mean{s}"]), tensor(arrays[f"hands_components{s}"]))
                 for side, s in (("left", "l"), ("right", "r"))
                 if f"hands_mean{s}" in arrays and f"hands_components{s}" in arrays
             },
         )
+        return replace(model, landmarks=_landmarks(arrays, names))  # of arrays that fit together
     except (ValueError, IndexError) as error:
         raise ValueError(f"{path}: {error}") from error
 
 
-def _read(path: Path) -> dict[str, NDArray[np.generic]]:
+def _read(path: Path) -> dict[str, np.ndarray]:
     if not path.is_file():
-        raise ValueError(f"{path}: there is no such body model file")
+        raise ValueError(f"{path}: no such body model file")
     if path.suffix not in (".pkl", ".npz"):
         raise ValueError(f"{path}: expected a body model as .pkl or .npz")
     content = read_model_pickle(path) if path.suffix == ".pkl" else _read_npz(path)
@@ -98,16 +98,16 @@ def _read_npz(path: Path) -> dict[str, Any]:
         raise ValueError(f"{path}: refused, expected an .npz of plain numeric arrays")
     try:
         with np.load(path, allow_pickle=False) as archive:
-            wanted = [n for n in (*_NEEDED, *_OPTIONAL) if n in archive.files]
-            return {name: archive[name] for name in wanted}
+            names = [n for n in (*_NEEDED, *_OPTIONAL) if n in archive.files]
+            return {name: archive[name] for name in names}
     except (ValueError, OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise ValueError(
             f"{path}: refused, expected an .npz of plain numeric arrays: {error}"
         ) from error
 
 
-def _parents(tree: NDArray[np.int64]) -> tuple[int, ...]:
-    """Row 0 holds each joint's parent by its number in row 1; the root's is -1 or 2^32 - 1."""
+def _parents(tree: Int64[np.ndarray, "2 J"]) -> tuple[int, ...]:
+    """Row 0 has each joint's parent by its number in row 1; the root's is -1 or 2^32 - 1."""
     place = {int(number): column for column, number in enumerate(tree[1])}
     return (-1, *(place.get(int(number), -1) for number in tree[0, 1:]))
 
@@ -116,35 +116,36 @@ def _betas(kind: str, shapes: int) -> int:
     return _SMPLX_SPLIT.get(shapes, min(10, shapes)) if kind == "smplx" else shapes
 
 
-def _digest(arrays: dict[str, NDArray[np.generic]]) -> str:
-    """Of values, not of storage: a .pkl and an .npz of one model agree."""
+def _digest(arrays: dict[str, np.ndarray]) -> str:
+    """Of values, not of storage: the same for a .pkl and an .npz of one model."""
     moving = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table")
     return digest_of(np.asarray(arrays[n], dtype=np.float64) for n in moving if n in arrays)
 
 
-def _landmarks(arrays: dict[str, NDArray[np.generic]], names: tuple[str, ...]) -> dict[str, Any]:
+def _landmarks(arrays: dict[str, np.ndarray], names: tuple[str, ...]) -> dict[str, Any]:
     template = np.asarray(arrays["v_template"], dtype=np.float64)
     rest = np.asarray(arrays["J_regressor"], dtype=np.float64) @ template
-    found = find_landmarks(template, np.asarray(arrays["weights"], dtype=np.float64), rest, names)
+    weights = np.asarray(arrays["weights"], dtype=np.float64)
+    landmarks = find_landmarks(template, weights, rest, names)
     if "lmk_faces_idx" in arrays and "lmk_bary_coords" in arrays:
-        found |= static_face_landmarks(
+        landmarks |= static_face_landmarks(
             arrays["f"].astype(np.int64),
             arrays["lmk_faces_idx"].astype(np.int64),
             np.asarray(arrays["lmk_bary_coords"], dtype=np.float64),
         )
-    return found
+    return landmarks
 
 
 @dataclass(frozen=True)
 class ModelStatus:
-    """One line of `imocap doctor`: a body model, the file it was found in, what to do if not."""
+    """One line of `imocap doctor`: a body model, its file if there is one, and a note."""
 
     name: str
     path: Path | None
     note: str
 
 
-# The names the downloads have; SMPL+H comes as smplh_male.pkl or as smplh/male/model.npz.
+# File names of the downloads; SMPL+H is smplh_male.pkl or smplh/male/model.npz.
 _FILES = {
     "SMPL": (r"(smpl_|basic_?model_)[^/]*\.(pkl|npz)", "https://smpl.is.tue.mpg.de"),
     "SMPL+H": (r"smplh(_\w+|/\w+/model)\.(pkl|npz)", "https://mano.is.tue.mpg.de"),
@@ -153,17 +154,17 @@ _FILES = {
 
 
 def model_status(folder: Path | None) -> list[ModelStatus]:
-    """Which body models there are: the free one always, official ones by name below `folder`.
+    """The available body models: the free one always, official ones by file name below `folder`.
 
-    Files are only looked for, not read; `load_body` says whether they are sound.
+    Files are not read; `load_body` checks them.
     """
     rows = [ModelStatus("free body", None, "ships with imocap; nothing to install")]
     files = [] if folder is None or not folder.is_dir() else sorted(folder.rglob("*"))
     for name, (pattern, home) in _FILES.items():
         named = re.compile(f".*/{pattern}", re.IGNORECASE)
-        found = [f for f in files if named.fullmatch(f.resolve().as_posix())]
-        rows += [ModelStatus(name, file, "found") for file in found]
-        if not found:
+        matching = [f for f in files if named.fullmatch(f.resolve().as_posix())]
+        rows += [ModelStatus(name, file, "found") for file in matching]
+        if not matching:
             where = "none, no folder given" if folder is None else f"none below {folder}"
             rows.append(ModelStatus(name, None, f"{where}; optional, register at {home}"))
     return rows

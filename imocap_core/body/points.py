@@ -1,12 +1,12 @@
-"""Keypoints as levers: joints and surface points without ever skinning the surface.
+"""Keypoints as levers: joints and surface points without skinning the whole surface.
 
-A point that is a mix of joints and skinned vertices, with weights that sum to 1, is
+A point that is a weighted mean of joints and skinned vertices is
 
     p = root + sum_k R_world_k @ lever_k,        root = joints_rest[0] + transl
 
 where lever_k, a vector in the frame of joint k, is linear in the shape (and, where a model has
-pose blend shapes, in the entries of the local rotations). It collects what joint k carries:
-its share of the surface vertices, and its bones towards the joints below that carry the rest.
+pose blend shapes, in the entries of the local rotations). It is the sum of the surface vertices
+that joint k moves, by their weights, and of its bones towards the joints below that move the rest.
 So a layout on any number of bodies is one matrix product, and so are its derivatives.
 """
 
@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import torch
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from imocap_core.body.kinematics import ancestors
@@ -27,13 +28,13 @@ from imocap_core.body.protocols import ModelArrays, PosedArrays, ShapedArrays
 class Corrections:
     """Pose blend shapes of the U vertices that a layout uses.
 
-    directions (U, 3, 9 (J - 1)); shares (K, U): weight of each vertex in each point;
-    weights (U, J): skinning weights of these vertices.
+    directions: per entry of ``R_local[1:] - I``, P = 9 (J - 1). shares: weight of each vertex in
+    each of K points. weights: skinning weights of the vertices.
     """
 
-    directions: Tensor
-    shares: Tensor
-    weights: Tensor
+    directions: Float[Tensor, "U 3 P"]
+    shares: Float[Tensor, "K U"]
+    weights: Float[Tensor, "U J"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,30 +43,30 @@ class PointSet:
 
     Attributes
     ----------
-    names (K,). columns (K,): which columns of the layout they are, 0 to K - 1 unless the layout has
-        keypoints that the body cannot provide: compare with ``xy[..., list(columns), :]``.
-    levers_template (K, J, 3) metres, levers_shapedirs (K, J, 3, B).
-    moved_by (K, J) bool: whether the rotation of a joint moves the point.
-    below (J, J): below[k, j] is 1 where joint j is k or hangs below it, else 0.
+    names, columns: names and columns of the layout. Columns are 0 to K - 1 unless the layout has
+        keypoints that the body does not have: compare with ``xy[..., list(columns), :]``.
+    levers_template, levers_shapedirs: metres, and per unit of each shape coefficient.
+    moved_by: whether the rotation of a joint moves the point.
+    below: below[k, j] is 1 where joint j is k or a descendant of k, else 0.
     """
 
     names: tuple[str, ...]
-    levers_template: Tensor
-    levers_shapedirs: Tensor
-    moved_by: Tensor
-    below: Tensor
+    levers_template: Float[Tensor, "K J 3"]
+    levers_shapedirs: Float[Tensor, "K J 3 B"]
+    moved_by: Bool[Tensor, "K J"]
+    below: Float[Tensor, "J J"]
     columns: tuple[int, ...]
     corrections: Corrections | None = None
 
     @cached_property
     def movers(self) -> int:
-        """How many joints there are up to the last one that moves a point."""
+        """Number of joints up to the last one that moves a point."""
         if self.corrections is not None:
             return self.moved_by.shape[1]
         return 1 + max(self.moved_by.any(0).nonzero()[:, 0].tolist(), default=0)
 
-    def levers(self, shaped: ShapedArrays) -> Tensor:
-        """(..., K, J, 3) for a shape, before pose blend shapes."""
+    def levers(self, shaped: ShapedArrays) -> Float[Tensor, "... K J 3"]:
+        """Levers of a shape, before pose blend shapes."""
         count = shaped.coefficients.shape[-1]
         directions = self.levers_shapedirs[..., :count]
         offsets = shaped.coefficients @ directions.flatten(0, -2).T
@@ -73,7 +74,7 @@ class PointSet:
 
 
 def pick_points(points: PointSet, names: Sequence[str]) -> PointSet:
-    """Some points of a set, by name."""
+    """A subset of the points, by name."""
     rows = [points.names.index(name) for name in names]
     corrections = points.corrections
     if corrections is not None:
@@ -95,9 +96,9 @@ def make_points(
     joint_shares: Sequence[Mapping[int, float]],
     vertex_shares: Sequence[Mapping[int, float]],
 ) -> PointSet:
-    """Points from their mixes: for each point, weights of joints and weights of vertices.
+    """Points as weighted means: for each point, weights of joints and weights of vertices.
 
-    Raises ValueError for a point whose weights do not sum to 1 (it would not move with the body).
+    Raises ValueError for points whose weights do not sum to 1 (they would not move with the body).
     """
     joints, vertices = (
         _table(joint_shares, len(model.parents)),
@@ -117,7 +118,7 @@ def make_points(
 
 
 def join_points(sets: Sequence[PointSet]) -> PointSet:
-    """Several sets of points on one model as one, in order; `columns` stay those of each layout."""
+    """Several sets of points on one model as one, in order; `columns` are those of each layout."""
     if not sets:
         raise ValueError("join_points: expected at least one set of points")
     if len(sets) == 1:
@@ -150,7 +151,7 @@ def _join_corrections(sets: Sequence[PointSet]) -> Corrections | None:
     )
 
 
-def _table(rows: Sequence[Mapping[int, float]], width: int) -> Tensor:
+def _table(rows: Sequence[Mapping[int, float]], width: int) -> Float[Tensor, "K J"]:
     table = torch.zeros(len(rows), width, dtype=torch.float64)
     for row, mix in enumerate(rows):
         for column, share in mix.items():
@@ -161,20 +162,21 @@ def _table(rows: Sequence[Mapping[int, float]], width: int) -> Tensor:
 def _build(
     model: ModelArrays,
     names: tuple[str, ...],
-    joint_shares: Tensor,
-    shares: Tensor,
+    joint_shares: Float[Tensor, "K J"],
+    shares: Float[Tensor, "K U"],
     vertices: list[int],
 ) -> PointSet:
     weights = model.weights[vertices]  # (U, J)
     shares = shares.to(weights)
-    own = joint_shares + shares @ weights  # (K, J): how much of the point each bone carries
+    by_joint = joint_shares + shares @ weights  # (K, J): share of the point that each joint moves
     chain = ancestors(model.parents).to(weights)
-    below = own @ chain  # (K, J): how much is carried by a joint or by what hangs below it
-    carried = torch.einsum("ku,uj->kuj", shares, weights)
+    below = by_joint @ chain  # (K, J): share that a joint or its descendants move
+    vertex_shares = torch.einsum("ku,uj->kuj", shares, weights)
 
-    def levers(vertex: Tensor, joint: Tensor) -> Tensor:
-        """vertex (U, 3, n), joint (J, 3, n) -> (K, J, 3, n)."""
-        lever = torch.einsum("kuj,ucn->kjcn", carried, vertex)
+    def levers(
+        vertex: Float[Tensor, "U 3 n"], joint: Float[Tensor, "J 3 n"]
+    ) -> Float[Tensor, "K J 3 n"]:
+        lever = torch.einsum("kuj,ucn->kjcn", vertex_shares, vertex)
         lever = lever - (shares @ weights)[..., None, None] * joint
         for child, parent in enumerate(model.parents[1:], start=1):
             bone = joint[child] - joint[parent]
@@ -195,21 +197,24 @@ def _build(
     )
 
 
-def _moved_by(parents: Sequence[int], joint_shares: Tensor, skinned: Tensor) -> Tensor:
-    """(K, J) bool. A joint moves with the joints above it; a skinned vertex also with its own."""
+def _moved_by(
+    parents: Sequence[int], joint_shares: Float[Tensor, "K J"], skinned: Float[Tensor, "K J"]
+) -> Bool[Tensor, "K J"]:
+    """Whether the rotation of a joint moves a point. A joint is moved by its ancestors; a skinned
+    vertex also by the joints of its weights."""
     chain = ancestors(parents).to(joint_shares)
     strictly_above = chain - torch.eye(len(parents), dtype=chain.dtype, device=chain.device)
     return (joint_shares.abs() @ strictly_above + skinned.abs() @ chain) > 0
 
 
-def pose_features(R_local: Tensor) -> Tensor:
-    """What pose blend shapes multiply: ``R_local[1:] - I`` flattened, (..., 9 (J - 1))."""
+def pose_features(R_local: Float[Tensor, "... J 3 3"]) -> Float[Tensor, "... P"]:
+    """Input of the pose blend shapes: ``R_local[1:] - I`` flattened, P = 9 (J - 1)."""
     identity = torch.eye(3, dtype=R_local.dtype, device=R_local.device)
     return (R_local[..., 1:, :, :] - identity).flatten(-3)
 
 
-def posed_levers(posed: PosedArrays, points: PointSet) -> Tensor:
-    """Levers (..., K, J, 3) with the pose blend shapes of this pose added."""
+def posed_levers(posed: PosedArrays, points: PointSet) -> Float[Tensor, "... K J 3"]:
+    """Levers with the pose blend shapes of this pose."""
     levers = points.levers(posed.shaped)
     if points.corrections is None:
         return levers
@@ -220,13 +225,15 @@ def posed_levers(posed: PosedArrays, points: PointSet) -> Tensor:
     )
 
 
-def rows_of(R_world: Tensor) -> Tensor:
-    """World rotations (..., J, 3, 3) side by side: (..., 3, 3 J), ready to multiply levers."""
+def rows_of(R_world: Float[Tensor, "... J 3 3"]) -> Float[Tensor, "... 3 P"]:
+    """World rotations side by side, P = 3 J, for multiplication with levers."""
     return R_world.transpose(-3, -2).flatten(-2)
 
 
-def turn(rows: Tensor, columns: Tensor) -> Tensor:
-    """Matrix product (..., 3, 3 J) @ (..., 3 J, Q), as few and as large products as possible.
+def turn(
+    rows: Float[Tensor, "... 3 P"], columns: Float[Tensor, "... P Q"]
+) -> Float[Tensor, "... 3 Q"]:
+    """Matrix product, as few and as large products as possible.
 
     Poses that share one shape (columns broadcast along the last leading axis) are stacked into
     one tall product instead of many small ones.
@@ -238,8 +245,8 @@ def turn(rows: Tensor, columns: Tensor) -> Tensor:
     return stacked.unflatten(-2, (-1, 3))
 
 
-def place_points(posed: PosedArrays, points: PointSet) -> Tensor:
-    """World positions (..., K, 3) of the points, metres."""
+def place_points(posed: PosedArrays, points: PointSet) -> Float[Tensor, "... K 3"]:
+    """World positions of the points, metres."""
     columns = posed_levers(posed, points).flatten(-2).transpose(-1, -2)
     placed = turn(rows_of(posed.R_world), columns).transpose(-1, -2)
     root = posed.shaped.joints_rest[..., :1, :] + posed.transl[..., None, :]

@@ -1,12 +1,13 @@
 """Linear blend skinning of the whole surface (SMPL, Eq. 6 of Loper et al. 2015).
 
-A bone k carries a rest vertex x to ``R_k (x - rest_k) + joint_k``, and a skinned vertex is the
-weighted mean of where its bones carry it.
+Bone k moves a rest vertex x to ``R_k (x - rest_k) + joint_k``; a skinned vertex is the weighted
+mean over its bones.
 """
 
 from __future__ import annotations
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.body.points import pose_features, rows_of, turn
@@ -15,8 +16,8 @@ from imocap_core.body.protocols import PosedArrays
 _BODIES_AT_ONCE = 4  # keeps a chunk's 12 numbers a vertex within the processor's cache
 
 
-def skin(posed: PosedArrays) -> Tensor:
-    """Posed vertices (..., V, 3), metres."""
+def skin(posed: PosedArrays) -> Float[Tensor, "... V 3"]:
+    """Posed vertices, metres."""
     rest = posed.shaped.joints_rest
     shared = rest.ndim == 2 or (rest.shape[-3] == 1 and posed.R_world.ndim > 3)
     if posed.shaped.model.posedirs is None and shared:
@@ -24,19 +25,19 @@ def skin(posed: PosedArrays) -> Tensor:
     return _skin_each(posed)
 
 
-def _skin_shared(posed: PosedArrays) -> Tensor:
-    """Many poses of one surface: one product of all bones with what each carries of each vertex."""
+def _skin_shared(posed: PosedArrays) -> Float[Tensor, "... V 3"]:
+    """Many poses of one rest surface: one matrix product of all bones and weighted vertices."""
     shaped = posed.shaped
     weights = shaped.model.weights
-    seen = shaped.vertices_rest[..., None, :] - shaped.joints_rest[..., None, :, :]
-    carried = (weights[..., None] * seen).flatten(-2).transpose(-1, -2)  # (..., 3 J, V)
-    offsets = weights.T.expand(*carried.shape[:-2], -1, -1)
+    local = shaped.vertices_rest[..., None, :] - shaped.joints_rest[..., None, :, :]
+    weighted = (weights[..., None] * local).flatten(-2).transpose(-1, -2)  # (..., 3 J, V)
+    offsets = weights.T.expand(*weighted.shape[:-2], -1, -1)
     rows = torch.cat((rows_of(posed.R_world), posed.joints.transpose(-1, -2)), dim=-1)
-    return turn(rows, torch.cat((carried, offsets), dim=-2)).transpose(-1, -2)
+    return turn(rows, torch.cat((weighted, offsets), dim=-2)).transpose(-1, -2)
 
 
-def _skin_each(posed: PosedArrays) -> Tensor:
-    """Bodies that differ in shape too, or whose pose bends the surface: a few at a time."""
+def _skin_each(posed: PosedArrays) -> Float[Tensor, "... V 3"]:
+    """Bodies of different shapes, or with pose blend shapes: a few at a time."""
     shaped, model = posed.shaped, posed.shaped.model
     batch = posed.joints.shape[:-2]
     moved_rest = (posed.R_world @ shaped.joints_rest[..., None])[..., 0]

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from numpy.typing import ArrayLike
 
 from imocap_core.camera.averaging import angle_deg
-from imocap_core.camera.pose_refinement import Evidence, errors_px, refine, robust_cost
+from imocap_core.camera.pose_refinement import PointEvidence, errors_px, refine, robust_cost
 from imocap_core.camera.projection import normalised
 
 MIN_POINTS = 6
@@ -104,7 +104,7 @@ def translation_given_rotation(
 
 def _gather(
     x_world: ArrayLike, xy_px: ArrayLike, confidence: ArrayLike, K: Float[np.ndarray, "3 3"]
-) -> Evidence:
+) -> PointEvidence:
     """The valid points of checked arrays."""
     x_world, xy_px = np.asarray(x_world, float), np.asarray(xy_px, float)
     confidence = np.asarray(confidence, float)
@@ -119,11 +119,13 @@ def _gather(
         )
     valid = np.isfinite(x_world).all(-1) & np.isfinite(xy_px).all(-1) & (confidence > 0)
     frame = np.nonzero(valid)[0].astype(np.int64)
-    return Evidence(x_world[valid], xy_px[valid], confidence[valid], frame, np.asarray(K, float))
+    return PointEvidence(
+        x_world[valid], xy_px[valid], confidence[valid], frame, np.asarray(K, float)
+    )
 
 
 def _linear_translation(
-    evidence: Evidence, R: Float[np.ndarray, "3 3"], row_weight: Float[np.ndarray, " N"]
+    evidence: PointEvidence, R: Float[np.ndarray, "3 3"], row_weight: Float[np.ndarray, " N"]
 ) -> Float[np.ndarray, 3]:
     """Weighted least squares for t in ``p_xy + t_xy = uv (p_z + t_z)``, p = R x (linear in t)."""
     uv = normalised(evidence.xy_px, evidence.K)
@@ -138,7 +140,7 @@ def _linear_translation(
 
 
 def _translation(
-    evidence: Evidence, R: Float[np.ndarray, "3 3"], scale_px: float, candidates: int = 48
+    evidence: PointEvidence, R: Float[np.ndarray, "3 3"], scale_px: float, candidates: int = 48
 ) -> Float[np.ndarray, 3]:
     """Best of linear translations of all frames and of short runs of frames, by robust cost.
 
@@ -164,7 +166,7 @@ def _translation(
 
 
 def _judge(
-    evidence: Evidence,
+    evidence: PointEvidence,
     R: Float[np.ndarray, "3 3"],
     t: Float[np.ndarray, 3],
     inlier_px: float,

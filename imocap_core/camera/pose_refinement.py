@@ -16,7 +16,7 @@ FARTHEST_PX = 1e9  # error of a point behind the camera
 
 
 @dataclass(frozen=True)
-class Evidence:
+class PointEvidence:
     """The valid points of all frames, N in total."""
 
     x_world: Float[np.ndarray, "N 3"]
@@ -25,15 +25,15 @@ class Evidence:
     frame: Int64[np.ndarray, " N"]
     K: Float[np.ndarray, "3 3"]
 
-    def of(self, rows: Bool[np.ndarray, " N"]) -> Evidence:
+    def of(self, rows: Bool[np.ndarray, " N"]) -> PointEvidence:
         """Some of the points."""
-        return Evidence(
+        return PointEvidence(
             self.x_world[rows], self.xy_px[rows], self.weight[rows], self.frame[rows], self.K
         )
 
 
 def errors_px(
-    evidence: Evidence, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, 3]
+    evidence: PointEvidence, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, 3]
 ) -> Float[np.ndarray, " N"]:
     """Reprojection errors in pixels; infinite for points behind the camera."""
     predicted = project(evidence.x_world, evidence.K, R, t)
@@ -42,7 +42,7 @@ def errors_px(
 
 
 def robust_cost(
-    evidence: Evidence, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, 3], scale_px: float
+    evidence: PointEvidence, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, 3], scale_px: float
 ) -> float:
     """Weighted Geman-McClure cost, at most ``scale_px**2`` a point."""
     squared = np.minimum(errors_px(evidence, R, t), FARTHEST_PX) ** 2
@@ -50,7 +50,7 @@ def robust_cost(
 
 
 def refine(
-    evidence: Evidence,
+    evidence: PointEvidence,
     R: Float[np.ndarray, "3 3"],
     t: Float[np.ndarray, 3],
     scale_px: float,
@@ -90,7 +90,7 @@ def refine(
 
 
 def _normal_equations(
-    evidence: Evidence,
+    evidence: PointEvidence,
     R: Float[np.ndarray, "3 3"],
     t: Float[np.ndarray, 3],
     scale_px: float,

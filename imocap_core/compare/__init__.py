@@ -1,1 +1,1 @@
-"""What performances of an action share, how they differ, and two performers."""
+"""Comparison of an action's performances with each other, and of two performers."""

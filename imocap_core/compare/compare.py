@@ -1,4 +1,4 @@
-"""compare: what performances of an action share, how they differ, and two performers."""
+"""Comparison: mean, spread and modes of an action's performances, and two performers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ LEAST = 3  # moments that two actions must share
 
 @dataclass(frozen=True, eq=False)
 class Technique:
-    """One action's performances, described.
+    """Mean, spread, consistency, modes and timing of one action's performances.
 
     spread_deg, spread_mm (N, J): standard deviation of every joint's rotation and place, NaN where
     fewer than two performances show the moment; joint_deg, joint_mm (J,) their root mean squares.
@@ -112,7 +112,7 @@ class TechniquePair:
 def pair_of(
     first: Technique, second: Technique, params: SyncParams, rng: np.random.Generator
 ) -> TechniquePair:
-    """The second action's mean brought onto the first's axis by the synchronisation's core.
+    """The second action's mean motion, synchronised with the first one's.
 
     WorkFailed when the two share no moment.
     """
@@ -134,8 +134,8 @@ def pair_of(
     index = np.zeros(0, dtype=np.int64) if m is None else np.flatnonzero(m.inside)
     if m is None or len(index) < LEAST:
         raise WorkFailed(
-            f"{first.action} and {second.action} share no course of moments: "
-            f"{len(index)} of {len(axis)} match; name two performers of one action"
+            f"{first.action} and {second.action} cannot be synchronised: "
+            f"{len(index)} of {len(axis)} moments match; name two performers of one action"
         )
     return _difference(first, second, index, m.position[index])
 

@@ -16,11 +16,11 @@ from imocap_core.figures.style import ACCENT, INK, QUIET, color_of, grid, headli
 HEAT = LinearSegmentedColormap.from_list(
     "deviation", ["#ffffff", "#f6dfc8", "#e2a15f", "#c8553d", "#5f1f1a"]
 )
-MOMENTS = 7  # of the motion, side by side
+MOMENTS = 7  # columns of the motion figure
 MARGIN_M = 0.08  # about the bodies of a row of pictures
 JointPlaces = Float[np.ndarray, "J 3"]
 ModePose = tuple[float, JointPlaces, JointPlaces, JointPlaces]
-VIEWS = (("from the front", 0), ("from the left", 2))  # what runs to the right: x, or z reversed
+VIEWS = (("from the front", 0), ("from the left", 2))  # horizontal axis: x, or z reversed
 
 
 def in_words(name: str) -> str:
@@ -29,7 +29,7 @@ def in_words(name: str) -> str:
 
 
 def moments(count: int, columns: int = MOMENTS) -> Int[np.ndarray, " C"]:
-    """Indices of some moments, evenly over all."""
+    """Indices of `columns` moments, evenly spaced."""
     return np.unique(
         np.linspace(0.03 * (count - 1), 0.97 * (count - 1), columns).round().astype(int)
     )
@@ -44,8 +44,11 @@ def motion_figure(
     title: str,
     subtitle: str,
 ) -> Figure:
-    """Motions `each` (M, N, J, 3) as skeletons in their colours, where they show the moment, over
-    their mean (N, J, 3), when it is given; metres about the pelvis, y up, facing +z."""
+    """Skeletons of M motions at evenly spaced moments, over their mean.
+
+    phase_s (N,); mean (N, J, 3) or None, each (M, N, J, 3): metres about the pelvis, y up, facing
+    +z; inside (M, N): whether a motion shows the moment.
+    """
     chosen = moments(len(phase_s))
     shown = each[:, chosen][inside[:, chosen]]
     windows = [_window(shown, view) for view in range(len(VIEWS))]
@@ -84,12 +87,12 @@ def draw_bones(
 def _in_view(
     joints: Float[np.ndarray, "... 3"], view: int
 ) -> tuple[Float[np.ndarray, "..."], Float[np.ndarray, "..."]]:
-    """Joints (..., 3) as they lie in the picture of a view: to the right, and up."""
+    """Horizontal and vertical coordinate of joints (..., 3) in a view."""
     return (joints[..., 0] if VIEWS[view][1] == 0 else -joints[..., 2]), joints[..., 1]
 
 
 def _window(bodies: Float[np.ndarray, "... J 3"], view: int) -> tuple[float, float, float, float]:
-    """What a picture must show of all bodies (..., J, 3): left, right, below, above, metres."""
+    """Limits of a picture that shows all bodies (..., J, 3): left, right, below, above, metres."""
     across, up = _in_view(bodies, view)
     wide = float(np.abs(across).max()) + MARGIN_M
     return -wide, wide, float(up.min()) - MARGIN_M, float(up.max()) + MARGIN_M
@@ -103,10 +106,10 @@ def deviation_figure(
     title: str,
     subtitle: str,
 ) -> Figure:
-    """Joints against phase: degrees of their rotations, millimetres of their places; (N, J)."""
+    """Heat maps of joints against phase: rotations (N, J) in degrees, positions (N, J) in mm."""
     figure = new_figure(11.4, 4.8)
     left, right = figure.subplots(1, 2, sharey=True)
-    for ax, values, unit in ((left, deg, "rotation, degrees"), (right, mm, "place, mm")):
+    for ax, values, unit in ((left, deg, "rotation, degrees"), (right, mm, "position, mm")):
         finite = values[np.isfinite(values)]
         top = float(np.quantile(finite, 0.99)) if len(finite) else 1.0
         edges = _edges(phase_s)
@@ -129,7 +132,7 @@ def modes_figure(
     names: Sequence[str],
     poses: Sequence[ModePose],
 ) -> Figure:
-    """Up to three modes, a row each: who has how much of it, which joints turn, and how it looks.
+    """Up to three modes, one row each: scores of the performances, joints that turn, and poses.
 
     poses: per mode the phase of its largest effect, seconds, and the body there (J, 3): the mean,
     and the mean one standard deviation to either side.
@@ -169,7 +172,7 @@ def modes_figure(
 def timing_figure(
     ids: Sequence[str], phase_s: Float[np.ndarray, " N"], lead_s: Float[np.ndarray, "M N"]
 ) -> Figure:
-    """How much later than the mean each performance (M, N) comes to every moment."""
+    """How much later than the mean each performance (M, N) reaches every moment, seconds."""
     figure = new_figure(11.4, 2.7)
     ax = figure.subplots()
     ax.axhline(0, color=QUIET, lw=0.7)
@@ -180,7 +183,9 @@ def timing_figure(
     grid(ax)
     ax.legend(ncols=len(ids), loc="upper left")
     headline(
-        figure, "Timing", "own clocks, started at the first moment that all show; falling = faster"
+        figure,
+        "Timing",
+        "each video's clock, started at the first moment that all show; falling = faster",
     )
     return figure
 

@@ -56,11 +56,12 @@ def _pair_report(pair: TechniquePair) -> str:
             f"Mean of {len(pair.first.instances.ids)} performances of {first}, mean of "
             f"{len(pair.second.instances.ids)} of {second}. They share {len(pair.phase_s)} of "
             f"{len(pair.first.instances.phase_s)} moments of {first}'s time axis, "
-            f"{pair.phase_s[0]:.2f} to {pair.phase_s[-1]:.2f} s; {second}'s own "
+            f"{pair.phase_s[0]:.2f} to {pair.phase_s[-1]:.2f} s; {second}'s "
+            f"phases "
             f"{pair.second_s[0]:.2f} to {pair.second_s[-1]:.2f} s. One body, facing one way.",
             "",
             *text.table(
-                ["joint", "rotation (deg)", "place (mm)", "times the spread"],
+                ["joint", "rotation (deg)", "position (mm)", "times the spread"],
                 [
                     (
                         figures.in_words(names[j]),
@@ -72,8 +73,8 @@ def _pair_report(pair: TechniquePair) -> str:
                 ],
             ),
             "",
-            "Root mean square over the moments. *Times the spread*: of the place, in standard "
-            "deviations of each one's own repetitions. Largest:",
+            "Root mean square over the moments. *Times the spread*: of the position, in standard "
+            "deviations of each performer's repetitions. Largest:",
             "",
             *text.moment_sentences(pair.phase_s, between.distance_mm, names, "mm"),
             "",

@@ -61,7 +61,7 @@ def write_technique(out: Path, t: Technique) -> list[Path]:
 
 
 def mean_clip(t: Technique) -> MotionClip:
-    """The mean motion as a joint tree, the pelvis in one place, hands at rest."""
+    """The mean motion as a joint tree; the pelvis does not move, hands are at rest."""
     shaped: Shaped = t.performances.shaped
     rest, count = shaped.joints_rest.numpy(), len(t.mean.R_local)
     R = np.tile(np.eye(3), (count, SMPL, 1, 1))
@@ -83,7 +83,7 @@ def mean_clip(t: Technique) -> MotionClip:
 
 
 def _mode_pose(t: Technique, mode: int) -> figures.ModePose:
-    """Where a mode bends the body most, and how: mean, one standard deviation more, less."""
+    """Phase of a mode's largest effect; the body there: mean, one standard deviation up, down."""
     deviation = float(t.modes.deviations()[mode])
     bodies = [
         _placed(t, along_mode(t.mean.R_local, t.modes.shapes[mode], k * deviation))
@@ -94,7 +94,7 @@ def _mode_pose(t: Technique, mode: int) -> figures.ModePose:
 
 
 def _placed(t: Technique, R_local: Float[np.ndarray, "N J 3 3"]) -> Float[np.ndarray, "N J 3"]:
-    """(N, J, 3) places from the pelvis of a motion (N, J, 3, 3) on the report's body."""
+    """Joints (N, J, 3) relative to the pelvis, metres, of rotations (N, J, 3, 3) on one body."""
     count = R_local.shape[1]
     R = np.tile(np.eye(3), (len(R_local), SMPL, 1, 1))
     R[:, :count] = R_local
@@ -118,7 +118,7 @@ def _report(t: Technique, pictures: list[str]) -> str:
         "",
         f"{len(each.ids)} performances ({', '.join(each.ids)}), {len(each.phase_s)} moments "
         f"from {each.phase_s[0]:.2f} to {each.phase_s[-1]:.2f} s of the reference's time. "
-        f"What the numbers mean, and what they can't say: docs/technique.md.",
+        f"Meaning and limits of the numbers: docs/technique.md.",
         "",
     ]
     if t.performances.left_out:
@@ -135,7 +135,7 @@ def _report(t: Technique, pictures: list[str]) -> str:
             "## Joints",
             "",
             *text.table(
-                ["joint", "rotation (deg)", "place (mm)", "consistency"],
+                ["joint", "rotation (deg)", "position (mm)", "consistency"],
                 text.joint_rows(names, t.joint_deg, t.joint_mm, t.consistency),
             ),
             "",
@@ -152,7 +152,7 @@ def _report(t: Technique, pictures: list[str]) -> str:
 
 
 def make_folder(out: Path) -> None:
-    """The folder itself; WorkFailed when it can't be made."""
+    """Make the folder; WorkFailed when it cannot be made."""
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

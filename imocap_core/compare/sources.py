@@ -22,7 +22,7 @@ from imocap_core.technique.performances import (
     to_the_front,
 )
 
-JOINTS = SMPL_JOINTS[:22]  # a body's keypoints say nothing of SMPL's hand joints
+JOINTS = SMPL_JOINTS[:22]  # body keypoints do not determine SMPL's hand joints
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +82,11 @@ def performances_of(result: ActionResult, body: Shaped | None = None) -> Perform
 
 
 def compared_moments(inside: Bool[np.ndarray, "M N"]) -> Bool[np.ndarray, " N"]:
-    """Which moments (N,) to compare, of what M performances show (M, N): those that all show; where
-    these are less than half of what two show (one video is short), what two show."""
+    """Which of N moments to compare, given which performances show them (M, N).
+
+    The moments that all performances show; where these are fewer than half of those that at least
+    two show (one video is short), the latter.
+    """
     shown = inside.sum(0)
     everyone, two = shown == len(inside), shown >= min(2, len(inside))
     return everyone if 2 * everyone.sum() >= two.sum() else two

@@ -1,4 +1,4 @@
-"""A technique report in words and tables: Markdown, and CSV files for other programs."""
+"""Parts of a technique report: Markdown tables and sentences, and CSV files."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from imocap_core.compare.figures import in_words
 
 
 def number(value: float, decimals: int = 1) -> str:
-    """A number for a table; a dash where there is none."""
+    """A number for a table; a dash where it is unknown."""
     return f"{value:.{decimals}f}" if np.isfinite(value) else "–"
 
 
@@ -29,8 +29,8 @@ def joint_rows(
     mm: Float[np.ndarray, " J"],
     consistency: Float[np.ndarray, " J"],
 ) -> list[tuple[str, str, str, str]]:
-    """A row a joint: spread of its rotation and of its place, and its consistency; least
-    consistent places first."""
+    """One row per joint: spread of its rotation and position, and its consistency; largest spread
+    of position first."""
     order = np.argsort(np.where(np.isfinite(mm), -mm, np.inf), kind="stable")
     return [
         (in_words(names[j]), number(deg[j]), number(mm[j]), number(consistency[j], 3))
@@ -61,7 +61,7 @@ def write_course(
     names: Sequence[str],
     columns: dict[str, Float[np.ndarray, "N J"]],
 ) -> None:
-    """One row a moment and joint: `columns` (N, J) by name, empty where unknown."""
+    """One row per moment and joint: `columns` (N, J) by name, empty where unknown."""
     with file.open("w", newline="", encoding="utf-8") as stream:
         rows = csv.writer(stream, lineterminator="\n")
         rows.writerow(["phase_s", "joint", *columns])
@@ -73,7 +73,7 @@ def write_course(
 def write_performances(
     file: Path, ids: Sequence[str], columns: dict[str, Float[np.ndarray, " M"]]
 ) -> None:
-    """One row a performance: `columns` (M,) by name."""
+    """One row per performance: `columns` (M,) by name."""
     with file.open("w", newline="", encoding="utf-8") as stream:
         rows = csv.writer(stream, lineterminator="\n")
         rows.writerow(["video", *columns])

@@ -1,1 +1,1 @@
-"""What a run gave, for other programs: the files of `imocap export`."""
+"""Results for other programs: the files of `imocap export`."""

@@ -1,4 +1,4 @@
-"""The files of `imocap export`, by format: each from the same result."""
+"""The files of `imocap export`, by format."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def export(
 
 
 def check_format(format: str, up: str | None) -> None:
-    """WrongUse for a format that there is not, or one that cannot have this axis up."""
+    """WrongUse for an unknown format, or one that cannot have this axis up."""
     if format not in WRITERS:
         raise WrongUse(f"--format: expected one of {', '.join(WRITERS)}, got {format}")
     if format == "glb" and up == "z":
@@ -99,7 +99,7 @@ def _csv(out: Path, result: ActionResult) -> list[Path]:
 def _a_file_each(
     out: Path, result: ActionResult, ending: str, write: Callable[[Path, MotionClip], object]
 ) -> list[Path]:
-    """One file a video, named by it."""
+    """One file per video, named after it."""
     files = []
     for video in result:
         files.append(out / f"{video.id}{ending}")
@@ -131,7 +131,7 @@ WRITERS: dict[str, Callable[[Path, ActionResult], list[Path]]] = {
 
 
 def linear(hex_srgb: str) -> tuple[float, float, float]:
-    """A colour as written for screens (#rrggbb), in linear light (IEC 61966-2-1)."""
+    """An sRGB colour (#rrggbb) in linear light, 0 to 1 (IEC 61966-2-1)."""
     screen = [int(hex_srgb[i : i + 2], 16) / 255 for i in (1, 3, 5)]
     red, green, blue = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in screen)
     return red, green, blue

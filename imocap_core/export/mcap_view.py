@@ -63,7 +63,7 @@ def _body(clip: MotionClip, times: list[int], colour: foxglove.Colour) -> Iterat
 
 
 def _camera(result: ActionResult, video: VideoResult, colour: foxglove.Colour) -> Iterator[Entry]:
-    """Where it is, its lens, its pictures and the keypoints in them, every frame."""
+    """The camera's pose, its intrinsics, its pictures and the keypoints in them, every frame."""
     camera, detected = camera_of(video), video.keypoints
     scale = min(1.0, LONGER_PX / max(camera.size))
     size = (round(scale * camera.size[0]), round(scale * camera.size[1]))

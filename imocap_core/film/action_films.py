@@ -40,7 +40,7 @@ def films_of(
     """
     from imocap_core.body import load_free_body
     from imocap_core.figures.sync_summary import common_moments
-    from imocap_core.film.filmed_body import Painter, filmed_bodies
+    from imocap_core.film.overlay_body import Painter, overlay_bodies
     from imocap_core.film.overlay_film import overlay_film
     from imocap_core.film.phase_bar import lock_step
 
@@ -54,7 +54,7 @@ def films_of(
         motions, cameras = read_monocular(artifacts), None
     files = {video.id: video.video for video in result}
     camera_motion = artifacts.get(CameraMotion)
-    bodies = filmed_bodies(keypoints, camera_motion, motions, cameras, files, model)
+    bodies = overlay_bodies(keypoints, camera_motion, motions, cameras, files, model)
 
     def overlay(number: int) -> Callable[[], Iterator[Any]]:
         return lambda: overlay_film(bodies[number], model, alpha=opacity)

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from imocap_core.artifacts.schemas import Keypoints, SyncSummary
 from imocap_core.figures.lettering import PALE, WHITE, write
 from imocap_core.figures.sync_summary import common_moments
-from imocap_core.film.filmed_body import Image
+from imocap_core.film.overlay_body import Image
 from imocap_core.film.side_by_side import (
     FRAME_RGB,
     Paint,
@@ -91,7 +91,7 @@ def framed(
 def phase_bar(
     videos: Sequence[SyncedVideo], moments_s: Float[np.ndarray, " N"], width: int
 ) -> Image:
-    """The axis (height, width, 3): a row a video, and seconds below."""
+    """The time axis (height, width, 3): one row per video, and seconds below."""
     height = len(videos) * (ROW_PX + ROW_GAP_PX) + ROW_GAP_PX + LABELS_PX
     bar: Image = np.full((height + height % 2, width, 3), FRAME_RGB, dtype=np.uint8)
     for number, video in enumerate(videos):

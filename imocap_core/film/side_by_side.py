@@ -15,7 +15,7 @@ from scipy.ndimage import gaussian_filter1d
 from imocap_core.artifacts.schemas import Keypoints, SyncSummary, VideoKeypoints
 from imocap_core.figures.lettering import DIMMED, write, write_strip
 from imocap_core.figures.sync_summary import common_moments, positions_on_axis, retimed, title_of
-from imocap_core.film.filmed_body import Image, rgb_of, source_frames
+from imocap_core.film.overlay_body import Image, rgb_of, source_frames
 
 Paint = Callable[[int, Image, Float[np.ndarray, "3 3"]], Image]
 """Paints over a part of the picture of a used frame; (3, 3): from its pixels to the part's."""
@@ -59,7 +59,7 @@ def synced_videos(
     files: Mapping[str, Path | None],
     paints: Mapping[str, Paint] | None = None,
 ) -> list[SyncedVideo]:
-    """The reference first, then the other videos named in `files`; None: there is no file.
+    """The reference first, then the other videos named in `files` (None: there is no file).
 
     The moments are those of `common_moments`. paints: what is painted over some videos.
     """
@@ -90,7 +90,7 @@ def synced_videos(
 
 
 def tile_shape(videos: Sequence[VideoKeypoints]) -> tuple[int, int]:
-    """Height and width of every tile, as the performers' boxes and the film's size ask for."""
+    """Height and width of every tile, by the performers' boxes and the film's size."""
     sides = [_sides(video) for video in videos]
     ratio = np.median([height / width for width, height in sides]) if sides else 1.0
     ratio = float(np.clip(ratio, FLATTEST, TALLEST))
@@ -121,7 +121,7 @@ def crop_windows(video: VideoKeypoints, shape: tuple[int, int]) -> Float[np.ndar
 
 
 def side_by_side(videos: Sequence[SyncedVideo], shape: tuple[int, int]) -> Iterator[Image]:
-    """The frames of the film, one a moment; tiles of `shape` (height, width) in a grid."""
+    """The frames of the film, one per moment; tiles of `shape` (height, width) in a grid."""
     if not videos:
         raise ValueError("videos: expected at least one, got none")
     rows, columns = grid_shape(len(videos))
@@ -140,7 +140,7 @@ def side_by_side(videos: Sequence[SyncedVideo], shape: tuple[int, int]) -> Itera
 
 
 def tile(video: SyncedVideo, moment: int, picture: Image, shape: tuple[int, int]) -> Image:
-    """One video at one moment: cut out, named, dimmed where nothing matches."""
+    """One video at one moment: cropped, titled, dimmed where it is unmatched."""
     height, width = shape
     x, y, shown, _ = video.windows[moment]
     scale = width / shown
@@ -165,7 +165,7 @@ def tile(video: SyncedVideo, moment: int, picture: Image, shape: tuple[int, int]
 
 
 def _sides(video: VideoKeypoints) -> tuple[float, float]:
-    """Width and height of the performer's box, as large as it usually gets."""
+    """Width and height of the performer's box: their 95th percentiles."""
     boxes = _bridged(video.person_box_px, video.size)
     width, height = np.quantile(boxes[:, 2:] - boxes[:, :2], 0.95, axis=0)
     return max(float(width), 1.0), max(float(height), 1.0)

@@ -28,7 +28,7 @@ class Check:
 
 
 def examine(root: str | Path = ".", models: Path | None = None) -> Iterator[Check]:
-    """Check one thing after the other, also after one that does not work.
+    """Check one thing after another, whether or not the one before works.
 
     models: the folder of the user's own body models.
     """
@@ -41,7 +41,7 @@ def examine(root: str | Path = ".", models: Path | None = None) -> Iterator[Chec
         lambda: _actions(workspace),
         _video,
         _body,
-        *_own_bodies(models),
+        *_official_bodies(models),
     )
     for check in checks:
         try:
@@ -81,7 +81,7 @@ def _body() -> str:
     return f"body model: {model.name} {model.digest[:12]}"
 
 
-def _own_bodies(folder: Path | None) -> list[Callable[[], str]]:
+def _official_bodies(folder: Path | None) -> list[Callable[[], str]]:
     """A check for each official body model; an absent one is fine, an unreadable one is not."""
     from imocap_core.body import model_status
 

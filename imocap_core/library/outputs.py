@@ -25,7 +25,7 @@ FILMS, COMPARE = "videos", "compare"
 
 @dataclass(frozen=True)
 class Viewer:
-    """What there is to look at of an action.
+    """The pages of an action.
 
     report: the page of its report; None when it has none. file: the viewer; None when the action
     lacks results for one. written: False when the file was up to date.

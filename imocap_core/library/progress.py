@@ -1,4 +1,4 @@
-"""Who is told how a run goes on: nobody, a function of the caller, or the terminal."""
+"""Progress of a run: silent, to a function of the caller, or on the terminal."""
 
 from __future__ import annotations
 

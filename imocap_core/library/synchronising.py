@@ -49,8 +49,8 @@ def synchronise(
         reference: id of the clip whose time axis is used; else the most central one. Arrays are
             called v1, v2, ...; files by their names.
         params: one-off parameters, as {"sync.max_rate": 8}.
-        root: a working folder, in whose artifacts/ the estimated poses are stored for the next
-            call; else nothing is stored.
+        root: for files, a working folder in whose artifacts/ the estimated poses are stored for
+            the next call (and in which people are detected); else nothing is stored.
         progress: as of `run`.
 
     Raises:
@@ -64,12 +64,10 @@ def synchronise(
         return _of_joints(arrays, fps, reference, params)
     if arrays and (layout is None or fps is None or size is None):
         raise WrongUse("clips: 2D keypoints as arrays need layout, fps and size=(width, height)")
-    with tempfile.TemporaryDirectory(prefix="imocap-") as folder, displaying(progress) as display:
-        from imocap_core.standalone_sync.run import synchronise_action
-
+    with tempfile.TemporaryDirectory(prefix="imocap-") as temporary:
         sources = sources_of(
             [
-                _keypoint_file(Path(folder), f"v{number}", clip)
+                _keypoint_file(Path(temporary), f"v{number}", clip)
                 if isinstance(clip, np.ndarray)
                 else str(clip)
                 for number, clip in enumerate(clips, start=1)
@@ -81,17 +79,9 @@ def synchronise(
                 f"{', '.join(without)}: no keypoints beside the video; give root=..., the working "
                 f"folder in which people are detected"
             )
-        solved = synchronise_action(
-            Workspace(Path(folder) if root is None else Path(root)),
-            sources,
-            Declared(None, layout, fps, size),
-            name=None,
-            reference=reference,
-            repetitions=False,
-            sets=one_off(params),
-            display=display,
-        )
-        return solved.values
+        folder = Path(temporary) if arrays or root is None else Path(root)
+        declared = Declared(None, layout, fps, size)
+        return _of_sources(folder, sources, declared, reference, params, progress)
 
 
 @plain_errors
@@ -133,6 +123,31 @@ def synchronise_videos(
             display=display,
         )
         return write_synchronised(solved, None if out is None else Path(out), display)
+
+
+def _of_sources(
+    folder: Path,
+    sources: Sequence[VideoSource],
+    declared: Declared,
+    reference: str | None,
+    params: Params,
+    progress: Progress,
+) -> Synchronisation:
+    """The synchronisation of 2D keypoints, from which 3D poses are estimated first."""
+    from imocap_core.standalone_sync.run import synchronise_action
+
+    with displaying(progress) as display:
+        solved = synchronise_action(
+            Workspace(folder),
+            sources,
+            declared,
+            name=None,
+            reference=reference,
+            repetitions=False,
+            sets=one_off(params),
+            display=display,
+        )
+    return solved.values
 
 
 def _keypoint_file(folder: Path, label: str, clip: np.ndarray) -> VideoSource:

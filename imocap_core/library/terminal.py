@@ -1,4 +1,4 @@
-"""What a run looks like on the terminal: one line a stage, a moving one while it works."""
+"""A run on the terminal: one line per stage, and a progress bar for the stage at work."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MAX_REASONS = 3
 
 
 class Terminal:
-    """A `Display` on a console; plain lines where nothing can move."""
+    """A `Display` on a console; without a progress bar where it is no terminal."""
 
     def __init__(self, console: Console) -> None:
         self.console = console

@@ -163,6 +163,6 @@ def _trust(result: SyncResult, ids: Sequence[str], fps: Sequence[float]) -> Sync
                 seconds=triple.seconds,
                 share=triple.share,
             )
-            for triple in result.triples
+            for triple in result.cycle_residuals
         ],
     )

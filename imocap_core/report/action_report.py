@@ -7,6 +7,7 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from imocap_core.artifacts.file_memory import save_memory
 from imocap_core.artifacts.store import Stored
 from imocap_core.errors import ArtifactCorrupt, WorkFailed
 from imocap_core.pipeline.graph import settings
@@ -40,7 +41,9 @@ def finish(job: Job, outcomes: Sequence[Outcome]) -> Path | None:
     stored = {outcome.stage: outcome.stored for outcome in outcomes}
     if not complete(stored):
         return None
-    return bring_up_to_date(job, stored)
+    page = bring_up_to_date(job, stored)
+    save_memory(job.store.folder)
+    return page
 
 
 def complete(stored: Mapping[str, Stored]) -> bool:

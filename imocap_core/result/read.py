@@ -32,7 +32,7 @@ from imocap_core.result.artifacts import Artifacts
 from imocap_core.result.camera import VideoCamera
 from imocap_core.result.ground import with_points, without_points
 from imocap_core.result.result import ActionResult
-from imocap_core.result.synchronisation import synchronisation_of
+from imocap_core.result.synchronisation import Synchronisation, synchronisation_of
 from imocap_core.result.video import HandMotion, JointUncertainty, VideoResult
 
 Stage = Literal["refine_sync", "smpl_ba"]
@@ -59,45 +59,35 @@ def read_result(
     """
     keypoints = artifacts.get(Keypoints)
     motion, summary = _solved(artifacts, stage)
-    cameras = {camera.id: camera for camera in motion.cameras}
-    camera_motion, fingers = artifacts.find(CameraMotion), artifacts.find(Hands)
-    deviations = artifacts.find(Uncertainty) if stage == "refine_sync" else None
-    turned = {} if camera_motion is None else {v.id: v for v in camera_motion.videos}
-    hands = {} if fingers is None else {v.id: v for v in fingers.videos}
-    uncertainty = {} if deviations is None else {v.id: v for v in deviations.videos}
     frames = {v.id: v.frames for v in motion.videos}
     _check_frames(artifacts, "keypoints", {v.id: v.frames for v in keypoints.videos}, frames)
-    _check_frames(artifacts, "hands", {i: v.frames for i, v in hands.items()}, frames)
-    _check_frames(artifacts, "uncertainty", {i: v.frames for i, v in uncertainty.items()}, frames)
-    detections = {v.id: v for v in keypoints.videos}
     sync = synchronisation_of(summary, frames, {v.id: v.fps for v in keypoints.videos})
-    videos = []
-    for v in motion.videos:
-        video = VideoResult(
-            id=v.id,
+    camera_motion, hands = artifacts.find(CameraMotion), artifacts.find(Hands)
+    uncertainty = artifacts.find(Uncertainty) if stage == "refine_sync" else None
+    turned = {} if camera_motion is None else {v.id: v for v in camera_motion.videos}
+    fingers = {} if hands is None else {v.id: v for v in hands.videos}
+    sigmas = {} if uncertainty is None else {v.id: v for v in uncertainty.videos}
+    _check_frames(artifacts, "hands", {i: v.frames for i, v in fingers.items()}, frames)
+    _check_frames(artifacts, "uncertainty", {i: v.frames for i, v in sigmas.items()}, frames)
+    cameras = {camera.id: camera for camera in motion.cameras}
+    detections = {v.id: v for v in keypoints.videos}
+    videos = [
+        _video(
+            v,
+            detections[v.id],
+            _camera(cameras[v.id], turned.get(v.id), detections[v.id]),
+            sync,
             action=artifacts.action,
-            keypoints=detections[v.id],
-            video=_file(detections[v.id], folder),
-            camera=_camera(cameras[v.id], turned.get(v.id), detections[v.id]),
-            fps=detections[v.id].fps,
-            frames=v.frames,
-            inside=np.ones(len(v.frames), dtype=bool),
-            phase_s=sync[v.id].phase_s,
-            confidence=sync[v.id].confidence,
-            theta=v.theta,
-            betas=v.betas,
-            trans=v.trans,
-            body_joints=v.joints,
-            hands=_hands(hands.get(v.id)),
-            reprojection_px=v.reprojection_px,
-            joint_uncertainty=_uncertainty(uncertainty.get(v.id)),
-            sync=sync,
             model=f"{motion.model} {motion.model_digest}",
+            folder=folder,
+            hands=_hands(fingers.get(v.id)),
+            uncertainty=_uncertainty(sigmas.get(v.id)),
         )
-        videos.append(_in_world(video))
+        for v in motion.videos
+    ]
     return kind(
         action=artifacts.action,
-        videos=tuple(videos),
+        videos=tuple(_in_world(video) for video in videos),
         reference=motion.reference,
         sync=sync,
         artifacts=artifacts,
@@ -106,8 +96,8 @@ def read_result(
 
 
 def read_monocular(artifacts: Artifacts) -> list[VideoMotion]:
-    """What each video alone says: motions in the axes of its first-frame camera, in the order of
-    the keypoints. WorkFailed when they are missing or of other frames than the keypoints."""
+    """Monocular motions, each in the axes of its first-frame camera, in the order of the
+    keypoints. WorkFailed when they are missing or of other frames than the keypoints."""
     videos = artifacts.get(InitialSmpl).videos
     frames = {v.id: v.frames for v in artifacts.get(Keypoints).videos}
     _check_frames(artifacts, "initial_smpl", {v.id: v.frames for v in videos}, frames)
@@ -134,6 +124,42 @@ def _check_frames(
             f"{artifacts.action}: its artifacts are of different frames ({stage} of "
             f"{', '.join(wrong)}); {artifacts.advice}"
         )
+
+
+def _video(
+    motion: VideoMotion,
+    detections: VideoKeypoints,
+    camera: VideoCamera,
+    sync: Synchronisation,
+    *,
+    action: str,
+    model: str,
+    folder: Path | None,
+    hands: HandMotion | None,
+    uncertainty: JointUncertainty | None,
+) -> VideoResult:
+    """One video, its body still in the axes of its first-frame camera."""
+    return VideoResult(
+        id=motion.id,
+        action=action,
+        keypoints=detections,
+        video=_file(detections, folder),
+        camera=camera,
+        fps=detections.fps,
+        frames=motion.frames,
+        inside=np.ones(len(motion.frames), dtype=bool),
+        phase_s=sync[motion.id].phase_s,
+        confidence=sync[motion.id].confidence,
+        theta=motion.theta,
+        betas=motion.betas,
+        trans=motion.trans,
+        body_joints=motion.joints,
+        hands=hands,
+        reprojection_px=motion.reprojection_px,
+        joint_uncertainty=uncertainty,
+        sync=sync,
+        model=model,
+    )
 
 
 def _file(detections: VideoKeypoints, folder: Path | None) -> Path | None:

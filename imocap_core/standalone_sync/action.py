@@ -31,8 +31,8 @@ def write_sources(
     blind = [str(s.keypoints) for s in sources if s.video is None]
     if blind and (declared.fps is None or declared.size is None):
         raise WrongUse(
-            f"{', '.join(blind)}: keypoints without a video don't tell the frame rate and the "
-            f"picture's size; give both, as in --fps 30 --size 1920x1080"
+            f"{', '.join(blind)}: without a video, frame rate and picture size of "
+            f"keypoints are unknown; give both, as in --fps 30 --size 1920x1080"
         )
     names = labels(sources)
     folder = results_folder(root, name or default_name("sync-", names, sources))
@@ -89,7 +89,7 @@ def results_folder(root: Path, name: str) -> Path:
 
 
 def default_name(prefix: str, names: Sequence[str], sources: Sequence[VideoSource]) -> str:
-    """What the names begin with, and a few letters that differ for other sources."""
+    """The common beginning of the names, and a few letters that differ for other sources."""
     same = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
     shared = "".join(letters[0] for letters in same)
     paths = [str(path.resolve()) for s in sources for path in (s.video, s.keypoints) if path]

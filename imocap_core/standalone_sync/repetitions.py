@@ -16,8 +16,9 @@ from imocap_core.workspace import Workspace
 def job_in_parts(
     workspace: Workspace, action: str, sets: list[str], display: Display
 ) -> tuple[Job, list[str]]:
-    """The job of an action, or of its parts where it says ``repetitions: true`` of a video; and a
-    sentence on each clip that was cut. WorkFailed where nothing repeats.
+    """The job of an action in which videos with ``repetitions: true`` are cut into repetitions.
+
+    Also a sentence on each clip that was cut. WorkFailed where nothing repeats.
     """
     job = workspace.ready_job(action, sets, display)
     long_clips = [v.id for v in job.action.videos if v.repetitions]

@@ -107,7 +107,10 @@ def synchronise_action(
 
 
 def write_synchronised(solved: SolvedSync, out: Path | None, display: Display) -> Synchronised:
-    """sync.csv, a picture and, where there are videos, one side by side, in the folder `out`."""
+    """Write sync.csv, a picture and, where there are videos, a film of them side by side.
+
+    out: the folder; else artifacts/ACTION/sync.
+    """
     job = solved.job
     folder = out or job.store.folder / job.action.name / STAGE
     try:
@@ -138,7 +141,7 @@ def _is_action(workspace: Workspace, word: str) -> bool:
 def _cut(
     workspace: Workspace, action: str, name: str | None, sets: list[str], display: Display
 ) -> tuple[Job, list[str]]:
-    """The job of an action whose videos are the repetitions in an action's one video."""
+    """The job of an action whose videos are the repetitions in the one video of another."""
     job = workspace.ready_job(action, sets, display)
     if len(job.action.videos) != 1:
         raise WrongUse(f"--repetitions: expected one long clip, got {len(job.action.videos)}")
@@ -150,11 +153,11 @@ def _cut(
 def _about(
     reference: str, job: Job, keypoints: Keypoints, initial: InitialSmpl, display: Display
 ) -> Sync:
-    """The synchronisation about another reference than the most central video."""
+    """The synchronisation with another reference than the most central video."""
     from imocap_core.problem.hints import hints_of
     from imocap_core.problem.synchronisation import synchronise_motions
 
-    display.progress(0.5, f"again, about {reference}")
+    display.progress(0.5, f"again, with the reference {reference}")
     reads = frozenset(job.pipeline.stages[STAGE].reads)
     ctx = Context(STAGE, job.settings.seed, reads, display.progress, Path(), job.action)
     try:

@@ -11,7 +11,7 @@ from imocap_core.errors import WrongUse
 from imocap_core.pipeline.format_names import DetectionFormat, Layout
 
 KEYPOINT_SUFFIXES = (".json", ".npz", ".csv", ".h5")
-# Where keypoints of videos/clip.mp4 are looked for: folders of these names, and (but for the first)
+# Where the keypoints of videos/clip.mp4 may be: folders of these names, and (but for the first)
 # files of these names with one of the suffixes; {} is the video's name without its suffix.
 BESIDE = ("{}", "{}_keypoints", "{}_json", "keypoints/{}", "../keypoints/{}")
 
@@ -81,7 +81,7 @@ def _parts(word: str) -> tuple[Path | None, Path | None]:
 
 
 def _beside(video: Path) -> Path | None:
-    """The keypoints of a video, where people put them."""
+    """The keypoints beside a video, in one of the usual places."""
     places = [video.parent / pattern.format(video.stem) for pattern in BESIDE]
     folders = [p for p in places if p.is_dir() and any(p.glob("*.json"))]
     files = [p.with_name(p.name + suffix) for p in places[1:] for suffix in KEYPOINT_SUFFIXES]
@@ -89,14 +89,14 @@ def _beside(video: Path) -> Path | None:
 
 
 def labels(sources: Sequence[VideoSource]) -> list[str]:
-    """An id for each source: its name, or its number where that is no id or not unique."""
+    """An id for each source: its name, or its number where names are invalid or not unique."""
     names = [re.sub(r"[^A-Za-z0-9_.-]", "_", source.stem) for source in sources]
     unique = len(set(names)) == len(names) and all(re.match(r"[A-Za-z0-9_]", n) for n in names)
     return names if unique else [f"v{i + 1}" for i in range(len(names))]
 
 
 def read_size(text: str | None) -> tuple[int, int] | None:
-    """Width and height of '1920x1080'. WrongUse when it is none."""
+    """Width and height of '1920x1080'. WrongUse for other text."""
     if text is None:
         return None
     match = re.fullmatch(r"([1-9]\d*)[x, ]([1-9]\d*)", text.strip())

@@ -6,12 +6,13 @@ Reading order:
     joint_synchronisation  the method, step by step, of the videos that show the action
     blocks                 Eq. 1: all frames of all videos in one matrix
     pairwise/              distances and affinities of all pairs of frames (Eq. 1)
-    warp/                  soft maps, DTW, templates, refinement of the maps to the reference
+    warp/                  soft maps, DTW, templates, reprojection
     reference              the reference video by centrality
     cycle/                 cycle consistency of the maps (Eq. 2)
+    refinement             maps to the reference, refined against the other videos
     map_consistency        cycle residuals of the pairwise maps
     phase                  the common time axis
-    anchors, reference_anchors    frames tied by the user
+    anchors                frames tied by the user; reference_anchors: on the reference's axis
     repetition/            repetitions of one action in a long clip
 """
 

@@ -33,8 +33,8 @@ from imocap_core.sync.reference_anchors import (
     hard_anchor_maps,
     through_hard_anchors,
 )
+from imocap_core.sync.refinement import ReferenceAxis, refined_warps
 from imocap_core.sync.warp.dtw_paths import dtw_warps
-from imocap_core.sync.warp.refinement import ReferenceAxis, refined_warps
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
 from imocap_core.sync.warp.soft_maps import pairwise_soft_maps
 
@@ -47,7 +47,23 @@ REFINED_WEIGHT = 8.0
 
 @dataclass(frozen=True)
 class JointResult:
-    """Result of the joint synchronisation; fields as in `SyncResult`."""
+    """Position of every frame of every video in the reference video, with confidences.
+
+    Attributes:
+        reference: index of the reference video.
+        reference_frame: per video, fractional index into the reference; NaN unmatched.
+        confidence: per video, in [0, 1].
+        phase: per video, seconds of the reference on the common time axis.
+        affinity: Eq. 1, all frames of all videos.
+        relaxed: after cycle consistency (Eq. 2), row-stochastic per block.
+        centrality: the reference has the largest unless it was given.
+        matched_square: squared distance typical of matching frames.
+        cycle: outcome of the cycle-consistency method.
+        cycle_residuals: of the pairwise maps, for every three videos.
+        left_out_frames: distance of each video's map to the reference from the maps through the
+            others.
+        left_out_share: of the frames that both match.
+    """
 
     reference: int
     reference_frame: list[Float[np.ndarray, "_T"]]
@@ -58,7 +74,7 @@ class JointResult:
     centrality: Float[np.ndarray, " M"]
     matched_square: float
     cycle: CycleReport
-    triples: list[CycleResidual]
+    cycle_residuals: list[CycleResidual]
     left_out_frames: Float[np.ndarray, " M"]
     left_out_share: Float[np.ndarray, " M"]
 
@@ -120,7 +136,7 @@ def synchronise_jointly(
         centrality=centralities,
         matched_square=distances.matched_square,
         cycle=report,
-        triples=cycle_residuals(pairs, lengths, fps),
+        cycle_residuals=cycle_residuals(pairs, lengths, fps),
         left_out_frames=left_out,
         left_out_share=share,
     )

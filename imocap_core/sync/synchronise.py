@@ -11,14 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Float
 
 from imocap_core.params import SyncParams
 from imocap_core.sync.anchors import Hints, check_hints
 from imocap_core.sync.blocks import Blocks
-from imocap_core.sync.cycle.report import CycleReport
 from imocap_core.sync.joint_synchronisation import JointResult, synchronise_jointly
-from imocap_core.sync.map_consistency import CycleResidual
 from imocap_core.sync.pairwise.poses import body_scales, check_poses, joint_weights_of
 from imocap_core.sync.screening.mirror import mirrored_poses
 from imocap_core.sync.screening.screening import Screening, screen
@@ -26,41 +24,16 @@ from imocap_core.sync.warp.reprojection import ReprojectionEvidence
 
 
 @dataclass(frozen=True)
-class SyncResult:
+class SyncResult(JointResult):
     """Position of every frame of every video in the reference video, with confidences.
 
     An excluded video is unmatched throughout: NaN, confidence 0, no phase, zeros in the matrices.
 
     Attributes:
-        reference: index of the reference video.
-        reference_frame: per video, fractional index into the reference; NaN unmatched.
-        confidence: per video, in [0, 1].
-        phase: per video, seconds of the reference on the common time axis.
-        affinity: Eq. 1, all frames of all videos.
-        relaxed: after cycle consistency (Eq. 2), row-stochastic per block.
-        centrality: the reference has the largest unless it was given.
-        matched_square: squared distance typical of matching frames.
-        cycle: outcome of the cycle-consistency method.
-        triples: cycle residuals of the pairwise maps.
-        left_out_frames: distance of each video's map to the reference from the maps through the
-            others.
-        left_out_share: of the frames that both match.
         screening: mirrored and excluded videos.
         status: one sentence.
     """
 
-    reference: int
-    reference_frame: list[Float[np.ndarray, "_T"]]
-    confidence: list[Float[np.ndarray, "_T"]]
-    phase: list[Float[np.ndarray, "_T"]]
-    affinity: Float32[np.ndarray, "N_a N_a"]
-    relaxed: Float32[np.ndarray, "N_a N_a"]
-    centrality: Float[np.ndarray, " M"]
-    matched_square: float
-    cycle: CycleReport
-    triples: list[CycleResidual]
-    left_out_frames: Float[np.ndarray, " M"]
-    left_out_share: Float[np.ndarray, " M"]
     screening: Screening
     status: str
 
@@ -181,9 +154,9 @@ def _of_all_videos(
         centrality=centrality,
         matched_square=joint.matched_square,
         cycle=joint.cycle,
-        triples=[
+        cycle_residuals=[
             replace(t, videos=(used[t.videos[0]], used[t.videos[1]], used[t.videos[2]]))
-            for t in joint.triples
+            for t in joint.cycle_residuals
         ],
         left_out_frames=left_out,
         left_out_share=share,

@@ -27,7 +27,7 @@ FLOOR_QUANTILE = 0.1  # the soles are on the floor in at least this share of the
 
 
 @dataclass(frozen=True)
-class FilmedBody:
+class FilmedMotion:
     """A motion and a static camera (R, t: camera from world).
 
     joints: metres, z up, floor at 0. floor_m: height of the floor in the axes of the given motion.
@@ -43,9 +43,9 @@ class FilmedBody:
     floor_m: float
 
 
-def film_body(
+def film_motion(
     motion: RetargetedMotion, shaped: Shaped, view: CameraPlacement, size: tuple[int, int]
-) -> FilmedBody:
+) -> FilmedMotion:
     """A motion moved onto the floor, and a camera that has all of it in view."""
     vertices = np.stack(list(_skinned(motion, shaped)))
     floor = float(np.quantile(vertices[..., 2].min(axis=1), FLOOR_QUANTILE))
@@ -54,11 +54,11 @@ def film_body(
     K, R, t = place_camera(view, vertices[:, ::50] - down, size)
     posed = shaped.pose(torch.as_tensor(on_floor.R_local), torch.as_tensor(on_floor.transl))
     joints = posed.joints.numpy()
-    return FilmedBody(on_floor, joints, K, R, t, size, view.azimuth_deg, floor)
+    return FilmedMotion(on_floor, joints, K, R, t, size, view.azimuth_deg, floor)
 
 
 def true_points_px(
-    filmed: FilmedBody, shaped: Shaped, layout: str
+    filmed: FilmedMotion, shaped: Shaped, layout: str
 ) -> tuple[Float[np.ndarray, "T K 2"], Float[np.ndarray, "T K"]]:
     """True pixels of a layout's keypoints on this body, and their depths in metres."""
     motion = filmed.motion
@@ -84,7 +84,7 @@ def viewed_side(
 
 
 def render_frames(
-    filmed: FilmedBody, shaped: Shaped, kind: int, seed: int
+    filmed: FilmedMotion, shaped: Shaped, kind: int, seed: int
 ) -> Iterator[UInt8[np.ndarray, "H W 3"]]:
     """The RGB frames in order: a room (kind 0 to 3), shadow, performer, sensor noise."""
     model = shaped.model

@@ -1,4 +1,4 @@
-"""The body in the viewer: a surface a shape, four bones a vertex, and poses frame by frame.
+"""The body in the viewer: one surface per shape, four bones per vertex, and poses per frame.
 
 The page skins the surface itself (web/body.js, web/shaders.js), so a frame costs its angles only.
 """
@@ -46,7 +46,7 @@ def final_motion(video: VideoResult, fingers: bool) -> ShownMotion:
 
 
 def monocular_motion(motion: VideoMotion, camera: VideoCamera, fingers: bool) -> ShownMotion:
-    """What a video alone says, placed by the final camera of a levelled result."""
+    """The monocular motion of a video, placed by the final camera of a levelled result."""
     placed = to_world(
         BodyMotion(motion.theta, motion.trans, motion.joints), Extrinsics(camera.R, camera.t)
     )
@@ -62,7 +62,7 @@ def with_fingers(theta: Float[np.ndarray, "T 72"]) -> Float[np.ndarray, "T 156"]
 
 
 def model_entry(block: Block, model: Model) -> dict[str, object]:
-    """What all bodies share: the tree, faces, bones and their weights, how light each part is."""
+    """Common to all bodies: joint tree, faces, bones and their weights, shades of the parts."""
     bones, weights = strongest_bones(model.weights.numpy())
     return {
         "parents": list(model.parents),
@@ -82,12 +82,12 @@ def strongest_bones(
     strongest = np.take_along_axis(weights, bones, axis=1)
     shares = strongest / strongest.sum(axis=1, keepdims=True)
     whole = np.round(65535 * shares).astype(np.int64)
-    whole[:, 0] += 65535 - whole.sum(axis=1)  # a sum off by one would move the body by its place
+    whole[:, 0] += 65535 - whole.sum(axis=1)  # else the body would move by 1/65535 of its place
     return bones, whole
 
 
 def shades(model: Model) -> Int[np.ndarray, " V"]:
-    """How light each vertex is, 0 to 255: the mean over its faces' parts."""
+    """Brightness of each vertex, 0 to 255: the mean over its faces' parts."""
     if model.face_parts is None:
         return np.full(len(model.v_template), 200)
     part = np.array([LIGHTNESS.get(name, 0.8) for name in model.part_names])

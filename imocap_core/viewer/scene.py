@@ -110,7 +110,7 @@ def scene(
 def _video_entry(
     block: Block, result: ActionResult, level: ActionResult, i: int, alone: VideoMotion
 ) -> dict[str, Any]:
-    """Video i apart from its bodies and pictures."""
+    """Everything about video i but its bodies and pictures."""
     video, keypoints = result.videos[i], result.artifacts.get(Keypoints)
     camera = video.camera
     K_alone = result.artifacts.get(CameraMotion).videos[i].K

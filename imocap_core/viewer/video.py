@@ -72,7 +72,7 @@ def timeline_entry(keypoints: Keypoints, sync: SyncSummary) -> dict[str, float]:
 
 
 def camera_entry(block: Block, camera: VideoCamera) -> dict[str, Any]:
-    """Its lens and place; its axes (right, down, ahead as columns) and zoom in every frame."""
+    """Its intrinsics and position; its axes (right, down, ahead as columns) and zoom per frame."""
     axes = camera.R.T @ camera.R_first_from_frame
     static = np.allclose(axes, axes[:1], atol=1e-9)
     fx, fy, cx, cy = camera.K[0, 0], camera.K[1, 1], camera.K[0, 2], camera.K[1, 2]

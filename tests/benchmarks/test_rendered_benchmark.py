@@ -78,7 +78,7 @@ def test_the_truth_speaks_of_the_common_world_whatever_the_floor() -> None:
     shift = np.array([1.0, 2.0, 0.3])
     shot = CapturedVideo(captured[:, :14], np.arange(5.0), np.arange(5), 30.0, turn, shift)
     floor = 0.12
-    shooting = rendered_action.Shooting(
+    filmed = rendered_action.FilmedMotion(
         RetargetedMotion(np.zeros((5, 24, 3, 3)), np.zeros((5, 3))),
         captured - [0, 0, floor],
         np.eye(3),
@@ -88,10 +88,10 @@ def test_the_truth_speaks_of_the_common_world_whatever_the_floor() -> None:
         0.0,
         floor,
     )
-    truth = _with_body_joints(shot, shooting).truth("v1", shooting.K, shooting.R, shooting.t)
+    truth = _with_body_joints(shot, filmed).truth("v1", filmed.K, filmed.R, filmed.t)
     assert np.allclose(truth["v1/joints"], captured @ turn.T + shift)
     in_camera = truth["v1/joints"] @ truth["v1/R"].T + truth["v1/t"]
-    assert np.allclose(in_camera, shooting.joints + shooting.t)
+    assert np.allclose(in_camera, filmed.joints + filmed.t)
 
 
 def test_names_and_numbers_are_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

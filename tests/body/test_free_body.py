@@ -93,9 +93,9 @@ def test_limbs_vary_independently_of_stature() -> None:
     rows = []
     for b in range(10):
         joints = body.shape(2 * torch.eye(10, dtype=torch.float64)[b]).joints_rest.numpy()
-        at = dict(zip(body.joint_names, joints, strict=True))
-        lengths = [np.linalg.norm(at[f"left_{a}"] - at[f"left_{c}"]) for a, c in chains]
-        rows.append([*lengths, np.linalg.norm(at["neck"] - at["pelvis"])])
+        place = dict(zip(body.joint_names, joints, strict=True))
+        lengths = [np.linalg.norm(place[f"left_{a}"] - place[f"left_{c}"]) for a, c in chains]
+        rows.append([*lengths, np.linalg.norm(place["neck"] - place["pelvis"])])
     changes = np.array(rows) - np.mean(rows, axis=0)
     assert np.linalg.svd(changes, compute_uv=False).min() > 0.01  # metres, in every direction
 
@@ -115,18 +115,21 @@ def test_layouts_are_complete_and_left_is_left(body: Model, layout: str) -> None
 
 
 def test_keypoints_sit_where_detectors_put_them(body: Model) -> None:
-    at = at_rest(body, "body25")
-    assert at["nose"][2] > at["left_eye"][2] > at["left_ear"][2]
-    assert at["left_eye"][1] > at["nose"][1]
-    assert 0.06 < at["left_ear"][0] < 0.1
-    assert at["left_big_toe"][2] > at["left_ankle"][2] + 0.15
-    assert at["left_heel"][2] < at["left_ankle"][2]
-    assert at["left_big_toe"][0] < at["left_small_toe"][0]
+    place = at_rest(body, "body25")
+    assert place["nose"][2] > place["left_eye"][2] > place["left_ear"][2]
+    assert place["left_eye"][1] > place["nose"][1]
+    assert 0.06 < place["left_ear"][0] < 0.1
+    assert place["left_big_toe"][2] > place["left_ankle"][2] + 0.15
+    assert place["left_heel"][2] < place["left_ankle"][2]
+    assert place["left_big_toe"][0] < place["left_small_toe"][0]
     floor = body.v_template[:, 1].min().item()
     for name in ("left_big_toe", "left_small_toe", "left_heel"):
-        assert at[name][1] < floor + 0.05
-    assert 0.18 < at["left_hip"][0] - at["right_hip"][0] < 0.23
-    assert np.linalg.norm(at["neck"] - (at["left_shoulder"] + at["right_shoulder"]) / 2) < 1e-9
+        assert place[name][1] < floor + 0.05
+    assert 0.18 < place["left_hip"][0] - place["right_hip"][0] < 0.23
+    assert (
+        np.linalg.norm(place["neck"] - (place["left_shoulder"] + place["right_shoulder"]) / 2)
+        < 1e-9
+    )
 
 
 def test_unknown_layouts_are_answered_with_the_known_ones() -> None:

@@ -148,8 +148,8 @@ def test_hands_come_with_their_space_and_faces_with_their_landmarks(tmp_path: Pa
     model = load_body(tmp_path / "x.npz")
     coefficients = np.arange(6.0)
     expected = arrays["hands_meanl"] + coefficients @ arrays["hands_componentsl"][:6]
-    found = hand_pose_from_pca(model, "left", torch.as_tensor(coefficients))
-    np.testing.assert_allclose(found, expected)
+    pose = hand_pose_from_pca(model, "left", torch.as_tensor(coefficients))
+    np.testing.assert_allclose(pose, expected)
     points = model.points("wholebody133")
     assert {f"face{i}" for i in range(17, 68)} <= set(points.names)
     assert points.columns[points.names.index("face17")] == 23 + 17
@@ -178,6 +178,7 @@ def test_nothing_but_arrays_is_ever_called(tmp_path: Path, allowed: tuple[Any, A
         load_body(write_pickle(tmp_path / "sly.pkl", {"f": Sly()}))
 
 
+@pytest.mark.usefixtures("unchecked_shapes")
 def test_bad_files_are_named_with_what_is_wrong(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no such body model file"):
         load_body(tmp_path / "none.npz")

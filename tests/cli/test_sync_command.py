@@ -128,7 +128,10 @@ def test_videos_with_keypoints_give_a_film_too(
     ("words", "message"),
     [
         (["nowhere"], "there is no nowhere; expected keypoints"),
-        (["{in}/a"], "don't tell the frame rate and the picture's size; give both, as in --fps 30"),
+        (
+            ["{in}/a"],
+            "frame rate and picture size of keypoints are unknown; give both, as in --fps 30",
+        ),
         (["{in}/a", "--fps", "30", "--size", "big"], "--size big: expected width x height"),
         (["{in}/a", *FORMAT], "is one video: give two or more, or cut a long clip"),
         (["{in}/a", "{in}/b", *FORMAT, "--reference", "c"], "there is no such video; got a, b"),

@@ -78,7 +78,7 @@ J = waving(np.arange(10.0))
         ([J, J], {"layout": "body25"}, "2D keypoints as arrays need layout, fps and size"),
         ([J, J[0]], {"layout": "body25", "fps": 30.0, "size": (640, 360)}, r"2D keypoints \(T, K"),
         (["nowhere", "nothing"], {"fps": 30}, "there is no nowhere; expected keypoints"),
-        ([J, J], {"fps": 30, "params": {"sync.magic": 1}}, "sync.magic is no parameter"),
+        ([J, J], {"fps": 30, "params": {"sync.magic": 1}}, r"sync\.magic: unknown parameter"),
     ],
 )
 def test_wrong_use(clips: list[Any], options: dict[str, Any], sentence: str) -> None:

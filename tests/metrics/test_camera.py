@@ -33,11 +33,11 @@ def test_camera_error_by_hand() -> None:
 def test_camera_error_does_not_see_the_choice_of_either_world() -> None:
     rng = np.random.default_rng(0)
     cameras = Rotation.random(4, rng=rng).as_matrix()
-    found = cameras @ _turn("x", 4)
+    recovered = cameras @ _turn("x", 4)
     world_a, world_b = Rotation.random(2, rng=rng).as_matrix()
-    error = camera_rotation_error_deg(cameras[1], cameras[0], found[1], cameras[0])
+    error = camera_rotation_error_deg(cameras[1], cameras[0], recovered[1], cameras[0])
     moved = camera_rotation_error_deg(
-        cameras[1] @ world_a, cameras[0] @ world_a, found[1] @ world_b, cameras[0] @ world_b
+        cameras[1] @ world_a, cameras[0] @ world_a, recovered[1] @ world_b, cameras[0] @ world_b
     )
     assert moved == pytest.approx(error)
     reference_world = cameras @ cameras[0].T  # recovered world = the reference camera's axes
@@ -54,17 +54,17 @@ K = np.array([[100.0, 0, 50], [0, 100, 40], [0, 0, 1]])
 def test_reprojection_by_hand() -> None:
     # (1, 0, 2) lands on (100, 40); seen 3 right and 4 below.
     points = np.array([[[1.0, 0, 2], [0, 0, 5]]])
-    seen = np.array([[[103.0, 44], [50, 50]]])
-    errors = reprojection_errors_px(points, K, seen, np.array([[1.0, 0.25]]))
+    detected = np.array([[[103.0, 44], [50, 50]]])
+    errors = reprojection_errors_px(points, K, detected, np.array([[1.0, 0.25]]))
     np.testing.assert_allclose(errors, [[5, 10]])
     assert reprojection_error_px(errors, np.array([[1.0, 0.25]])) == pytest.approx(6)
 
 
-def test_unseen_and_behind_do_not_count() -> None:
+def test_undetected_and_behind_do_not_count() -> None:
     points = np.array([[[0.0, 0, 1], [0, 0, -1], [0, 0, 1]]])
-    seen = np.array([[[50.0, 41], [50, 40], [np.nan, np.nan]]])
+    detected = np.array([[[50.0, 41], [50, 40], [np.nan, np.nan]]])
     confidence = np.array([[1.0, 1.0, 0.0]])
-    errors = reprojection_errors_px(points, K, seen, confidence)
+    errors = reprojection_errors_px(points, K, detected, confidence)
     np.testing.assert_array_equal(np.isnan(errors), [[False, True, True]])
     assert reprojection_error_px(errors, confidence) == pytest.approx(1)
     assert np.isnan(reprojection_error_px(errors * np.nan, confidence))

@@ -44,11 +44,11 @@ def test_errors_scale_with_the_person() -> None:
 def test_outliers_and_misses_are_counted_apart() -> None:
     rng = np.random.default_rng(2)
     clean = film(rng)
-    found = clean.detected_px.copy()
-    wrong = rng.random(len(found)) < 0.04
-    found[wrong, 0] += 0.2 * HEIGHT_PX
-    found[rng.random(len(found)) < 0.1, 1] = np.nan
-    spoiled = DetectedClip(found, clean.true_px, clean.height_px, "front", FPS)
+    detected = clean.detected_px.copy()
+    wrong = rng.random(len(detected)) < 0.04
+    detected[wrong, 0] += 0.2 * HEIGHT_PX
+    detected[rng.random(len(detected)) < 0.1, 1] = np.nan
+    spoiled = DetectedClip(detected, clean.true_px, clean.height_px, "front", FPS)
     nose, shoulder = point_errors([spoiled], NAMES)[:2]
     assert nose.outlier_rate == pytest.approx(wrong.mean(), abs=0.003)
     assert nose.outlier_size == pytest.approx(0.2, rel=0.1)
@@ -58,15 +58,15 @@ def test_outliers_and_misses_are_counted_apart() -> None:
     assert shoulder.outlier_rate < 0.001
 
 
-def test_exchanged_arms_are_seen_and_only_those() -> None:
+def test_exchanged_arms_and_only_those_are_counted() -> None:
     clean = film(np.random.default_rng(3), frames=200)
     assert exchanged_share(clean, NAMES, "arm") == 0
-    found = clean.detected_px.copy()
-    found[50:80, 1:4], found[50:80, 4:7] = (
+    detected = clean.detected_px.copy()
+    detected[50:80, 1:4], detected[50:80, 4:7] = (
         clean.detected_px[50:80, 4:7],
         clean.detected_px[50:80, 1:4],
     )
-    swapped = DetectedClip(found, clean.true_px, clean.height_px, "front", FPS)
+    swapped = DetectedClip(detected, clean.true_px, clean.height_px, "front", FPS)
     assert exchanged_share(swapped, NAMES, "arm") == pytest.approx(30 / 200)
 
 

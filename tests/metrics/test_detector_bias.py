@@ -25,9 +25,9 @@ def film(seed: int, frames: int = FRAMES, **errors: object) -> DetectedClip:
         still + 10 * rng.normal(size=(frames, 1, 2)) + 5 * rng.normal(size=(frames, len(NAMES), 2))
     )
     height = np.full(frames, HEIGHT_PX)
-    found = detect(true, height, NAMES, FPS, rng, DetectorErrors(**(QUIET | errors)))  # type: ignore[arg-type]
-    seen = np.where(found.confidence[..., None] > 0, found.xy_px, np.nan)
-    return DetectedClip(seen, true, height, "front", FPS)
+    detections = detect(true, height, NAMES, FPS, rng, DetectorErrors(**(QUIET | errors)))  # type: ignore[arg-type]
+    visible = np.where(detections.confidence[..., None] > 0, detections.xy_px, np.nan)
+    return DetectedClip(visible, true, height, "front", FPS)
 
 
 def test_the_share_of_the_way_comes_back_and_is_no_offset() -> None:
@@ -47,7 +47,7 @@ def test_the_share_of_the_way_comes_back_and_is_no_offset() -> None:
     assert detector_bias(films, NAMES, "wrist", "").lasting > 1e-3
 
 
-def test_what_lasts_is_told_from_what_passes() -> None:
+def test_lasting_offsets_are_separated_from_noise() -> None:
     films = [
         film(seed, noise=0.006, persistent_share=1.0, persistence_s=0.15, constant_offset=0.01)
         for seed in range(30)
@@ -75,9 +75,9 @@ def test_outliers_come_at_their_rate_and_stay_in_bouts() -> None:
 def test_only_a_body_exchanged_as_a_whole_is_turned() -> None:
     clean = film(1, frames=100)
     for kinds, share in ((("shoulder", "elbow", "wrist"), 0.0), (("shoulder", "hip"), 0.3)):
-        found = clean.detected_px.copy()
+        detected = clean.detected_px.copy()
         for kind in kinds:
             left, right = NAMES.index(f"left_{kind}"), NAMES.index(f"right_{kind}")
-            found[20:50, [left, right]] = clean.detected_px[20:50, [right, left]]
-        seen = DetectedClip(found, clean.true_px, clean.height_px, "front", FPS)
-        assert exchanged_body_share(seen, NAMES, 0.01) == pytest.approx(share)
+            detected[20:50, [left, right]] = clean.detected_px[20:50, [right, left]]
+        exchanged = DetectedClip(detected, clean.true_px, clean.height_px, "front", FPS)
+        assert exchanged_body_share(exchanged, NAMES, 0.01) == pytest.approx(share)

@@ -114,15 +114,15 @@ def test_camera_and_reprojection_rows() -> None:
     eye = np.eye(3)
     assert camera_row("final", "v2", eye, eye, eye, eye).value == pytest.approx(0, abs=1e-6)
     K = np.array([[100.0, 0, 0], [0, 100, 0], [0, 0, 1]])
-    points, seen = np.array([[[0.0, 0, 1]]]), np.array([[[3.0, 4]]])
-    rows = _by_metric(reprojection_rows("final", "v1", points, K, seen, np.ones((1, 1)), 50))
+    points, detected = np.array([[[0.0, 0, 1]]]), np.array([[[3.0, 4]]])
+    rows = _by_metric(reprojection_rows("final", "v1", points, K, detected, np.ones((1, 1)), 50))
     assert rows["reprojection_px"].value == pytest.approx(5)
     assert rows["reprojection_pct"].value == pytest.approx(10)
-    unseen = reprojection_rows("final", "v1", points, K, seen, np.zeros((1, 1)), 50)
+    unseen = reprojection_rows("final", "v1", points, K, detected, np.zeros((1, 1)), 50)
     assert [row.value for row in unseen] == [None, None]
 
 
-def test_summary_is_unweighted_and_says_what_is_left_out() -> None:
+def test_summary_is_unweighted_and_counts_the_scored_videos() -> None:
     rows = [
         ScoreRow("a", "v1", "mpjpe_mm", 10.0),
         ScoreRow("a", "v2", "mpjpe_mm", 40.0),

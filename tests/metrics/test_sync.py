@@ -33,8 +33,10 @@ def _errors(matched: ArrayLike, phase: ArrayLike) -> SyncErrors:
 
 
 def test_true_position_interpolates_and_has_no_counterpart_outside() -> None:
-    found = true_reference_frame(np.array([-1, 0, 25, 100, 101]), REFERENCE_FRAMES, REFERENCE_PHASE)
-    np.testing.assert_array_equal(found, [np.nan, 5, 7.5, 15, np.nan])
+    frames = true_reference_frame(
+        np.array([-1, 0, 25, 100, 101]), REFERENCE_FRAMES, REFERENCE_PHASE
+    )
+    np.testing.assert_array_equal(frames, [np.nan, 5, 7.5, 15, np.nan])
 
 
 def test_errors_by_hand() -> None:

@@ -35,7 +35,7 @@ def test_path_error_forgives_an_offset_only(path: np.ndarray) -> None:
     assert root_path_aligned_error_mm(1.5 * path @ R.T - 4, path) == pytest.approx(0, abs=1e-9)
 
 
-def test_unseen_frames_are_left_out(path: np.ndarray) -> None:
+def test_missing_frames_are_left_out(path: np.ndarray) -> None:
     holed = path + 1
     holed[5:9] = np.nan
     assert root_path_error_mm(holed, path) == pytest.approx(0, abs=1e-9)

@@ -123,7 +123,7 @@ def test_shrinking_the_spectrum_is_soft_thresholding_of_singular_values() -> Non
     )
 
 
-def test_a_row_without_affinity_says_nothing() -> None:
+def test_a_row_without_affinity_is_uniform() -> None:
     blocks = Blocks((2, 4))
     matrix = np.zeros((6, 6))
     np.testing.assert_allclose(row_stochastic(matrix, blocks)[0, 2:], 0.25)

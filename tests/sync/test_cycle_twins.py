@@ -120,7 +120,7 @@ def test_als_and_svt_solve_one_convex_problem() -> None:
 
 
 @pytest.mark.parametrize("method", ["als", "svt"])
-def test_the_report_says_whether_the_residuals_are_below_the_tolerance(method: str) -> None:
+def test_the_report_states_whether_the_residuals_are_below_the_tolerance(method: str) -> None:
     S, blocks = affinity_of(3)
     for most, within in ((3, False), (2000, True)):
         choice = {"nuclear_weight": LAMBDA, "tolerance": 1e-4, "max_iterations": most}

@@ -60,6 +60,6 @@ def test_unknown_costs_do_not_stop_a_path() -> None:
     assert path[-1].tolist() == [9, 9]
 
 
-def test_refuses_nothing() -> None:
+def test_an_empty_cost_is_refused() -> None:
     with pytest.raises(ValueError, match="expected a matrix"):
         dtw(np.zeros((0, 3)))

@@ -37,7 +37,7 @@ def test_consistent_maps_close_their_cycles_and_agree() -> None:
     assert (share[1:] > 0.7).all()
 
 
-def test_a_wrong_map_is_seen_in_its_triples_and_nowhere_else() -> None:
+def test_a_wrong_map_shows_in_its_cycles_and_nowhere_else() -> None:
     pairs = shifted([0.0, 0.0, 0.0, 0.0])
     pairs.positions[1, 2] = np.minimum(pairs.positions[1, 2] + 6.0, 59.0)
     pairs.positions[2, 1] = np.maximum(pairs.positions[2, 1] - 6.0, 0.0)
@@ -49,7 +49,7 @@ def test_a_wrong_map_is_seen_in_its_triples_and_nowhere_else() -> None:
             assert t.frames < 1e-9
 
 
-def test_the_video_whose_own_way_differs_is_the_one_that_disagrees() -> None:
+def test_the_video_whose_direct_map_differs_is_the_one_that_disagrees() -> None:
     pairs = shifted([0.0] * 5)
     pairs.positions[2, 0] = np.minimum(pairs.positions[2, 0] + 5.0, 59.0)
     off, _ = left_out_disagreement(pairs, [60] * 5, 0)
@@ -58,7 +58,7 @@ def test_the_video_whose_own_way_differs_is_the_one_that_disagrees() -> None:
     assert off[3] < 0.01
 
 
-def test_two_videos_have_nothing_to_be_held_against() -> None:
+def test_two_videos_have_no_cycle_residual() -> None:
     pairs = shifted([0.0, 1.0])
     assert cycle_residuals(pairs, [60, 60], [30.0, 30.0]) == []
     off, share = left_out_disagreement(pairs, [60, 60], 0)
@@ -66,7 +66,7 @@ def test_two_videos_have_nothing_to_be_held_against() -> None:
     assert np.isnan(share).all()
 
 
-def test_following_a_map_interpolates_and_loses_what_is_unmatched() -> None:
+def test_composition_interpolates_and_loses_unmatched_frames() -> None:
     then = np.array([0.0, 2.0, np.nan, 6.0])
     got = composed(np.array([0.0, 0.5, 1.0, 1.5, 3.0, np.nan]), then)
     np.testing.assert_allclose(got, [0.0, 1.0, 2.0, np.nan, 6.0, np.nan])

@@ -106,7 +106,7 @@ def test_a_periodic_motion_is_cut_at_one_phase() -> None:
     assert np.abs(lengths[1:-1] - 1).max() < 0.1
 
 
-def test_nothing_is_found_where_nothing_repeats() -> None:
+def test_a_clip_without_repetition_is_left_whole() -> None:
     for seed in range(6):
         rng = np.random.default_rng(seed)
         repetitions = _find(_unsure(_wandering(300, rng), rng))

@@ -90,7 +90,7 @@ def test_reprojection_sharpens_a_blurred_map() -> None:
     positions = np.arange((frames - 1) * per_frame + 1) / per_frame
     true = [phase / 6 * (frames - 1) for phase in (reference, other, third)]
     rng = np.random.default_rng(6)
-    maps = [blurred(at + 1.0 * rng.normal(size=len(at)), positions, 1.5) for at in true]
+    maps = [blurred(x + 1.0 * rng.normal(size=len(x)), positions, 1.5) for x in true]
     squares = ReprojectionEvidence(videos, MotionParams()).squares(1, maps, 0, per_frame)
     assert squares is not None
     error = np.abs(positions[squares.argmin(1)] - true[1])
@@ -104,12 +104,12 @@ def test_poses_that_agree_with_a_wrong_map_are_corrected_by_reprojection(frames_
     phase = np.linspace(0, 6, frames)
     off = frames_off * np.sin(np.pi * np.arange(frames) / (frames - 1))
     believed = np.interp(np.arange(frames) + off, np.arange(frames), phase)
-    found = [motion(phase), motion(believed), motion(phase)]
+    estimates = [motion(phase), motion(believed), motion(phase)]
     films = [
         replace(film(phase, a, 21 + k), xyz_m=x)
-        for k, (a, x) in enumerate(zip((0.0, 1.6, 3.1), found, strict=True))
+        for k, (a, x) in enumerate(zip((0.0, 1.6, 3.1), estimates, strict=True))
     ]
-    poses = [x + 0.005 * rng.normal(size=x.shape) for x in found]
+    poses = [x + 0.005 * rng.normal(size=x.shape) for x in estimates]
     params = replace(PARAMS, outliers="ignore", mirrored="ignore")
 
     def error(reprojection: ReprojectionEvidence | None) -> float:
@@ -153,7 +153,7 @@ def test_the_others_motion_is_without_the_video_itself() -> None:
 
 
 @pytest.mark.parametrize("off", [-6, 5])
-def test_where_a_frame_was_taken_to_lie_does_not_hold_it(off: int) -> None:
+def test_the_current_moment_of_a_frame_does_not_bias_its_counterpart(off: int) -> None:
     """Rigid offsets fitted there would absorb the error of time."""
     phase = np.linspace(0, 4, 81)
     video = film(phase, 0.7, 30)
@@ -169,9 +169,9 @@ def test_the_fit_of_rigid_offsets_at_every_moment_is_a_ridge_regression() -> Non
     """Against a ridge regression for each frame and moment."""
     phase = np.linspace(0, 1, 6)
     video = film(phase, 0.4, 31)
-    template, at = projected(motion(phase), video), np.array([0, 1, 1, 3, 4, 5])
-    squares = reprojection_squares(template, video, at, MotionParams())
-    weight, precision = weights_and_precision(template, video, at, MotionParams())
+    template, moments = projected(motion(phase), video), np.array([0, 1, 1, 3, 4, 5])
+    squares = reprojection_squares(template, video, moments, MotionParams())
+    weight, precision = weights_and_precision(template, video, moments, MotionParams())
     for t in range(6):
         for s in range(6):
             root = np.sqrt(np.repeat(weight[t], 2))

@@ -80,7 +80,7 @@ def flipped(result: SyncResult) -> tuple[int, ...]:
 
 
 @pytest.mark.parametrize("where", [0, 2])
-def test_a_mirrored_video_is_found_and_matched_as_well_as_unmirrored(where: int) -> None:
+def test_a_mirrored_video_is_detected_and_matched_as_well_as_unmirrored(where: int) -> None:
     rng = np.random.default_rng(13)
     poses = [estimated(p, rng) for p in four_phases()]
     straight = run(poses, twins=TWINS, reference=1)
@@ -135,7 +135,7 @@ def test_of_two_videos_the_second_is_the_mirrored_one() -> None:
     assert flipped(run(poses, twins=TWINS)) == (1,)
 
 
-def test_signs_are_found_together_and_the_smaller_side_turns() -> None:
+def test_signs_are_solved_together_and_the_smaller_side_turns() -> None:
     rng = np.random.default_rng(0)
     for _ in range(20):
         true = rng.choice([-1, 1], 7)

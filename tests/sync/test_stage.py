@@ -42,19 +42,19 @@ def test_maps_are_named_and_lie_where_they_should() -> None:
     sync = synchronise_motions(joints, keypoints, PARAMS, np.random.default_rng(0), reference="a")
     assert sync.reference == "a"
     assert [m.id for m in sync.maps] == ["a", "b"]
-    found = sync.maps[1].reference_frame
-    known = np.isfinite(found)
-    assert np.median(np.abs(found - np.arange(60) - 10)[known]) < 0.5
+    frames = sync.maps[1].reference_frame
+    matched = np.isfinite(frames)
+    assert np.median(np.abs(frames - np.arange(60) - 10)[matched]) < 0.5
     assert sync.affinity.shape == (120, 120)
 
 
-def test_a_frame_without_detections_has_no_say() -> None:
+def test_a_frame_without_detections_does_not_count() -> None:
     joints, keypoints = made(["a", "b"], [0.0, 0.4])
     joints[1][20:24] = np.random.default_rng(1).normal(size=(4, 24, 3))
     keypoints.videos[1].confidence[20:24] = 0.0
     sync = synchronise_motions(joints, keypoints, PARAMS, np.random.default_rng(0), reference="a")
-    found = sync.maps[1].reference_frame[18:26]
-    assert np.abs(found - np.arange(28, 36)).max() < 1.5
+    frames = sync.maps[1].reference_frame[18:26]
+    assert np.abs(frames - np.arange(28, 36)).max() < 1.5
 
 
 def test_one_video_is_its_own_reference() -> None:

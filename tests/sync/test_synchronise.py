@@ -8,8 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from imocap_core.params import SyncParams
-from imocap_core.sync import synchronise
-from imocap_core.sync.warp import refinement
+from imocap_core.sync import refinement, synchronise
 
 PARAMS = SyncParams(
     affinity="reciprocal",
@@ -96,7 +95,7 @@ def run(poses: Sequence[np.ndarray], params: SyncParams = PARAMS, **given):
         (replace(PARAMS, method="none", warp="dtw"), 0.08),
     ],
 )
-def test_finds_known_warps(settings: SyncParams, limit_s: float) -> None:
+def test_recovers_given_warps(settings: SyncParams, limit_s: float) -> None:
     rng = np.random.default_rng(5)
     phases = four_phases()
     result = run([estimated(p, rng) for p in phases], settings, reference=0)

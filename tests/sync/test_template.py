@@ -61,7 +61,7 @@ def test_poses_alike_in_all_directions_have_the_plain_mean() -> None:
     np.testing.assert_allclose(fused(parts).poses, plain, atol=1e-8)
 
 
-def test_where_one_camera_guesses_depth_another_sees_it() -> None:
+def test_depth_of_one_camera_is_resolved_by_another() -> None:
     rng = np.random.default_rng(2)
     true = _poses(rng)
     aside = Rotation.from_euler("y", 90, degrees=True).as_matrix()
@@ -77,7 +77,7 @@ def test_where_one_camera_guesses_depth_another_sees_it() -> None:
     assert errors["by axes"] < 0.7 * errors["plain"]
 
 
-def test_joints_that_nobody_sees_have_no_weight() -> None:
+def test_joints_that_are_visible_in_no_video_have_no_weight() -> None:
     rng = np.random.default_rng(3)
     weights = np.ones((T, J))
     weights[:, 2] = 0.0

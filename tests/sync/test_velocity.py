@@ -22,7 +22,7 @@ def swing(phase: np.ndarray) -> np.ndarray:
     return np.asarray(rest + 0.3 * np.sin(np.pi * phase)[:, None, None] * way)
 
 
-def test_poses_that_are_passed_twice_are_told_apart_by_velocity() -> None:
+def test_poses_that_are_passed_twice_are_distinguished_by_velocity() -> None:
     phase = np.linspace(0.0, 1.0, 31)
     clips = [swing(phase), swing(phase)]
     plain = distance_matrix(clips, None, None, [FPS] * 2, PARAMS)

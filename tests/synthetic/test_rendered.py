@@ -14,7 +14,7 @@ from imocap_core.conventions import EVAL_14, SMPL_JOINTS
 from imocap_core.rotations import exp
 from imocap_core.synthetic.cameras import CameraPlacement
 from imocap_core.synthetic.large_room import HEIGHT_M, KINDS, large_room
-from imocap_core.synthetic.rendered import film_body, render_frames, true_points_px, viewed_side
+from imocap_core.synthetic.rendered import film_motion, render_frames, true_points_px, viewed_side
 from imocap_core.synthetic.retarget import RetargetedMotion, retarget
 
 COLUMNS = [SMPL_JOINTS.index(name) for name in EVAL_14]
@@ -69,7 +69,7 @@ def test_what_a_camera_sees(turn_deg: float, side: str) -> None:
 
 
 def test_feet_stand_on_the_floor_and_everything_is_in_the_picture() -> None:
-    filmed = film_body(upright(), performer(), CameraPlacement(35.0, 3.0, 1.4, 1.0), SIZE)
+    filmed = film_motion(upright(), performer(), CameraPlacement(35.0, 3.0, 1.4, 1.0), SIZE)
     xy_px, depth_m = true_points_px(filmed, performer(), "body33")
     assert ((xy_px > 0) & (xy_px < SIZE)).all()
     assert (depth_m > 1).all()
@@ -80,7 +80,7 @@ def test_feet_stand_on_the_floor_and_everything_is_in_the_picture() -> None:
 
 
 def test_the_video_shows_the_body_at_its_stated_place() -> None:
-    filmed = film_body(upright(), performer(), CameraPlacement(35.0, 3.0, 1.4, 1.0), SIZE)
+    filmed = film_motion(upright(), performer(), CameraPlacement(35.0, 3.0, 1.4, 1.0), SIZE)
     first, *_, last = islice(render_frames(filmed, performer(), 1, 7), FRAMES)
     assert first.shape == (SIZE[1], SIZE[0], 3)
     again = next(render_frames(filmed, performer(), 1, 7))

@@ -93,7 +93,7 @@ def match_values(
 
 def best_totals(
     value: Float[np.ndarray, "m N"], begin: Int[np.ndarray, "m N"]
-) -> Float[np.ndarray, "m N_plus_1"]:
+) -> Float[np.ndarray, "m N+1"]:
     """Weighted interval scheduling: the largest total value of matches without overlap, up to each
     sample."""
     m, N = value.shape
@@ -104,10 +104,8 @@ def best_totals(
     return best
 
 
-def chosen_spans(
-    best: Float[np.ndarray, " N_plus_1"], begin: Int[np.ndarray, " N"]
-) -> tuple[Span, ...]:
-    """The matches of one template behind its `best_totals`."""
+def chosen_spans(best: Float[np.ndarray, "_"], begin: Int[np.ndarray, " N"]) -> tuple[Span, ...]:
+    """The matches of one template behind its `best_totals` (N + 1,)."""
     spans: list[Span] = []
     e = len(begin)
     while e > 0:

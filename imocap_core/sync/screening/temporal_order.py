@@ -28,7 +28,7 @@ def motion_windows(
     poses: Sequence[Float[np.ndarray, "_T J 3"]],
     weights: Sequence[Float[np.ndarray, "_T J"]],
     fps: Sequence[float],
-) -> tuple[list[Float[np.ndarray, "_T _J5 3"]], list[Float[np.ndarray, "_T _J5"]]]:
+) -> tuple[list[Float[np.ndarray, "_T 5*J 3"]], list[Float[np.ndarray, "_T 5*J"]]]:
     """Each frame with its neighbours as one pose of 5 J points, every pose about its centroid, and
     their weights; before the first frame and after the last one these are repeated."""
     windows, window_weights = [], []

@@ -11,5 +11,4 @@ Reading order:
     template       precision-weighted mean of all videos on the reference axis
     leave_one_out  squared distances of each video to the template of the others
     reprojection   squared reprojection errors against the motion of the others
-    refinement     maps to the reference, refined against the other videos
 """

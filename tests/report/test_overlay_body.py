@@ -11,11 +11,11 @@ import pytest
 import torch
 
 from imocap_core import rotations
-from imocap_core.film.filmed_body import (
+from imocap_core.film.overlay_body import (
     NEUTRAL_RGB,
-    FilmedBody,
+    OverlayBody,
     Painter,
-    filmed_bodies,
+    overlay_bodies,
     projections,
     source_frames,
 )
@@ -24,8 +24,8 @@ from imocap_core.io.video import write_h264
 from tests.report.made import FPS, SIZE, K, Made
 
 
-def _cast(made: Made, files: dict[str, Path | None]) -> list[FilmedBody]:
-    return filmed_bodies(made.keypoints, made.camera_motion, made.true, None, files, made.model)
+def _cast(made: Made, files: dict[str, Path | None]) -> list[OverlayBody]:
+    return overlay_bodies(made.keypoints, made.camera_motion, made.true, None, files, made.model)
 
 
 def _neutral() -> np.ndarray:

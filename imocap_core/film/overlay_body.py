@@ -37,7 +37,7 @@ CHUNK = 16  # bodies posed at once
 
 
 @dataclass(frozen=True)
-class FilmedBody:
+class OverlayBody:
     """A video, and the body recovered from it.
 
     P_px (T, 3, 3): for each used frame, from metres in the axes of the first frame's camera to
@@ -52,20 +52,20 @@ class FilmedBody:
     file: Path | None
 
 
-def filmed_bodies(
+def overlay_bodies(
     keypoints: Keypoints,
     camera_motion: CameraMotion,
     motions: Sequence[VideoMotion],
     cameras: Sequence[Camera] | None,
     files: Mapping[str, Path | None],
     model: Model,
-) -> list[FilmedBody]:
+) -> list[OverlayBody]:
     """One per video, in the order of the keypoints; without `cameras` each has the intrinsics that
     its video alone gives."""
     ids = [v.id for v in keypoints.videos]
     intrinsics = {c.id: c.K for c in cameras or camera_motion.videos}
     return [
-        FilmedBody(
+        OverlayBody(
             keypoints=video,
             motion=motion,
             P_px=projections(camera, intrinsics[video.id]),
@@ -120,17 +120,17 @@ class Painter:
     Bodies are posed in small batches; the last two batches are cached.
     """
 
-    def __init__(self, filmed: FilmedBody, model: Model, *, alpha: float) -> None:
-        self._filmed, self._alpha = filmed, alpha
+    def __init__(self, overlay: OverlayBody, model: Model, *, alpha: float) -> None:
+        self._filmed, self._alpha = overlay, alpha
         self._faces = model.faces.numpy()
-        self._count = len(filmed.keypoints.frames)
-        self._rgb = PALE * np.array(filmed.rgb) + (1 - PALE) * LIGHT_GREY
+        self._count = len(overlay.keypoints.frames)
+        self._rgb = PALE * np.array(overlay.rgb) + (1 - PALE) * LIGHT_GREY
 
         @lru_cache(maxsize=2)
         def batch(number: int) -> Float[np.ndarray, "F V 3"]:
             first = number * CHUNK
             last = min(first + CHUNK, self._count)
-            return surfaces(model, filmed.motion, range(first, last))
+            return surfaces(model, overlay.motion, range(first, last))
 
         self._batch = batch
 
@@ -139,15 +139,15 @@ class Painter:
     ) -> Image:
         """The body of used frame `t` over a picture; `move` (3, 3) from the frame's pixels to the
         picture's. Where there is no video, the keypoints too."""
-        filmed = self._filmed
+        overlay = self._filmed
         move = np.eye(3) if move is None else move
         body = self._batch(t // CHUNK)[t % CHUNK]
-        P_px = move @ filmed.P_px[t]
+        P_px = move @ overlay.P_px[t]
         drawn = paint_mesh(
             picture, body, self._faces, P_px, self._rgb, alpha=self._alpha, light=LIGHT
         )
-        if filmed.file is not None:
+        if overlay.file is not None:
             return drawn
-        xy = filmed.keypoints.xy_px[t] @ move[:2, :2].T + move[:2, 2]
-        confidence = filmed.keypoints.confidence[t]
-        return draw_keypoints(drawn, xy, confidence, filmed.layout_names)
+        xy = overlay.keypoints.xy_px[t] @ move[:2, :2].T + move[:2, 2]
+        confidence = overlay.keypoints.confidence[t]
+        return draw_keypoints(drawn, xy, confidence, overlay.layout_names)
