@@ -1,12 +1,14 @@
 """Fit the pose prior to real motion: ``python tools/make_pose_prior.py DATA/train/cmu_train.npz``.
 
-Every clip's joints are fitted with the free body (bone lengths by its shape, limb twist regularised
-towards rest), mirrored to double the data, and modelled by a Gaussian mixture with shrunk
-covariances. Only its moments and the per-joint speeds are stored, no motion. The motions are the
-Carnegie Mellon University motion capture database's (mocap.cs.cmu.edu, NSF EIA-0196217).
+Every clip is brought onto the free body by the orientations of its segments
+(`imocap_core.synthetic.retargeting`), mirrored to double the data, and described by a Gaussian
+mixture with shrunk covariances. Only the mixture's moments and the per-joint speeds are stored, no
+motion. The motions are the Carnegie Mellon University motion capture database's (mocap.cs.cmu.edu,
+NSF EIA-0196217).
 """
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,127 +17,58 @@ import torch
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.prior import PosePrior, mixture
-from imocap_core.motion.solver.gauss_newton import gauss_newton
-from imocap_core.motion.state import MotionState
-from imocap_core.motion.terms import (
-    HingeLimits,
-    JointEvidence,
-    PathSmoothness,
-    PosePriorTerm,
-    PoseSmoothness,
-    ShapePrior,
-    Term,
-)
+from imocap_core.process import configure_process
 from imocap_core.rotations import exp, log
+from imocap_core.synthetic.captured_stance import captured_skeleton, neutral_stance
+from imocap_core.synthetic.retargeting import fit_to_trunk_and_joints, trunk_and_joints
 
 TARGET = Path(__file__).parents[1] / "imocap_core" / "motion" / "data" / "pose_prior.npz"
-# SMPL joint -> (captured joint, standard deviation of their distance in metres)
-CORRESPONDENCE = {
-    "left_hip": ("lThigh", 0.02),
-    "right_hip": ("rThigh", 0.02),
-    "left_knee": ("lShin", 0.01),
-    "right_knee": ("rShin", 0.01),
-    "left_ankle": ("lFoot", 0.01),
-    "right_ankle": ("rFoot", 0.01),
-    "left_foot": ("lFoot_end", 0.04),
-    "right_foot": ("rFoot_end", 0.04),
-    "spine2": ("abdomen", 0.06),
-    "neck": ("neck", 0.03),
-    "head": ("head", 0.05),
-    "left_shoulder": ("lShldr", 0.02),
-    "right_shoulder": ("rShldr", 0.02),
-    "left_elbow": ("lForeArm", 0.01),
-    "right_elbow": ("rForeArm", 0.01),
-    "left_wrist": ("lHand", 0.01),
-    "right_wrist": ("rHand", 0.01),
-    "left_hand": ("lMid1", 0.04),
-    "right_hand": ("rMid1", 0.04),
-}
 COMPONENTS = 12
 FLOOR_RAD = 0.08  # spread added to every direction of every component
 CHUNK = 60  # frames fitted as one motion
 BATCH = 32  # motions fitted side by side
 LONGEST = 180  # frames used of each clip
+FittedClip = tuple[np.ndarray, np.ndarray]  # theta (T, 24, 3) axis-angle, trans (T, 3) metres; z up
 
 
-def rest_prior() -> PosePrior:
-    """A wide Gaussian about the rest pose: determines what joint positions do not (twists)."""
-    spread = np.full(69, 0.8)
-    for name in ("left_ankle", "right_ankle", "left_foot", "right_foot", "left_hand", "right_hand"):
-        first = 3 * (SMPL_JOINTS.index(name) - 1)
-        spread[first : first + 3] = 0.3
-    ones = np.ones(24)
-    return mixture(np.zeros((1, 69)), np.diag(spread**2)[None], np.ones(1), ones, ones)
-
-
-def fit_clips(clips: list[np.ndarray], names: list[str]) -> list[np.ndarray]:
-    """Articulation (T, 23, 3) axis-angle of each clip of captured joints (T, 27, 3)."""
+def fit_clips(
+    clips: Sequence[np.ndarray], names: Sequence[str], parents: Sequence[int]
+) -> list[FittedClip]:
+    """Every clip of captured joints (T, J, 3) of one skeleton, performed by the mean free body."""
     model = load_free_body()
-    body = Body.of(model, "smpl24")
-    pieces = [c[s : s + CHUNK] for c in clips for s in range(0, len(c), CHUNK)]
-    owner = [i for i, c in enumerate(clips) for s in range(0, len(c), CHUNK)]
-    fitted: list[list[np.ndarray]] = [[] for _ in clips]
+    body, betas = Body.of(model, "smpl24"), torch.zeros(model.num_betas, dtype=torch.float64)
+    shaped, skeleton = model.shape(betas), captured_skeleton(names, parents)
+    stance = neutral_stance(skeleton, clips)
+    pieces = [
+        (clip, trunk_and_joints(shaped, skeleton, stance, xyz[start : start + CHUNK]))
+        for clip, xyz in enumerate(clips)
+        for start in range(0, len(xyz), CHUNK)
+    ]
+    parts: list[list[FittedClip]] = [[] for _ in clips]
     for first in range(0, len(pieces), BATCH):
         batch = pieces[first : first + BATCH]
-        for index, theta in zip(
-            owner[first : first + BATCH], fit_batch(body, batch, names), strict=True
-        ):
-            fitted[index].append(theta)
+        state = fit_to_trunk_and_joints(body, [piece for _, piece in batch], betas)
+        theta, trans = log(state.R_local).numpy(), state.trans.numpy()
+        for row, (clip, piece) in enumerate(batch):
+            frames = len(piece.joints)
+            parts[clip].append((theta[row, :frames], trans[row, :frames]))
         print(f"fitted {min(first + BATCH, len(pieces))} of {len(pieces)} pieces", flush=True)
-    return [np.concatenate(parts) for parts in fitted]
-
-
-def fit_batch(body: Body, batch: list[np.ndarray], names: list[str]) -> list[np.ndarray]:
-    """Articulation (T, 23, 3) of each clip of up to a few hundred frames."""
-    longest = max(map(len, batch))
-    state = fitted(body, batch, names, torch.zeros(len(batch), longest, 3, dtype=torch.float64))
-    theta = log(state.R_local[:, :, 1:]).numpy()
-    return [theta[row, : len(clip)] for row, clip in enumerate(batch)]
-
-
-def fitted(
-    body: Body, batch: list[np.ndarray], names: list[str], trans: torch.Tensor
-) -> MotionState:
-    """Gauss-Newton fits of the body to captured joints (T, 27, 3), from paths (B, T, 3)."""
-    longest = trans.shape[1]
-    joints = torch.zeros(len(batch), longest, 24, 3, dtype=torch.float64)
-    weight = torch.zeros(len(batch), longest, 24, dtype=torch.float64)
-    valid = torch.zeros(len(batch), longest, dtype=torch.bool)
-    for row, clip in enumerate(batch):
-        valid[row, : len(clip)] = True
-        for smpl, (captured, sigma) in CORRESPONDENCE.items():
-            k = SMPL_JOINTS.index(smpl)
-            joints[row, : len(clip), k] = torch.as_tensor(clip[:, names.index(captured)]).double()
-            weight[row, : len(clip), k] = sigma**-2
-    eye = torch.eye(3, dtype=torch.float64).expand(len(batch), longest, 24, 3, 3).contiguous()
-    state = MotionState.of(eye, trans, trans.new_zeros(len(batch), 10), valid)
-    ones = torch.ones(24, dtype=torch.float64)
-    evidence = JointEvidence(body, joints, weight, 10.0)
-    terms: list[Term] = [
-        evidence,
-        PosePriorTerm(rest_prior(), 0.05),
-        ShapePrior(1.0),
-        HingeLimits(100.0),
-        PoseSmoothness(10.0 * ones, 0.0 * ones, 1.0),
-        PathSmoothness(1.0, 0.0),
-    ]
-    solution = gauss_newton(terms, state, max_steps=20, relative_tolerance=3e-3)
-    xyz = body.positions(body.joints, solution.state).xyz
-    residual = evidence.residual(xyz).norm(dim=-1) * (weight > 5000)
-    missed_mm = 1000 * residual.sum() / (residual > 0).sum()
-    print(f"  {solution.status}; limb joints missed by {missed_mm:.1f} mm")
-    return solution.state
+    return [(np.concatenate([p[0] for p in x]), np.concatenate([p[1] for p in x])) for x in parts]
 
 
 def mirrored(theta: np.ndarray) -> np.ndarray:
-    """The mirror images of articulations, (T, 23, 3)."""
+    """The same articulations seen in a mirror, (T, 23, 3)."""
     swap = []
     for name in SMPL_JOINTS[1:]:
         side = {"left": "right", "right": "left"}.get(name.split("_")[0])
         other = f"{side}_{name.split('_', 1)[1]}" if side else name
         swap.append(SMPL_JOINTS.index(other) - 1)
     return theta[:, swap] * np.array([1.0, -1.0, -1.0])
+
+
+def in_a_mirror(theta: np.ndarray) -> np.ndarray:
+    """A whole motion (T, 24, 3) seen in a mirror."""
+    return np.concatenate([theta[:, :1] * np.array([1.0, -1.0, -1.0]), mirrored(theta[:, 1:])], 1)
 
 
 def expectation_maximisation(
@@ -166,10 +99,10 @@ def expectation_maximisation(
     return means, covariances, weights
 
 
-def speeds(clips: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def speeds(clips: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """RMS rotation per frame and chordal acceleration per frame^2 (24,) at 30 frames/s.
 
-    The largest 1 % is left out (fits with wrong twists); the root's is twice that of spine1.
+    The largest hundredth is left out (fits that lost a twist).
     """
     first, second = [], []
     for clip in clips:
@@ -180,9 +113,8 @@ def speeds(clips: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     spreads = []
     for pieces in (first, second):
         x = np.concatenate(pieces)
-        trimmed = np.where(x <= np.quantile(x, 0.99, axis=0), x, np.nan)
-        spread = np.sqrt(np.nanmean(trimmed**2, axis=0))
-        spreads.append(np.concatenate([[2 * spread[SMPL_JOINTS.index("spine1") - 1]], spread]))
+        usual = np.where(x <= np.quantile(x, 0.99, axis=0), x, np.nan)
+        spreads.append(np.sqrt(np.nanmean(usual**2, axis=0)))
     return spreads[0], spreads[1]
 
 
@@ -191,16 +123,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("train", type=Path, help="npz with clip_<id> (T, 27, 3) at 30 frames/s")
     arguments = parser.parse_args()
+    configure_process()
     with np.load(arguments.train) as stored:
-        names = [str(n) for n in stored["names"]]
+        names, parents = [str(n) for n in stored["names"]], stored["parents"].tolist()
         keys = [k for k in stored.files if k.startswith("clip_") and k != "clip_ids"]
         clips = [stored[k][:LONGEST].astype(float) for k in keys]
-    articulations = fit_clips(clips, names)
+    motions = [theta for theta, _ in fit_clips(clips, names, parents)]
+    articulations = [theta[:, 1:] for theta in motions]
     both = articulations + [mirrored(a) for a in articulations]
     x = np.concatenate(both).reshape(-1, 69)[::2]
     rng = np.random.default_rng(0)
     mean, covariance, weight = expectation_maximisation(x, COMPONENTS, rng)
-    velocity, acceleration = speeds(both)
+    velocity, acceleration = speeds([*motions, *map(in_a_mirror, motions)])
     TARGET.parent.mkdir(parents=True, exist_ok=True)
     np.savez_compressed(
         TARGET,

@@ -1,0 +1,205 @@
+"""A captured skeleton's rigid segments, and how they stand in a neutral stance.
+
+A joint of a captured skeleton whose children lie in different directions is a rigid body: its
+orientation in a frame follows from theirs (Kabsch, Acta Cryst. A32, 1976). What transfers to
+another body is that orientation relative to the same performer standing upright, because the joint
+centres of two skeletons never coincide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+STANDING_LEAN_DEG = 15.0  # of the trunk, at most
+STANDING_KNEE_DEG = 30.0
+STANDING_FEET_M = 0.1  # difference in height
+STANDING_HIPS_DEG = 8.0  # of the line through both hips
+STRAIGHT_SHARE = 0.01  # the straightest hundredth of all frames counts as a straight limb
+SHOULDER_LEVER = 0.15  # of the shoulders' line, for heads with a single child
+NEAR_END = {"ankle": "knee", "wrist": "elbow", "hand": "wrist"}  # the bone before, by far ends
+MIRROR = np.array([-1.0, 1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class CapturedSkeleton:
+    """Which captured joint plays which part; ``bones`` by the SMPL joint at their far end."""
+
+    names: tuple[str, ...]
+    parents: tuple[int, ...]
+    pelvis: str
+    chest: str
+    neck: str
+    head: str
+    bones: Mapping[str, tuple[str, str]]
+
+    def place(self, xyz: Float[np.ndarray, "T J 3"], joint: str) -> Float[np.ndarray, "T 3"]:
+        """A joint's positions by its name."""
+        return xyz[:, self.names.index(joint)]
+
+    def bone(self, xyz: Float[np.ndarray, "T J 3"], far: str) -> Float[np.ndarray, "T 3"]:
+        """Unit vector along the bone that ends in an SMPL joint."""
+        start, end = self.bones[far]
+        along = self.place(xyz, end) - self.place(xyz, start)
+        unit: np.ndarray = along / np.linalg.norm(along, axis=-1, keepdims=True)
+        return unit
+
+    def hip_line(self, xyz: Float[np.ndarray, "T J 3"]) -> Float[np.ndarray, "T 3"]:
+        """From the right to the left hip."""
+        left, right = (self.bones[f"{side}_knee"][0] for side in ("left", "right"))
+        return self.place(xyz, left) - self.place(xyz, right)
+
+    def rigid_points(
+        self, xyz: Float[np.ndarray, "T J 3"], segment: str
+    ) -> tuple[Float[np.ndarray, "T C 3"], list[str]]:
+        """Vectors that turn with a segment (pelvis, chest or head), and their names."""
+        joint = self.names.index(segment)
+        shoulders = [self.bones[f"{side}_elbow"][0] for side in ("left", "right")]
+        if segment == self.chest:
+            ends = [self.neck, *shoulders]
+        else:
+            ends = [n for n, p in zip(self.names, self.parents, strict=True) if p == joint]
+        vectors = np.stack([self.place(xyz, end) for end in ends], 1) - xyz[:, [joint]]
+        if len(ends) > 1:
+            return vectors, ends
+        across = self.place(xyz, shoulders[0]) - self.place(xyz, shoulders[1])
+        lever = SHOULDER_LEVER * across[:, None]
+        return np.concatenate([vectors, lever, -lever], 1), [*ends, *shoulders]
+
+
+@dataclass(frozen=True)
+class NeutralStance:
+    """How a performer's segments lie when standing, in body axes (x left, y up, z forward).
+
+    Attributes:
+        vectors: per segment (C, 3) metres, symmetric left and right.
+        bend_rad: per SMPL joint at a bone's far end ("ankle": knee, "wrist": elbow, "hand":
+            wrist) the angle between the captured bones of a straight limb: joint centres off the
+            limb's axis make it differ from 0.
+    """
+
+    vectors: Mapping[str, Float[np.ndarray, "_ 3"]]
+    bend_rad: Mapping[str, float]
+
+
+def captured_skeleton(names: Sequence[str], parents: Sequence[int]) -> CapturedSkeleton:
+    """The skeleton of some captured joints: CMU's conversion by cgspeed, or OptiTrack's.
+
+    Raises:
+        ValueError: for names of neither.
+    """
+    limbs: Mapping[str, tuple[str, str]]
+    if {"abdomen", "chest", "lThigh"} <= set(names):
+        parts = ("hip", "chest", "neck", "head")
+        sides = {"left": "l", "right": "r"}
+        limbs = {
+            "knee": ("Thigh", "Shin"),
+            "ankle": ("Shin", "Foot"),
+            "foot": ("Foot", "Foot_end"),
+            "elbow": ("Shldr", "ForeArm"),
+            "wrist": ("ForeArm", "Hand"),
+            "hand": ("Hand", "Mid1"),
+        }
+    elif {"Hips", "Chest", "LeftHip"} <= set(names):
+        parts = ("Hips", "Chest", "Neck", "Head")
+        sides = {"left": "Left", "right": "Right"}
+        limbs = {
+            "knee": ("Hip", "Knee"),
+            "ankle": ("Knee", "Ankle"),
+            "foot": ("Ankle", "Ankle_end"),
+            "elbow": ("Shoulder", "Elbow"),
+            "wrist": ("Elbow", "Wrist"),
+            "hand": ("Wrist", "Wrist_end"),
+        }
+    else:
+        raise ValueError(f"expected joints of CMU's or OptiTrack's skeleton, got {list(names)}")
+    bones = {
+        f"{side}_{far}": (prefix + start, prefix + end)
+        for side, prefix in sides.items()
+        for far, (start, end) in limbs.items()
+    }
+    return CapturedSkeleton(tuple(names), tuple(parents), *parts, bones)
+
+
+def neutral_stance(
+    skeleton: CapturedSkeleton, clips: Sequence[Float[np.ndarray, "_ J 3"]]
+) -> NeutralStance:
+    """The stance over all frames of one skeleton in which somebody stands upright (z up).
+
+    Raises:
+        ValueError: when nobody ever stands.
+    """
+    xyz = np.concatenate([np.asarray(clip, dtype=np.float64) for clip in clips])
+    upright = xyz[standing_frames(skeleton, xyz)]
+    if not len(upright):
+        raise ValueError("no frame shows the performer standing upright with straight legs")
+    body_from_world = _heading(skeleton, upright)
+    vectors = {}
+    for segment in (skeleton.pelvis, skeleton.chest, skeleton.head):
+        turned, ends = skeleton.rigid_points(upright, segment)
+        median = np.median(np.einsum("tij,tkj->tki", body_from_world, turned), axis=0)
+        twins = [ends.index(_twin(end, ends)) for end in ends]
+        vectors[segment] = 0.5 * (median + (median * MIRROR)[twins])
+    bends = {
+        far: float(np.quantile(_bends(skeleton, xyz, far), STRAIGHT_SHARE))
+        for far in ("ankle", "wrist")
+    }
+    bends["hand"] = float(np.median(_bends(skeleton, upright, "hand")))  # hands hang relaxed
+    return NeutralStance(vectors, bends)
+
+
+def standing_frames(
+    skeleton: CapturedSkeleton, xyz: Float[np.ndarray, "T J 3"]
+) -> Bool[np.ndarray, " T"]:
+    """Frames with the trunk upright, both legs straight, the feet and the hips level."""
+    up = np.array([0.0, 0.0, 1.0])
+    trunk = skeleton.place(xyz, skeleton.chest) - skeleton.place(xyz, skeleton.pelvis)
+    feet = [skeleton.place(xyz, skeleton.bones[f"{s}_ankle"][1])[:, 2] for s in ("left", "right")]
+    tilt = angles_rad(skeleton.hip_line(xyz), up) - np.pi / 2
+    frames: np.ndarray = (
+        (np.degrees(angles_rad(trunk, up)) < STANDING_LEAN_DEG)
+        & (np.degrees(_bends(skeleton, xyz, "ankle").reshape(2, -1)) < STANDING_KNEE_DEG).all(0)
+        & (np.abs(feet[0] - feet[1]) < STANDING_FEET_M)
+        & (np.abs(np.degrees(tilt)) < STANDING_HIPS_DEG)
+    )
+    return frames
+
+
+def angles_rad(
+    a: Float[np.ndarray, "*T 3"], b: Float[np.ndarray, "... 3"]
+) -> Float[np.ndarray, "*T"]:
+    """Angles between vectors, 0 to pi."""
+    angle: np.ndarray = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(-1))
+    return angle
+
+
+def _bends(skeleton: CapturedSkeleton, xyz: np.ndarray, far: str) -> np.ndarray:
+    """(2 T,) angles between the two bones of both limbs."""
+    near = NEAR_END[far]
+    return np.concatenate(
+        [
+            angles_rad(skeleton.bone(xyz, f"{side}_{near}"), skeleton.bone(xyz, f"{side}_{far}"))
+            for side in ("left", "right")
+        ]
+    )
+
+
+def _heading(skeleton: CapturedSkeleton, xyz: np.ndarray) -> np.ndarray:
+    """(T, 3, 3) body axes (left, up, forward) as rows, from the hips' line and gravity."""
+    left = skeleton.hip_line(xyz) * np.array([1.0, 1.0, 0.0])
+    left /= np.linalg.norm(left, axis=-1, keepdims=True)
+    up = np.broadcast_to([0.0, 0.0, 1.0], left.shape)
+    return np.stack([left, up, np.cross(left, up)], axis=1)
+
+
+def _twin(name: str, names: Sequence[str]) -> str:
+    """The same joint of the other side; itself in the middle of the body."""
+    for a, b in (("left", "right"), ("Left", "Right"), ("l", "r")):
+        for before, after in ((a, b), (b, a)):
+            other = after + name.removeprefix(before)
+            if name.startswith(before) and other in names:
+                return other
+    return name

@@ -1,0 +1,211 @@
+"""Captured motion on the body: orientations of segments transfer, places of joints do not.
+
+Pelvis, chest and head turn as the captured ones do against the neutral stance. The turn from pelvis
+to chest is shared by the three joints of the spine, the turn from chest to head by neck and head.
+Limbs point where the captured bones point, straightened by what a straight captured limb bends.
+
+Shares of the spine: ranges of lumbar and thoracic joints (White & Panjabi, Clinical Biomechanics of
+the Spine, 2nd ed., 1990, tables 2-3 to 2-5). Collars: rise of the clavicle with the arm (Ludewig et
+al., J. Bone Joint Surg. Am. 91:378-389, 2009).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from imocap_core.body.model import Shaped
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.motion.kinematics import Body
+from imocap_core.motion.prior import PosePrior, mixture
+from imocap_core.motion.solver.gauss_newton import gauss_newton
+from imocap_core.motion.state import MotionState
+from imocap_core.motion.terms import (
+    HingeLimits,
+    JointEvidence,
+    PoseCoupling,
+    PosePriorTerm,
+    PoseSmoothness,
+    Term,
+)
+from imocap_core.rotations import exp, log
+from imocap_core.synthetic.captured_stance import (
+    NEAR_END,
+    CapturedSkeleton,
+    NeutralStance,
+    angles_rad,
+)
+
+# Of spine1, spine2, spine3: flexion (about x), axial rotation (y), side bend (z).
+SPINE_SHARES = np.array([[0.45, 0.15, 0.35], [0.30, 0.35, 0.35], [0.25, 0.50, 0.30]])
+NECK_SHARE = 0.5
+COLLAR_SHARE, COLLAR_FROM_DEG = 0.1, 30.0  # radians of rise per radian of the arm's elevation
+TRUNK = ("pelvis", "spine1", "spine2", "spine3", "neck", "head", "left_collar", "right_collar")
+TRUNK_SPREAD_RAD = 0.01
+LIMB_SPREAD_M, END_SPREAD_M = 0.01, 0.02
+ENDS = ("foot", "hand")
+TWIST_SPREAD_RAD, END_TWIST_SPREAD_RAD = 0.8, 0.3  # about rest, of what bones alone do not tell
+ROBUST_SIGMA = 10.0
+MAX_STEPS = 25
+
+
+@dataclass(frozen=True)
+class TrunkAndJoints:
+    """What a capture says of a body: the trunk's local rotations and where every joint belongs.
+
+    Attributes:
+        R_local: (T, 24, 3, 3), the identity for limbs.
+        joints: (T, 24, 3) metres, with the body's own bone lengths.
+    """
+
+    R_local: Float[np.ndarray, "T 24 3 3"]
+    joints: Float[np.ndarray, "T 24 3"]
+
+
+def trunk_and_joints(
+    shaped: Shaped,
+    skeleton: CapturedSkeleton,
+    stance: NeutralStance,
+    xyz: Float[np.ndarray, "T J 3"],
+) -> TrunkAndJoints:
+    """A capture (z up, metres) transferred to a body of a certain shape; hips where they were."""
+    R_local = _trunk(skeleton, stance, xyz)
+    parents = shaped.model.parents
+    rest = shaped.joints_rest.detach().cpu().numpy().reshape(-1, 3)
+    R_world, joints = R_local.copy(), np.zeros((len(xyz), 24, 3))
+    for joint, parent in enumerate(parents):
+        if parent < 0:
+            continue
+        R_world[:, joint] = R_world[:, parent] @ R_local[:, joint]
+        bone, name = rest[joint] - rest[parent], SMPL_JOINTS[joint]
+        if name in skeleton.bones:
+            offset = np.linalg.norm(bone) * _direction(skeleton, stance, xyz, name)
+        else:
+            offset = R_world[:, parent] @ bone
+        joints[:, joint] = joints[:, parent] + offset
+    hips = [SMPL_JOINTS.index(f"{side}_hip") for side in ("left", "right")]
+    captured = [skeleton.place(xyz, skeleton.bones[f"{s}_knee"][0]) for s in ("left", "right")]
+    shift = np.mean(captured, axis=0) - joints[:, hips].mean(1)
+    return TrunkAndJoints(R_local, joints + shift[:, None])
+
+
+def fit_to_trunk_and_joints(
+    body: Body, motions: Sequence[TrunkAndJoints], betas: Float[Tensor, "_"]
+) -> MotionState:
+    """The body's motions (batch of all clips): trunk as given, limbs by their joints."""
+    longest, count = max(len(m.joints) for m in motions), len(motions)
+    eye = torch.eye(3, dtype=torch.float64).expand(count, longest, 24, 3, 3)
+    R_local, joints = eye.clone(), torch.zeros(count, longest, 24, 3, dtype=torch.float64)
+    hold = torch.zeros(count, longest, 24, dtype=torch.float64)
+    weight, valid = torch.zeros_like(hold), torch.zeros(count, longest, dtype=torch.bool)
+    held = [SMPL_JOINTS.index(name) for name in TRUNK]
+    for row, motion in enumerate(motions):
+        frames = slice(0, len(motion.joints))
+        R_local[row, frames] = torch.as_tensor(motion.R_local)
+        joints[row, frames] = torch.as_tensor(motion.joints)
+        hold[row, frames] = hold.new_zeros(24).index_fill(0, torch.tensor(held), 1.0)
+        weight[row, frames] = _limb_weights()
+        valid[row, frames] = True
+    ones = torch.ones(24, dtype=torch.float64)
+    terms: list[Term] = [
+        JointEvidence(body, joints, weight, ROBUST_SIGMA),
+        PoseCoupling(R_local, hold / TRUNK_SPREAD_RAD**2),
+        PosePriorTerm(_twist_prior(), 0.05),
+        HingeLimits(100.0),
+        PoseSmoothness(10.0 * ones, 0.0 * ones, 1.0),
+    ]
+    start = MotionState.of(R_local, joints[:, :, 0] * 0, betas.expand(count, -1).clone(), valid)
+    fitted = gauss_newton(
+        terms, start, max_steps=MAX_STEPS, relative_tolerance=1e-3, free_shape=False
+    ).state
+    posed = body.positions(body.joints, fitted).xyz
+    shift = (joints[:, :, :3] - posed[:, :, :3]).mean(2)
+    return MotionState.of(fitted.R_local, fitted.trans + shift, fitted.betas, valid)
+
+
+def _trunk(
+    skeleton: CapturedSkeleton, stance: NeutralStance, xyz: np.ndarray
+) -> Float[np.ndarray, "T 24 3 3"]:
+    """Local rotations of pelvis (the world's axes to its own), spine, neck, head and collars."""
+    pelvis, chest, head = (
+        rotations_between(stance.vectors[segment], skeleton.rigid_points(xyz, segment)[0])
+        for segment in (skeleton.pelvis, skeleton.chest, skeleton.head)
+    )
+    R = np.tile(np.eye(3), (len(xyz), 24, 1, 1))
+    place = SMPL_JOINTS.index
+    R[:, 0] = pelvis
+    spine = pelvis.swapaxes(1, 2) @ chest
+    lower, middle = (_exp(_log(spine) * share) for share in SPINE_SHARES[:2])
+    R[:, place("spine1")], R[:, place("spine2")] = lower, middle
+    R[:, place("spine3")] = (lower @ middle).swapaxes(1, 2) @ spine
+    nod = chest.swapaxes(1, 2) @ head
+    R[:, place("neck")] = _exp(_log(nod) * NECK_SHARE)
+    R[:, place("head")] = R[:, place("neck")].swapaxes(1, 2) @ nod
+    down = np.array([0.0, -1.0, 0.0])
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        arm = np.einsum("tji,tj->ti", chest, skeleton.bone(xyz, f"{side}_elbow"))
+        above = np.clip(angles_rad(arm, down) - np.radians(COLLAR_FROM_DEG), 0.0, None)
+        rise = sign * COLLAR_SHARE * above[:, None] * np.array([0.0, 0.0, 1.0])
+        R[:, place(f"{side}_collar")] = _exp(rise)
+    return R
+
+
+def rotations_between(
+    template: Float[np.ndarray, "C 3"], observed: Float[np.ndarray, "T C 3"]
+) -> Float[np.ndarray, "T 3 3"]:
+    """The rotations that turn a template's vectors best into the observed ones (Kabsch 1976)."""
+    U, _, Vt = np.linalg.svd(np.einsum("tci,cj->tij", observed, template))
+    U[:, :, 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
+    rotation: np.ndarray = U @ Vt
+    return rotation
+
+
+def _direction(
+    skeleton: CapturedSkeleton, stance: NeutralStance, xyz: np.ndarray, far: str
+) -> np.ndarray:
+    """(T, 3) where a limb's bone points; shins and forearms straightened."""
+    direction = skeleton.bone(xyz, far)
+    side, _, end = far.partition("_")
+    if end not in stance.bend_rad:
+        return direction
+    near = skeleton.bone(xyz, f"{side}_{NEAR_END[end]}")
+    axis = np.cross(near, direction)
+    axis /= np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-9)
+    back = np.minimum(stance.bend_rad[end], angles_rad(near, direction))
+    turned: np.ndarray = (_exp(-back[:, None] * axis) @ direction[..., None])[..., 0]
+    return turned
+
+
+def _limb_weights() -> Tensor:
+    """(24,) 1/m^2 of the joints that place the limbs."""
+    weights = torch.zeros(24, dtype=torch.float64)
+    for joint, name in enumerate(SMPL_JOINTS):
+        end = name.rpartition("_")[2]
+        if end in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist"):
+            weights[joint] = LIMB_SPREAD_M**-2
+        elif end in ENDS:
+            weights[joint] = END_SPREAD_M**-2
+    return weights
+
+
+def _twist_prior() -> PosePrior:
+    """A wide Gaussian about the rest pose: holds what bones alone do not tell (twists)."""
+    spread = np.full(69, TWIST_SPREAD_RAD)
+    for joint, name in enumerate(SMPL_JOINTS[1:]):
+        if name.rpartition("_")[2] in ("ankle", *ENDS):
+            spread[3 * joint : 3 * joint + 3] = END_TWIST_SPREAD_RAD
+    ones = np.ones(24)
+    return mixture(np.zeros((1, 69)), np.diag(spread**2)[None], np.ones(1), ones, ones)
+
+
+def _exp(vectors: np.ndarray) -> np.ndarray:
+    return exp(torch.as_tensor(vectors)).numpy()
+
+
+def _log(rotations: np.ndarray) -> np.ndarray:
+    return log(torch.as_tensor(rotations)).numpy()
