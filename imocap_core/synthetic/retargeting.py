@@ -2,7 +2,8 @@
 
 Pelvis, chest and head turn as the captured ones do against the neutral stance. The turn from pelvis
 to chest is shared by the three joints of the spine, the turn from chest to head by neck and head.
-Limbs point where the captured bones point, straightened by what a straight captured limb bends.
+Limbs point where the captured bones point, straightened by what a straight captured limb is bent
+more than the body's at rest.
 
 Shares of the spine: ranges of lumbar and thoracic joints (White & Panjabi, Clinical Biomechanics of
 the Spine, 2nd ed., 1990, tables 2-3 to 2-5). Collars: rise of the clavicle with the arm (Ludewig et
@@ -84,7 +85,8 @@ def trunk_and_joints(
         R_world[:, joint] = R_world[:, parent] @ R_local[:, joint]
         bone, name = rest[joint] - rest[parent], SMPL_JOINTS[joint]
         if name in skeleton.bones:
-            offset = np.linalg.norm(bone) * _direction(skeleton, stance, xyz, name)
+            back = _excess_bend(rest, parents, stance, joint)
+            offset = np.linalg.norm(bone) * _direction(skeleton, xyz, name, back)
         else:
             offset = R_world[:, parent] @ bone
         joints[:, joint] = joints[:, parent] + offset
@@ -165,18 +167,30 @@ def rotations_between(
     return rotation
 
 
-def _direction(
-    skeleton: CapturedSkeleton, stance: NeutralStance, xyz: np.ndarray, far: str
-) -> np.ndarray:
-    """(T, 3) where a limb's bone points; shins and forearms straightened."""
-    direction = skeleton.bone(xyz, far)
-    side, _, end = far.partition("_")
+def _excess_bend(
+    rest: np.ndarray, parents: Sequence[int], stance: NeutralStance, joint: int
+) -> float:
+    """By how much a straight captured limb is bent more than the body's at rest, radians."""
+    end = SMPL_JOINTS[joint].rpartition("_")[2]
     if end not in stance.bend_rad:
+        return 0.0
+    middle = parents[joint]
+    bend = angles_rad(rest[[middle]] - rest[[parents[middle]]], rest[joint] - rest[middle])
+    return max(stance.bend_rad[end] - float(bend[0]), 0.0)
+
+
+def _direction(
+    skeleton: CapturedSkeleton, xyz: np.ndarray, far: str, back_rad: float
+) -> np.ndarray:
+    """(T, 3) where a limb's bone points, straightened by an angle, at most to straight."""
+    direction = skeleton.bone(xyz, far)
+    if back_rad == 0.0:
         return direction
+    side, _, end = far.partition("_")
     near = skeleton.bone(xyz, f"{side}_{NEAR_END[end]}")
     axis = np.cross(near, direction)
     axis /= np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-9)
-    back = np.minimum(stance.bend_rad[end], angles_rad(near, direction))
+    back = np.minimum(back_rad, angles_rad(near, direction))
     turned: np.ndarray = (_exp(-back[:, None] * axis) @ direction[..., None])[..., 0]
     return turned
 

@@ -1,0 +1,125 @@
+"""Second opinion on a video of another action: are its keypoints explained by another's motion?
+
+A monocular fit may go wrong (depth reversed, back taken for front), and then its poses lie far from
+everybody's. The keypoints it was fitted to do not go wrong with it. So a video that looks like
+another action by its poses is held against every other video's motion by its keypoints alone: under
+the best of many fixed camera directions (scaled orthographic, level, any scale and place a frame)
+and the best monotone warp. The residual of a frame is the share of its keypoints' spread that the
+projected pose leaves, between 0 and 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Complex, Float
+
+DIRECTIONS = 64  # on the sphere, of which those nearly along gravity are left out
+STEEPEST = 0.9  # sine of a camera's elevation
+MAX_STEP = 4  # positions that a warp may go on from one frame to the next
+HOLD_COST, SKIP_COST = 0.1, 0.02  # of staying at a position, of each position skipped beyond two
+EXPLAINED_RATIO = 1.25  # times the worst of the others: what is above is not explained
+
+
+@dataclass(frozen=True)
+class Keypoints2D:
+    """One video's keypoints of the joints that its poses have.
+
+    Attributes:
+        xy_px: (T, J, 2) pixels, y down, any number where unknown.
+        weight: (T, J), 0 where unknown.
+    """
+
+    xy_px: Float[np.ndarray, "T J 2"]
+    weight: Float[np.ndarray, "T J"]
+
+
+def explained_by_others(
+    video: int,
+    others: Sequence[int],
+    motions: Sequence[Float[np.ndarray, "_ J 3"]],
+    keypoints: Sequence[Keypoints2D],
+) -> bool:
+    """Whether a video's keypoints are explained by the others' motions as theirs by each other.
+
+    Args:
+        motions: per video, in the axes of its own camera (y down), gravity about along y.
+        keypoints: per video, at the same frames.
+    """
+    directions = camera_directions()
+
+    def least_residual(v: int, candidates: Sequence[int]) -> float:
+        return min(registration_residual(motions[u], keypoints[v], directions) for u in candidates)
+
+    worst = max(least_residual(v, [u for u in others if u != v]) for v in others)
+    return least_residual(video, others) <= EXPLAINED_RATIO * worst
+
+
+def registration_residual(
+    motion: Float[np.ndarray, "N J 3"],
+    keypoints: Keypoints2D,
+    directions: Float[np.ndarray, "D 2 3"],
+) -> float:
+    """Mean residual a frame under the best direction and warp, 0 (explained) to 1."""
+    if not len(motion) or not keypoints.weight.any():
+        return 1.0
+    residual = _residuals(motion, _centred(keypoints), keypoints.weight, directions)
+    return float(_warp_costs(residual).min() / len(keypoints.weight))
+
+
+def camera_directions(count: int = DIRECTIONS) -> Float[np.ndarray, "D 2 3"]:
+    """Image axes (right, down) of level cameras on a Fibonacci sphere about the performer."""
+    index = np.arange(count) + 0.5
+    height = 1.0 - 2.0 * index / count
+    angle = np.pi * (1.0 + np.sqrt(5.0)) * index
+    radius = np.sqrt(1.0 - height**2)
+    forward = np.stack([radius * np.cos(angle), height, radius * np.sin(angle)], axis=1)
+    forward = forward[np.abs(forward[:, 1]) < STEEPEST]
+    right = np.cross(np.array([0.0, 1.0, 0.0]), forward)
+    right /= np.linalg.norm(right, axis=1, keepdims=True)
+    return np.stack([right, np.cross(forward, right)], axis=1)
+
+
+def _centred(keypoints: Keypoints2D) -> Complex[np.ndarray, "T J"]:
+    """x + i y about the weighted mean of each frame, 0 where unknown."""
+    points = np.where(keypoints.weight[..., None] > 0, keypoints.xy_px, 0.0)
+    plane = points[..., 0] + 1j * points[..., 1]
+    total = np.maximum(keypoints.weight.sum(1, keepdims=True), 1e-12)
+    mean = (keypoints.weight * plane).sum(1, keepdims=True) / total
+    return np.where(keypoints.weight > 0, plane - mean, 0.0)
+
+
+def _residuals(
+    motion: Float[np.ndarray, "N J 3"],
+    plane: Complex[np.ndarray, "T J"],
+    weight: Float[np.ndarray, "T J"],
+    directions: Float[np.ndarray, "D 2 3"],
+) -> Float[np.ndarray, "D T N"]:
+    """What the best scale and place of each projected pose leave of each frame's keypoints.
+
+    With keypoints x and a pose p, both about their weighted means, the best scale is
+    Re<x, p> / <p, p>, and 1 - Re<x, p>^2 / (<x, x> <p, p>) of the squared spread is left.
+    """
+    projected = np.einsum("dij,nkj->dink", directions, np.nan_to_num(motion))
+    pose = projected[:, 0] + 1j * projected[:, 1]
+    total = np.maximum(weight.sum(1)[:, None], 1e-12)
+    product = np.einsum("tk,dnk->dtn", weight * plane.conj(), pose).real
+    mean = np.einsum("tk,dnk->dtn", weight, pose) / total
+    spread = np.einsum("tk,dnk->dtn", weight, np.abs(pose) ** 2) - total * np.abs(mean) ** 2
+    size = (weight * np.abs(plane) ** 2).sum(1)[:, None]
+    aligned = np.maximum(product, 0.0) ** 2 / np.maximum(spread * size, 1e-12)
+    return np.sqrt(np.clip(1.0 - aligned, 0.0, 1.0))
+
+
+def _warp_costs(residual: Float[np.ndarray, "D T N"]) -> Float[np.ndarray, " D"]:
+    """Cost of the best monotone warp with open ends, for every direction at once."""
+    total = residual[:, 0]
+    for frame in range(1, residual.shape[1]):
+        best = total + HOLD_COST
+        for step in range(1, min(MAX_STEP, total.shape[1] - 1) + 1):
+            before = total[:, :-step] + SKIP_COST * max(step - 2, 0)
+            best[:, step:] = np.minimum(best[:, step:], before)
+        total = best + residual[:, frame]
+    return total.min(axis=1)
