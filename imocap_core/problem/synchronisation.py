@@ -14,14 +14,19 @@ from imocap_core.artifacts.schemas import (
     SyncMap,
     SyncSummary,
     SyncTrust,
+    VideoKeypoints,
     VideoTrust,
 )
+from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.params import SyncParams
 from imocap_core.sync import Hints, SyncResult, synchronise
 from imocap_core.sync.screening.messages import sentences
+from imocap_core.sync.screening.registration import Keypoints2D
 from imocap_core.sync.screening.screening import Screening
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
+
+LIMB_JOINTS = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")  # marked alike by detectors
 
 
 def synchronise_motions(
@@ -63,10 +68,24 @@ def synchronise_motions(
         mirrored=mirrored,
         hints=hints,
         screening=None if decided is None else _screening_of(decided),
+        keypoints=[_keypoints_of_joints(video) for video in keypoints.videos],
         reprojection=reprojection,
     )
     sync = sync_artifact(result, ids, fps)
     return sync if decided is None else sync.model_copy(update={"notes": decided.notes})
+
+
+def _keypoints_of_joints(video: VideoKeypoints) -> Keypoints2D:
+    """A video's keypoints as SMPL's 24 joints; limbs only, other joints have no weight."""
+    names = layout_names(video.layout)
+    xy_px, weight = np.zeros((len(video.frames), 24, 2)), np.zeros((len(video.frames), 24))
+    for joint, name in enumerate(SMPL_JOINTS):
+        if name in names and name.rpartition("_")[2] in LIMB_JOINTS:
+            column = names.index(name)
+            visible = np.isfinite(video.xy_px[:, column]).all(-1)
+            xy_px[visible, joint] = video.xy_px[visible, column]
+            weight[:, joint] = np.where(visible, video.confidence[:, column], 0.0)
+    return Keypoints2D(xy_px, weight)
 
 
 def synchronise_joints(

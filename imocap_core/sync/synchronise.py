@@ -19,6 +19,7 @@ from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.joint_synchronisation import JointResult, synchronise_jointly
 from imocap_core.sync.pairwise.poses import body_scales, check_poses, joint_weights_of
 from imocap_core.sync.screening.mirror import mirrored_poses
+from imocap_core.sync.screening.registration import Keypoints2D
 from imocap_core.sync.screening.screening import Screening, screen
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
 
@@ -51,6 +52,7 @@ def synchronise(
     mirrored: Sequence[bool | None] | None = None,
     hints: Hints | None = None,
     screening: Screening | None = None,
+    keypoints: Sequence[Keypoints2D] | None = None,
     reprojection: ReprojectionEvidence | None = None,
 ) -> SyncResult:
     """Find the counterpart in the reference video of every frame of every video.
@@ -68,6 +70,8 @@ def synchronise(
         mirrored: per video True or False where that is given by the user.
         hints: anchors and forbidden spans.
         screening: mirrored and excluded videos, when they were determined before.
+        keypoints: of the poses' joints in the same frames, as a second opinion on videos that look
+            like another action.
         reprojection: keypoints and cameras of the videos that are not excluded, as reflected.
 
     Raises:
@@ -89,6 +93,7 @@ def synchronise(
         twins=twins,
         declared=mirrored or [None] * M,
         never_outliers=[v == reference for v in range(M)],
+        keypoints=keypoints,
     )
     used = [v for v in range(M) if v not in screening.excluded]
     upright = [_reflected(v, poses, confidence, screening, twins) for v in used]

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints, VideoMotion
+from imocap_core.body.layouts import layout_names
+from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.problem.synchronisation import synchronise_motions
 from tests.sync.test_synchronise import PARAMS, pose_at
 
@@ -84,6 +86,35 @@ def test_trust_and_phase_travel_with_the_artifact() -> None:
     assert triple.frames < 1.5
     assert abs(triple.seconds - triple.frames / 25.0) < 1e-12
     assert sync.notes == []
+
+
+def filmed(keypoints: Keypoints, motions: list[VideoMotion], azimuths: list[float]) -> Keypoints:
+    """The keypoints of motions seen from several sides, far enough for a scaled projection."""
+    videos = []
+    for video, motion, azimuth in zip(keypoints.videos, motions, azimuths, strict=True):
+        c, s = np.cos(azimuth), np.sin(azimuth)
+        turned = motion.joints @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T
+        xy = np.full((*video.confidence.shape, 2), np.nan)
+        for column, name in enumerate(layout_names(video.layout)):
+            if name in SMPL_JOINTS:
+                joint = turned[:, SMPL_JOINTS.index(name)]
+                xy[:, column] = 300 * joint[:, :2] / (joint[:, 2:] + 20.0) + 30
+        weight = np.isfinite(xy).all(-1).astype(float)
+        videos.append(video.model_copy(update={"xy_px": xy, "confidence": weight}))
+    return Keypoints(videos=videos)
+
+
+def test_keypoints_that_the_others_explain_keep_a_video_in() -> None:
+    """Its monocular poses went wrong, as those of another action; its pictures did not."""
+    ids, sides = ["a", "b", "c", "d"], [0.0, 1.3, 2.6, 4.0]
+    right, keypoints = made(ids, [0.0, 0.4, 0.8, 0.2])
+    wrong, _ = made(ids, [0.0, 0.4, 0.8, 60.0])
+    rng = np.random.default_rng(0)
+    sync = synchronise_motions(wrong, filmed(keypoints, right, sides), PARAMS, rng)
+    assert sync.excluded == []
+    assert any("explained by their motion" in note for note in sync.notes)
+    stranger = synchronise_motions(wrong, filmed(keypoints, wrong, sides), PARAMS, rng)
+    assert stranger.excluded == ["d"]
 
 
 def test_an_excluded_video_is_named_and_unmatched() -> None:

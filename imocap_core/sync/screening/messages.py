@@ -14,6 +14,11 @@ def sentences(screening: Screening, names: Sequence[str]) -> list[str]:
     """One sentence per video that is an outlier or mirrored; `names` of the videos."""
     messages = [_outlier(screening, v, names[v]) for v in screening.outliers]
     messages += [_mirrored(screening, v, names[v]) for v in screening.mirrored]
+    messages += [
+        f"{names[v]} differs from the other videos by its own 3D poses, but its keypoints are "
+        f"explained by their motion: it takes part (its monocular fit may have gone wrong)"
+        for v in screening.explained
+    ]
     left = len(names) - len(screening.excluded)
     if screening.excluded and left == 2:
         messages.append(

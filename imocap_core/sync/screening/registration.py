@@ -20,6 +20,7 @@ DIRECTIONS = 64  # on the sphere, of which those nearly along gravity are left o
 STEEPEST = 0.9  # sine of a camera's elevation
 MAX_STEP = 4  # positions that a warp may go on from one frame to the next
 HOLD_COST, SKIP_COST = 0.1, 0.02  # of staying at a position, of each position skipped beyond two
+UNINFORMATIVE = 0.5  # residual of the others among themselves from which nothing can be said
 EXPLAINED_RATIO = 1.25  # times the worst of the others: what is above is not explained
 
 
@@ -54,7 +55,7 @@ def explained_by_others(
         return min(registration_residual(motions[u], keypoints[v], directions) for u in candidates)
 
     worst = max(least_residual(v, [u for u in others if u != v]) for v in others)
-    return least_residual(video, others) <= EXPLAINED_RATIO * worst
+    return worst < UNINFORMATIVE and least_residual(video, others) <= EXPLAINED_RATIO * worst
 
 
 def registration_residual(

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from imocap_core.params import SyncParams
 from imocap_core.sync.screening.evidence import WeightedPoses, mirrored_among, outliers_among
 from imocap_core.sync.screening.mirror import CLEAR_MARGIN, mirrored_poses
+from imocap_core.sync.screening.registration import Keypoints2D, explained_by_others
 from imocap_core.sync.screening.warp_residual import thinned
 
 OUTLIERS = ("exclude", "report", "ignore")
@@ -27,6 +28,8 @@ class Screening:
         excluded: left out of the joint synchronisation and reconstruction.
         flipped: treated as their mirror image.
         outlier_score, mirror_margin: see `outliers` and `mirror`; NaN where not computed.
+        explained: unlike the others by their poses, but their keypoints are explained by the
+            others' motion (`registration`): no outliers.
     """
 
     outliers: tuple[int, ...]
@@ -35,6 +38,7 @@ class Screening:
     flipped: tuple[int, ...]
     outlier_score: Float[np.ndarray, " M"]
     mirror_margin: Float[np.ndarray, " M"]
+    explained: tuple[int, ...] = ()
 
 
 def not_screened(count: int, flipped: Sequence[int] = ()) -> Screening:
@@ -52,6 +56,7 @@ def screen(
     twins: Sequence[int] | None,
     declared: Sequence[bool | None],
     never_outliers: Sequence[bool] | None = None,
+    keypoints: Sequence[Keypoints2D] | None = None,
 ) -> Screening:
     """Detect mirrored videos, then, with those reflected, videos of another action.
 
@@ -61,6 +66,9 @@ def screen(
         twins: each joint's mirror twin; None when not given (then no video is called mirrored).
         declared: True or False where the user states whether a video is mirrored.
         never_outliers: videos that are no outliers, whatever their score.
+        keypoints: of the poses' joints in the same frames: a video whose keypoints the others'
+            motion explains is no outlier, because its poses may come of a monocular fit that went
+            wrong.
 
     Raises:
         ValueError: unknown switches, or a video declared mirrored without twins.
@@ -87,11 +95,16 @@ def screen(
         pinned = [d is not None for d in declared]
         detected, margins = mirrored_among(plain, reflected, rates, params.max_rate, pinned)
     other_action: list[int] = []
+    explained: list[int] = []
     scores = np.full(M, np.nan)
     if look_outliers:
         never = np.zeros(M, dtype=bool) if never_outliers is None else np.asarray(never_outliers)
         upright, _ = plain.swapped(detected, reflected)
         other_action, scores = outliers_among(upright, rates, params.max_rate, never)
+        if keypoints is not None:
+            films = _thinned_keypoints(keypoints, fps, [*declared_mirrored, *detected], order)
+            explained = _explained(other_action, upright.poses, films)
+            other_action = [v for v in other_action if v not in explained]
         # another action has no mirror image here
         detected = [v for v in detected if v not in other_action]
     flips = [v for v in detected if margins[v] > CLEAR_MARGIN] if params.mirrored == "flip" else []
@@ -102,7 +115,36 @@ def screen(
         flipped=tuple(sorted({*flips, *declared_mirrored})),
         outlier_score=scores,
         mirror_margin=margins,
+        explained=tuple(sorted(explained)),
     )
+
+
+def _explained(
+    suspects: Sequence[int],
+    motions: Sequence[Float[np.ndarray, "_T J 3"]],
+    keypoints: Sequence[Keypoints2D],
+) -> list[int]:
+    """Suspects whose keypoints the motion of the others, suspects apart, explains."""
+    others = [v for v in range(len(motions)) if v not in suspects]
+    if len(others) < 2:
+        return []
+    return [v for v in suspects if explained_by_others(v, others, motions, keypoints)]
+
+
+def _thinned_keypoints(
+    keypoints: Sequence[Keypoints2D],
+    fps: Sequence[float],
+    reflected: Sequence[int],
+    twins: Sequence[int],
+) -> list[Keypoints2D]:
+    """Keypoints at the frames of `thinned`, those of some videos seen in a mirror."""
+    points, weights, _ = thinned([k.xy_px for k in keypoints], [k.weight for k in keypoints], fps)
+    films = []
+    for v, (xy_px, weight) in enumerate(zip(points, weights, strict=True)):
+        if v in reflected:
+            xy_px, weight = (xy_px * np.array([-1.0, 1.0]))[:, twins], weight[:, twins]
+        films.append(Keypoints2D(xy_px, weight))
+    return films
 
 
 def _check(params: SyncParams) -> None:

@@ -26,10 +26,10 @@ LEAST_SQUARE_M2 = 1e-4  # of matching poses, 1 cm
 
 
 def thinned(
-    poses: Sequence[Float[np.ndarray, "_T J 3"]],
+    poses: Sequence[Float[np.ndarray, "_T J _"]],
     weights: Sequence[Float[np.ndarray, "_T J"]],
     fps: Sequence[float],
-) -> tuple[list[Float[np.ndarray, "_T J 3"]], list[Float[np.ndarray, "_T J"]], list[float]]:
+) -> tuple[list[Float[np.ndarray, "_T J _"]], list[Float[np.ndarray, "_T J"]], list[float]]:
     """Every n-th frame of each video, so that about RATE_PER_S are left; with their frame rates."""
     stride = [max(1, round(f / RATE_PER_S)) for f in fps]
     return (
