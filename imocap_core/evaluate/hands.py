@@ -19,13 +19,13 @@ def hand_rows(name: str, hands: Hands, truth: Truth | None) -> list[ScoreRow]:
     """Errors of every video's hands and the share with keypoints; no row without hands."""
     rows = []
     for video in hands.videos:
-        rows.append(ScoreRow(name, video.id, VISIBLE_SHARE, float(video.seen.mean())))
+        rows.append(ScoreRow(name, video.id, VISIBLE_SHARE, float(video.visible.mean())))
         of_video = video_truth(truth, video.id)
         if of_video is None or of_video.hands is None or of_video.R is None:
             rows += [ScoreRow(name, video.id, m, None, "no truth of hands") for m in ERRORS]
             continue
         true = of_video.hands @ of_video.R.T  # errors are relative to the wrist: no translation
-        visible = np.where(video.seen[..., None, None] > 0, video.points_m, np.nan)
+        visible = np.where(video.visible[..., None, None] > 0, video.points_m, np.nan)
         values = (
             hand_mpjpe_mm(video.points_m, true),
             hand_mpjpe_scaled_mm(video.points_m, true),

@@ -157,7 +157,7 @@ def hands_of(
     """The artifact; fitted: every video's hands; size: of the videos that share a motion."""
     frames = {v.id: v.frames for v in refined.motion.videos}
     videos = [_stored(v.id, frames[v.id], fitted[v.id]) for v in keypoints.videos]
-    shares = [f"{v.id} {100 * v.seen.mean():.0f} %" for v in videos]
+    shares = [f"{v.id} {100 * v.visible.mean():.0f} %" for v in videos]
     return Hands(
         videos=videos,
         model=body.name,
@@ -179,5 +179,5 @@ def _stored(name: str, frames: np.ndarray, hands: FittedHands) -> VideoHands:
         fingers=hands.finger_vectors.numpy(),
         wrists=unwrap(log(hands.R_wrist)).numpy(),
         points_m=hands.points_m.numpy(),
-        seen=hands.visible.numpy().astype("int64"),
+        visible=hands.visible.numpy().astype("int64"),
     )

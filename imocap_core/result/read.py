@@ -195,7 +195,7 @@ def _camera(
 def _hands(hands: VideoHands | None) -> HandMotion | None:
     if hands is None:
         return None
-    return HandMotion(hands.wrists, hands.fingers, hands.points_m, hands.seen > 0)
+    return HandMotion(hands.wrists, hands.fingers, hands.points_m, hands.visible > 0)
 
 
 def _uncertainty(given: VideoUncertainty | None) -> JointUncertainty | None:

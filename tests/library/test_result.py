@@ -44,7 +44,7 @@ def hands(made: Made) -> None:
             fingers=np.full((n, 2, 15, 3), 0.2),
             wrists=np.full((n, 2, 3), 0.1),
             points_m=np.repeat(motion(v).joints[:, 20:22, None], 21, axis=2),
-            seen=np.ones((n, 2), dtype=np.int64),
+            visible=np.ones((n, 2), dtype=np.int64),
         )
         for v, n in LENGTHS.items()
     ]

@@ -227,7 +227,7 @@ def hands(video: str) -> VideoHands:
         fingers=np.full((count, 2, 15, 3), 0.3),
         wrists=np.full((count, 2, 3), 0.1),
         points_m=points,
-        seen=np.ones((count, 2), dtype=np.int64),
+        visible=np.ones((count, 2), dtype=np.int64),
     )
 
 

@@ -85,7 +85,7 @@ def test_hands_that_rest_are_found_resting_and_scored(
         true = points_of(motion)
         assert np.linalg.norm(hands.points_m - true, axis=-1).mean() < 0.006
         assert hands.fingers.shape == (10, 2, 15, 3)
-        assert hands.seen.sum() == 19
+        assert hands.visible.sum() == 19
         truths[hands.id] = VideoTruth(None, (), None, np.eye(3), None, None, None, true)
     rows = hand_rows("after loop", found, Truth(truths, None))
     values = {(r.video, r.metric): r.value for r in rows}

@@ -79,7 +79,7 @@ def _hands(made: Made, v: int) -> VideoHands:
         fingers=0.4 * rng.standard_normal((count, 2, 15, 3)),
         wrists=0.3 * rng.standard_normal((count, 2, 3)),
         points_m=np.zeros((count, 2, 21, 3)),
-        seen=np.ones((count, 2), dtype=np.int64),
+        visible=np.ones((count, 2), dtype=np.int64),
     )
 
 

@@ -88,12 +88,12 @@ def test_trust_and_phase_travel_with_the_artifact() -> None:
     assert sync.notes == []
 
 
-def filmed(keypoints: Keypoints, motions: list[VideoMotion], azimuths: list[float]) -> Keypoints:
+def filmed(keypoints: Keypoints, joints: list[np.ndarray], azimuths: list[float]) -> Keypoints:
     """The keypoints of motions seen from several sides, far enough for a scaled projection."""
     videos = []
-    for video, motion, azimuth in zip(keypoints.videos, motions, azimuths, strict=True):
+    for video, xyz, azimuth in zip(keypoints.videos, joints, azimuths, strict=True):
         c, s = np.cos(azimuth), np.sin(azimuth)
-        turned = motion.joints @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T
+        turned = xyz @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T
         xy = np.full((*video.confidence.shape, 2), np.nan)
         for column, name in enumerate(layout_names(video.layout)):
             if name in SMPL_JOINTS:

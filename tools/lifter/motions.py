@@ -1,7 +1,7 @@
 """Training motions retargeted to the free body: joint rotations and root paths.
 
-Captured joints do not include faces and feet, and belong to one skeleton. Brought once onto the free
-body (as in tools/make_pose_prior.py), the motions apply to bodies of any shape.
+Captured joints do not include faces and feet, and belong to one skeleton. Brought once onto the
+free body (as in tools/make_pose_prior.py), the motions apply to bodies of any shape.
 """
 
 from __future__ import annotations

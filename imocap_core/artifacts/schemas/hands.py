@@ -15,7 +15,7 @@ class VideoHands(Value):
     fingers: Annotated[Floats, Shape("T", 2, 15, 3)]  # axis-angle radians, SMPL+H's order
     wrists: Annotated[Floats, Shape("T", 2, 3)]  # axis-angle radians against the forearm
     points_m: Annotated[Floats, Shape("T", 2, 21, 3)]  # OpenPose's 21, metres
-    seen: Annotated[Ints, Shape("T", 2)]  # 1 where keypoints were used
+    visible: Annotated[Ints, Shape("T", 2)]  # 1 where keypoints were used
 
 
 class Hands(Artifact):
