@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from free_body_rig import JOINTS_24, JOINTS_52, Rig, _owner
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float, Int, UInt8
 
-Array = NDArray[np.float64]
 MIX = 8  # vertices of a landmark that is a weighted mean of vertices
 
 # MakeHuman's vertex groups (mpfb2, basemesh_vertex_groups.json, CC0).
@@ -16,19 +15,25 @@ EYES = {"left": (14598, 14669), "right": (14670, 14741)}
 SIDES = (("left", ".L", 1.0), ("right", ".R", -1.0))
 
 
-def bone_vertices(rig: Rig, *prefixes: str, least: float = 0.5) -> NDArray[np.int64]:
+def bone_vertices(rig: Rig, *prefixes: str, least: float = 0.5) -> Int[np.ndarray, " N"]:
     """Vertices whose largest weights are those of bones with these prefixes."""
     columns = [i for i, name in enumerate(rig.names) if name.startswith(prefixes)]
     return np.flatnonzero(rig.weights[:, columns].sum(1) > least)
 
 
 def landmarks(
-    mean: Array, directions: Array, rig: Rig, joints: Array, coefficients: Array
-) -> dict[str, NDArray[np.generic]]:
+    mean: Float[np.ndarray, "V 3"],
+    directions: Float[np.ndarray, "V 3 B"],
+    rig: Rig,
+    joints: Float[np.ndarray, "S J 3"],
+    coefficients: Float[np.ndarray, "S B"],
+) -> dict[str, np.ndarray]:
     """landmark_names (L,), landmark_vertices (L, 8), landmark_weights (L, 8), rows sum to 1."""
-    marks: dict[str, tuple[NDArray[np.int64], Array]] = {}
+    marks: dict[str, tuple[np.ndarray, np.ndarray]] = {}
 
-    def vertex(name: str, candidates: NDArray[np.int64], score: Array) -> None:
+    def vertex(
+        name: str, candidates: Int[np.ndarray, " N"], score: Float[np.ndarray, " N"]
+    ) -> None:
         best = candidates[np.argmax(score)]
         marks[name] = np.array([best]), np.ones(1)
 
@@ -55,7 +60,7 @@ def landmarks(
     }
 
 
-def _head_vertices(rig: Rig) -> NDArray[np.int64]:
+def _head_vertices(rig: Rig) -> Int[np.ndarray, " N"]:
     owners = [
         i for i, name in enumerate(rig.names) if JOINTS_24.names[_owner(JOINTS_24, name)] == "head"
     ]
@@ -63,7 +68,7 @@ def _head_vertices(rig: Rig) -> NDArray[np.int64]:
     return np.flatnonzero((rig.weights[:, owners].sum(1) > 0.7) & skin)
 
 
-def _eyeball(rig: Rig, side: str) -> NDArray[np.bool_]:
+def _eyeball(rig: Rig, side: str) -> Bool[np.ndarray, " V"]:
     first, last = EYES[side]
     return (rig.base >= first) & (rig.base <= last)
 
@@ -102,8 +107,11 @@ def _fingertips(mean, rig, word, side, vertex) -> None:  # type: ignore[no-untyp
 
 
 def _mix(
-    mean: Array, directions: Array, joint: Array, coefficients: Array
-) -> tuple[NDArray[np.int64], Array]:
+    mean: Float[np.ndarray, "V 3"],
+    directions: Float[np.ndarray, "V 3 B"],
+    joint: Float[np.ndarray, "S 3"],
+    coefficients: Float[np.ndarray, "S B"],
+) -> tuple[Int[np.ndarray, " N"], Float[np.ndarray, " N"]]:
     """The 8 nearest vertices, weighted to follow a joint (S, 3) over the shape space."""
     design = np.concatenate([np.ones((len(coefficients), 1)), coefficients], axis=1)
     target = np.linalg.lstsq(design, joint, rcond=None)[0]
@@ -115,8 +123,12 @@ def _mix(
 
 
 def face_parts(
-    mean: Array, rig: Rig, joints: Array, ears: dict[str, int], eyes: dict[str, int]
-) -> NDArray[np.uint8]:
+    mean: Float[np.ndarray, "V 3"],
+    rig: Rig,
+    joints: Float[np.ndarray, "J 3"],
+    ears: dict[str, int],
+    eyes: dict[str, int],
+) -> UInt8[np.ndarray, " F"]:
     """(F,) 0 skin, 1 hair (and irises), 2 shirt, 3 trousers, 4 shoes, by the T pose."""
     place_of = {name: joints[j] for j, name in enumerate(JOINTS_24.names)}
     owner = np.array([_owner(JOINTS_24, name) for name in rig.names])
@@ -170,7 +182,9 @@ def face_parts(
     return _per_quad(part, rig.faces)
 
 
-def _per_quad(part: NDArray[np.uint8], faces: NDArray[np.int64]) -> NDArray[np.uint8]:
+def _per_quad(
+    part: UInt8[np.ndarray, " V"], faces: Int[np.ndarray, "F 3"]
+) -> UInt8[np.ndarray, " F"]:
     """Both triangles of a quad show one part, the median of its corners': seams run straight.
 
     `faces` lists the first triangles (a, b, c) of all quads, then the second ones (a, c, d).
@@ -180,7 +194,7 @@ def _per_quad(part: NDArray[np.uint8], faces: NDArray[np.int64]) -> NDArray[np.u
     return np.tile(np.sort(part[quads], axis=1)[:, 1], 2)
 
 
-def _hair(mean: Array, head: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _hair(mean: Float[np.ndarray, "V 3"], head: Bool[np.ndarray, " V"]) -> Bool[np.ndarray, " V"]:
     """Above a slope from the hairline on the forehead down to the nape."""
     top = mean[head][:, 1].max()
     front, back = mean[head][:, 2].max(), mean[head][:, 2].min()

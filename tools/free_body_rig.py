@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import Float, Float32, Int
 
-Array = NDArray[np.float64]
 Mix = Mapping[str, float]  # bone -> weight of its head; "mirror" bones are averaged in by hand
 
 
@@ -18,9 +17,9 @@ class Rig:
 
     names: tuple[str, ...]
     parents: tuple[int, ...]
-    weights: Array  # (V, B)
-    faces: NDArray[np.int64]  # (F, 3)
-    base: NDArray[np.int64]  # (V,)
+    weights: Float[np.ndarray, "V B"]
+    faces: Int[np.ndarray, "F 3"]
+    base: Int[np.ndarray, " V"]
 
     def index(self, name: str) -> int:
         return self.names.index(name)
@@ -35,16 +34,16 @@ class Joints:
     places: tuple[Mix, ...]
     bones: tuple[tuple[str, ...], ...]  # prefixes of bone names
 
-    def place(self, rig: Rig, heads: Array) -> Array:
-        """heads (..., B, 3) -> joints (..., J, 3)."""
+    def place(self, rig: Rig, heads: Float[np.ndarray, "... B 3"]) -> Float[np.ndarray, "... J 3"]:
+        """Places of the joints from the heads of the bones."""
         table = np.zeros((len(self.names), len(rig.names)))
         for j, mix in enumerate(self.places):
             for bone, weight in mix.items():
                 table[j, rig.index(bone)] += weight
         return np.einsum("jb,...bc->...jc", table, heads)
 
-    def kintree(self) -> NDArray[np.int64]:
-        """SMPL's kintree_table (2, J): parents above joint numbers."""
+    def kintree(self) -> Int[np.ndarray, "2 J"]:
+        """SMPL's kintree_table: parents above joint numbers."""
         return np.array([self.parents, range(len(self.parents))], dtype=np.int64)
 
 
@@ -154,8 +153,10 @@ def _owner(joints: Joints, bone: str) -> int:
     return best
 
 
-def collect_weights(rig: Rig, mean: Array, joints: Joints, places: Array) -> NDArray[np.float32]:
-    """Skinning weights (V, J): bones summed, torso shared by height, smoothed, at most 4 each."""
+def collect_weights(
+    rig: Rig, mean: Float[np.ndarray, "V 3"], joints: Joints, places: Float[np.ndarray, "J 3"]
+) -> Float32[np.ndarray, "V J"]:
+    """Skinning weights: bones summed, torso shared by height, smoothed, at most 4 each."""
     weights = np.zeros((len(mean), len(joints.names)))
     for b, bone in enumerate(rig.names):
         weights[:, _owner(joints, bone)] += rig.weights[:, b]
@@ -170,7 +171,9 @@ def collect_weights(rig: Rig, mean: Array, joints: Joints, places: Array) -> NDA
     return (weights / weights.sum(1, keepdims=True)).astype(np.float32)
 
 
-def _torso_shares(height: Array, joints: Joints, places: Array) -> dict[int, Array]:
+def _torso_shares(
+    height: Float[np.ndarray, " V"], joints: Joints, places: Float[np.ndarray, "J 3"]
+) -> dict[int, Float[np.ndarray, " V"]]:
     """Weights of pelvis, spine1, spine2, spine3, blended around the joints between them."""
     chain = [joints.names.index(n) for n in ("pelvis", "spine1", "spine2", "spine3")]
     widths = (0.07, 0.06, 0.06)  # metres either side of spine1, spine2, spine3
@@ -183,12 +186,12 @@ def _torso_shares(height: Array, joints: Joints, places: Array) -> dict[int, Arr
 
 
 def _smooth(
-    weights: Array,
-    faces: NDArray[np.int64],
-    mean: Array,
+    weights: Float[np.ndarray, "V J"],
+    faces: Int[np.ndarray, "F 3"],
+    mean: Float[np.ndarray, "V 3"],
     joints: Joints,
-    places: Array,
-) -> Array:
+    places: Float[np.ndarray, "J 3"],
+) -> Float[np.ndarray, "V J"]:
     """Diffuse weights over the surface near the large joints, where MakeHuman's are too sharp."""
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     edges = np.unique(np.sort(edges, axis=1), axis=0)
@@ -219,10 +222,12 @@ SMOOTHING_RADII_M = {
 }
 
 
-def t_pose(vertices: Array, heads: Array, rig: Rig) -> tuple[Array, Array]:
+def t_pose(
+    vertices: Float[np.ndarray, "S V 3"], heads: Float[np.ndarray, "S B 3"], rig: Rig
+) -> tuple[Float[np.ndarray, "S V 3"], Float[np.ndarray, "S B 3"]]:
     """MakeHuman's resting pose to a T: arms along x, palms down, thighs nearly upright, feet flat.
 
-    vertices (S, V, 3), heads (S, B, 3); each body by its own joints, by linear blend skinning.
+    Vertices and bone heads of each of S bodies, by linear blend skinning with its own joints.
     """
     rotations = np.broadcast_to(np.eye(3), (*heads.shape, 3)).copy()
     for side, sign in ((".L", 1.0), (".R", -1.0)):
@@ -242,12 +247,14 @@ def t_pose(vertices: Array, heads: Array, rig: Rig) -> tuple[Array, Array]:
     return posed, moved
 
 
-def _unit(vector: Array) -> Array:
+def _unit(vector: Float[np.ndarray, "... 3"]) -> Float[np.ndarray, "... 3"]:
     return vector / np.linalg.norm(vector, axis=-1, keepdims=True)
 
 
-def _between(start: Array, end: Array) -> Array:
-    """Smallest rotations (S, 3, 3) that turn unit vectors start (S, 3) into end (3,) or (S, 3)."""
+def _between(
+    start: Float[np.ndarray, "S 3"], end: Float[np.ndarray, "... 3"]
+) -> Float[np.ndarray, "S 3 3"]:
+    """Smallest rotations that turn unit vectors start into end (3,) or (S, 3)."""
     end = np.broadcast_to(end, start.shape)
     axis = np.cross(start, end)
     cosine = (start * end).sum(-1)
@@ -257,7 +264,7 @@ def _between(start: Array, end: Array) -> Array:
     return np.eye(3) + k + k @ k / (1 + cosine)[:, None, None]
 
 
-def _about_x(angle: Array) -> Array:
+def _about_x(angle: Float[np.ndarray, " S"]) -> Float[np.ndarray, "S 3 3"]:
     matrix = np.zeros((len(angle), 3, 3))
     matrix[:, 0, 0] = 1
     matrix[:, 1, 1] = matrix[:, 2, 2] = np.cos(angle)
@@ -266,8 +273,14 @@ def _about_x(angle: Array) -> Array:
     return matrix
 
 
-def _straighten_arm(rotations: Array, heads: Array, rig: Rig, side: str, sign: float) -> None:
-    def head(bone: str) -> Array:
+def _straighten_arm(
+    rotations: Float[np.ndarray, "S B 3 3"],
+    heads: Float[np.ndarray, "S B 3"],
+    rig: Rig,
+    side: str,
+    sign: float,
+) -> None:
+    def head(bone: str) -> Float[np.ndarray, "S 3"]:
         return heads[:, rig.index(bone + side)]
 
     out = np.array([sign, 0.0, 0.0])
@@ -288,7 +301,13 @@ def _straighten_arm(rotations: Array, heads: Array, rig: Rig, side: str, sign: f
             rotations[:, bone] = _about_x(twist) @ hand
 
 
-def _straighten_leg(rotations: Array, heads: Array, rig: Rig, side: str, sign: float) -> None:
+def _straighten_leg(
+    rotations: Float[np.ndarray, "S B 3 3"],
+    heads: Float[np.ndarray, "S B 3"],
+    rig: Rig,
+    side: str,
+    sign: float,
+) -> None:
     places = JOINTS_24.place(rig, heads)
     joint = JOINTS_24.names.index("left_hip" if side == ".L" else "right_hip")
     hip, knee, ankle = places[:, joint], places[:, joint + 3], places[:, joint + 6]

