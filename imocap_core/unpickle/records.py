@@ -47,14 +47,14 @@ class DtypeRecord:
 
     def __init__(self, code: Any = None, *_unused: object) -> None:
         if not isinstance(code, str) or not _CODE.fullmatch(code):
-            raise pickle.UnpicklingError(f"it holds an array of unknown numbers {code!r:.20}")
+            raise pickle.UnpicklingError(f"it contains an array of unknown numbers {code!r:.20}")
         self.code, self.order = code, "="
 
     def restore(self, state: Any) -> None:
         """As numpy pickles it: (version, order, subarray, names, fields, ...)."""
         valid = isinstance(state, tuple) and len(state) >= 5 and state[1] in ("<", ">", "|", "=")
         if not valid or any(part is not None for part in state[2:5]):
-            raise pickle.UnpicklingError("it holds an array of records")
+            raise pickle.UnpicklingError("it contains an array of records")
         self.order = state[1]
 
     @property
@@ -71,7 +71,7 @@ class ArrayRecord:
     def restore(self, state: Any) -> None:
         """Stored as it is."""
         if not isinstance(state, tuple) or len(state) != 5:
-            raise pickle.UnpicklingError("it holds an array that is not complete")
+            raise pickle.UnpicklingError("it contains an array that is not complete")
         self.state = state
 
 
@@ -85,7 +85,7 @@ class JoblibRecord:
     def restore(self, state: Any) -> None:
         """Its attributes: shape, order, dtype, whether the bytes are aligned."""
         if not isinstance(state, dict) or not isinstance(state.get("dtype"), DtypeRecord):
-            raise pickle.UnpicklingError("it holds an array that is not complete")
+            raise pickle.UnpicklingError("it contains an array that is not complete")
         self.state = state
 
 
@@ -112,12 +112,12 @@ def storage(content: Any) -> Any:
 def tensor(numbers: Any, offset: Any, size: Any, stride: Any, *_unused: object) -> np.ndarray:
     """A torch tensor as a numpy array: a view of its storage, within it."""
     if not isinstance(numbers, torch.TypedStorage):
-        raise pickle.UnpicklingError("it holds a tensor without numbers")
+        raise pickle.UnpicklingError("it contains a tensor without numbers")
     flat = torch.tensor([], dtype=numbers.dtype).set_(numbers)
     steps = [_count(step) for step in stride]
     last = _count(offset) + sum(max(_count(n) - 1, 0) * s for n, s in zip(size, steps, strict=True))
     if math.prod(size) and last >= len(flat):
-        raise pickle.UnpicklingError("it holds a tensor larger than its numbers")
+        raise pickle.UnpicklingError("it contains a tensor larger than its numbers")
     return flat.as_strided(tuple(size), steps, offset).detach().numpy().copy()
 
 
@@ -160,11 +160,11 @@ def _from_bytes(content: Any, dtype: Any, shape: Any, fortran: bool) -> np.ndarr
     if isinstance(content, str):  # Python 2's bytes
         content = content.encode("latin1")
     if not isinstance(dtype, DtypeRecord) or not isinstance(content, (bytes, bytearray)):
-        raise pickle.UnpicklingError("it holds an array without numbers")
+        raise pickle.UnpicklingError("it contains an array without numbers")
     kind = dtype.dtype
     sizes = _sizes(shape)
     if kind.hasobject or len(content) != math.prod(sizes) * kind.itemsize:
-        raise pickle.UnpicklingError(f"it holds an array {sizes} of {len(content)} bytes")
+        raise pickle.UnpicklingError(f"it contains an array {sizes} of {len(content)} bytes")
     if not len(content):
         return np.zeros(sizes, kind)
     flat = np.frombuffer(bytes(content), dtype=kind)
@@ -174,7 +174,7 @@ def _from_bytes(content: Any, dtype: Any, shape: Any, fortran: bool) -> np.ndarr
 def _of_objects(items: list[Any], shape: Any) -> np.ndarray:
     sizes = _sizes(shape)
     if len(items) != math.prod(sizes):
-        raise pickle.UnpicklingError(f"it holds an array {sizes} of {len(items)} things")
+        raise pickle.UnpicklingError(f"it contains an array {sizes} of {len(items)} things")
     array = np.empty(len(items), dtype=object)
     for n, item in enumerate(items):
         array[n] = item
@@ -183,11 +183,11 @@ def _of_objects(items: list[Any], shape: Any) -> np.ndarray:
 
 def _sizes(shape: Any) -> tuple[int, ...]:
     if not isinstance(shape, (tuple, list)) or len(shape) > 16:
-        raise pickle.UnpicklingError("it holds an array without a shape")
+        raise pickle.UnpicklingError("it contains an array without a shape")
     return tuple(_count(n) for n in shape)
 
 
 def _count(value: Any) -> int:
     if not isinstance(value, int) or not 0 <= value < 2**40:
-        raise pickle.UnpicklingError(f"it holds an array of size {value!r:.20}")
+        raise pickle.UnpicklingError(f"it contains an array of size {value!r:.20}")
     return int(value)

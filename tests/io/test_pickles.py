@@ -120,7 +120,7 @@ def test_a_tensor_may_not_reach_beyond_its_numbers() -> None:
     )
     np.testing.assert_array_equal(records.tensor(numbers, 1, (3,), (1,)), [1, 2, 3])
     for offset, size, stride in ((2, (3,), (1,)), (0, (2, 3), (3, 1)), (-1, (1,), (1,))):
-        with pytest.raises(pickle.UnpicklingError, match="it holds a"):
+        with pytest.raises(pickle.UnpicklingError, match="it contains a"):
             records.tensor(numbers, offset, size, stride)
 
 
