@@ -50,7 +50,7 @@ def nearest_rotation(M: Float[np.ndarray, "... 3 3"]) -> Float[np.ndarray, "... 
 
 def angle_deg(
     R_a: Float[np.ndarray, "... 3 3"], R_b: Float[np.ndarray, "... 3 3"]
-) -> Float[np.ndarray, ...]:
+) -> Float[np.ndarray, "..."]:
     """Geodesic distance between rotations, degrees; accurate near 0 and near 180."""
     relative = np.swapaxes(R_a, -1, -2) @ R_b
     shape = relative.shape[:-2]
@@ -155,7 +155,7 @@ def _prior(
 
 
 def _weighted_median(
-    values: Float[np.ndarray, N * item], weights: Float[np.ndarray, " N"]
+    values: Float[np.ndarray, "N *item"], weights: Float[np.ndarray, " N"]
 ) -> Float[np.ndarray, "*item"]:
     """Lower weighted median over the first axis, entry by entry."""
     flat = values.reshape(len(values), -1)

@@ -132,7 +132,7 @@ def filled_boxes(box_px: Float[np.ndarray, "T 4"]) -> Float[np.ndarray, "T 4"]:
 
 
 def background_mask(
-    shape: tuple[int, ...], box_px: Float[np.ndarray, 4]
+    shape: tuple[int, ...], box_px: Float[np.ndarray, "4"]
 ) -> UInt8[np.ndarray, "H W"]:
     """255 where a picture of this shape shows background, 0 inside the padded box."""
     mask = np.full(shape[:2], 255, np.uint8)

@@ -29,7 +29,7 @@ class CameraPose:
     """
 
     R: Float[np.ndarray, "3 3"]
-    t: Float[np.ndarray, 3]
+    t: Float[np.ndarray, "3"]
     median_px: float
     inlier_share: float
     ok: bool
@@ -126,7 +126,7 @@ def _gather(
 
 def _linear_translation(
     evidence: PointEvidence, R: Float[np.ndarray, "3 3"], row_weight: Float[np.ndarray, " N"]
-) -> Float[np.ndarray, 3]:
+) -> Float[np.ndarray, "3"]:
     """Weighted least squares for t in ``p_xy + t_xy = uv (p_z + t_z)``, p = R x (linear in t)."""
     uv = normalised(evidence.xy_px, evidence.K)
     p = evidence.x_world @ R.T
@@ -141,7 +141,7 @@ def _linear_translation(
 
 def _translation(
     evidence: PointEvidence, R: Float[np.ndarray, "3 3"], scale_px: float, candidates: int = 48
-) -> Float[np.ndarray, 3]:
+) -> Float[np.ndarray, "3"]:
     """Best of linear translations of all frames and of short runs of frames, by robust cost.
 
     Runs of frames are the samples, because wrong matches come in runs: a run without any exists as
@@ -168,7 +168,7 @@ def _translation(
 def _judge(
     evidence: PointEvidence,
     R: Float[np.ndarray, "3 3"],
-    t: Float[np.ndarray, 3],
+    t: Float[np.ndarray, "3"],
     inlier_px: float,
     status: str,
 ) -> CameraPose:

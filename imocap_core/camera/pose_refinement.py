@@ -33,7 +33,7 @@ class PointEvidence:
 
 
 def errors_px(
-    evidence: PointEvidence, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, 3]
+    evidence: PointEvidence, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, " N"]:
     """Reprojection errors in pixels; infinite for points behind the camera."""
     predicted = project(evidence.x_world, evidence.K, R, t)
@@ -42,7 +42,7 @@ def errors_px(
 
 
 def robust_cost(
-    evidence: PointEvidence, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, 3], scale_px: float
+    evidence: PointEvidence, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"], scale_px: float
 ) -> float:
     """Weighted Geman-McClure cost, at most ``scale_px**2`` a point."""
     squared = np.minimum(errors_px(evidence, R, t), FARTHEST_PX) ** 2
@@ -52,12 +52,12 @@ def robust_cost(
 def refine(
     evidence: PointEvidence,
     R: Float[np.ndarray, "3 3"],
-    t: Float[np.ndarray, 3],
+    t: Float[np.ndarray, "3"],
     scale_px: float,
     iterations: int,
     *,
     turn: bool,
-) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, 3], bool]:
+) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"], bool]:
     """Levenberg-Marquardt on the Geman-McClure cost, its scale shrinking to ``scale_px``.
 
     Returns R, t, and whether it converged; without ``turn`` the rotation is fixed.
@@ -92,7 +92,7 @@ def refine(
 def _normal_equations(
     evidence: PointEvidence,
     R: Float[np.ndarray, "3 3"],
-    t: Float[np.ndarray, 3],
+    t: Float[np.ndarray, "3"],
     scale_px: float,
     *,
     turn: bool,

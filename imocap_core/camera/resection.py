@@ -31,7 +31,7 @@ class Resection:
 
     K: Float[np.ndarray, "3 3"]
     R: Float[np.ndarray, "3 3"]
-    t: Float[np.ndarray, 3]
+    t: Float[np.ndarray, "3"]
     median_px: float
     inlier_share: float
     ok: bool
@@ -130,7 +130,7 @@ def _errors_px(
 
 def _split(
     P: Float[np.ndarray, "3 4"],
-) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3 3"], Float[np.ndarray, 3]]:
+) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
     """P up to its scale and sign, decomposed into K with square pixels, R and t."""
     P = P * np.sign(np.linalg.det(P[:, :3]))
     upper, R = rq(P[:, :3])

@@ -36,7 +36,7 @@ class Extrinsics:
     """Camera pose: x_cam = R x_world + t, t in metres."""
 
     R: Float[np.ndarray, "3 3"]
-    t: Float[np.ndarray, 3]
+    t: Float[np.ndarray, "3"]
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class GroundAlignment:
     x_upright = R_upright_from_world x_world + t, metres."""
 
     R_upright_from_world: Float[np.ndarray, "3 3"]
-    t: Float[np.ndarray, 3]
+    t: Float[np.ndarray, "3"]
 
 
 def to_world(motion: BodyMotion, camera: Extrinsics) -> BodyMotion:
@@ -119,8 +119,8 @@ def _foot_contacts(feet: Sequence[Float[np.ndarray, "_ F 3"]]) -> Float[np.ndarr
 
 
 def _plane(
-    points: Float[np.ndarray, "N 3"], posture: Float[np.ndarray, 3]
-) -> tuple[Float[np.ndarray, 3], Float[np.ndarray, 3]]:
+    points: Float[np.ndarray, "N 3"], posture: Float[np.ndarray, "3"]
+) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
     """Normal (up) and a point of the plane fitted to `points`, near `posture`.
 
     Robust least squares (Cauchy weights) of the heights; a ridge term keeps the slope relative to
@@ -146,8 +146,8 @@ def _plane(
 
 
 def _perpendicular(
-    up: Float[np.ndarray, 3],
-) -> tuple[Float[np.ndarray, 3], Float[np.ndarray, 3]]:
+    up: Float[np.ndarray, "3"],
+) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
     """Two unit vectors perpendicular to `up` and to each other."""
     aside = np.eye(3)[int(np.argmin(np.abs(up)))]
     east = np.cross(up, aside)
@@ -156,7 +156,7 @@ def _perpendicular(
 
 
 def _shortest_rotation(
-    start: Float[np.ndarray, 3], end: Float[np.ndarray, 3]
+    start: Float[np.ndarray, "3"], end: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, "3 3"]:
     """The rotation by the smallest angle that takes one unit vector to another."""
     axis = np.cross(start, end)

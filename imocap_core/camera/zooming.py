@@ -31,7 +31,7 @@ class RotationsAndZooms:
 
 
 def lens_of(
-    K: Float[np.ndarray, "3 3"], zoom: float | Float[np.ndarray, ...]
+    K: Float[np.ndarray, "3 3"], zoom: float | Float[np.ndarray, "..."]
 ) -> Float[np.ndarray, "... 3 3"]:
     """Intrinsic matrices of the same camera with its focal length times ``zoom``."""
     lens = np.broadcast_to(K, (*np.shape(zoom), 3, 3)).copy()

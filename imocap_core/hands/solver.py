@@ -125,7 +125,7 @@ class _OneSize:
     problem: HandProblem
     size_spread: float
 
-    def cost(self, state: HandState) -> Float[np.ndarray, 1]:
+    def cost(self, state: HandState) -> Float[np.ndarray, "1"]:
         """Sum of the hands' objectives and what the size costs."""
         of_size = (math.log(state.size) / self.size_spread) ** 2
         return np.array([float(self.problem.cost(state).sum()) + of_size])
@@ -138,7 +138,7 @@ class _OneSize:
         return normal
 
     def trial(
-        self, state: HandState, equations: NormalEquations, damping: Float[np.ndarray, 1]
+        self, state: HandState, equations: NormalEquations, damping: Float[np.ndarray, "1"]
     ) -> HandState:
         """All hands and the size after the damped step."""
         factor = float(damping[0])
@@ -149,6 +149,8 @@ class _OneSize:
         size = min(max(state.size * math.exp(log_factor), SIZE_RANGE[0]), SIZE_RANGE[1])
         return replace(state.retract(step), size=size)
 
-    def choose(self, better: Bool[np.ndarray, 1], trial: HandState, state: HandState) -> HandState:
+    def choose(
+        self, better: Bool[np.ndarray, "1"], trial: HandState, state: HandState
+    ) -> HandState:
         """All hands are accepted or rejected together."""
         return trial if better[0] else state

@@ -17,7 +17,7 @@ def total_sigma(covariance: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray
 
 def along_and_across(
     covariance: Float[np.ndarray, "... 3 3"], direction: Float[np.ndarray, "... 3"]
-) -> tuple[Float[np.ndarray, ...], Float[np.ndarray, ...]]:
+) -> tuple[Float[np.ndarray, "..."], Float[np.ndarray, "..."]]:
     """Standard deviations along unit vectors, and across them (both directions together).
 
     The leading axes of covariances and directions broadcast.
@@ -29,7 +29,7 @@ def along_and_across(
     return np.asarray(along), np.asarray(across)
 
 
-def normalised_error(error: Float[np.ndarray, ...], sigma: Float[np.ndarray, ...]) -> float:
+def normalised_error(error: Float[np.ndarray, "..."], sigma: Float[np.ndarray, "..."]) -> float:
     """Root mean square of error / sigma over the entries in which both are finite; NaN if none."""
     e, s = np.broadcast_arrays(np.asarray(error, float), np.asarray(sigma, float))
     valid = np.isfinite(e) & (s > 0)

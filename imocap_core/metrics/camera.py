@@ -12,7 +12,7 @@ def camera_rotation_error_deg(
     R_ref_from_world: Float[np.ndarray, "... 3 3"],
     R_cam_from_true_world: Float[np.ndarray, "... 3 3"],
     R_ref_from_true_world: Float[np.ndarray, "... 3 3"],
-) -> Float[np.ndarray, ...]:
+) -> Float[np.ndarray, "..."]:
     """Angle between the recovered and the true rotation from the reference to another camera.
 
     The recovered world is the reference camera's axes and the true world is anything, so only the

@@ -119,7 +119,7 @@ def heading(
 
 def mean_over(
     values: Float[np.ndarray, "M N *rest"], weight: Float[np.ndarray, "M N"]
-) -> Float[np.ndarray, N * rest]:
+) -> Float[np.ndarray, "N *rest"]:
     """Weighted mean over the first axis; 0 where all weights are 0."""
     share = weight / np.maximum(weight.sum(0), 1e-12)
     return np.einsum("mn,mn...->n...", share, values)

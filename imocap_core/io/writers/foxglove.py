@@ -42,7 +42,7 @@ def transform(
     time_ns: int,
     video: str,
     R_cam_from_world: Float[np.ndarray, "3 3"],
-    centre: Float[np.ndarray, 3],
+    centre: Float[np.ndarray, "3"],
 ) -> FrameTransform:
     """Pose of a video's camera in the world; centre in metres."""
     return FrameTransform(
@@ -132,7 +132,7 @@ def _stamp(time_ns: int) -> Timestamp:
     return Timestamp(seconds=time_ns // SECOND, nanos=time_ns % SECOND)
 
 
-def _vector(xyz: Float[np.ndarray, 3]) -> Vector3:
+def _vector(xyz: Float[np.ndarray, "3"]) -> Vector3:
     x, y, z = map(float, xyz)
     return Vector3(x=x, y=y, z=z)
 
