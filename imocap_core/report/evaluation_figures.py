@@ -14,6 +14,7 @@ from imocap_core.body import Model
 from imocap_core.conventions import EVAL_12
 from imocap_core.evaluate.results import StageResult
 from imocap_core.evaluate.scoreboard import joint_errors_mm
+from imocap_core.figures.body_sheet import CAPTION, body_sheet, sheet_ids, upright_world
 from imocap_core.figures.contact_sheets import (
     SheetVideo,
     frames_of_moments,
@@ -80,13 +81,17 @@ def draw_plots(
 def draw_contact_sheets(
     folder: Path, videos: Sequence[SheetVideo], refined: RefineSync, model: Model
 ) -> list[Picture]:
-    """Contact sheets over the videos' frames; the first shows all videos at the same moments."""
+    """Contact sheets over the videos' frames, and body sheets of two of the videos.
+
+    The first contact sheet shows all videos at the same moments.
+    """
     sync = refined.sync
+    of_bodies, ground = sheet_ids(refined, videos), upright_world(refined)
     reference = videos[sync.ids.index(sync.reference)].keypoints
     moments = spread(len(reference.frames))
     together, sheets = [], []
     with quiet():
-        for video, sync_map in zip(videos, sync.maps, strict=True):
+        for video, sync_map, camera in zip(videos, sync.maps, refined.motion.cameras, strict=True):
             name = video.keypoints.id
             of_video = [int(t) for t in spread(len(video.keypoints.frames))]
             of_moments = frames_of_moments(sync_map, moments)
@@ -96,6 +101,10 @@ def draw_contact_sheets(
             figure = video_sheet(video, model, of_video, cells, cuts)
             caption = f"{name}: detections, monocular and final body."
             sheets.append(_written(folder, figure, f"overlay_{name}.jpg", caption))
+            if name in of_bodies:
+                figure = body_sheet(video, camera, ground, model, of_video, cells)
+                caption = CAPTION.format(video=name)
+                sheets.append(_written(folder, figure, f"body_{name}.jpg", caption))
         figure = contact_sheet(
             together,
             [video.keypoints.id for video in videos],

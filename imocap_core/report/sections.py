@@ -68,7 +68,7 @@ PLANS = (
         "Motion",
         "The estimate from one video alone fits its picture but errs in depth; the videos together "
         "correct it.",
-        ("results.", "joint_errors."),
+        ("body_", "results.", "joint_errors."),
         ("pose",),
         ("joint_sets", "overlay_"),
     ),

@@ -133,7 +133,7 @@ def test_report_is_whole_and_repeats_itself(made: Made, evaluate: Runs, tmp_path
     on_disk = sorted(p.name for p in (tmp_path / "a").iterdir())
     assert on_disk == first.files
     pictures = {picture.file for picture in read_contents(tmp_path / "a").pictures}
-    for name in ("warp.png", "affinity.png", "scene.png", "overlay_v2.jpg"):
+    for name in ("warp.png", "affinity.png", "scene.png", "overlay_v2.jpg", "body_v1.jpg"):
         assert name in first.files
         assert name in pictures
         assert (tmp_path / "a" / name).stat().st_size > 5000
