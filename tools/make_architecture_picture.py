@@ -20,6 +20,7 @@ import yaml
 from tools.svg import INK, MONO, PALE, PAPER, SANS, arrow, box, fitted, text
 
 ROOT = Path(__file__).resolve().parents[1]
+ROOM_CONTRACT = "Each room imports only from those below it"
 TARGET = ROOT / "docs" / "images" / "architecture.svg"
 
 WIDTH, MARGIN, GUTTER = 1280, 28, 128
@@ -77,7 +78,7 @@ def rooms_of_code() -> list[list[RoomBox]]:
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     contract = settings["tool"]["importlinter"]
     modules = grimp.build_graph(*contract["root_packages"], cache_dir=None).modules
-    (layers,) = (c["layers"] for c in contract["contracts"] if c["type"] == "layers")
+    (layers,) = (c["layers"] for c in contract["contracts"] if c["name"] == ROOM_CONTRACT)
     names = [name for layer in layers for name in re.findall(r"[\w.]+", layer)]
     rooms = [room_of_code(name) for name in names if name in modules]
     missing = {m for m in modules if m.count(".") == 1 and m.startswith("imocap_core.")}
