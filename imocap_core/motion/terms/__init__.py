@@ -9,7 +9,7 @@ from imocap_core.motion.terms.coupling import PathCoupling, PoseCoupling
 from imocap_core.motion.terms.evidence import JointEvidence
 from imocap_core.motion.terms.focal_prior import FocalPrior
 from imocap_core.motion.terms.foot_contact import FootContact
-from imocap_core.motion.terms.limits import HingeLimits
+from imocap_core.motion.terms.limits import HingeLimits, JointLimits
 from imocap_core.motion.terms.pose_prior import PosePriorTerm
 from imocap_core.motion.terms.reprojection import Reprojection
 from imocap_core.motion.terms.shape_prior import ShapePrior
@@ -21,6 +21,7 @@ __all__ = [
     "FootContact",
     "HingeLimits",
     "JointEvidence",
+    "JointLimits",
     "PathCoupling",
     "PathSmoothness",
     "PoseCoupling",
