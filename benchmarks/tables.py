@@ -16,6 +16,7 @@ import numpy as np
 from benchmarks.scoring.costs import Cost
 
 SCALED, PA = "mpjpe_scaled_mm", "pa_mpjpe_mm"
+ALL_JOINTS = "mpjpe_24_mm"
 SYNC, SYNC_MS, MATCHED = "sync_error_pct", "sync_error_ms", "matched_share"
 CAMERA = "camera_rotation_error_deg"
 ROOT = "root_path_aligned_error_mm"

@@ -26,9 +26,10 @@ from imocap_core.evaluate.body_points import body_points
 from imocap_core.evaluate.results import StageResult
 from imocap_core.evaluate.scoreboard import against_truth
 from imocap_core.evaluate.truth import true_joints
+from imocap_core.evaluate.whole_body import whole_body_rows
 from imocap_core.io.estimators.joints_npz import read_joints_npz
 from imocap_core.io.truth import Truth, read_truth
-from imocap_core.metrics.scoring import CameraJoints, over_videos, pose_rows
+from imocap_core.metrics.scoring import CameraJoints, means_over_videos, pose_rows
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.action import Action
 from imocap_core.pipeline.runner import Display, Job
@@ -102,7 +103,12 @@ def _numbers(
         with meter.measuring("oracle", spent):
             best, best_sync = oracle(*inputs)
         results.append(StageResult("oracle", best.videos, best.cameras, best_sync))
-    numbers = {result.name: _scored(result, keypoints, truth) for result in results}
+    model = load_free_body()
+    numbers = {
+        result.name: _scored(result, keypoints, truth)
+        | means_over_videos(whole_body_rows(result, keypoints, truth, model))
+        for result in results
+    }
     for count in range(1, len(truth.videos)):
         first = Keypoints(videos=keypoints.videos[:count])
         fewer = StageResult(first_videos(count), refined.motion.videos[:count])
@@ -136,7 +142,7 @@ def _estimator(action: Action, keypoints: Keypoints, truth: Truth) -> dict[str, 
         estimate = read_joints_npz(action.folder / video.initial, video.frames)
         motion = CameraJoints(estimate.joints, estimate.joint_names, video.frames)
         rows += pose_rows("estimator", video.id, motion, true, video.fps)
-    return {row.metric: row.value for row in over_videos(rows) if row.value is not None}
+    return means_over_videos(rows)
 
 
 def truth_of(job: Job, keypoints: Keypoints) -> Truth:

@@ -19,6 +19,12 @@ from imocap_core.evaluate.calibration import normalised_rows
 from imocap_core.evaluate.hands import hand_rows
 from imocap_core.evaluate.results import AFTER_LOOP, SINGLE_PASS, StageResult, round_results
 from imocap_core.evaluate.scoreboard import against_truth, cycle_row, score
+from imocap_core.evaluate.whole_body import (
+    JointErrors,
+    joint_position_errors_mm,
+    joint_rotation_errors,
+    whole_body_rows,
+)
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.scoring import ScoreRow, over_videos
 
@@ -26,11 +32,15 @@ from imocap_core.metrics.scoring import ScoreRow, over_videos
 @dataclass(frozen=True)
 class ActionScores:
     """rows: every metric of every video. summary: over the videos. rounds: per round of the loop,
-    metric -> mean over the videos; without truth empty dictionaries."""
+    metric -> mean over the videos. joint_errors_mm, joint_errors_deg: result -> errors of the
+    positions (aligned on the twelve joints) and rotations of each joint. Without truth empty
+    dictionaries."""
 
     rows: list[ScoreRow]
     summary: list[ScoreRow]
     rounds: list[dict[str, float]]
+    joint_errors_mm: dict[str, JointErrors]
+    joint_errors_deg: dict[str, JointErrors]
 
 
 def score_action(
@@ -54,7 +64,13 @@ def score_action(
     rows += normalised_rows(AFTER_LOOP, claimed, refined.motion.videos, truth)
     rows += hand_rows(AFTER_LOOP, hands, truth)
     rounds = [against_truth(result, keypoints, truth) for result in round_results(refined)]
-    return ActionScores(rows, over_videos(rows), rounds)
+    return ActionScores(
+        rows,
+        over_videos(rows),
+        rounds,
+        {result.name: joint_position_errors_mm(result, truth) for result in results},
+        {result.name: joint_rotation_errors(result, truth) for result in results},
+    )
 
 
 def score_result(
@@ -71,4 +87,5 @@ def score_result(
         for video, motion in zip(keypoints.videos, result.motions, strict=True)
     }
     xy_first_px = {c.id: c.xy_first_px for c in camera_motion.videos}
-    return score(result, keypoints, truth, points, xy_first_px)
+    rows = score(result, keypoints, truth, points, xy_first_px)
+    return rows + whole_body_rows(result, keypoints, truth, model)

@@ -63,7 +63,7 @@ def against_truth(
     if result.cameras is not None and result.sync is not None:
         rows += _cameras(result.name, result.cameras, result.sync, truth)
         rows += _sync(result.name, result.sync, keypoints, truth)
-    return {row.metric: row.value for row in scoring.over_videos(rows) if row.value is not None}
+    return scoring.means_over_videos(rows)
 
 
 def cycle_row(name: str, sync: Sync) -> ScoreRow:

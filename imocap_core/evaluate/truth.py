@@ -5,9 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import torch
 from jaxtyping import Float, Int
 
 from imocap_core.artifacts.schemas import Keypoints, SyncSummary
+from imocap_core.body import Model, Posed
+from imocap_core.body.conversions import rotations_from_pose
 from imocap_core.io.pose2sim_files import has_pose2sim_truth
 from imocap_core.io.pose2sim_truth import read_pose2sim_truth
 from imocap_core.io.truth import Truth, VideoTruth, read_truth
@@ -37,6 +40,30 @@ def true_joints(video: VideoTruth | None, frames: Int[np.ndarray, " T"]) -> Came
         return None
     assert len(video.joints) == len(frames), "truth and result must have the same frames"
     return CameraJoints(video.joints @ video.R.T + video.t, video.joint_names, frames)
+
+
+def true_rotations(video: VideoTruth | None) -> Float[np.ndarray, "T 24 3 3"] | None:
+    """True joint rotations relative to the parent joint, the root's in the axes of the video's
+    camera; None when pose or camera are unknown."""
+    if video is None or video.theta is None or video.R is None:
+        return None
+    R_local = rotations_from_pose(torch.from_numpy(video.theta)).numpy()
+    R_local[:, 0] = video.R @ R_local[:, 0]
+    return np.asarray(R_local)
+
+
+def true_body(video: VideoTruth | None, model: Model) -> Posed | None:
+    """The true body in the axes of the video's camera; None when pose, place, shape or camera are
+    unknown. The truth must be that of `model`."""
+    R_local = true_rotations(video)
+    if R_local is None or video is None or video.trans is None or video.betas is None:
+        return None
+    if video.R is None or video.t is None:
+        return None
+    shaped = model.shape(torch.from_numpy(video.betas))
+    pelvis_rest = shaped.joints_rest[0].numpy()  # the root turns about the pelvis, not the origin
+    transl = (pelvis_rest + video.trans) @ video.R.T + video.t - pelvis_rest
+    return shaped.pose(torch.from_numpy(R_local), torch.from_numpy(transl))
 
 
 def true_positions(sync: SyncSummary, truth: Truth | None) -> dict[str, Float[np.ndarray, " _"]]:

@@ -19,6 +19,8 @@ class VideoTruth:
     joints: metres, world. R, t: camera from world in the first used frame; R_frames: in each frame
     of a camera that turns about its centre. hands: OpenPose's points of the left and the right
     hand, metres, world.
+    theta: SMPL's pose in the world, axis-angle radians, joint 0 about the pelvis; trans: metres, as
+    in smplx; betas: shape coefficients.
     """
 
     joints: Float[np.ndarray, "T J 3"] | None
@@ -29,15 +31,27 @@ class VideoTruth:
     phase: Float[np.ndarray, " T"] | None
     R_frames: Float[np.ndarray, "T 3 3"] | None = None
     hands: Float[np.ndarray, "T 2 21 3"] | None = None
+    theta: Float[np.ndarray, "T 72"] | None = None
+    trans: Float[np.ndarray, "T 3"] | None = None
+    betas: Float[np.ndarray, " B"] | None = None
 
 
 @dataclass(frozen=True)
 class Truth:
     """``videos`` by id; frames of two videos correspond when their phases are equal, and sync
-    errors are divided by ``phase_end``."""
+    errors are divided by ``phase_end``.
+
+    model: name and digest of the body model of theta, trans and betas, as `model_text` writes them.
+    """
 
     videos: dict[str, VideoTruth]
     phase_end: float | None
+    model: str | None = None
+
+
+def model_text(name: str, digest: str) -> str:
+    """Which body model a truth's pose and shape belong to."""
+    return f"{name} {digest}"
 
 
 def read_truth(path: Path, used_frames: Mapping[str, Int[np.ndarray, " _"]]) -> Truth:
@@ -50,7 +64,9 @@ def read_truth(path: Path, used_frames: Mapping[str, Int[np.ndarray, " _"]]) -> 
     """
     arrays = load_arrays(path)
     end = float(numbers(arrays, "phase_end", (), path)) if "phase_end" in arrays else None
-    return Truth({v: _video(arrays, v, used, path) for v, used in used_frames.items()}, end)
+    videos = {v: _video(arrays, v, used, path) for v, used in used_frames.items()}
+    model = str(arrays["model"]) if "model" in arrays else None
+    return Truth(videos, end, model)
 
 
 def _video(
@@ -86,4 +102,7 @@ def _video(
         at_used("phase"),
         R_frames,
         at_used("hands", 2, 21, 3),
+        at_used("theta", 72),
+        at_used("trans", 3),
+        part("betas", "B"),
     )

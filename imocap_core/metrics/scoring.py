@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int, Real
 
-from imocap_core.conventions import EVAL_12, EVAL_14, EVAL_17
+from imocap_core.conventions import EVAL_12, EVAL_14, EVAL_17, SMPL_JOINTS
 from imocap_core.metrics import camera, position, sync, trajectory
 from imocap_core.metrics.joints import HIPS, hip_midpoint, missing_joints, root_relative
 
@@ -18,6 +18,7 @@ JOINT_SETS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("", EVAL_12),
     ("_14", EVAL_14),
     ("_17", EVAL_17),
+    ("_24", SMPL_JOINTS),
 )
 POSITION_METRICS = {
     "mpjpe_mm": position.mpjpe_mm,
@@ -86,17 +87,17 @@ def pose_rows(
     result: str, video: str, predicted: CameraJoints, true: CameraJoints, fps: float
 ) -> list[ScoreRow]:
     """Position, acceleration, root path and foot sliding of one video."""
-    predicted, true = _on_common_frames(predicted, true)
+    predicted, true = on_common_frames(predicted, true)
     rows: list[ScoreRow] = []
     for suffix, wanted in JOINT_SETS:
-        missing = _missing(predicted, true, (*wanted, *HIPS))
+        missing = missing_note(predicted, true, (*wanted, *HIPS))
         for name, metric in POSITION_METRICS.items():
             label = name.replace("mpjpe", f"mpjpe{suffix}")
             if missing:
                 rows.append(ScoreRow(result, video, label, None, missing))
                 continue
             pair = (root_relative(m.joints_m, m.names, wanted) for m in (predicted, true))
-            rows.append(_row(result, video, label, metric(*pair), "no frame has both"))
+            rows.append(scored_row(result, video, label, metric(*pair), "no frame has both"))
     return rows + _motion_rows(result, video, predicted, true, fps)
 
 
@@ -104,7 +105,7 @@ def _motion_rows(
     result: str, video: str, predicted: CameraJoints, true: CameraJoints, fps: float
 ) -> list[ScoreRow]:
     """Metrics of the motion from frame to frame: acceleration, root path, feet."""
-    missing = _missing(predicted, true, EVAL_12)
+    missing = missing_note(predicted, true, EVAL_12)
     if missing:
         return [ScoreRow(result, video, name, None, missing) for name in MOTION_METRICS]
     roots = [hip_midpoint(m.joints_m, m.names) for m in (predicted, true)]
@@ -127,7 +128,9 @@ def _motion_rows(
         feet_note,
         feet_note,
     )
-    return [_row(result, video, *item) for item in zip(MOTION_METRICS, values, notes, strict=True)]
+    return [
+        scored_row(result, video, *item) for item in zip(MOTION_METRICS, values, notes, strict=True)
+    ]
 
 
 def sync_rows(
@@ -164,7 +167,8 @@ def sync_rows(
         (sync.false_match_share(errors), "every frame has a counterpart"),
     )
     return [
-        _row(result, video, name, *pair) for name, pair in zip(SYNC_METRICS, pairs, strict=True)
+        scored_row(result, video, name, *pair)
+        for name, pair in zip(SYNC_METRICS, pairs, strict=True)
     ]
 
 
@@ -180,7 +184,7 @@ def camera_row(
     error = camera.camera_rotation_error_deg(
         R_cam_from_world, R_ref_from_world, R_cam_from_true_world, R_ref_from_true_world
     )
-    return _row(result, video, "camera_rotation_error_deg", float(error), "not recovered")
+    return scored_row(result, video, "camera_rotation_error_deg", float(error), "not recovered")
 
 
 def reprojection_rows(
@@ -196,8 +200,8 @@ def reprojection_rows(
     errors = camera.reprojection_errors_px(points_cam_m, K, xy_px, confidence)
     mean = camera.reprojection_error_px(errors, confidence)
     return [
-        _row(result, video, "reprojection_px", mean, "nothing was detected"),
-        _row(
+        scored_row(result, video, "reprojection_px", mean, "nothing was detected"),
+        scored_row(
             result, video, "reprojection_pct", 100 * mean / person_height_px, "nothing was detected"
         ),
     ]
@@ -209,6 +213,11 @@ def over_videos(rows: Sequence[ScoreRow]) -> list[ScoreRow]:
     for row in rows:
         groups.setdefault((row.result, row.metric), []).append(row)
     return [_summary(group) for group in groups.values()]
+
+
+def means_over_videos(rows: Sequence[ScoreRow]) -> dict[str, float]:
+    """Metric -> its summary over the videos, of one result's rows; unscored metrics are absent."""
+    return {row.metric: row.value for row in over_videos(rows) if row.value is not None}
 
 
 def _summary(group: Sequence[ScoreRow]) -> ScoreRow:
@@ -225,13 +234,15 @@ def _joined(notes: Iterable[str]) -> str:
     return "; ".join(dict.fromkeys(note for note in notes if note))
 
 
-def _row(result: str, video: str, metric: str, value: float, if_nan: str) -> ScoreRow:
+def scored_row(result: str, video: str, metric: str, value: float, if_nan: str) -> ScoreRow:
+    """One metric; without a value, and with the reason `if_nan`, where it is not finite."""
     if math.isfinite(value):
         return ScoreRow(result, video, metric, float(value))
     return ScoreRow(result, video, metric, None, if_nan)
 
 
-def _missing(predicted: CameraJoints, true: CameraJoints, wanted: Sequence[str]) -> str:
+def missing_note(predicted: CameraJoints, true: CameraJoints, wanted: Sequence[str]) -> str:
+    """Which of the wanted joints truth or result lacks; empty when both have all."""
     for who, motion in (("the truth", true), ("the result", predicted)):
         absent = missing_joints(motion.names, wanted)
         if absent:
@@ -239,7 +250,8 @@ def _missing(predicted: CameraJoints, true: CameraJoints, wanted: Sequence[str])
     return ""
 
 
-def _on_common_frames(a: CameraJoints, b: CameraJoints) -> tuple[CameraJoints, CameraJoints]:
+def on_common_frames(a: CameraJoints, b: CameraJoints) -> tuple[CameraJoints, CameraJoints]:
+    """Both motions at the source frames that both have."""
     common, in_a, in_b = np.intersect1d(a.frames, b.frames, return_indices=True)
     return (
         CameraJoints(a.joints_m[in_a], a.names, common),

@@ -24,7 +24,9 @@ import yaml
 from jaxtyping import Float, UInt8
 
 from imocap_core.body import Shaped, load_free_body
+from imocap_core.body.conversions import pose_from_rotations
 from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.io.truth import model_text
 from imocap_core.io.video import read_rgb, write_h264
 from imocap_core.synthetic import taichi, yoga
 from imocap_core.synthetic.detector import Detections
@@ -104,7 +106,9 @@ def _write_videos(
             truths[jobs[job]] = job.result()
             if progress is not None:
                 progress(f"made {video_id(jobs[job])} ({done} of {count} videos)")
+    body = load_free_body()
     truth: dict[str, Any] = {
+        "model": np.array(model_text(body.name, body.digest)),
         "joint_names": np.array(SMPL_JOINTS),
         "phase_end": np.float64(_DURATION_S[name] * PHASE_PER_S),
     }
@@ -137,6 +141,9 @@ def _write_video(
         "t": clip.camera.t[0],
         "R_frames": clip.camera.R_cam_from_world,
         "phase": clip.motion.phase,
+        "theta": pose_from_rotations(torch.as_tensor(clip.R_smpl)).numpy(),
+        "trans": clip.transl,
+        "betas": shaped.coefficients.numpy(),
     }
 
 

@@ -7,6 +7,7 @@ from imocap_core.evaluate.action_scores import ActionScores
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.scoring import ALL_VIDEOS
 from imocap_core.report.hand_tables import hand_tables
+from imocap_core.report.joint_tables import joint_tables
 from imocap_core.report.observability_text import observability_table
 from imocap_core.report.tables import long_table, metric_tables, round_table, video_table
 from imocap_core.report.trust_tables import trust_tables
@@ -25,6 +26,7 @@ def evaluation_tables(
     every = [*scores.rows, *scores.summary]
     return [
         *metric_tables(scores.rows, scores.summary),
+        *joint_tables(scores),
         *hand_tables(every),
         *([round_table(refined, scores.rounds)] if len(refined.rounds) > 1 else []),
         video_table(keypoints, camera_motion, refined),

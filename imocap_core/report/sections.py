@@ -70,7 +70,7 @@ PLANS = (
         "correct it.",
         ("body_", "results.", "joint_errors."),
         ("pose",),
-        ("joint_sets", "overlay_"),
+        ("joint_sets", "whole_body", "joints", "joint_rotations", "overlay_"),
     ),
     Plan("Hands", "", ("hands",), ("hands",)),
     Plan(
@@ -91,11 +91,27 @@ PLANS = (
     Plan("Not scored", "", (), ("unscored",)),
 )
 REST = "Other"
+HEADLINE = (
+    "result",
+    "mpjpe_mm",
+    "mpjpe_24_mm",
+    "mpjpe_scaled_mm",
+    "pa_mpjpe_mm",
+    "acceleration_error_m_s2",
+    "root_path_error_mm",
+    "camera_rotation_error_deg",
+    "sync_error_pct",
+    "sync_error_frames",
+    "matched_share",
+    "cycle_residual_frames",
+    "reprojection_px",
+)
+"""Columns of the summary that the page shows; its CSV file has all."""
 
 
 def sections(tables: Sequence[Table], pictures: Sequence[Picture]) -> list[Section]:
     """The sections in order; content that no plan names comes last. Empty sections are omitted."""
-    by_name = {t.name: t for t in tables if t.name != PROGRAMS}
+    by_name = {t.name: _headline(t) for t in tables if t.name != PROGRAMS}
     left = list(pictures)
     filled = []
     for plan in PLANS:
@@ -116,6 +132,19 @@ def sections(tables: Sequence[Table], pictures: Sequence[Picture]) -> list[Secti
         )
     filled.append(Section(REST, "", pictures=left, tables=list(by_name.values())))
     return [section for section in filled if not section.empty]
+
+
+def _headline(table: Table) -> Table:
+    """The columns of a table that the page shows."""
+    if table.name != "summary":
+        return table
+    shown = [table.columns.index(name) for name in HEADLINE if name in table.columns]
+    return table.model_copy(
+        update={
+            "columns": [table.columns[i] for i in shown],
+            "rows": [[row[i] for i in shown] for row in table.rows],
+        }
+    )
 
 
 def _taken(left: list[Picture], beginnings: Sequence[str]) -> list[Picture]:

@@ -13,7 +13,18 @@ from imocap_core.metrics.scoring import ALL_VIDEOS
 
 Cell = str | bool | int | float | None
 
-DECIMALS = {"mm": 1, "px": 1, "pct": 2, "deg": 2, "frames": 2, "ms": 1, "s2": 2, "share": 2, "s": 1}
+DECIMALS = {
+    "mm": 1,
+    "px": 1,
+    "pct": 2,
+    "deg": 2,
+    "frames": 2,
+    "ms": 1,
+    "s2": 2,
+    "s3": 1,
+    "share": 2,
+    "s": 1,
+}
 DECIMALS |= {"seconds": 1, "frame": 1, "fps": 2}
 
 

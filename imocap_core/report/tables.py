@@ -13,6 +13,7 @@ from imocap_core.artifacts.schemas import (
     Table,
     VideoKeypoints,
 )
+from imocap_core.metrics.body_scoring import BODY_METRICS
 from imocap_core.metrics.scoring import ALL_VIDEOS, SYNC_METRICS, ScoreRow
 
 Cell = str | bool | int | float | None
@@ -29,6 +30,9 @@ SUMMARY = (
     "matched_share",
     "cycle_residual_frames",
     "reprojection_px",
+    "mpjpe_24_mm",
+    "sync_error_ms",
+    *BODY_METRICS,
 )
 POSE = (
     "mpjpe_mm",
@@ -62,9 +66,16 @@ def metric_tables(rows: Sequence[ScoreRow], summary: Sequence[ScoreRow]) -> list
         wide_table("pose", "Pose, path and image, by video (12 joints)", rows_and_summary, POSE),
         wide_table(
             "joint_sets",
-            "Pose on 12, 14 and 17 joints, mean over the videos",
+            "Pose on 12, 14, 17 and 24 joints, mean over the videos",
             summary,
             tuple(dict.fromkeys(joint_sets)),
+            per_video=False,
+        ),
+        wide_table(
+            "whole_body",
+            "Whole body and world metrics, mean over the videos",
+            summary,
+            BODY_METRICS,
             per_video=False,
         ),
         wide_table("sync", "Synchronisation, by video", rows_and_summary, SYNC_METRICS),

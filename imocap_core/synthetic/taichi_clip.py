@@ -83,6 +83,7 @@ def make_taichi_clip(seed: int, index: int, shaped: Shaped) -> DemoClip:
         SIZE,
         replace(body, R_local=whole),
         transl,
+        body.R_local,
         joints,
         camera,
         xy_px,

@@ -47,7 +47,8 @@ class DemoHands:
 class DemoClip:
     """Ground truth of one video, and its simulated detections.
 
-    joints: in the world (z up), metres. xy_px: true keypoints. transl: of the body model.
+    joints: in the world (z up), metres. xy_px: true keypoints. transl: of the body model. R_smpl:
+    rotations of SMPL's 24 joints relative to the parent joint.
     false_people: the false second person of each frame, or None.
     """
 
@@ -55,6 +56,7 @@ class DemoClip:
     size: tuple[int, int]
     motion: SyntheticMotion
     transl: Float[np.ndarray, "T 3"]
+    R_smpl: Float[np.ndarray, "T 24 3 3"]
     joints: Float[np.ndarray, "T 24 3"]
     camera: FilmCamera
     xy_px: Float[np.ndarray, "T 25 2"]
@@ -98,6 +100,7 @@ def make_yoga_clip(seed: int, index: int, shaped: Shaped) -> DemoClip:
         SIZE,
         motion,
         transl,
+        motion.R_local,
         joints,
         camera,
         xy_px,

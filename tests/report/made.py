@@ -28,6 +28,7 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.evaluate.body_points import body_points
+from imocap_core.io.truth import model_text
 
 SIZE = (320, 240)
 K = np.array([[300.0, 0, 160], [0, 300, 120], [0, 0, 1]])
@@ -87,14 +88,22 @@ class Made:
         arrays: dict[str, np.ndarray] = {"joint_names": np.array(SMPL_JOINTS)}
         for i, name in enumerate(self.ids):
             R = self.R[i] @ R_world
+            theta = self.true[i].theta.copy()
+            root_cam = rotations.exp(torch.from_numpy(theta[:, :3]))
+            theta[:, :3] = rotations.log(torch.from_numpy(R.T) @ root_cam).numpy()
+            pelvis_rest = self.model.joints_template[0].numpy()
             arrays |= {
                 f"{name}/joints": self.true[i].joints @ R,  # R^T x
                 f"{name}/K": K,
                 f"{name}/R": R,
                 f"{name}/t": np.zeros(3),
                 f"{name}/phase": self.frames[i].astype(float),
+                f"{name}/theta": theta,
+                f"{name}/betas": np.zeros(10),
+                f"{name}/trans": (pelvis_rest + self.true[i].trans) @ R - pelvis_rest,
             }
-        np.savez(path, phase_end=float(self.frames[-1][-1]), **arrays)
+        model = model_text(self.model.name, self.model.digest)
+        np.savez(path, phase_end=float(self.frames[-1][-1]), model=model, **arrays)
 
     def _turned(self, angle: float) -> np.ndarray:
         return rotations.exp(torch.tensor([0.0, angle, 0.0], dtype=torch.float64)).numpy()

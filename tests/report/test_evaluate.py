@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import Evaluate, Hands
+from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.report.files import read_contents
 from stages.evaluate import run
 from tests.report.made import Made
@@ -92,12 +93,53 @@ def test_scores_agree_with_what_was_made(made: Made, evaluate: Runs) -> None:
     assert (_values(result, "monocular", "reprojection_px")["v1"] or 0) > 0.2
 
 
+def test_the_whole_body_is_scored(made: Made, evaluate: Runs) -> None:
+    result = evaluate(made, truth=True)
+
+    def over_videos(answer: str, metric: str) -> float:
+        value = _values(result, answer, metric)["all videos"]
+        assert value is not None, metric
+        return value
+
+    bent_deg = np.degrees(0.25)  # at four of 24 joints, none in the spine
+    assert over_videos("monocular", "mpjae_deg") == pytest.approx(4 * bent_deg / 24)
+    assert over_videos("after loop", "mpjae_deg") == pytest.approx(4 * bent_deg / 5 / 24)
+    assert over_videos("monocular", "spine_rotation_error_deg") == pytest.approx(0, abs=1e-6)
+    for metric in ("mpjpe_24_mm", "pve_mm", "pa_pve_mm", "w_mpjpe_mm", "wa_mpjpe_mm"):
+        assert 0 < over_videos("after loop", metric) < 0.3 * over_videos("monocular", metric)
+    joints = next(t for t in result.tables if t.name == "joints")
+    assert joints.columns == ["joint", "monocular_mm", "single_pass_mm", "after_loop_mm"]
+    assert [row[0] for row in joints.rows] == list(SMPL_JOINTS)
+    turned = {r[0]: r[1] for t in result.tables if t.name == "joint_rotations" for r in t.rows}
+    assert turned["left_elbow"] == pytest.approx(bent_deg)
+    assert turned["neck"] == pytest.approx(0, abs=1e-6)
+    summary = next(t for t in result.tables if t.name == "summary")
+    assert summary.columns.index("reprojection_px") < summary.columns.index("mpjpe_24_mm")
+    assert {"pve_mm", "rte_pct", "sync_error_ms"} <= {*summary.columns}
+
+
+def test_a_truth_of_another_body_model_leaves_its_surface_unscored(
+    made: Made, evaluate: Runs, tmp_path: Path
+) -> None:
+    made.write_truth(tmp_path / "full.npz")
+    with np.load(tmp_path / "full.npz") as full:
+        np.savez(tmp_path / "other.npz", **{**full, "model": np.array("another 123")})
+    context = Context(tmp_path, tmp_path, tmp_path / "other.npz")
+    params = SimpleNamespace(evaluate=SimpleNamespace(figures=False))
+    result = run(context, Inputs(made), params)  # type: ignore[arg-type]
+    assert _values(result, "after loop", "pve_mm")["all videos"] is None
+    assert _values(result, "after loop", "mpjae_deg")["all videos"] is not None
+    assert _values(result, "after loop", "stretched_edges_pct")["all videos"] is not None
+
+
 def test_without_truth_the_reasons_are_given_and_images_still_scored(
     made: Made, evaluate: Runs
 ) -> None:
     result = evaluate(made, truth=False)
     unscored = next(t for t in result.tables if t.name == "unscored")
     assert ["mpjpe_mm", "no truth"] in unscored.rows
+    assert ["pve_mm", "no truth"] in unscored.rows
+    assert _values(result, "after loop", "torso_volume_change_pct")["all videos"] is not None
     assert ["sync_error_pct", "no true phases"] in unscored.rows
     assert ["camera_rotation_error_deg", "the true cameras are not known"] in unscored.rows
     assert _values(result, "after loop", "reprojection_px")["all videos"] is not None

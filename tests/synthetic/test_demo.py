@@ -4,7 +4,9 @@ from itertools import islice
 
 import numpy as np
 import pytest
+import torch
 
+from imocap_core.body.conversions import rotations_from_pose
 from imocap_core.io.detectors.openpose import read_openpose
 from imocap_core.io.truth import read_truth
 from imocap_core.io.video import probe, write_h264
@@ -20,6 +22,13 @@ def first_pictures(clips, shaped):
     return [
         list(islice(pictures(clip, SEED, index, shaped), 3)) for index, clip in enumerate(clips)
     ]
+
+
+def _joints_of_pose(true_video, model):
+    """World joints by the truth's pose, shape and place."""
+    R_local = rotations_from_pose(torch.from_numpy(true_video.theta))
+    body = model.shape(torch.from_numpy(true_video.betas))
+    return body.pose(R_local, torch.from_numpy(true_video.trans)).joints.numpy()
 
 
 @pytest.fixture
@@ -53,7 +62,7 @@ def quick(clips, shaped, first_pictures, monkeypatch):
     monkeypatch.setattr(demo, "pictures", lambda clip, seed, index, body: first_pictures[index])
 
 
-def test_readers_find_what_the_clips_contain(quick, clips, tmp_path):
+def test_readers_find_what_the_clips_contain(quick, clips, shaped, tmp_path):
     messages: list[str] = []
     demo.make_demo("yoga", tmp_path / "yoga", SEED, messages.append)
     assert len(messages) == 4
@@ -73,6 +82,9 @@ def test_readers_find_what_the_clips_contain(quick, clips, tmp_path):
         true_video = truth.videos[video.id]
         np.testing.assert_array_equal(true_video.joints, clip.joints)
         np.testing.assert_array_equal(true_video.phase, clip.motion.phase)
+        np.testing.assert_allclose(
+            _joints_of_pose(true_video, shaped.model), clip.joints, rtol=0, atol=1e-9
+        )
         np.testing.assert_array_equal(true_video.R, clip.camera.R_cam_from_world[0])
         for people, xy, confidence, false_person in zip(
             detections.people,

@@ -1,0 +1,142 @@
+"""Whole-body metrics of one result: each joint, rotations, the surface, the motion in the world."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+import torch
+
+from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
+from imocap_core.artifacts.schemas.motion import VideoMotion
+from imocap_core.body import Model
+from imocap_core.body.conversions import rotations_from_pose
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.evaluate.body_points import posed_body
+from imocap_core.evaluate.results import StageResult
+from imocap_core.evaluate.surface import (
+    distortion,
+    foot_points_m,
+    surface_mesh,
+    vertex_errors_mm,
+)
+from imocap_core.evaluate.truth import true_body, true_joints, true_rotations, video_truth
+from imocap_core.io.truth import Truth, VideoTruth, model_text
+from imocap_core.metrics import body_scoring, world
+from imocap_core.metrics.joint_rotations import joint_rotation_errors_deg
+from imocap_core.metrics.scoring import CameraJoints, ScoreRow, scored_row
+
+JointErrors = dict[str, float]
+NO_TRUTH = "no truth"
+NO_CAMERA = "the true camera is not known"
+NO_POSE = "the truth has no joint rotations"
+NO_SURFACE = "the truth has no pose and shape of this body model"
+
+
+def whole_body_rows(
+    result: StageResult, keypoints: Keypoints, truth: Truth | None, model: Model
+) -> list[ScoreRow]:
+    """Every metric of `body_scoring`, all videos; rows without a value have the reason."""
+    rows: list[ScoreRow] = []
+    for video, motion in zip(keypoints.videos, result.motions, strict=True):
+        rows += joint_rows(result.name, video, motion, video_truth(truth, video.id))
+        rows += _surface_rows(result.name, video, motion, truth, model)
+    return rows
+
+
+def joint_rows(
+    name: str, video: VideoKeypoints, motion: VideoMotion, truth: VideoTruth | None
+) -> list[ScoreRow]:
+    """The metrics that need joints and rotations, not the body's surface."""
+    predicted = CameraJoints(motion.joints, SMPL_JOINTS, motion.frames)
+    jitter = body_scoring.jitter_row(name, video.id, predicted, video.fps)
+    true, R_true = true_joints(truth, motion.frames), true_rotations(truth)
+    if true is None:
+        unknown = truth is None or truth.joints is None
+        note = NO_TRUTH if unknown else NO_CAMERA
+        metrics = (*body_scoring.JOINT_GROUPS, *body_scoring.WORLD_METRICS)
+        rows = body_scoring.unscored_rows(name, video.id, dict.fromkeys(metrics, note))
+    else:
+        rows = [
+            *body_scoring.joint_group_rows(name, video.id, predicted, true),
+            *body_scoring.world_rows(name, video.id, predicted, true),
+        ]
+    if R_true is None:
+        note = NO_TRUTH if truth is None else NO_POSE
+        notes = dict.fromkeys(body_scoring.ROTATION_METRICS, note)
+        rows += body_scoring.unscored_rows(name, video.id, notes)
+    else:
+        rows += body_scoring.rotation_rows(name, video.id, _local_rotations(motion), R_true)
+    return [*rows, jitter]
+
+
+def joint_position_errors_mm(result: StageResult, truth: Truth | None) -> JointErrors:
+    """SMPL joint -> error after alignment on the twelve joints, mean over frames, then videos.
+
+    Empty without truth.
+    """
+
+    def of_video(motion: VideoMotion) -> JointErrors:
+        true = true_joints(video_truth(truth, motion.id), motion.frames)
+        predicted = CameraJoints(motion.joints, SMPL_JOINTS, motion.frames)
+        return {} if true is None else body_scoring.aligned_errors_mm(predicted, true)
+
+    return _mean_over_videos(result.motions, of_video)
+
+
+def joint_rotation_errors(result: StageResult, truth: Truth | None) -> JointErrors:
+    """SMPL joint -> error of its local rotation in degrees, mean over frames, then videos.
+
+    Empty where the truth has no rotations.
+    """
+
+    def of_video(motion: VideoMotion) -> JointErrors:
+        true = true_rotations(video_truth(truth, motion.id))
+        if true is None:
+            return {}
+        errors = joint_rotation_errors_deg(_local_rotations(motion), true)
+        return dict(zip(SMPL_JOINTS, errors.tolist(), strict=True))
+
+    return _mean_over_videos(result.motions, of_video)
+
+
+def _mean_over_videos(
+    motions: Iterable[VideoMotion], of_video: Callable[[VideoMotion], JointErrors]
+) -> JointErrors:
+    videos = [errors for motion in motions if (errors := of_video(motion))]
+    joints = [name for name in SMPL_JOINTS if any(name in errors for errors in videos)]
+    return {
+        name: float(np.mean([errors[name] for errors in videos if name in errors]))
+        for name in joints
+    }
+
+
+def _surface_rows(
+    name: str, video: VideoKeypoints, motion: VideoMotion, truth: Truth | None, model: Model
+) -> list[ScoreRow]:
+    """Vertex errors and foot sliding where the truth has a surface, and the surface's stretch."""
+    body = posed_body(model, motion, list(range(len(motion.frames))))
+    change = distortion(body, surface_mesh(model))
+    stretch = body_scoring.stretch_rows(
+        name, video.id, change.stretched_shares, change.torso_volumes
+    )
+    same_model = truth is not None and truth.model == model_text(model.name, model.digest)
+    true = true_body(video_truth(truth, video.id), model) if same_model else None
+    if true is None:
+        notes = dict.fromkeys(
+            body_scoring.SURFACE_METRICS, NO_TRUTH if truth is None else NO_SURFACE
+        )
+        return [*body_scoring.unscored_rows(name, video.id, notes), *stretch]
+    feet = foot_points_m(body), foot_points_m(true)
+    values = (
+        *vertex_errors_mm(body, true),
+        world.foot_sliding_mm(*feet, motion.frames, video.fps),
+    )
+    notes = ("no frame has both", "no frame has both", "no foot is in contact")
+    scored = zip(body_scoring.SURFACE_METRICS, values, notes, strict=True)
+    return [*(scored_row(name, video.id, *item) for item in scored), *stretch]
+
+
+def _local_rotations(motion: VideoMotion) -> np.ndarray:
+    """Joint rotations (T, 24, 3, 3) relative to the parent joint."""
+    return np.asarray(rotations_from_pose(torch.from_numpy(motion.theta)).numpy())

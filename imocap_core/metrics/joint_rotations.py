@@ -1,0 +1,38 @@
+"""Errors of joint rotations: the angle between the estimated and the true rotation."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+_FROBENIUS_AT_PI = 2.0 * np.sqrt(2.0)
+
+
+def rotation_errors_deg(
+    predicted: Float[np.ndarray, "*batch 3 3"], true: Float[np.ndarray, "*batch 3 3"]
+) -> Float[np.ndarray, "*batch"]:
+    """Geodesic distance of rotation matrices in degrees, 0 to 180.
+
+    |A - B|_F = 2 sqrt(2) sin(angle / 2), which is accurate for small angles too (Huynh, "Metrics
+    for 3D rotations", 2009). NaN where either is.
+    """
+    distance = np.linalg.norm(predicted - true, axis=(-1, -2))
+    angle = 2 * np.arcsin(np.minimum(distance / _FROBENIUS_AT_PI, 1.0))
+    return np.asarray(np.degrees(angle))
+
+
+def joint_rotation_errors_deg(
+    predicted: Float[np.ndarray, "T J 3 3"], true: Float[np.ndarray, "T J 3 3"]
+) -> Float[np.ndarray, " J"]:
+    """Mean over the frames of each joint's `rotation_errors_deg`."""
+    return np.asarray(rotation_errors_deg(predicted, true).mean(axis=0))
+
+
+def mpjae_deg(predicted: Float[np.ndarray, "T J 3 3"], true: Float[np.ndarray, "T J 3 3"]) -> float:
+    """Mean per-joint angular error (MPJAE) in degrees, over joints and frames.
+
+    As in the challenge of von Marcard et al., "Recovering accurate 3D human pose in the wild",
+    ECCV 2018, but of local rotations (relative to the parent joint): an error of the hips counts
+    once, not again at every joint below them.
+    """
+    return float(rotation_errors_deg(predicted, true).mean())
