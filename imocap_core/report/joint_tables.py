@@ -15,7 +15,7 @@ def joint_tables(scores: ActionScores) -> list[Table]:
     tables = [
         _joint_table(
             "joints",
-            "joint_error_aligned_12_mm: error of each joint after alignment on the twelve joints",
+            "Error of each joint after alignment on the twelve joints (joint_error_aligned_12_mm)",
             scores.joint_errors_mm,
             "mm",
         ),
