@@ -132,8 +132,8 @@ def _surface_rows(
         *vertex_errors_mm(body, true),
         world.foot_sliding_mm(*feet, motion.frames, video.fps),
     )
-    notes = ("no frame has both", "no frame has both", "no foot is in contact")
-    scored = zip(body_scoring.SURFACE_METRICS, values, notes, strict=True)
+    if_nan = ("no frame has both", "no frame has both", "no foot is in contact")
+    scored = zip(body_scoring.SURFACE_METRICS, values, if_nan, strict=True)
     return [*(scored_row(name, video.id, *item) for item in scored), *stretch]
 
 

@@ -54,8 +54,11 @@ def aligned_errors_mm(predicted: CameraJoints, true: CameraJoints) -> dict[str, 
     if missing_note(predicted, true, EVAL_12):
         return {}
     both = [name for name in SMPL_JOINTS if name in predicted.names and name in true.names]
-    pair = (select_joints(m.joints_m, m.names, both) for m in (predicted, true))
-    errors = aligned_joint_errors_mm(*pair, [both.index(name) for name in EVAL_12])
+    errors = aligned_joint_errors_mm(
+        select_joints(predicted.joints_m, predicted.names, both),
+        select_joints(true.joints_m, true.names, both),
+        anchors=[both.index(name) for name in EVAL_12],
+    )
     return dict(zip(both, errors.tolist(), strict=True))
 
 
