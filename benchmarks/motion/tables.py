@@ -83,7 +83,10 @@ def markdown(benchmark: MotionBenchmark) -> str:
         "data are others (Human3.6M), so only differences between rows compare.",
         _against_paper(benchmark),
     ]
-    for title, metric in (("MPJPE, scaled (mm)", SCALED), ("P-MPJPE (mm)", PA)):
+    tables = [("MPJPE, scaled (mm)", SCALED), ("P-MPJPE (mm)", PA)]
+    if _has_all_joints(scores):
+        tables.append(("MPJPE on 24 joints, not scaled (mm)", ALL_JOINTS))
+    for title, metric in tables:
         parts += [f"## {title}", _by_result(scores, metric)]
     parts += ["## Correspondences and cameras", _sync_table(scores)]
     return "\n\n".join(parts) + "\n"
@@ -92,8 +95,7 @@ def markdown(benchmark: MotionBenchmark) -> str:
 def summary(benchmark: MotionBenchmark) -> str:
     """A table of a few lines, for the front page."""
     scores = benchmark.scores
-    whole = any(_values(scores, result, ALL_JOINTS) for result in RESULTS)
-    columns = [column for column in SHORT if whole or column[0] != ALL_JOINTS]
+    columns = [c for c in SHORT if c[0] != ALL_JOINTS or _has_all_joints(scores)]
     rows = [
         [result, *(_mean(scores, result, metric, digits) for metric, digits, _ in columns)]
         for result in RESULTS
@@ -175,6 +177,11 @@ def _sync_table(scores: Sequence[ActionScore]) -> str:
     ]
     rows.append(["**mean**", "", "", *(_mean(scores, r, m, d) for _, r, m, d in columns)])
     return markdown_table(["action", "videos", "frames", *(name for name, *_ in columns)], rows)
+
+
+def _has_all_joints(scores: Sequence[ActionScore]) -> bool:
+    """Whether the truth of any action has all 24 joints."""
+    return any(_values(scores, result, ALL_JOINTS) for result in RESULTS)
 
 
 def _values(scores: Sequence[ActionScore], result: str, metric: str) -> list[float]:

@@ -57,6 +57,16 @@ def test_the_tables_hold_every_action_its_means_and_the_paper() -> None:
     assert numbers["means"]["after loop"]["mpjpe_scaled_mm"]["mean"] == 45.0
 
 
+def test_all_joints_have_a_column_where_the_truth_has_them() -> None:
+    fewer = made_score("jump", 50.0)
+    numbers = {name: {**row, "mpjpe_24_mm": 61.5} for name, row in fewer.numbers.items()}
+    for score, expected in ((fewer, False), (replace(fewer, numbers=numbers), True)):
+        benchmark = motion_tables.MotionBenchmark("T", "c", "d", "fine_tuned", [score])
+        for text in (motion_tables.summary(benchmark), motion_tables.markdown(benchmark)):
+            assert ("24 joints" in text) == expected
+            assert ("61.5" in text) == expected
+
+
 def test_generic_detections_stand_beside_the_paper_s_generic_row() -> None:
     benchmark = motion_tables.MotionBenchmark("T", "c", "d", "generic", [made_score("jump", 50.0)])
     assert "| 4 videos, generic 2D | after loop | 76.48 | 50.0 |" in motion_tables.markdown(
