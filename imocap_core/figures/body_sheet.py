@@ -79,7 +79,8 @@ def body_sheet(
     """A column for the body at rest and one for each of `frames` (indices); a row for the pictures
     and one for each view.
 
-    camera: that of the video in the final result. cells: index of a frame -> its picture.
+    camera: that of the video in the final result. cells: index of a frame -> its picture, or
+    its detections where there is none.
     """
     motion = video.final
     R_upright_from_cam = ground.R_upright_from_world @ camera.R.T

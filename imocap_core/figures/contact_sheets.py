@@ -115,6 +115,25 @@ def read_cells(
     return cells, cuts
 
 
+def detected_cells(
+    video: SheetVideo,
+    frames: Sequence[int],
+    cells: Mapping[int, Image],
+    cuts: Mapping[int, Window],
+) -> dict[int, Image]:
+    """The detections of each frame (index) over its cell."""
+    keypoints = video.keypoints
+    return {
+        t: draw_keypoints(
+            cells[t],
+            cuts[t].points(keypoints.xy_px[t]),
+            keypoints.confidence[t],
+            video.layout_names,
+        )
+        for t in frames
+    }
+
+
 def video_sheet(
     video: SheetVideo,
     model: Model,
@@ -125,15 +144,7 @@ def video_sheet(
     """Detections, monocular and final body over the frames, and both bodies from the side."""
     faces = model.faces.numpy()
     keypoints, camera = video.keypoints, video.camera
-    detected = [
-        draw_keypoints(
-            cells[t],
-            cuts[t].points(keypoints.xy_px[t]),
-            keypoints.confidence[t],
-            video.layout_names,
-        )
-        for t in frames
-    ]
+    detected = list(detected_cells(video, frames, cells, cuts).values())
     rows = [detected]
     sides = []
     for motion, K in ((video.monocular, camera.K), (video.final, video.K)):

@@ -17,6 +17,7 @@ from imocap_core.evaluate.scoreboard import joint_errors_mm
 from imocap_core.figures.body_sheet import CAPTION, body_sheet, sheet_ids, upright_world
 from imocap_core.figures.contact_sheets import (
     SheetVideo,
+    detected_cells,
     frames_of_moments,
     moment_cells,
     read_cells,
@@ -102,7 +103,10 @@ def draw_contact_sheets(
             caption = f"{name}: detections, monocular and final body."
             sheets.append(_written(folder, figure, f"overlay_{name}.jpg", caption))
             if name in of_bodies:
-                figure = body_sheet(video, camera, ground, model, of_video, cells)
+                pictures = cells
+                if video.file is None:
+                    pictures = detected_cells(video, of_video, cells, cuts)
+                figure = body_sheet(video, camera, ground, model, of_video, pictures)
                 caption = CAPTION.format(video=name)
                 sheets.append(_written(folder, figure, f"body_{name}.jpg", caption))
         figure = contact_sheet(
