@@ -1,7 +1,10 @@
-"""Where the body's keypoints and joints are for a state, with derivatives when asked."""
+"""Positions of the body's keypoints and joints for a state, and their derivatives."""
+
+from __future__ import annotations
 
 from dataclasses import dataclass
 
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.body import (
@@ -19,16 +22,16 @@ FEET = ("left_ankle", "right_ankle", "left_foot", "right_foot")
 
 @dataclass(frozen=True)
 class Points:
-    """Positions of K points and their derivatives (None when only positions were asked for).
+    """Positions of K points and their derivatives (None where not computed).
 
     Attributes:
         xyz: (B, T, K, 3) metres.
         d_pose: (B, T, K, 3, 72) by the local increments; d_beta: (B, T, K, 3, 10).
     """
 
-    xyz: Tensor
-    d_pose: Tensor | None = None
-    d_beta: Tensor | None = None
+    xyz: Float[Tensor, "B T K 3"]
+    d_pose: Float[Tensor, "B T K 3 72"] | None = None
+    d_beta: Float[Tensor, "B T K 3 10"] | None = None
 
 
 @dataclass(frozen=True)
@@ -41,8 +44,8 @@ class Body:
     feet: PointSet
 
     @classmethod
-    def of(cls, model: Model, *layouts: str) -> "Body":
-        """The model seen through the keypoints of one or several layouts, one after another."""
+    def of(cls, model: Model, *layouts: str) -> Body:
+        """The model with the keypoints of one or several layouts, one after another."""
         joints = model.points("smpl24")
         keypoints = join_points([model.points(x) for x in layouts])
         return cls(model, keypoints, joints, pick_points(joints, FEET))

@@ -1,4 +1,6 @@
-"""What one video contributes to a fit, and many videos as one padded batch."""
+"""One video's observations for a fit, and many videos as one padded batch."""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -6,14 +8,13 @@ from functools import cached_property
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from imocap_core.motion.terms.view import View
 
-Array = NDArray[np.float64]
 HAMPEL_WINDOW = 3  # frames on each side
-HAMPEL_SHARE = 0.25  # of the person's size: a jump away from the median is a wrong detection
+HAMPEL_SHARE = 0.25  # of the person's size: a larger distance to the median is an outlier
 
 
 @dataclass(frozen=True)
@@ -25,26 +26,25 @@ class Observation:
         K: (3, 3) intrinsics; fps: frames a second.
         joints: (T, 24, 3) a monocular estimator's joints in metres, NaN where not given, or None.
         noise_share: detector noise (one standard deviation) as a share of the person's size.
-        focal_spread: how far K's focal length may be off (standard deviation of its logarithm);
-            0: it is known.
+        focal_spread: standard deviation of the logarithm of K's focal length; 0: it is known.
     """
 
-    xy_px: Array
-    confidence: Array
-    K: Array
+    xy_px: Float[np.ndarray, "T K 2"]
+    confidence: Float[np.ndarray, "T K"]
+    K: Float[np.ndarray, "3 3"]
     fps: float
-    joints: Array | None = None
+    joints: Float[np.ndarray, "T 24 3"] | None = None
     noise_share: float = field(kw_only=True)
     focal_spread: float = 0.0
 
     @cached_property
-    def size_px(self) -> Array:
-        """(T,) how large the person is in each frame (`person_size_px`), found once."""
+    def size_px(self) -> Float[np.ndarray, " T"]:
+        """The person's size in each frame (`person_size_px`)."""
         return person_size_px(self)
 
     @property
-    def sigma_px(self) -> Array:
-        """(T,) detector noise in pixels, one standard deviation."""
+    def sigma_px(self) -> Float[np.ndarray, " T"]:
+        """Detector noise in pixels, one standard deviation."""
         return self.noise_share * self.size_px
 
 
@@ -60,19 +60,19 @@ def every(observation: Observation, stride: int) -> Observation:
     )
 
 
-def person_size_px(observation: Observation) -> Array:
-    """(T,) spread of the keypoints of each frame, made steady over about a second.
+def person_size_px(observation: Observation) -> Float[np.ndarray, " T"]:
+    """Spread of the keypoints of each frame, smoothed over about a second.
 
-    The spread is the larger side of the box around the confident keypoints. The running maximum
-    over a second stands for the person's true size when limbs fold; gaps take the median.
+    The spread is the larger side of the box around the confident keypoints. Its running upper
+    quantile over a second approximates the person's size when limbs fold; gaps take the median.
     """
     xy = np.where((observation.confidence > 0)[..., None], observation.xy_px, np.nan)
-    seen = np.isfinite(xy).all(-1).sum(1) >= 4
+    visible = np.isfinite(xy).all(-1).sum(1) >= 4
     size = np.full(len(xy), np.nan)
-    if seen.any():
-        low, high = np.nanpercentile(xy[seen], [4, 96], axis=1)
-        size[seen] = (high - low).max(-1)
-    if not seen.any():
+    if visible.any():
+        low, high = np.nanpercentile(xy[visible], [4, 96], axis=1)
+        size[visible] = (high - low).max(-1)
+    if not visible.any():
         return np.full(len(xy), 100.0)
     size = np.where(np.isfinite(size), size, np.nanmedian(size))
     half = max(1, round(observation.fps / 2))
@@ -81,11 +81,11 @@ def person_size_px(observation: Observation) -> Array:
     return np.quantile(windows, 0.8, axis=1)
 
 
-def without_jumps(observation: Observation) -> Array:
-    """Confidence (T, K) with detections that leap away from their temporal median set to 0.
+def without_jumps(observation: Observation) -> Float[np.ndarray, "T K"]:
+    """Confidence, 0 for detections far from their temporal median.
 
-    A Hampel filter with a fixed share of the person's size: kind to fast motion, and only the
-    starts of the fit use it (the fit itself is robust).
+    A Hampel filter whose threshold is a fixed share of the person's size, so that fast motion
+    passes. Only the starts of the fit use it (the fit itself is robust).
     """
     xy = np.where((observation.confidence > 0)[..., None], observation.xy_px, np.nan)
     width = HAMPEL_WINDOW
@@ -98,29 +98,32 @@ def without_jumps(observation: Observation) -> Array:
     return np.where(wild | ~np.isfinite(away), 0.0, observation.confidence)
 
 
-def padded(arrays: Sequence[Array], like: Tensor, fill: float = 0.0) -> Tensor:
-    """Stack arrays (T_v, ...) to (B, T_max, ...)."""
+def padded(
+    arrays: Sequence[Float[np.ndarray, "_ ..."]], template: Tensor, fill: float = 0.0
+) -> Float[Tensor, "B T ..."]:
+    """Stack arrays (T_v, ...) to (B, T_max, ...); template: gives dtype and device."""
     longest = max(len(a) for a in arrays)
     out = np.full((len(arrays), longest, *arrays[0].shape[1:]), fill)
     for row, array in zip(out, arrays, strict=True):
         row[: len(array)] = array
-    return torch.as_tensor(out).to(like)
+    return torch.as_tensor(out).to(template)
 
 
-def validity(observations: Sequence[Observation], like: Tensor) -> Tensor:
-    """(B, T_max) bool: which frames of the batch exist."""
-    lengths = torch.tensor([len(o.xy_px) for o in observations], device=like.device)
-    return torch.arange(int(lengths.max()), device=like.device) < lengths[:, None]
+def validity(observations: Sequence[Observation], template: Tensor) -> Bool[Tensor, "B T"]:
+    """Frames of the batch that are no padding."""
+    lengths = torch.tensor([len(o.xy_px) for o in observations], device=template.device)
+    return torch.arange(int(lengths.max()), device=template.device) < lengths[:, None]
 
 
-def per_video_view(observations: Sequence[Observation], like: Tensor) -> View:
-    """Each video seen by its own camera, which is also the frame of its state."""
+def per_video_view(observations: Sequence[Observation], template: Tensor) -> View:
+    """Each video's own camera, in whose axes its state is."""
     xy, weights = [], []
     for o in observations:
         missing = ~np.isfinite(o.xy_px).all(-1) | (o.confidence <= 0)
         xy.append(np.where(missing[..., None], 0.0, o.xy_px))
         weights.append(np.where(missing, 0.0, o.confidence) / o.sigma_px[:, None] ** 2)
     batch = len(observations)
-    eye = torch.eye(3).to(like).expand(batch, 3, 3)
-    K = torch.as_tensor(np.stack([o.K for o in observations])).to(like)
-    return View(padded(xy, like), padded(weights, like), K, eye, torch.zeros(batch, 3).to(like))
+    eye = torch.eye(3).to(template).expand(batch, 3, 3)
+    K = torch.as_tensor(np.stack([o.K for o in observations])).to(template)
+    zero = torch.zeros(batch, 3).to(template)
+    return View(padded(xy, template), padded(weights, template), K, eye, zero)

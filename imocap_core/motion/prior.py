@@ -1,8 +1,10 @@
-"""The pose prior: a Gaussian mixture over articulation, and how fast joints accelerate.
+"""The pose prior: a Gaussian mixture over articulation, and typical speeds of joints.
 
-Fitted to real motion by ``tools/make_pose_prior.py``; the packaged file holds the mixture and the
+Fitted to real motion by ``tools/make_pose_prior.py``; the packaged file has the mixture and the
 per-joint spreads only.
 """
+
+from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -10,6 +12,7 @@ from importlib.resources import as_file, files
 
 import numpy as np
 import torch
+from jaxtyping import Float, Int
 from torch import Tensor
 
 
@@ -19,29 +22,31 @@ class PosePrior:
 
     Attributes:
         mean: (C, 69) radians; precision: (C, 69, 69); cholesky: (C, 69, 69) of the covariance.
-        constant: (C,) what each component adds to twice the negative log likelihood, shifted so
+        constant: (C,) each component's constant in twice the negative log likelihood, shifted so
             that the smallest is 0.
         weight: (C,) mixture weights.
         velocity_rad, acceleration_rad: (24,) RMS first and second differences of each joint's
             rotation at 30 frames/s, per frame and per frame^2.
     """
 
-    mean: Tensor
-    precision: Tensor
-    cholesky: Tensor
-    constant: Tensor
-    weight: Tensor
-    velocity_rad: Tensor
-    acceleration_rad: Tensor
+    mean: Float[Tensor, "C 69"]
+    precision: Float[Tensor, "C 69 69"]
+    cholesky: Float[Tensor, "C 69 69"]
+    constant: Float[Tensor, " C"]
+    weight: Float[Tensor, " C"]
+    velocity_rad: Float[Tensor, "24"]
+    acceleration_rad: Float[Tensor, "24"]
 
-    def best(self, theta: Tensor) -> tuple[Tensor, Tensor]:
-        """Twice the negative log likelihood under the best component, and which one it is.
+    def best(
+        self, theta: Float[Tensor, "*frames 69"]
+    ) -> tuple[Float[Tensor, "*frames"], Int[Tensor, "*frames"]]:
+        """Twice the negative log likelihood under the best component, and the component's index.
 
         Args:
-            theta: (..., 69) radians.
+            theta: radians.
 
         Returns:
-            (...) cost, at least 0, and (...) int component.
+            Cost, at least 0, and component.
         """
         offset = theta[..., None, :] - self.mean
         whitened = torch.einsum("...cn,cnm->...cm", offset, self.precision)
@@ -49,8 +54,10 @@ class PosePrior:
         smallest = distance.min(-1)
         return smallest.values, smallest.indices
 
-    def sample(self, count: int, rng: np.random.Generator, spread: float = 1.0) -> np.ndarray:
-        """``count`` poses (count, 69) drawn from the mixture, deviations scaled by ``spread``."""
+    def sample(
+        self, count: int, rng: np.random.Generator, spread: float = 1.0
+    ) -> Float[np.ndarray, "S 69"]:
+        """``count`` poses drawn from the mixture, deviations scaled by ``spread``; radians."""
         weight = self.weight.cpu().numpy().astype(float)
         component = rng.choice(len(weight), size=count, p=weight / weight.sum())
         noise = rng.standard_normal((count, self.mean.shape[1]))
@@ -61,15 +68,15 @@ class PosePrior:
 
 
 def mixture(
-    mean: np.ndarray,
-    covariance: np.ndarray,
-    weight: np.ndarray,
-    velocity_rad: np.ndarray,
-    acceleration_rad: np.ndarray,
+    mean: Float[np.ndarray, "C 69"],
+    covariance: Float[np.ndarray, "C 69 69"],
+    weight: Float[np.ndarray, " C"],
+    velocity_rad: Float[np.ndarray, "24"],
+    acceleration_rad: Float[np.ndarray, "24"],
     device: str | torch.device = "cpu",
     dtype: torch.dtype = torch.float64,
 ) -> PosePrior:
-    """A prior from its moments: (C, 69), (C, 69, 69), (C,), (24,), (24,)."""
+    """A prior from its moments, radians."""
     constant = np.linalg.slogdet(covariance)[1] - 2 * np.log(weight)
 
     def tensor(x: np.ndarray) -> Tensor:

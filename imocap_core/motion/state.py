@@ -1,4 +1,6 @@
-"""What the solver moves: rotations on their manifold, root paths, body shape, cameras."""
+"""The solver's unknowns: rotations on their manifold, root paths, body shape, cameras."""
+
+from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
@@ -6,6 +8,7 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 import torch
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from imocap_core.rotations import exp, log
@@ -18,31 +21,37 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class MotionState:
-    """A batch of B motions of T frames, each in the axes of its own camera (or of the world).
+    """A batch of B motions of T frames, each in its own camera's axes or in the world's.
 
     Attributes:
         R_local: (B, T, 24, 3, 3) joint rotations relative to the parent; joint 0 is global.
         trans: (B, T, 3) metres, SMPL's translation.
         betas: (B, 10) shape.
-        valid: (B, T) bool; False pads shorter motions and takes no part in anything.
+        valid: (B, T) bool; False pads shorter motions; padding adds to no cost.
         camera_R: (B, C, 3, 3), camera_t: (B, C, 3) free cameras from the state's axes; C may be 0.
         log_focal: (B, F) free focal lengths, logarithms over those of their views; F may be 0.
     """
 
-    R_local: Tensor
-    trans: Tensor
-    betas: Tensor
-    valid: Tensor
-    camera_R: Tensor
-    camera_t: Tensor
-    log_focal: Tensor
+    R_local: Float[Tensor, "B T 24 3 3"]
+    trans: Float[Tensor, "B T 3"]
+    betas: Float[Tensor, "B 10"]
+    valid: Bool[Tensor, "B T"]
+    camera_R: Float[Tensor, "B C 3 3"]
+    camera_t: Float[Tensor, "B C 3"]
+    log_focal: Float[Tensor, "B F"]
 
     @classmethod
-    def of(cls, R_local: Tensor, trans: Tensor, betas: Tensor, valid: Tensor) -> "MotionState":
+    def of(
+        cls,
+        R_local: Float[Tensor, "B T 24 3 3"],
+        trans: Float[Tensor, "B T 3"],
+        betas: Float[Tensor, "B 10"],
+        valid: Bool[Tensor, "B T"],
+    ) -> MotionState:
         """A state without free cameras."""
         none = trans.new_zeros(len(trans), 0, 3)
-        no_turn, no_focal = none[..., None].expand(-1, 0, 3, 3), none[..., 0]
-        return cls(R_local, trans, betas, valid, no_turn, none, no_focal)
+        no_rotation, no_focal = none[..., None].expand(-1, 0, 3, 3), none[..., 0]
+        return cls(R_local, trans, betas, valid, no_rotation, none, no_focal)
 
     def cached(self, owners: tuple[object, ...], make: Callable[[], T]) -> T:
         """What ``owners`` compute from this state, computed at the first request.
@@ -63,29 +72,31 @@ class MotionState:
         return {}
 
     @cached_property
-    def axis_angle(self) -> Tensor:
-        """(B, T, 24, 3) joint rotations as vectors, radians."""
+    def axis_angle(self) -> Float[Tensor, "B T 24 3"]:
+        """Joint rotations as vectors, radians."""
         return log(self.R_local)
 
     @property
     def unknown_globals(self) -> int:
-        """How many unknowns all frames share: 10 of shape, 6 a free camera, 1 a focal length."""
+        """Number of unknowns that all frames share: 10 of shape, 6 a camera, 1 a focal length."""
         return self.betas.shape[1] + 6 * self.camera_t.shape[1] + self.log_focal.shape[1]
 
     def camera_columns(self, camera: int) -> slice:
-        """Where a free camera's (turn, shift) stand among the globals."""
+        """Indices of a free camera's (rotation, translation) among the globals."""
         start = self.betas.shape[1] + 6 * camera
         return slice(start, start + 6)
 
     def focal_column(self, focal: int) -> int:
-        """Where a free focal length stands among the globals."""
+        """Index of a free focal length among the globals."""
         return self.betas.shape[1] + 6 * self.camera_t.shape[1] + focal
 
-    def retract(self, d_frames: Tensor, d_globals: Tensor) -> "MotionState":
-        """The state after local increments, (B, T, 75) and (B, globals).
+    def retract(
+        self, d_frames: Float[Tensor, "B T 75"], d_globals: Float[Tensor, "B m"]
+    ) -> MotionState:
+        """The state after local increments.
 
-        Joints: ``R <- R exp(delta)``. Cameras: ``R <- exp(turn) R``, ``t <- t + shift``, the turn
-        about the mean of the root path, which keeps turn and shift nearly independent.
+        Joints: ``R <- R exp(delta)``. Cameras: ``R <- exp(rotation) R``, ``t <- t + translation``,
+        the rotation about the mean of the root path, which keeps both nearly independent.
         """
         d_frames = torch.where(self.valid[..., None], d_frames, 0.0)
         delta = d_frames[..., :POSE].reshape(*self.R_local.shape[:-2], 3)
@@ -106,21 +117,21 @@ class MotionState:
             log_focal=self.log_focal + d_focal,
         )
 
-    def pivot(self) -> Tensor:
-        """(B, 3) mean of the root path: the point about which cameras turn."""
+    def pivot(self) -> Float[Tensor, "B 3"]:
+        """Mean of the root path: the point about which cameras rotate."""
         total = self.valid.sum(1, keepdim=True).clamp_min(1)
         return torch.where(self.valid[..., None], self.trans, 0.0).sum(1) / total
 
-    def rows(self, index: Tensor) -> "MotionState":
+    def rows(self, index: Int[Tensor, " R"]) -> MotionState:
         """Some motions of the batch."""
         return MotionState(**{f.name: getattr(self, f.name)[index] for f in fields(self)})
 
-    def of_motion(self, v: int, frames: int) -> "MotionState":
+    def of_motion(self, v: int, frames: int) -> MotionState:
         """The first frames of motion ``v`` as a batch of 1."""
-        own = self.rows(torch.tensor([v], device=self.valid.device))
+        row = self.rows(torch.tensor([v], device=self.valid.device))
         return replace(
-            own,
-            R_local=own.R_local[:, :frames],
-            trans=own.trans[:, :frames],
-            valid=own.valid[:, :frames],
+            row,
+            R_local=row.R_local[:, :frames],
+            trans=row.trans[:, :frames],
+            valid=row.valid[:, :frames],
         )

@@ -172,7 +172,13 @@ def test_rigid_offsets_of_a_rotated_and_translated_performance_are_recovered(
     K = torch.tensor([[500.0, 0, 320], [0, 500, 180], [0, 0, 1]], dtype=torch.float64)
     R = torch.eye(3, dtype=torch.float64).expand(B, 3, 3)
     t = torch.tensor([0.0, 0.0, 5.0], dtype=torch.float64).expand(B, 3)
-    view = View(torch.zeros(1), 0.25 * seen(state), K.expand(B, 3, 3), R, t)
+    view = View(
+        torch.zeros(B, T, POINTS, 2).double(),
+        0.25 * seen(state).expand(B, T, POINTS),
+        K.expand(B, 3, 3),
+        R,
+        t,
+    )
     points = with_rigid_offset(xyz, pivot, true)
     view = replace(view, xy_px=project(view, points)[0])
     found, _ = Reprojection(body, (view,), 30.0).rigid_offsets(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, get_args
 
 import numpy as np
@@ -17,7 +16,9 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.detectors.by_name import FORMATS
 from imocap_core.io.estimators.by_name import JOINTS, ROTATIONS
 from imocap_core.motion.kinematics import Body
+from imocap_core.motion.monocular.library import make_library
 from imocap_core.motion.observations import Observation
+from imocap_core.motion.prior import load_pose_prior
 from imocap_core.params import InitialSmplParams
 from imocap_core.pipeline.action import Action, Declaration
 from imocap_core.pipeline.format_names import DetectionFormat, InitialFormat, Layout
@@ -115,7 +116,8 @@ def test_the_body_is_placed_where_the_keypoints_are() -> None:
     K = np.array([[600.0, 0, 320], [0, 600.0, 180], [0, 0, 1]])
     xy = (xyz / xyz[..., 2:]).numpy() @ K.T
     observation = Observation(xy[..., :2], np.ones(xy.shape[:2]), K, 30.0, noise_share=0.01)
-    library = SimpleNamespace(R_view=R_local)
-    (start,) = starts(body, library, observation, R_local, None, InitialSmplParams())  # type: ignore[arg-type]
+    prior = load_pose_prior()
+    library = make_library(body, prior, np.random.default_rng(0), poses=2, directions=2)
+    (start,) = starts(body, library, observation, R_local, None, InitialSmplParams())
     assert torch.equal(start.R_local, R_local)
     assert float((start.trans - trans).norm(dim=-1).max()) < 0.25  # weak perspective, 4 m away

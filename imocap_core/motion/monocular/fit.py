@@ -1,16 +1,18 @@
 """The initial SMPL motion of each video by itself (section 3.2, "Initialization").
 
 Each start is refined by minimising the reprojection error with the priors that a single view
-needs; the robust loss narrows as the fit settles. Of several starts the one with the lowest
-objective is kept, and by how much it won is reported.
+needs; the robust loss narrows meanwhile. Of several starts the one of the lowest objective is the
+result; all objectives are reported.
 """
+
+from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
+from jaxtyping import Bool
 from torch import Tensor
 
 from imocap_core.motion.kinematics import Body
@@ -35,16 +37,17 @@ from imocap_core.motion.terms import (
 from imocap_core.params import FitParams
 
 Progress = Callable[[str], None]
-# Of the robust loss, relative to the final scale, and the tolerance with each: a start may rest for
-# a while on its way in, once there it need not be exact.
+# Scales of the robust loss, relative to the final one, with the tolerance of each: descent may
+# pause at the widest; at the others it need not be exact.
 COARSE = ((10.0, 3e-3), (3.0, 1e-2), (1.0, 1e-2))
 TOLERANCE = 3e-3  # of the fit on all frames, which every later fit improves
+ESTIMATE_SIGMAS = 3.0  # Geman-McClure scale, in standard deviations of an estimator
 PRIOR_FPS = 30.0  # frame rate at which the prior's joint speeds were measured
 
 
 @dataclass(frozen=True)
 class MonocularFit:
-    """The chosen fit of every video and what the alternatives cost.
+    """The best fit of every video and the objectives of the alternatives.
 
     Attributes:
         state: batch of all videos; costs: per video, the objective of each start.
@@ -56,7 +59,7 @@ class MonocularFit:
 
 
 def regularisers(body: Body, prior: PosePrior, weights: FitParams, fps: float) -> list[Term]:
-    """Everything in the objective that does not look at the videos, at a frame rate."""
+    """All terms of the objective that do not depend on the videos, at a frame rate."""
     pace = fps / PRIOR_FPS
     step = prior.velocity_rad.clamp_min(1e-3) / pace
     bend = prior.acceleration_rad.clamp_min(1e-3) / pace**2
@@ -74,7 +77,7 @@ def regularisers(body: Body, prior: PosePrior, weights: FitParams, fps: float) -
     ]
 
 
-def stacked(starts: Sequence[Start], valid: Tensor) -> MotionState:
+def stacked(starts: Sequence[Start], valid: Bool[Tensor, "B T"]) -> MotionState:
     """One batch of starts of different lengths; padding repeats the last frame."""
     longest = valid.shape[1]
 
@@ -87,19 +90,20 @@ def stacked(starts: Sequence[Start], valid: Tensor) -> MotionState:
 
 
 def evidence_term(
-    body: Body, observations: Sequence[Observation], like: Tensor, weights: FitParams
+    body: Body, observations: Sequence[Observation], template: Tensor, weights: FitParams
 ) -> list[Term]:
-    """The estimators' joints as a term, if any video has them."""
+    """The estimators' joints as a term, if any video has them; template: dtype and device."""
     if all(o.joints is None for o in observations):
         return []
     joints, given = [], []
     for o in observations:
         x = np.full((len(o.xy_px), 24, 3), np.nan) if o.joints is None else o.joints
-        known: NDArray[np.bool_] = np.asarray(np.isfinite(x).all(axis=-1))
-        joints.append(np.where(known[..., None], x, 0.0))
-        given.append(known.astype(float))
+        finite = np.asarray(np.isfinite(x).all(axis=-1))
+        joints.append(np.where(finite[..., None], x, 0.0))
+        given.append(finite.astype(float))
     sigma2_m2 = (weights.evidence_mm / 1000) ** 2
-    return [JointEvidence(body, padded(joints, like), padded(given, like) / sigma2_m2, 3.0)]
+    weight = padded(given, template) / sigma2_m2
+    return [JointEvidence(body, padded(joints, template), weight, ESTIMATE_SIGMAS)]
 
 
 def fit_monocular(
@@ -113,19 +117,20 @@ def fit_monocular(
     max_steps: int,
     progress: Progress = lambda _: None,
 ) -> MonocularFit:
-    """Fit every video by itself from each of its starts; keep the best.
+    """Fit every video by itself from each of its starts and return the best fit.
 
-    All starts are fitted on every ``stride``-th frame under a wide robust loss that narrows; the
-    winner of each video is then fitted on all frames.
+    All starts are fitted on every ``stride``-th frame under a robust loss that narrows; the best of
+    each video is then fitted on all frames.
 
     Args:
         observations: M videos; starts: the starts of each (at least one each).
         max_steps: Gauss-Newton steps of the last fit.
     """
-    owner = [v for v, own in enumerate(starts) for _ in own]
+    owner = [v for v, of_video in enumerate(starts) for _ in of_video]
     progress(f"{len(owner)} starts on every {stride}th frame")
     coarse = [every(observations[v], stride) for v in owner]
-    flat = [Start(s.R_local[::stride], s.trans[::stride], s.cost) for own in starts for s in own]
+    every_start = [start for of_video in starts for start in of_video]
+    flat = [Start(s.R_local[::stride], s.trans[::stride], s.cost) for s in every_start]
     state = stacked(flat, validity(coarse, flat[0].trans))
     for scale, tolerance in COARSE:
         terms = monocular_terms(body, prior, coarse, state.trans, weights, scale)
@@ -142,17 +147,21 @@ def monocular_terms(
     body: Body,
     prior: PosePrior,
     observations: Sequence[Observation],
-    like: Tensor,
+    template: Tensor,
     weights: FitParams,
     scale: float,
 ) -> list[Term]:
-    """The whole objective of videos seen by themselves, its robust loss widened by ``scale``."""
-    view = per_video_view(observations, like)
+    """The whole objective of single videos.
+
+    Args:
+        template: gives dtype and device; scale: of the robust loss, relative to the final one.
+    """
+    view = per_video_view(observations, template)
     fps = float(np.median([o.fps for o in observations]))
     return [
         Reprojection(body, (view,), weights.robust_scale_sigma * scale),
         *regularisers(body, prior, weights, fps),
-        *evidence_term(body, observations, like, weights),
+        *evidence_term(body, observations, template, weights),
     ]
 
 
@@ -173,7 +182,7 @@ def _all_frames(
         frames = len(observation.xy_px)
         keys = np.arange(0, frames, stride)
         R, trans = state.R_local[v, : len(keys)], state.trans[v, : len(keys)]
-        at = np.minimum(np.arange(frames) / stride, len(keys) - 1)
-        full.append(Start(interpolate_rotations(R, keys, frames), sample(trans, at), 0.0))
+        position = np.minimum(np.arange(frames) / stride, len(keys) - 1)
+        full.append(Start(interpolate_rotations(R, keys, frames), sample(trans, position), 0.0))
     dense = stacked(full, validity(observations, state.trans))
     return replace(dense, betas=state.betas)

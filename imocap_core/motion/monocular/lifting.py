@@ -1,13 +1,17 @@
 """From 2D keypoints to 3D starts: match each frame against the library, then the best path.
 
-Matching alone is ambiguous in depth. Each frame keeps many candidates; dynamic programming picks
-the sequence that agrees with the image and moves least in 3D. Forbidding the neighbourhood of the
-path already found gives further, different starts.
+Matching alone is ambiguous in depth. Each frame has many candidates; dynamic programming picks
+the sequence that agrees with the image and moves least in 3D. A penalty near earlier paths gives
+further, different starts.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from imocap_core.motion.monocular.library import Library
@@ -28,19 +32,24 @@ class Candidates:
         scale_px_m: (T, C) pixels a metre; cost: (T, C) unary cost.
     """
 
-    R_local: Tensor
-    joints: Tensor
-    scale_px_m: Tensor
-    cost: Tensor
+    R_local: Float[Tensor, "T C 24 3 3"]
+    joints: Float[Tensor, "T C 24 3"]
+    scale_px_m: Float[Tensor, "T C"]
+    cost: Float[Tensor, "T C"]
 
 
 def match(
-    library: Library, xy_px: Tensor, weight: Tensor, *, count: int, sigma: float
+    library: Library,
+    xy_px: Float[Tensor, "T K 2"],
+    weight: Float[Tensor, "T K"],
+    *,
+    count: int,
+    sigma: float,
 ) -> Candidates:
     """The ``count`` most likely entries of each frame under weak perspective.
 
     Args:
-        xy_px: (T, K, 2) finite; weight: (T, K) confidence, 0 where missing.
+        xy_px: finite; weight: confidence, 0 where missing.
         sigma: keypoint misfit in units of the person's image size (RMS spread of keypoints):
             detector noise, bone lengths and the library's coarseness together.
     """
@@ -124,17 +133,20 @@ def _rescore(
 
 
 def best_path(
-    candidates: Candidates, *, step_m: float, avoid: list[Tensor] | None = None
-) -> tuple[Tensor, float]:
-    """The candidate of each frame (T,) on the cheapest path, and the path's cost.
+    candidates: Candidates,
+    *,
+    step_m: float,
+    avoid: Sequence[Float[Tensor, "T 24 3"]] = (),
+) -> tuple[Int[Tensor, " T"], float]:
+    """The candidate of each frame on the cheapest path, and the path's cost.
 
     Args:
-        step_m: joint movement from one frame to the next that costs 1 per joint (truncated at 9,
-            so that one bad frame cannot bend the path).
-        avoid: joints (T, 24, 3) of earlier paths; entries near them cost more.
+        step_m: joint movement from one frame to the next that costs 1 per joint (9 at most, so that
+            single outliers do not bend the path).
+        avoid: joints of earlier paths; entries near them cost more.
     """
     unary = candidates.cost.clone()
-    for path in avoid or []:
+    for path in avoid:
         away = (candidates.joints - path[:, None]).square().sum(-1).mean(-1)
         unary = unary + 40.0 * torch.exp(-away / (2 * 0.15**2))
     frames = len(unary)

@@ -1,10 +1,13 @@
-"""Where monocular fits begin: from the library with 2D alone, or from an estimator's joints."""
+"""Starting points of monocular fits: from 2D alone with the library, or from an estimate."""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from imocap_core.motion.kinematics import Body
@@ -19,45 +22,55 @@ from imocap_core.sync.pairwise.procrustes import procrustes_distances
 
 @dataclass(frozen=True)
 class Start:
-    """A start of one video: R_local (T, 24, 3, 3), trans (T, 3) in camera axes, metres."""
+    """A start of one video, in camera axes.
 
-    R_local: Tensor
-    trans: Tensor
+    Attributes:
+        R_local: (T, 24, 3, 3); trans: (T, 3) metres; cost: of the match, lower is better.
+    """
+
+    R_local: Float[Tensor, "T 24 3 3"]
+    trans: Float[Tensor, "T 3"]
     cost: float
 
 
-MIN_JOINTS = 6  # an estimator's frame with fewer says too little of a pose
+MIN_JOINTS = 6  # fewer do not determine a pose
 
 
 def lifted_starts(
     body: Body, library: Library, observation: Observation, options: InitialSmplParams
 ) -> list[Start]:
     """Several different starts of one video from its 2D keypoints alone, best first."""
-    like = library.R_view
+    template = library.R_view
     frames = len(observation.xy_px)
     stride = max(1, round(options.stride_s * observation.fps))
     confidence = without_jumps(observation)
     keys = _key_frames(confidence, stride)
-    xy = torch.as_tensor(np.nan_to_num(observation.xy_px[keys])).to(like)
-    weight = torch.as_tensor(confidence[keys]).to(like)
-    found = match(library, xy, weight, count=options.candidates, sigma=options.match_sigma)
+    xy = torch.as_tensor(np.nan_to_num(observation.xy_px[keys])).to(template)
+    weight = torch.as_tensor(confidence[keys]).to(template)
+    candidates = match(library, xy, weight, count=options.candidates, sigma=options.match_sigma)
     step_m = options.step_m_s * stride / observation.fps
     starts: list[Start] = []
     followed: list[Tensor] = []
-    rows = torch.arange(len(keys), device=like.device)
+    rows = torch.arange(len(keys), device=template.device)
     for _ in range(options.starts):
-        path, _ = best_path(found, step_m=step_m, avoid=followed)
-        followed.append(found.joints[rows, path])
-        R_local = interpolate_rotations(found.R_local[rows, path], keys, frames)
-        scale = _interpolate(found.scale_px_m[rows, path].log()[:, None], keys, frames).exp()
+        path, _ = best_path(candidates, step_m=step_m, avoid=followed)
+        followed.append(candidates.joints[rows, path])
+        R_local = interpolate_rotations(candidates.R_local[rows, path], keys, frames)
+        scale = _interpolate(candidates.scale_px_m[rows, path].log()[:, None], keys, frames).exp()
         depth = float(observation.K[0, 0]) / scale[:, 0]
         trans = place(body, R_local, observation, confidence, depth)
-        starts.append(Start(R_local, trans, float(found.cost[rows, path].sum())))
+        starts.append(Start(R_local, trans, float(candidates.cost[rows, path].sum())))
     return starts
 
 
-def start_at_joints(body: Body, R_local: Tensor, observation: Observation) -> Start:
-    """A start from known rotations: depth from how large the body appears (weak perspective)."""
+def start_at_joints(
+    body: Body, R_local: Float[Tensor, "T 24 3 3"], observation: Observation
+) -> Start:
+    """A start from given rotations: depth from the apparent size of the body (weak perspective).
+
+    Raises:
+        ValueError: no frame has enough keypoints.
+    """
     confidence = without_jumps(observation)
     posed = body.model.shape(R_local.new_zeros(1, 10)).pose(
         R_local, R_local.new_zeros(len(R_local), 3)
@@ -68,8 +81,8 @@ def start_at_joints(body: Body, R_local: Tensor, observation: Observation) -> St
     share = (weight / weight.sum(1, keepdim=True).clamp_min(1e-9))[..., None]
     p, w = points - (share * points).sum(1, keepdim=True), xy - (share * xy).sum(1, keepdim=True)
     scale = (share * p * w).sum((1, 2)) / (share * p.square()).sum((1, 2)).clamp_min(1e-9)
-    seen = ((weight > 0).sum(1) >= 4) & (scale > 0)
-    keys = seen.nonzero()[:, 0].cpu().numpy()
+    visible = ((weight > 0).sum(1) >= 4) & (scale > 0)
+    keys = visible.nonzero()[:, 0].cpu().numpy()
     if len(keys) == 0:
         raise ValueError("no frame shows enough keypoints to place the body")
     scale = _interpolate(scale[keys].log()[:, None], keys, len(scale)).exp()[:, 0]
@@ -78,11 +91,16 @@ def start_at_joints(body: Body, R_local: Tensor, observation: Observation) -> St
 
 
 def place(
-    body: Body, R_local: Tensor, observation: Observation, confidence: np.ndarray, depth: Tensor
-) -> Tensor:
-    """Translations (T, 3) that put the body where it is seen, at the given depth (T,).
+    body: Body,
+    R_local: Float[Tensor, "T 24 3 3"],
+    observation: Observation,
+    confidence: Float[np.ndarray, "T K"],
+    depth: Float[Tensor, " T"],
+) -> Float[Tensor, "T 3"]:
+    """Translations that project the body onto its keypoints, at the given depth.
 
-    The rays of the confident keypoints, at the body's depth, minus the keypoints' own offsets.
+    The rays of the confident keypoints, at the body's depth, minus the keypoints' positions
+    relative to the root.
     """
     points = body.model.shape(depth.new_zeros(1, 10)).pose(R_local, depth.new_zeros(len(depth), 3))
     xyz = points.keypoints(body.keypoints)
@@ -95,38 +113,43 @@ def place(
     z = (depth[:, None] + xyz[..., 2] - root[:, None, 2]).clamp_min(0.1)
     offset = rays * z[..., None] - xyz[..., :2]
     plane = (weight[..., None] * offset).sum(1) / total.clamp_min(1e-9)[:, None]
-    known = (total > 0).nonzero()[:, 0].cpu().numpy()
-    if len(known) == 0:
-        plane, known = torch.zeros_like(plane), np.arange(len(plane))
-    plane = _interpolate(plane[known], known, len(depth))
+    keys = (total > 0).nonzero()[:, 0].cpu().numpy()
+    if len(keys) == 0:
+        plane, keys = torch.zeros_like(plane), np.arange(len(plane))
+    plane = _interpolate(plane[keys], keys, len(depth))
     return torch.cat([plane, (depth - root[:, 2])[:, None]], -1)
 
 
-def fit_rotations_to_joints(body: Body, library: Library, joints: np.ndarray) -> Tensor:
-    """Nearest library pose, turned rigidly, for each frame of an estimator's joints.
+def fit_rotations_to_joints(
+    body: Body, library: Library, joints: Float[np.ndarray, "T 24 3"]
+) -> Float[Tensor, "T 24 3 3"]:
+    """Nearest library pose, rotated rigidly, for each frame of an estimator's joints.
 
     Args:
-        joints: (T, 24, 3) metres, camera axes, NaN where not given.
+        joints: metres, camera axes, NaN where missing.
 
     Returns:
-        (T, 24, 3, 3): starts for a fit that has the joints as evidence; frames with fewer than
-        `MIN_JOINTS` joints lie between their neighbours.
+        Starts for a fit that has the joints as evidence; frames with fewer than `MIN_JOINTS` joints
+        are interpolated.
 
-    ValueError when no frame has that many.
+    Raises:
+        ValueError: no frame has that many.
     """
-    known = np.isfinite(joints).all(-1)
-    keys = np.nonzero(known.sum(1) >= MIN_JOINTS)[0]
+    finite = np.isfinite(joints).all(-1)
+    keys = np.nonzero(finite.sum(1) >= MIN_JOINTS)[0]
     if len(keys) == 0:
         raise ValueError(f"no frame has {MIN_JOINTS} joints or more")
     poses = library.joints.cpu().numpy()
-    weights = known[keys].astype(float)
+    weights = finite[keys].astype(float)
     every = np.ones(poses.shape[:2])
     nearest = procrustes_distances(joints[keys], poses, weights, every).argmin(1)
-    like = library.R_view
-    target, weight = (torch.as_tensor(x).to(like) for x in (np.nan_to_num(joints[keys]), weights))
-    found = library.joints[torch.as_tensor(nearest, device=like.device)]
-    R_local = library.R_local[torch.as_tensor(nearest, device=like.device)].clone()
-    R_local[:, 0] = nearest_rotation(_correlation(target, found, weight))
+    template = library.R_view
+    target, weight = (
+        torch.as_tensor(x).to(template) for x in (np.nan_to_num(joints[keys]), weights)
+    )
+    index = torch.as_tensor(nearest, device=template.device)
+    R_local = library.R_local[index].clone()
+    R_local[:, 0] = nearest_rotation(_correlation(target, library.joints[index], weight))
     return interpolate_rotations(R_local, keys, len(joints))
 
 
@@ -137,27 +160,28 @@ def _correlation(target: Tensor, pose: Tensor, weight: Tensor) -> Tensor:
     return torch.einsum("tk,tki,tkj->tij", weight, a, b)
 
 
-def start_at_motion(R_local: Tensor, trans: Tensor) -> Start:
-    """A start from an estimator's motion: (T, 24, 3, 3) and (T, 3) in camera axes, metres.
+def start_at_motion(R_local: Float[Tensor, "T 24 3 3"], trans: Float[Tensor, "T 3"]) -> Start:
+    """A start from an estimator's motion in camera axes, metres; frames with NaN are interpolated.
 
-    Frames with NaN lie between their neighbours. ValueError when every frame has some.
+    Raises:
+        ValueError: every frame has NaN.
     """
-    known = R_local.isfinite().flatten(1).all(1) & trans.isfinite().all(1)
-    keys = known.nonzero()[:, 0].cpu().numpy()
+    finite = R_local.isfinite().flatten(1).all(1) & trans.isfinite().all(1)
+    keys = finite.nonzero()[:, 0].cpu().numpy()
     if len(keys) == 0:
         raise ValueError("every frame has numbers that are not finite")
     frames = len(trans)
     return Start(
-        interpolate_rotations(R_local[known], keys, frames),
-        _interpolate(trans[known], keys, frames),
+        interpolate_rotations(R_local[finite], keys, frames),
+        _interpolate(trans[finite], keys, frames),
         0.0,
     )
 
 
 def _key_frames(confidence: np.ndarray, stride: int) -> np.ndarray:
-    """Every stride-th frame that shows enough of a person; all frames if none does."""
-    seen = (confidence > 0).sum(1) >= max(4, confidence.shape[1] // 4)
-    usable = np.nonzero(seen)[0]
+    """Every stride-th frame with enough keypoints; of all frames if none has."""
+    enough = (confidence > 0).sum(1) >= max(4, confidence.shape[1] // 4)
+    usable = np.nonzero(enough)[0]
     if len(usable) == 0:
         return np.arange(0, len(confidence), stride)
     keys = usable[::stride]
@@ -165,23 +189,25 @@ def _key_frames(confidence: np.ndarray, stride: int) -> np.ndarray:
 
 
 def _interpolate(values: Tensor, keys: np.ndarray, frames: int) -> Tensor:
-    """Linear in time from (len(keys), D) to (frames, D), held at the ends."""
+    """Linear in time from (len(keys), D) to (frames, D), constant beyond the ends."""
     low, high, share = _between(keys, frames, values)
     return values[low] * (1 - share[:, None]) + values[high] * share[:, None]
 
 
-def interpolate_rotations(R: Tensor, keys: Sequence[int] | np.ndarray, frames: int) -> Tensor:
-    """Geodesic interpolation of (len(keys), J, 3, 3) to (frames, J, 3, 3), held at the ends."""
+def interpolate_rotations(
+    R: Float[Tensor, "n J 3 3"], keys: Sequence[int] | Int[np.ndarray, " n"], frames: int
+) -> Float[Tensor, "T J 3 3"]:
+    """Geodesic interpolation from key frames to all frames, constant beyond the ends."""
     low, high, share = _between(np.asarray(keys), frames, R)
     turn = log(R[low].transpose(-1, -2) @ R[high])
     return R[low] @ exp(turn * share[:, None, None])
 
 
-def _between(keys: np.ndarray, frames: int, like: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+def _between(keys: np.ndarray, frames: int, template: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     time = np.clip(np.arange(frames), keys[0], keys[-1])
     high = np.clip(np.searchsorted(keys, time), 1 if len(keys) > 1 else 0, len(keys) - 1)
     low = np.maximum(high - 1, 0)
     gap = np.maximum(keys[high] - keys[low], 1)
     share = np.clip((time - keys[low]) / gap, 0.0, 1.0)
-    index = [torch.as_tensor(x, device=like.device) for x in (low, high)]
-    return index[0], index[1], torch.as_tensor(share).to(like)
+    index = [torch.as_tensor(x, device=template.device) for x in (low, high)]
+    return index[0], index[1], torch.as_tensor(share).to(template)

@@ -1,13 +1,18 @@
 """The low-rank model of motions across videos, Eq. 4, 5 and the Z, Y updates of Eq. 8."""
 
+from __future__ import annotations
+
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.rotations import exp, log
 from imocap_core.rotations import mean as mean_rotation
 
 
-def low_rank_rows(rows: Tensor, weight: Tensor, rank: int) -> Tensor:
+def low_rank_rows(
+    rows: Float[Tensor, "*batch M D"], weight: Float[Tensor, "*batch M"], rank: int
+) -> Float[Tensor, "*batch M D"]:
     """Nearest rows of rank at most ``rank - 1`` about their weighted mean.
 
     Eq. 4 bounds the rank of raw parameter vectors; nearly equal rows spend their first rank on
@@ -15,11 +20,14 @@ def low_rank_rows(rows: Tensor, weight: Tensor, rank: int) -> Tensor:
     arbitrary (tangent vectors, root paths): rank 1 is "the same", rank 2 adds one mode, ...
 
     Args:
-        rows: (..., M, D) one row a video; weight: (..., M), 0 leaves a video out of the fit.
+        rows: one row a video; weight: 0 leaves a video out of the fit.
         rank: s of Eq. 4, at least 1.
 
     Returns:
-        (..., M, D); rows of weight 0 get the projection too.
+        The projections, also of rows of weight 0.
+
+    Raises:
+        ValueError: rank below 1.
     """
     if rank < 1:
         raise ValueError(f"rank: expected at least 1, got {rank}")
@@ -34,17 +42,16 @@ def low_rank_rows(rows: Tensor, weight: Tensor, rank: int) -> Tensor:
     return mean + (centred @ modes.transpose(-1, -2)) @ modes
 
 
-def low_rank_poses(R: Tensor, weight: Tensor, rank: int) -> Tensor:
+def low_rank_poses(
+    R: Float[Tensor, "M N J 3 3"], weight: Float[Tensor, "M N J"], rank: int
+) -> Float[Tensor, "M N J 3 3"]:
     """Z of Eq. 8 on the rotation manifold.
 
     The branch problem of axis-angle vectors does not arise: deviations are taken in the tangent
     space of the mean rotation of each joint, where they are small.
 
     Args:
-        R: (M, N, J, 3, 3) local rotations of M videos at N common frames; weight: (M, N, J).
-
-    Returns:
-        (M, N, J, 3, 3).
+        R: local rotations of M videos at N common frames.
     """
     mean = mean_rotation(R, weight)
     if rank == 1:
@@ -58,8 +65,10 @@ def low_rank_poses(R: Tensor, weight: Tensor, rank: int) -> Tensor:
     return mean @ exp(back.unflatten(-1, (-1, 3)).movedim(1, 0))
 
 
-def low_rank_paths(paths: Tensor, weight: Tensor, rank: int) -> Tensor:
-    """Y of Eq. 8: root paths (M, N, 3), centred, over all frames at once; weight (M, N).
+def low_rank_paths(
+    paths: Float[Tensor, "M N 3"], weight: Float[Tensor, "M N"], rank: int
+) -> Float[Tensor, "M N 3"]:
+    """Y of Eq. 8: root paths, centred, over all frames at once.
 
     Videos that miss frames are completed with the weighted mean path before the projection.
     """

@@ -18,7 +18,7 @@ from imocap_core.motion.multiview.per_video import (
 from imocap_core.motion.multiview.scene import Scene, per_video_terms
 from imocap_core.motion.posterior.common_posterior import CommonEvidence
 from imocap_core.motion.posterior.noise import Noise
-from imocap_core.motion.solver.gauss_newton import take_apart
+from imocap_core.motion.solver.gauss_newton import split_batch
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.solver.objective import linearise
 from imocap_core.motion.solver.selected import factorise
@@ -82,7 +82,7 @@ def per_video_fits(
         )
     return [
         PerVideoFit(motion.state, motion.terms, motion.terms[len(terms) :])
-        for motion in take_apart(terms + couplings, state)
+        for motion in split_batch(terms + couplings, state)
     ]
 
 

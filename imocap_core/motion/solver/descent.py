@@ -8,7 +8,7 @@ has moved.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -20,6 +20,7 @@ State = TypeVar("State")
 Equations = TypeVar("Equations")
 
 
+@runtime_checkable
 class LeastSquares(Protocol[State, Equations]):
     """A nonlinear least-squares problem of B rows."""
 

@@ -1,10 +1,12 @@
 """Damped Gauss-Newton with guaranteed descent. It knows residuals, not bodies.
 
-A batch is taken apart into its motions, each of its own length. Motions that share their globals
-step together; others go their own way and stop when they have settled. On a CPU every motion has a
-thread, and a motion alone has one for each half of its work: the blocks are too small for a linear
-algebra library's own threads to pay.
+A batch is split into its motions, each of its own length. Motions that share their globals step
+together; others are solved separately and stop when they have converged. On a CPU every motion has
+a thread, and a single motion has one for each half of its work: the blocks are too small for a
+linear algebra library's own threads to pay.
 """
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -29,14 +31,14 @@ class Solution:
     """Where the solver stopped.
 
     Attributes:
-        state: the best state seen.
-        costs: objective of the whole batch after each accepted or rejected step, first the start.
-        converged: (B,) bool; status: one sentence.
+        state: of the lowest objective.
+        costs: objective of the whole batch, at the start and after each step.
+        converged: (B,); status: one sentence.
     """
 
     state: MotionState
     costs: list[float]
-    converged: Tensor
+    converged: Bool[Tensor, " B"]
     status: str
 
 
@@ -48,7 +50,7 @@ class SolverMotion:
     state: MotionState
 
     def cost(self, each: Each = in_turn) -> float:
-        """Its objective; ``each`` does the terms."""
+        """Its objective; ``each`` runs the terms."""
         costs = each(partial(_cost_of, state=self.state), self.terms)
         return float(torch.stack(costs).sum())
 
@@ -71,11 +73,11 @@ def gauss_newton(
     Args:
         terms: the objective; state: the start.
         max_steps: linearisations at most.
-        relative_tolerance: a motion has converged when an accepted step lowers its objective by
-            less than this share.
+        relative_tolerance: a motion has converged when a step lowers its objective by less than
+            this share.
         shared_globals: one body for the batch; free_shape: False holds the betas.
     """
-    motions = take_apart(terms, state)
+    motions = split_batch(terms, state)
     alone = len(motions) == 1
     most = HALVES if alone else len(motions)
     workers = 1 if state.trans.is_cuda else min(most, cores())
@@ -95,17 +97,17 @@ def gauss_newton(
     costs = [
         float(sum(d.costs[min(k, len(d.costs) - 1)][0] for d in descents)) for k in range(steps)
     ]
-    settled = [bool(d.converged[0]) for d in descents for _ in d.state]
+    converged = [bool(d.converged[0]) for d in descents for _ in d.state]
     status = (
         f"converged after {steps - 1} steps"
-        if all(settled)
-        else f"stopped after {max_steps} steps before every motion settled"
+        if all(converged)
+        else f"stopped after {max_steps} steps before every motion converged"
     )
-    converged = torch.tensor(settled, device=state.valid.device)
-    return Solution(put_together(state, minima), costs, converged, status)
+    flags = torch.tensor(converged, device=state.valid.device)
+    return Solution(merge_batch(state, minima), costs, flags, status)
 
 
-def take_apart(terms: Sequence[Term], state: MotionState) -> list[SolverMotion]:
+def split_batch(terms: Sequence[Term], state: MotionState) -> list[SolverMotion]:
     """The motions of a batch, each without its padding."""
     lengths = state.valid.sum(1).tolist()
     return [
@@ -114,7 +116,7 @@ def take_apart(terms: Sequence[Term], state: MotionState) -> list[SolverMotion]:
     ]
 
 
-def put_together(batch: MotionState, motions: Sequence[MotionState]) -> MotionState:
+def merge_batch(batch: MotionState, motions: Sequence[MotionState]) -> MotionState:
     """The batch with its motions replaced; padding stays."""
     R_local, trans = batch.R_local.clone(), batch.trans.clone()
     for v, motion in enumerate(motions):
@@ -136,7 +138,7 @@ class _OneBody:
     """Motions whose globals move as one, as the one row of a descent.
 
     Attributes:
-        each: does the motions; within: the halves of one alone.
+        each: runs the motions; within: the halves of a single one.
     """
 
     each: Each
@@ -145,7 +147,7 @@ class _OneBody:
 
     @classmethod
     def of(cls, motions: Sequence[SolverMotion], each: Each, free_shape: bool) -> "_OneBody":
-        """For a single motion ``each`` does its halves."""
+        """For a single motion ``each`` runs its halves."""
         alone = len(motions) == 1
         return cls(in_turn, each, free_shape) if alone else cls(each, in_turn, free_shape)
 

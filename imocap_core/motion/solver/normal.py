@@ -2,14 +2,17 @@
 
 Per frame the unknowns are ``n`` local increments; frames couple to at most their two successors
 (velocity: one, acceleration: two), so the matrix is block-pentadiagonal, and a block Cholesky
-factorisation solves it in time linear in the number of frames. The few unknowns that every frame
-sees (body shape, cameras) form a border ("arrow"), eliminated by their Schur complement.
+factorisation solves it in time linear in the number of frames. The few unknowns that all frames
+share (body shape, cameras) form a border ("arrow"), eliminated by their Schur complement.
 """
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.motion.solver.pentadiagonal import solve_pentadiagonal
@@ -21,23 +24,23 @@ class Reduced:
     """A system whose frames have been eliminated.
 
     Attributes:
-        frame_only: (B, T, n) increments if the globals stayed; response: (B, T, n, m) what a
-            change of the globals adds to them.
+        frame_only: (B, T, n) increments if the globals stayed; response: (B, T, n, m) their
+            derivative by the globals; both with the opposite sign.
         schur: (B, m, m), rest: (B, m): the equations of the globals alone.
     """
 
-    frame_only: Tensor
-    response: Tensor
-    schur: Tensor
-    rest: Tensor
+    frame_only: Float[Tensor, "B T n"]
+    response: Float[Tensor, "B T n m"]
+    schur: Float[Tensor, "B m m"]
+    rest: Float[Tensor, "B m"]
 
-    def frames(self, d_globals: Tensor) -> Tensor:
-        """(B, T, n) frame increments that go with global ones (B, m)."""
+    def frames(self, d_globals: Float[Tensor, "B m"]) -> Float[Tensor, "B T n"]:
+        """Frame increments that go with global ones."""
         return -self.frame_only - torch.einsum("btni,bi->btn", self.response, d_globals)
 
 
-def solve_globals(reduced: Sequence[Reduced], damping: float) -> Tensor:
-    """(m,) increments of the globals that all these motions share."""
+def solve_globals(reduced: Sequence[Reduced], damping: float) -> Float[Tensor, " m"]:
+    """Increments of the globals that all these motions share."""
     schur = torch.stack([r.schur.sum(0) for r in reduced]).sum(0)
     rest = torch.stack([r.rest.sum(0) for r in reduced]).sum(0)
     if len(rest) == 0:
@@ -55,28 +58,28 @@ class NormalEquations:
         corner: (B, m, m); corner_gradient: (B, m): the globals alone.
     """
 
-    diagonal: Tensor
-    next1: Tensor
-    next2: Tensor
-    gradient: Tensor
-    border: Tensor
-    corner: Tensor
-    corner_gradient: Tensor
+    diagonal: Float[Tensor, "B T n n"]
+    next1: Float[Tensor, "B T n n"]
+    next2: Float[Tensor, "B T n n"]
+    gradient: Float[Tensor, "B T n"]
+    border: Float[Tensor, "B T n m"]
+    corner: Float[Tensor, "B m m"]
+    corner_gradient: Float[Tensor, "B m"]
 
     @classmethod
-    def zeros(cls, batch: int, frames: int, n: int, m: int, like: Tensor) -> "NormalEquations":
-        """An empty system on the device and in the dtype of ``like``."""
+    def zeros(cls, batch: int, frames: int, n: int, m: int, template: Tensor) -> NormalEquations:
+        """An empty system on the device and in the dtype of ``template``."""
         return cls(
-            diagonal=like.new_zeros(batch, frames, n, n),
-            next1=like.new_zeros(batch, frames, n, n),
-            next2=like.new_zeros(batch, frames, n, n),
-            gradient=like.new_zeros(batch, frames, n),
-            border=like.new_zeros(batch, frames, n, m),
-            corner=like.new_zeros(batch, m, m),
-            corner_gradient=like.new_zeros(batch, m),
+            diagonal=template.new_zeros(batch, frames, n, n),
+            next1=template.new_zeros(batch, frames, n, n),
+            next2=template.new_zeros(batch, frames, n, n),
+            gradient=template.new_zeros(batch, frames, n),
+            border=template.new_zeros(batch, frames, n, m),
+            corner=template.new_zeros(batch, m, m),
+            corner_gradient=template.new_zeros(batch, m),
         )
 
-    def plus(self, other: "NormalEquations") -> "NormalEquations":
+    def plus(self, other: NormalEquations) -> NormalEquations:
         """This system with another one added to it, in place."""
         for field in fields(self):
             getattr(self, field.name).add_(getattr(other, field.name))
@@ -85,9 +88,9 @@ class NormalEquations:
     def reduce(self, damping: float | Tensor, each: Each = in_turn) -> Reduced:
         """Eliminate the frames.
 
-        ``damping`` is the Levenberg-Marquardt factor on the diagonal, one or (B, 1, 1).
-
-        ``each`` does the two halves of a motion.
+        Args:
+            damping: Levenberg-Marquardt factor on the diagonal, one or (B, 1, 1).
+            each: runs the two halves of a motion.
         """
         right = torch.cat([self.gradient[..., None], self.border], dim=-1)
         damped = _damped(self.diagonal, damping)
@@ -99,18 +102,19 @@ class NormalEquations:
         return Reduced(frame_only, response, schur, rest)
 
 
-def add_product(target: Tensor, left: Tensor, right: Tensor, share: float = 1.0) -> None:
-    """Add ``share * left^T right`` to a target (B, T, n, m) in place.
-
-    Args:
-        left: (B, T, r, n); right: (B, T, r, m).
-    """
-    for own, a, b in zip(target, left, right, strict=True):
-        own.baddbmm_(a.mT, b, alpha=share)
+def add_product(
+    target: Float[Tensor, "B T n m"],
+    left: Float[Tensor, "B T r n"],
+    right: Float[Tensor, "B T r m"],
+    share: float = 1.0,
+) -> None:
+    """Add ``share * left^T right`` to a target in place."""
+    for of_motion, a, b in zip(target, left, right, strict=True):
+        of_motion.baddbmm_(a.mT, b, alpha=share)
 
 
 def _damped(blocks: Tensor, damping: float | Tensor) -> Tensor:
-    """Marquardt's scaling: the diagonal grows by ``damping`` times itself, and a floor."""
+    """Marquardt's scaling: ``damping`` times the diagonal is added to it, and a floor."""
     diagonal = blocks.diagonal(dim1=-2, dim2=-1)
     floor = 1e-9 * diagonal.amax(dim=-1, keepdim=True) + 1e-9
     damped = blocks.clone()

@@ -1,8 +1,11 @@
 """The sum of all terms of an objective, and its normal equations."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.motion.solver.normal import NormalEquations
@@ -13,8 +16,8 @@ from imocap_core.workers import Each
 HALVES = 2  # parts in which the terms of a single motion are worked on at the same time
 
 
-def objective(terms: Sequence[Term], state: MotionState) -> Tensor:
-    """(B,) sum of all terms."""
+def objective(terms: Sequence[Term], state: MotionState) -> Float[Tensor, " B"]:
+    """Sum of all terms' costs."""
     return torch.stack([term.cost(state) for term in terms]).sum(0)
 
 

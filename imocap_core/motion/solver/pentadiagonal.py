@@ -5,14 +5,17 @@ towards two frames in the middle takes as many operations as from one end, but t
 be worked on at the same time; at the middle they meet in one small dense system.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.workers import Each, in_turn
 
-MIDDLE = 2  # frames between the halves: as far as a frame reaches
+MIDDLE = 2  # frames between the halves: as many as a frame couples to
 
 
 @dataclass(frozen=True)
@@ -21,30 +24,33 @@ class Half:
 
     Attributes:
         factors: each frame's Cholesky factor L (n, n).
-        known: each frame's ``L^-1 [next1 | next2 | right]``, transposed: (2n + k, n).
-        middle: (MIDDLE, 3n + k, n) columns of the frames after the last, after their losses.
+        solved: each frame's ``L^-1 [next1 | next2 | right]``, transposed: (2n + k, n).
+        middle: (MIDDLE, 3n + k, n) columns of the next frames, after elimination.
         failed: () nonzero where the matrix is not positive definite.
     """
 
     factors: list[Tensor]
-    known: list[Tensor]
+    solved: list[Tensor]
     middle: Tensor
     failed: Tensor
 
 
 def solve_pentadiagonal(
-    diagonal: Tensor, next1: Tensor, next2: Tensor, right: Tensor, each: Each = in_turn
-) -> Tensor:
+    diagonal: Float[Tensor, "T n n"],
+    next1: Float[Tensor, "T n n"],
+    next2: Float[Tensor, "T n n"],
+    right: Float[Tensor, "T n k"],
+    each: Each = in_turn,
+) -> Float[Tensor, "T n k"]:
     """Solve a symmetric positive definite block-pentadiagonal system.
 
     Args:
-        diagonal, next1, next2: (T, n, n) blocks (t, t), (t, t+1), (t, t+2); the last one of
-            ``next1`` and the last two of ``next2`` are ignored.
-        right: (T, n, k).
-        each: does the two halves.
+        diagonal, next1, next2: blocks (t, t), (t, t+1), (t, t+2); the last one of ``next1`` and
+            the last two of ``next2`` are ignored.
+        each: runs the two halves.
 
     Returns:
-        (T, n, k) solution, NaN where the matrix is not positive definite (the caller damps and
+        The solution, NaN where the matrix is not positive definite (the caller damps and
         retries).
     """
     frames = len(diagonal)
@@ -71,43 +77,42 @@ def _from_first(
 ) -> Tensor:
     """(first + MIDDLE, 3n + k, n) columns [diagonal; next1^T; next2^T; right^T] of each frame.
 
-    A library of column-major routines meets them as they lie, and what a frame loses lies in one
-    piece.
+    Contiguous for a library of column-major routines, and so is each frame's update.
     """
-    own = slice(0, first + MIDDLE)
-    return torch.cat([diagonal[own], next1[own].mT, next2[own].mT, right[own].mT], 1)
+    half = slice(0, first + MIDDLE)
+    return torch.cat([diagonal[half], next1[half].mT, next2[half].mT, right[half].mT], 1)
 
 
 def _from_last(diagonal: Tensor, next1: Tensor, next2: Tensor, right: Tensor, first: int) -> Tensor:
-    """The same from the last frame backwards; the middle's own values stand in the other half."""
+    """The same from the last frame backwards; the middle's own values are in the other half."""
     n, last = diagonal.shape[1], len(diagonal) - first - MIDDLE
     columns = diagonal.new_zeros(last + MIDDLE, 3 * n + right.shape[2], n)
-    own = slice(first + MIDDLE, None)
-    columns[:last, :n] = diagonal[own].flip(0)
+    half = slice(first + MIDDLE, None)
+    columns[:last, :n] = diagonal[half].flip(0)
     columns[:last, n : 2 * n] = next1[first + 1 : -1].flip(0)
     columns[:last, 2 * n : 3 * n] = next2[first:-2].flip(0)
-    columns[:last, 3 * n :] = right[own].flip(0).mT
+    columns[:last, 3 * n :] = right[half].flip(0).mT
     return columns
 
 
 def _eliminated(columns: Tensor) -> Half:
     """All frames but the last two. A frame's factor L gives A = L^-1 [next1 | next2 | right]; the
-    products of A's columns with themselves are what the two frames after it lose."""
+    products of A's columns are subtracted from the two frames after it."""
     n = columns.shape[2]
     info, factors, eliminated = [], [], []
     frames = columns.unbind()
     for t in range(len(frames) - MIDDLE):
-        own, after, last = frames[t : t + 1 + MIDDLE]
-        factor, failed = torch.linalg.cholesky_ex(own[:n])
-        known = torch.linalg.solve_triangular(factor, own[n:].T, upper=False).T
-        one, two, right = known.split((n, n, len(known) - 2 * n))
-        after[: 2 * n].addmm_(known[: 2 * n], one.T, alpha=-1)
+        frame, after, last = frames[t : t + 1 + MIDDLE]
+        factor, failed = torch.linalg.cholesky_ex(frame[:n])
+        solved = torch.linalg.solve_triangular(factor, frame[n:].T, upper=False).T
+        one, two, right = solved.split((n, n, len(solved) - 2 * n))
+        after[: 2 * n].addmm_(solved[: 2 * n], one.T, alpha=-1)
         after[3 * n :].addmm_(right, one.T, alpha=-1)
         last[:n].addmm_(two, two.T, alpha=-1)
         last[3 * n :].addmm_(right, two.T, alpha=-1)
         info.append(failed)
         factors.append(factor)
-        eliminated.append(known)
+        eliminated.append(solved)
     failed = torch.stack(info).amax() if info else columns.new_zeros((), dtype=torch.int32)
     return Half(factors, eliminated, columns[-MIDDLE:].clone(), failed)
 
@@ -129,10 +134,10 @@ def _substituted(work: tuple[Half, Tensor]) -> Tensor:
     half, middle = work
     (_, k, n), count = middle.shape, len(half.factors)
     near, far = middle.unbind()
-    found = []
-    for factor, known in zip(half.factors[::-1], half.known[::-1], strict=True):
+    solution = []
+    for factor, solved in zip(half.factors[::-1], half.solved[::-1], strict=True):
         later = torch.cat([near, far], 1)
-        value = torch.addmm(known[2 * n :], later, known[: 2 * n], alpha=-1)
+        value = torch.addmm(solved[2 * n :], later, solved[: 2 * n], alpha=-1)
         near, far = torch.linalg.solve_triangular(factor.T, value.T, upper=True).T, near
-        found.append(near)
-    return torch.stack(found[::-1]) if found else middle.new_empty(count, k, n)
+        solution.append(near)
+    return torch.stack(solution[::-1]) if solution else middle.new_empty(count, k, n)

@@ -6,12 +6,15 @@ frame to the first (Takahashi et al., 1973): given the two frames after it, fram
 linear in the number of frames; the dense inverse is never formed.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
-FLOOR = 1e-12  # of a block's largest diagonal entry, so that unknowns nobody sees stay finite
+FLOOR = 1e-12  # of a block's largest diagonal entry, so that unobserved unknowns stay finite
 
 
 @dataclass(frozen=True)
@@ -21,15 +24,15 @@ class Factored:
     Attributes:
         factors: T lower Cholesky factors (n, n) of D's blocks.
         after: T blocks U_t (n, 2n): W's entries at the two frames after t; 0 beyond the last.
-        ok: False where H was not positive definite; everything made from it is NaN.
+        ok: False where H was not positive definite; every result is NaN then.
     """
 
-    factors: list[Tensor]
-    after: list[Tensor]
+    factors: list[Float[Tensor, "n n"]]
+    after: list[Float[Tensor, "n 2*n"]]
     ok: bool
 
-    def solve(self, right: Tensor) -> Tensor:
-        """(T, n, k) solution of ``H x = right`` for right (T, n, k)."""
+    def solve(self, right: Float[Tensor, "T n k"]) -> Float[Tensor, "T n k"]:
+        """Solution of ``H x = right``."""
         n = right.shape[1]
         y: list[Tensor] = []
         for t in range(len(right)):
@@ -40,40 +43,42 @@ class Factored:
                 value = value - self.after[t - 2][:, n:].T @ y[t - 2]
             y.append(value)
         later = right.new_zeros(2 * n, right.shape[2])
-        found: list[Tensor] = []
+        solution: list[Tensor] = []
         for t in reversed(range(len(right))):
             value = torch.cholesky_solve(y[t], self.factors[t]) - self.after[t] @ later
             later = torch.cat([value, later[:n]])
-            found.append(value)
-        return self._checked(torch.stack(found[::-1]))
+            solution.append(value)
+        return self._checked(torch.stack(solution[::-1]))
 
-    def inverse_diagonal(self) -> Tensor:
-        """(T, n, n) blocks (t, t) of ``H^-1``."""
+    def inverse_diagonal(self) -> Float[Tensor, "T n n"]:
+        """Blocks (t, t) of ``H^-1``."""
         n = len(self.factors[0])
         later = self.factors[0].new_zeros(2 * n, 2 * n)  # inverse at the two frames after t
-        found: list[Tensor] = []
+        blocks: list[Tensor] = []
         for factor, after in zip(self.factors[::-1], self.after[::-1], strict=True):
             cross = -after @ later
-            own = torch.cholesky_inverse(factor) - cross @ after.T
-            own = (own + own.T) / 2
-            found.append(own)
+            block = torch.cholesky_inverse(factor) - cross @ after.T
+            block = (block + block.T) / 2
+            blocks.append(block)
             later = torch.cat(
                 [
-                    torch.cat([own, cross[:, :n]], 1),
+                    torch.cat([block, cross[:, :n]], 1),
                     torch.cat([cross[:, :n].T, later[:n, :n]], 1),
                 ]
             )
-        return self._checked(torch.stack(found[::-1]))
+        return self._checked(torch.stack(blocks[::-1]))
 
     def _checked(self, value: Tensor) -> Tensor:
         return value if self.ok else torch.full_like(value, torch.nan)
 
 
-def factorise(diagonal: Tensor, next1: Tensor, next2: Tensor) -> Factored:
+def factorise(
+    diagonal: Float[Tensor, "T n n"], next1: Float[Tensor, "..."], next2: Float[Tensor, "..."]
+) -> Factored:
     """Factor a block-pentadiagonal matrix.
 
     Args:
-        diagonal, next1, next2: (T, n, n) blocks (t, t), (t, t+1), (t, t+2); the last one of
+        diagonal, next1, next2: blocks (t, t), (t, t+1), (t, t+2), of equal shape; the last one of
             ``next1`` and the last two of ``next2`` are ignored.
 
     Raises:

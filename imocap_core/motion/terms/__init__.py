@@ -1,7 +1,7 @@
 """The terms of the objective, one idea a file.
 
-A term answers two questions about a state: what it costs (B,), and what it adds to the normal
-equations. The solver adds terms up and knows nothing else of them.
+A term has a cost (B,) at a state, and adds its linearisation there to the normal equations. The
+solver sums terms and uses nothing else of them.
 """
 
 from imocap_core.motion.terms.base import Term

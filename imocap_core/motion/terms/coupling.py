@@ -1,9 +1,11 @@
 """The coupling between videos, Eq. 8's last two terms on the manifold."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Self
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.motion.solver.normal import NormalEquations
@@ -20,24 +22,24 @@ class PoseCoupling:
         weight: (B, T, 24) per joint, 1/rad^2; 0 leaves a joint free.
     """
 
-    target: Tensor
-    weight: Tensor
+    target: Float[Tensor, "B T 24 3 3"]
+    weight: Float[Tensor, "B T 24"]
 
     def _residual(self, state: MotionState) -> Tensor:
         return state.cached((self,), lambda: log(self.target.mT @ state.R_local))
 
-    def of(self, v: int, frames: int) -> Self:
+    def of(self, v: int, frames: int) -> PoseCoupling:
         """One motion's target."""
         return replace(
             self, target=self.target[v : v + 1, :frames], weight=self.weight[v : v + 1, :frames]
         )
 
-    def cost(self, state: MotionState) -> Tensor:
-        """(B,)."""
+    def cost(self, state: MotionState) -> Float[Tensor, " B"]:
+        """Cost of each motion."""
         return (self.weight * self._residual(state).square().sum(-1)).sum((1, 2))
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
-        """The gradient is exactly the residual (its axis is fixed by the rotation itself)."""
+        """The gradient is exactly the residual (the rotation keeps its own axis)."""
         weight = self.weight[..., None].expand(*self.weight.shape, 3)
         normal.gradient[..., :POSE] += (weight * self._residual(state)).flatten(2)
         torch.diagonal(normal.diagonal, dim1=-2, dim2=-1)[..., :POSE] += weight.flatten(2)
@@ -52,17 +54,17 @@ class PathCoupling:
         weight: (B, T) 1/m^2.
     """
 
-    target: Tensor
-    weight: Tensor
+    target: Float[Tensor, "B T 3"]
+    weight: Float[Tensor, "B T"]
 
-    def of(self, v: int, frames: int) -> Self:
+    def of(self, v: int, frames: int) -> PathCoupling:
         """One motion's target."""
         return replace(
             self, target=self.target[v : v + 1, :frames], weight=self.weight[v : v + 1, :frames]
         )
 
-    def cost(self, state: MotionState) -> Tensor:
-        """(B,)."""
+    def cost(self, state: MotionState) -> Float[Tensor, " B"]:
+        """Cost of each motion."""
         return (self.weight * (state.trans - self.target).square().sum(-1)).sum(1)
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:

@@ -1,9 +1,11 @@
 """A monocular estimator's 3D joints as evidence of articulation."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, replace
-from typing import Self
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.motion.kinematics import Body
@@ -17,24 +19,24 @@ from imocap_core.rotations import project as nearest_rotation
 class JointEvidence:
     """Distance of the body's joints to estimated ones, after the best rotation per frame.
 
-    The rotation is found anew at each linearisation, so the evidence speaks of articulation
-    only and cannot pull the root orientation (method note C: it drifts in every estimator).
+    The rotation is solved at each linearisation, so the evidence constrains articulation only and
+    cannot pull the root orientation, which drifts in every estimator.
 
     Attributes:
         body: whose 24 joints are compared.
         joints: (B, T, 24, 3) metres, any axes, centred on the weighted mean of each frame; or
             (B, T, E, 24, 3): E estimates of the same motion.
-        weight: (B, T, 24) or (B, T, E, 24) 1/m^2, 0 for joints that an estimator does not give.
+        weight: (B, T, 24) or (B, T, E, 24) 1/m^2, 0 for missing joints.
         scale: Geman-McClure scale in units of the estimator's standard deviation.
     """
 
     body: Body
-    joints: Tensor
-    weight: Tensor
+    joints: Float[Tensor, "B T *E 24 3"]
+    weight: Float[Tensor, "B T *E 24"]
     scale: float
 
-    def residual(self, xyz: Tensor) -> Tensor:
-        """(B, T, [E,] 24, 3) body minus rotated estimate, both centred."""
+    def residual(self, xyz: Float[Tensor, "B T 24 3"]) -> Float[Tensor, "B T *E 24 3"]:
+        """Body minus rotated estimate, both centred."""
         xyz = xyz if self.joints.ndim == xyz.ndim else xyz[:, :, None]
         centred = xyz - self._centre(xyz)
         target = self.joints - self._centre(self.joints)
@@ -50,27 +52,28 @@ class JointEvidence:
     def _share(self, weight: Tensor) -> Tensor:
         return weight / weight.sum(-1, keepdim=True).clamp_min(1e-12)
 
-    def of(self, v: int, frames: int) -> Self:
+    def of(self, v: int, frames: int) -> JointEvidence:
         """One motion's joints."""
-        own = slice(v, v + 1)
-        return replace(self, joints=self.joints[own, :frames], weight=self.weight[own, :frames])
+        row = slice(v, v + 1)
+        return replace(self, joints=self.joints[row, :frames], weight=self.weight[row, :frames])
 
     def _residual_at(self, state: MotionState) -> Tensor:
-        """The residual; the cost needs it, and the equations of the step from there."""
+        """The residual; the cost needs it, and so do the equations of the next step."""
         return state.cached(
             (self,), lambda: self.residual(self.body.positions(self.body.joints, state).xyz)
         )
 
-    def cost(self, state: MotionState) -> Tensor:
-        """(B,)."""
+    def cost(self, state: MotionState) -> Float[Tensor, " B"]:
+        """Cost of each motion."""
         squared = self.weight * self._residual_at(state).square().sum(-1)
         return geman_mcclure(squared, self.scale)[0].flatten(1).sum(1)
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
-        """The rotation and the centre are held; translation is not touched.
+        """The rotation and the centre are constant; translation does not enter.
 
-        With weights w and shares s, centring makes of the joints' weights the matrix
-        ``diag(w) - w s^T - s w^T + (sum w) s s^T``: all estimates' together meet the Jacobian once.
+        With weights w and shares s, centring turns the joints' weights into the matrix
+        ``diag(w) - w s^T - s w^T + (sum w) s s^T``; summed over estimates, it is multiplied with
+        the Jacobian once.
         """
         given = (self.weight > 0).flatten(0, -2).any(0)  # the others need no equations
         points = self.body.derivatives(self.body.joints, state)
@@ -90,7 +93,7 @@ class JointEvidence:
         normal.corner_gradient[:, :count] += (shape.mT @ pulled)[..., 0].sum(1)
 
     def _metric(self, residual: Tensor, given: Tensor) -> tuple[Tensor, Tensor]:
-        """How the G given joints weigh together, (B, T, G, G), and their pull (B, T, G, 3)."""
+        """Weight matrix of the G given joints, (B, T, G, G), and their gradient (B, T, G, 3)."""
         squared = self.weight * residual.square().sum(-1)
         trust = self.weight * geman_mcclure(squared, self.scale)[1]
         weight, trust, residual = (

@@ -1,9 +1,11 @@
-"""What is known of focal lengths before anything is seen."""
+"""Prior on unknown focal lengths."""
+
+from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.motion.solver.normal import NormalEquations
@@ -18,15 +20,15 @@ class FocalPrior:
         assumed: (F,) logarithm of the assumed focal length over that of the view; weight: (F,).
     """
 
-    assumed: Tensor
-    weight: Tensor
+    assumed: Float[Tensor, " F"]
+    weight: Float[Tensor, " F"]
 
-    def of(self, v: int, frames: int) -> Self:
+    def of(self, v: int, frames: int) -> FocalPrior:
         """The same for every motion."""
         return self
 
-    def cost(self, state: MotionState) -> Tensor:
-        """(B,)."""
+    def cost(self, state: MotionState) -> Float[Tensor, " B"]:
+        """Cost of each motion."""
         return (self.weight * (state.log_focal - self.assumed).square()).sum(-1)
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:

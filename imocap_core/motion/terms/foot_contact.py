@@ -1,9 +1,11 @@
-"""Feet that stand, stand still."""
+"""Foot contact: feet on the ground do not slide."""
+
+from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.motion.kinematics import Body
@@ -18,8 +20,8 @@ CONTACT_WINDOW_S = 0.4
 class FootContact:
     """Speeds of ankles and balls of the feet, at a cost with a ceiling.
 
-    A foot either stands or swings. Geman-McClure's loss draws slow feet to a stop and lets fast
-    ones go. The state's axes must not move against the ground.
+    A foot is in contact or swings. The Geman-McClure loss pulls slow feet to a stop and leaves fast
+    ones free. The state's axes must not move against the ground.
 
     Attributes:
         body: whose feet.
@@ -28,10 +30,10 @@ class FootContact:
     """
 
     body: Body
-    weight: float | Tensor
+    weight: float | Float[Tensor, "B steps 4"]
     scale: float
 
-    def of(self, v: int, frames: int) -> Self:
+    def of(self, v: int, frames: int) -> FootContact:
         """One motion's feet."""
         if isinstance(self.weight, float):
             return self
@@ -40,18 +42,17 @@ class FootContact:
     def _cost(self, step: Tensor) -> tuple[Tensor, Tensor]:
         return geman_mcclure(self.weight * step.square().sum(-1), self.scale)
 
-    def cost(self, state: MotionState) -> Tensor:
-        """(B,)."""
+    def cost(self, state: MotionState) -> Float[Tensor, " B"]:
+        """Cost of each motion."""
         feet = self.body.positions(self.body.feet, state).xyz
         return self._cost(_steps(feet, state.valid))[0].sum((1, 2))
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """A step is the later frame's foot minus the earlier one's, so with feet's derivatives J
-        and a pair's weights W a frame gets ``J^T W J`` of both pairs it is in, and a pair
-        ``-J^T W J'``. Only the unknowns that move a foot take part."""
-        feet, frame, d_beta = state.cached(
-            (self.body.feet, _moved), lambda: _moved(self.body, state)
-        )
+        and a pair's weights W a frame gets ``J^T W J`` of both its pairs, and a pair
+        ``-J^T W J'``. Only the unknowns that move a foot enter."""
+        owners = (self.body.feet, _derivatives)
+        feet, frame, d_beta = state.cached(owners, lambda: _derivatives(self.body, state))
         step = _steps(feet, state.valid)
         weight = self.weight * self._cost(step)[1] * _both(state.valid)[..., None]
         weight = weight.repeat_interleave(3, -1)[..., None]  # (B, T-1, 12, 1)
@@ -59,26 +60,28 @@ class FootContact:
         count, unknowns = shape.shape[-1], frame.shape[-1]
         change = torch.cat([shape, step.flatten(2)[..., None]], -1)
         pull = weight * change
-        (before, after), (pulled, pulls) = _beside(weight), _beside(pull)
+        (before, after), (pulled, pulls) = _of_frames(weight), _of_frames(pull)
         columns = torch.cat([(before + after) * frame, pulled - pulls], -1)
         of_frame, by_globals = (frame.mT @ columns).split([unknowns, count + 1], -1)
         across = frame[:, :-1].mT @ (-weight * frame[:, 1:])
         places = (slice(0, unknowns - 3), slice(0, unknowns - 3)), (slice(-3, None),) * 2
-        for mine, own in places:
+        for mine, rows in places:
             for theirs, other in places:
-                normal.diagonal[..., own, other] += of_frame[..., mine, theirs]
-                normal.next1[:, :-1, own, other] += across[..., mine, theirs]
-            normal.border[..., own, :count] += by_globals[..., mine, :-1]
-            normal.gradient[..., own] += by_globals[..., mine, -1]
+                normal.diagonal[..., rows, other] += of_frame[..., mine, theirs]
+                normal.next1[:, :-1, rows, other] += across[..., mine, theirs]
+            normal.border[..., rows, :count] += by_globals[..., mine, :-1]
+            normal.gradient[..., rows] += by_globals[..., mine, -1]
         corner = shape.flatten(1, 2).mT @ pull.flatten(1, 2)
         normal.corner[:, :count, :count] += corner[..., :-1]
         normal.corner_gradient[:, :count] += corner[..., -1]
 
 
-def foot_contact_share(body: Body, state: MotionState, fps: float, *, speed_m_s: float) -> Tensor:
-    """(B, T-1, 4) in (0, 1]: whether each foot stands between a frame and the next.
+def foot_contact_share(
+    body: Body, state: MotionState, fps: float, *, speed_m_s: float
+) -> Float[Tensor, "B steps 4"]:
+    """Weight in (0, 1] of each foot's contact between a frame and the next (T - 1 steps).
 
-    Geman-McClure weight of its mean speed over `CONTACT_WINDOW_S`, so that jitter lifts no foot;
+    Geman-McClure weight of its mean speed over `CONTACT_WINDOW_S`, so that jitter ends no contact;
     ``speed_m_s`` counts a quarter.
     """
     step = _steps(body.positions(body.feet, state).xyz, state.valid)
@@ -99,9 +102,9 @@ def _steps(feet: Tensor, valid: Tensor) -> Tensor:
     return (feet[:, 1:] - feet[:, :-1]) * _both(valid)[..., None, None]
 
 
-def _moved(body: Body, state: MotionState) -> tuple[Tensor, Tensor, Tensor]:
-    """Feet (B, T, F, 3), and their derivatives (B, T, 3F, n) by the unknowns of a frame that move
-    them, its translation last, and by the shape."""
+def _derivatives(body: Body, state: MotionState) -> tuple[Tensor, Tensor, Tensor]:
+    """Feet (B, T, F, 3), and their derivatives (B, T, 3F, n) by a frame's unknowns that move them,
+    the translation last, and by the shape."""
     points = body.derivatives(body.feet, state)
     assert points.d_pose is not None
     assert points.d_beta is not None
@@ -110,7 +113,7 @@ def _moved(body: Body, state: MotionState) -> tuple[Tensor, Tensor, Tensor]:
     return points.xyz, frame.flatten(2, 3), points.d_beta.flatten(2, 3)
 
 
-def _beside(of_pairs: Tensor) -> tuple[Tensor, Tensor]:
-    """What pairs (B, T-1, R, C) say of each frame, as their later one and as their earlier one."""
+def _of_frames(of_pairs: Tensor) -> tuple[Tensor, Tensor]:
+    """Values of pairs (B, T-1, R, C) at each frame, as the later and as the earlier of the pair."""
     padded = torch.nn.functional.pad(of_pairs, (0, 0, 0, 0, 1, 1))
     return padded[:, :-1], padded[:, 1:]

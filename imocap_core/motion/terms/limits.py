@@ -1,9 +1,11 @@
 """Soft limits of the joints: a one-sided quadratic beyond a range of axis-angle components."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Self
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.motion.solver.normal import NormalEquations
@@ -25,12 +27,12 @@ class JointLimits:
     slack_rad: float = 0.1
     ranges: tuple[ComponentRange, ...] = JOINT_RANGES
 
-    def of(self, v: int, frames: int) -> Self:
+    def of(self, v: int, frames: int) -> JointLimits:
         """The same for every motion."""
         return self
 
-    def cost(self, state: MotionState) -> Tensor:
-        """(B,)."""
+    def cost(self, state: MotionState) -> Float[Tensor, " B"]:
+        """Cost of each motion."""
         return self.weight * self._excess(state).square().sum(-1).sum(0)
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:

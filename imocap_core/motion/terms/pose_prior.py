@@ -1,9 +1,11 @@
 """A Gaussian-mixture pose prior as a term of the objective."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Self
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.motion.prior import PosePrior
@@ -11,7 +13,7 @@ from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import POSE, MotionState
 from imocap_core.rotations import inverse_right_jacobian
 
-CHUNK = 32  # frames at once: what they need stays in a processor's cache
+CHUNK = 32  # frames at once, so that their matrices fit a processor's cache
 
 
 @dataclass(frozen=True)
@@ -25,12 +27,12 @@ class PosePriorTerm:
     prior: PosePrior
     weight: float
 
-    def of(self, v: int, frames: int) -> Self:
+    def of(self, v: int, frames: int) -> PosePriorTerm:
         """The same for every motion."""
         return self
 
-    def cost(self, state: MotionState) -> Tensor:
-        """(B,) summed over valid frames."""
+    def cost(self, state: MotionState) -> Float[Tensor, " B"]:
+        """Cost of each motion, summed over valid frames."""
         distance, _ = self._best(state)
         return self.weight * torch.where(state.valid, distance, 0.0).sum(1)
 
@@ -44,13 +46,13 @@ class PosePriorTerm:
         pull = pull * state.valid[..., None, None, None]
         offset = _articulation(state) - self.prior.mean[component]
         for first in range(0, pull.shape[1], CHUNK):
-            own = slice(first, first + CHUNK)
-            precision, joints = self.prior.precision[component[:, own]], pull[:, own]
-            slope = (precision @ offset[:, own, :, None]).unflatten(2, (-1, 3))
+            chunk = slice(first, first + CHUNK)
+            precision, joints = self.prior.precision[component[:, chunk]], pull[:, chunk]
+            slope = (precision @ offset[:, chunk, :, None]).unflatten(2, (-1, 3))
             square = _by_joint(joints, _by_joint(joints, precision).mT)
-            normal.diagonal[:, own, 3:POSE, 3:POSE].add_(square, alpha=self.weight)
+            normal.diagonal[:, chunk, 3:POSE, 3:POSE].add_(square, alpha=self.weight)
             pulled = (joints.mT @ slope).flatten(2)
-            normal.gradient[:, own, 3:POSE].add_(pulled, alpha=self.weight)
+            normal.gradient[:, chunk, 3:POSE].add_(pulled, alpha=self.weight)
 
 
 def _by_joint(pull: Tensor, columns: Tensor) -> Tensor:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
 
 import torch
 from jaxtyping import Float
@@ -34,7 +33,7 @@ class Reprojection:
     views: tuple[View, ...]
     scale: float
 
-    def of(self, v: int, frames: int) -> Self:
+    def of(self, v: int, frames: int) -> Reprojection:
         """The views of one motion."""
         return replace(self, views=tuple(view.of(v, frames) for view in self.views))
 

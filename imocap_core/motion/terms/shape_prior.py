@@ -1,9 +1,11 @@
-"""The shape prior every fitter needs and the paper does not print: beta ~ N(0, 1)."""
+"""The shape prior: beta ~ N(0, 1). Every fitter needs one; the paper does not print it."""
+
+from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.motion.solver.normal import NormalEquations
@@ -16,12 +18,12 @@ class ShapePrior:
 
     weight: float
 
-    def of(self, v: int, frames: int) -> Self:
+    def of(self, v: int, frames: int) -> ShapePrior:
         """The same for every motion."""
         return self
 
-    def cost(self, state: MotionState) -> Tensor:
-        """(B,)."""
+    def cost(self, state: MotionState) -> Float[Tensor, " B"]:
+        """Cost of each motion."""
         return self.weight * state.betas.square().sum(-1)
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:

@@ -4,10 +4,12 @@ Real accelerations are heavy-tailed: nearly none most of the time, and large in 
 Their cost is logarithmic (the likelihood of Student's t), so rest is smooth and strikes stay sharp.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
-from typing import Self
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.motion.solver.normal import NormalEquations
@@ -23,30 +25,30 @@ class PoseSmoothness:
     Attributes:
         velocity_weight: (24,) per joint, 1 / (rad per frame)^2.
         acceleration_weight: (24,) per joint, 1 / (rad per frame^2)^2, of small accelerations.
-        acceleration_scale: at this cost an acceleration begins to cost the logarithm.
+        acceleration_scale: square root of the cost above which it grows logarithmically.
     """
 
-    velocity_weight: Tensor
-    acceleration_weight: Tensor
+    velocity_weight: Float[Tensor, "24"]
+    acceleration_weight: Float[Tensor, "24"]
     acceleration_scale: float
 
-    def of(self, v: int, frames: int) -> Self:
+    def of(self, v: int, frames: int) -> PoseSmoothness:
         """The same for every motion."""
         return self
 
-    def cost(self, state: MotionState) -> Tensor:
-        """(B,)."""
+    def cost(self, state: MotionState) -> Float[Tensor, " B"]:
+        """Cost of each motion."""
         step = _steps(state).square().sum(-1) * self.velocity_weight
         return step.sum((1, 2)) + self._bend(_chords(state))[0].sum((1, 2))
 
     def _bend(self, chord: Tensor) -> tuple[Tensor, Tensor]:
-        """(B, T-2, 24) cost of second differences and its slope by their weighted square."""
+        """(B, T-2, 24) cost of second differences and its derivative by their weighted square."""
         squared = chord.square().sum((-1, -2)) / 2 * self.acceleration_weight
         return cauchy(squared, self.acceleration_scale)
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
-        """Velocity: its gradient by the increments is exactly (-r, +r), because a rotation's
-        axis is fixed by it. Acceleration: the chord ``R0 - 2 R1 + R2`` is linear in each R, so
+        """Velocity: its gradient by the increments is exactly (-r, +r), because a rotation keeps
+        its own axis. Acceleration: the chord ``R0 - 2 R1 + R2`` is linear in each R, so
         ``d R = R hat(delta)`` gives exact 3x3 blocks."""
         self._add_velocity(normal, state)
         self._add_acceleration(normal, state)
@@ -74,13 +76,13 @@ class PoseSmoothness:
             slope = coefficient * _vee_pull(R[a], chord) * weight[..., None]
             normal.gradient[:, a : frames - 2 + a, :POSE] += slope.flatten(2)
         # A frame is the first, the middle and the last of three chords, a pair of neighbours the
-        # first and the last of two; a frame with itself turns alike about every axis.
+        # first and the last of two; a frame's block with itself is a multiple of the identity.
         of_frame = _padded(weight, 0, 2) + 4 * _padded(weight, 1, 1) + _padded(weight, 2, 0)
         diagonal = torch.diagonal(normal.diagonal, dim1=-2, dim2=-1)
         diagonal[..., :POSE] += 2 * of_frame.repeat_interleave(3, -1)
         of_pair = -2 * (_padded(weight, 0, 1) + _padded(weight, 1, 0))
         for target, turn, share in (
-            (normal.next1, _turns(state), of_pair),
+            (normal.next1, _relative_rotations(state), of_pair),
             (normal.next2, R[0].mT @ R[2], weight),
         ):
             _add_joint_blocks(target, _chord_block(turn) * share[..., None, None])
@@ -104,12 +106,12 @@ class PathSmoothness:
             (self.acceleration_weight, (1.0, -2.0, 1.0), triples),
         ]
 
-    def of(self, v: int, frames: int) -> Self:
+    def of(self, v: int, frames: int) -> PathSmoothness:
         """The same for every motion."""
         return self
 
-    def cost(self, state: MotionState) -> Tensor:
-        """(B,)."""
+    def cost(self, state: MotionState) -> Float[Tensor, " B"]:
+        """Cost of each motion."""
         total = torch.zeros_like(state.betas[:, 0])
         for weight, stencil, mask in self._stencils(state):
             if mask.shape[1]:
@@ -140,16 +142,16 @@ def _triples(valid: Tensor) -> Tensor:
     return valid[:, :-2] & valid[:, 1:-1] & valid[:, 2:]
 
 
-def _turns(state: MotionState) -> Tensor:
+def _relative_rotations(state: MotionState) -> Tensor:
     """(B, T-1, 24, 3, 3) relative rotation from each frame to the next."""
     R = state.R_local
-    return state.cached((_turns,), lambda: R[:, :-1].mT @ R[:, 1:])
+    return state.cached((_relative_rotations,), lambda: R[:, :-1].mT @ R[:, 1:])
 
 
 def _steps(state: MotionState) -> Tensor:
-    """(B, T-1, 24, 3) the same as vectors, 0 where one of them is padding."""
+    """(B, T-1, 24, 3) the same as vectors, 0 at padding."""
     pair = _pairs(state.valid)[..., None, None]
-    return state.cached((_steps,), lambda: log(_turns(state)) * pair)
+    return state.cached((_steps,), lambda: log(_relative_rotations(state)) * pair)
 
 
 def _chords(state: MotionState) -> Tensor:
