@@ -28,7 +28,12 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     keypoints, first_sync = inputs.get(Keypoints), inputs.get(Sync)
     single_pass = inputs.get(SmplBa)
     problem = problem_of(
-        keypoints, inputs.get(CameraMotion), inputs.get(InitialSmpl), first_sync, params
+        keypoints,
+        inputs.get(CameraMotion),
+        inputs.get(InitialSmpl),
+        first_sync,
+        params.fit,
+        params.motion,
     )
     first = problem.solution(single_pass)
     hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))

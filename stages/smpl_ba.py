@@ -17,7 +17,8 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> SmplBa:
         inputs.get(CameraMotion),
         inputs.get(InitialSmpl),
         inputs.get(Sync),
-        params,
+        params.fit,
+        params.motion,
     )
     motion = recover_motion(
         problem.scene,

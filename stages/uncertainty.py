@@ -13,7 +13,7 @@ from imocap_core.cli import stage_main
 from imocap_core.motion.posterior.motion_posterior import motion_posterior
 from imocap_core.motion.posterior.noise import Noise
 from imocap_core.motion.posterior.observability import viewpoint_report
-from imocap_core.params import Params
+from imocap_core.params import Params, UncertaintyParams
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.solved_groups import SolvedGroup, solved_groups
 from imocap_core.problem.uncertainty import GroupPosterior, uncertainty_of
@@ -23,18 +23,23 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Uncertainty:
     """The posterior of the loop's result; an excluded video has one of its own."""
     keypoints, refined = inputs.get(Keypoints), inputs.get(RefineSync)
     groups = solved_groups(
-        keypoints, inputs.get(CameraMotion), inputs.get(InitialSmpl), refined, params
+        keypoints,
+        inputs.get(CameraMotion),
+        inputs.get(InitialSmpl),
+        refined,
+        params.fit,
+        params.motion,
     )
     posteriors = []
     for k, group in enumerate(groups):
         ctx.progress(k / len(groups), f"the posterior of {', '.join(group.ids)}")
-        posteriors.append(posterior_of(group, params))
+        posteriors.append(posterior_of(group, params.uncertainty))
     return uncertainty_of(posteriors, keypoints, refined, params.uncertainty)
 
 
-def posterior_of(group: SolvedGroup, params: Params) -> GroupPosterior:
+def posterior_of(group: SolvedGroup, params: UncertaintyParams) -> GroupPosterior:
     """Covariances and viewpoints of videos that were solved together."""
-    noise, options = Noise(params.uncertainty), group.problem.options
+    noise, options = Noise(params), group.problem.options
     scene = group.problem.scene.with_intrinsics(group.solution.cameras)
     posterior = motion_posterior(scene, group.solution, options, noise)
     viewpoints = viewpoint_report(
@@ -42,7 +47,7 @@ def posterior_of(group: SolvedGroup, params: Params) -> GroupPosterior:
         group.solution,
         posterior,
         options,
-        near_limit_deg=params.uncertainty.near_limit_deg,
+        near_limit_deg=params.near_limit_deg,
         evidence_share=noise.evidence_share(scene.fps),
     )
     return GroupPosterior(group.problem.participants, posterior.covariances_m2, viewpoints)

@@ -41,7 +41,7 @@ def oracle(
 ) -> tuple[SmplBa, SyncSummary]:
     """The oracle's motion and its correspondences, to the reference video of `estimated_sync`."""
     sync = true_sync(estimated_sync, truth)
-    problem = problem_of(keypoints, camera_motion, initial, sync, params)
+    problem = problem_of(keypoints, camera_motion, initial, sync, params.fit, params.motion)
     cameras = true_cameras(sync, truth)
     scene = problem.scene.with_intrinsics(cameras)
     motion = fit_with_cameras(scene, problem.start, cameras, params.motion)

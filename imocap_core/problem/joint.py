@@ -22,7 +22,7 @@ from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.motion.state import MotionState
-from imocap_core.params import FitParams, MotionParams, Params
+from imocap_core.params import FitParams, MotionParams
 from imocap_core.problem.mirroring import Participants, participants_of
 from imocap_core.problem.motions import joint_motion_of, smpl_ba_of, state_of
 from imocap_core.problem.observations import body_for, estimated_joints, observations_of
@@ -88,7 +88,8 @@ def problem_of(
     camera_motion: CameraMotion,
     initial: InitialSmpl,
     sync: SyncSummary,
-    params: Params,
+    fit: FitParams,
+    motion: MotionParams,
 ) -> JointProblem:
     """The joint motion's problem for some videos and their correspondences."""
     body = body_for(keypoints)
@@ -97,12 +98,12 @@ def problem_of(
         body,
         participants.keypoints,
         participants.camera_motion,
-        params.fit,
+        fit,
         estimated_joints(participants.initial),
     )
-    scene = scene_of(body, observations, participants.sync(sync), params.fit)
+    scene = scene_of(body, observations, participants.sync(sync), fit)
     start = state_of(participants.initial.videos)
-    return JointProblem(participants, scene, start, params.motion)
+    return JointProblem(participants, scene, start, motion)
 
 
 def scene_of(

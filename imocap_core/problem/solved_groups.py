@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, RefineSync
 from imocap_core.motion.multiview.scene import JointMotion
-from imocap_core.params import Params
+from imocap_core.params import FitParams, MotionParams
 from imocap_core.problem.joint import JointProblem, problem_of, single_video_sync
 
 
@@ -28,16 +28,17 @@ def solved_groups(
     camera_motion: CameraMotion,
     initial: InitialSmpl,
     refined: RefineSync,
-    params: Params,
+    fit: FitParams,
+    motion: MotionParams,
 ) -> list[SolvedGroup]:
     """First the videos that take part, then each excluded one."""
-    problem = problem_of(keypoints, camera_motion, initial, refined.sync, params)
+    problem = problem_of(keypoints, camera_motion, initial, refined.sync, fit, motion)
     together = SolvedGroup(problem, problem.solution(refined.motion))
     ids = [video.id for video in keypoints.videos]
     return [
         together,
         *(
-            _alone(ids.index(video), keypoints, camera_motion, initial, refined, params)
+            _alone(ids.index(video), keypoints, camera_motion, initial, refined, fit, motion)
             for video in refined.sync.excluded
         ),
     ]
@@ -49,21 +50,23 @@ def _alone(
     camera_motion: CameraMotion,
     initial: InitialSmpl,
     refined: RefineSync,
-    params: Params,
+    fit: FitParams,
+    motion: MotionParams,
 ) -> SolvedGroup:
     """One video as an action of its own."""
-    video, motion = keypoints.videos[index], refined.motion
+    video, together = keypoints.videos[index], refined.motion
     problem = problem_of(
         Keypoints(videos=[video]),
         CameraMotion(videos=[camera_motion.videos[index]]),
         initial.model_copy(update={"videos": [initial.videos[index]]}),
         single_video_sync(video.id, len(video.frames)),
-        params,
+        fit,
+        motion,
     )
-    result = motion.model_copy(
+    result = together.model_copy(
         update={
-            "videos": [motion.videos[index]],
-            "cameras": [motion.cameras[index]],
+            "videos": [together.videos[index]],
+            "cameras": [together.cameras[index]],
             "common": None,
         }
     )

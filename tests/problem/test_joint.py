@@ -10,7 +10,7 @@ from imocap_core.artifacts.schemas import SmplBa, SyncMap
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.multiview.scene import JointMotion
 from imocap_core.motion.multiview.smpl_ba import recover_motion
-from imocap_core.params import Params
+from imocap_core.params import FitParams, MotionParams
 from imocap_core.problem.joint import JointProblem, problem_of
 from imocap_core.problem.mirroring import (
     mirrored_detections,
@@ -31,7 +31,8 @@ def problem(made: Made, **decided: list[str]) -> JointProblem:
         for i, f in zip(made.ids, made.frames, strict=True)
     ]
     sync = made.sync.model_copy(update={"maps": maps, **decided})
-    return problem_of(made.keypoints, made.camera_motion, made.initial, sync, Params())
+    given = (made.keypoints, made.camera_motion, made.initial, sync)
+    return problem_of(*given, FitParams(), MotionParams())
 
 
 def solved(of: JointProblem) -> JointMotion:
