@@ -46,7 +46,9 @@ class JointLimits:
         jacobian = inverse_right_jacobian(state.axis_angle[:, :, joints]) * active
         outer = (jacobian[..., :, None] * jacobian[..., None, :]).sum(-3)
         gradient = (self.weight * jacobian * excess[..., None]).sum(-2)
-        unknowns = 3 * torch.tensor(joints)[:, None] + torch.arange(3)
+        device = state.trans.device
+        first = torch.tensor(joints, device=device)[:, None] * 3
+        unknowns = first + torch.arange(3, device=device)
         normal.diagonal[..., unknowns[:, :, None], unknowns[:, None, :]] += self.weight * outer
         normal.gradient[..., unknowns] += gradient
 
