@@ -24,7 +24,7 @@ from imocap_core.params import MotionParams
 from imocap_core.workers import at_once, in_turn
 
 ROUNDS = 6
-MIN_KEYPOINTS = 4  # a frame with fewer says too little of a rigid offset
+MIN_KEYPOINTS = 4  # fewer do not determine a rigid offset
 
 
 def initial_offset_sd(videos: int, options: MotionParams) -> Float[np.ndarray, "M 6"]:
