@@ -48,6 +48,7 @@ test: $(STAMP)
 lint: $(STAMP)
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
+	@$(BIN)/python -m tools.check_names
 	@$(BIN)/lint-imports
 	@$(BIN)/mypy
 

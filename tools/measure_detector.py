@@ -27,11 +27,11 @@ from imocap_core.io.video import write_h264
 from imocap_core.metrics.detections import DetectedClip, exchanged_share
 from imocap_core.metrics.detector_bias import detector_bias, exchanged_body_share
 from imocap_core.params import DetectParams
+from imocap_core.synthetic.body_from_joints import retarget
 from imocap_core.synthetic.captured import CAMERA_PLACEMENTS
 from imocap_core.synthetic.detector import detect
 from imocap_core.synthetic.detector_presets import DETECTORS
 from imocap_core.synthetic.rendered import film_motion, render_frames
-from imocap_core.synthetic.retarget import retarget
 
 CLIPS = ("02_05", "03_02", "05_02", "05_18", "06_12", "07_04", "10_04", "13_09")
 FRAMES = 64

@@ -24,6 +24,7 @@ from imocap_core.body import Shaped, load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.video import write_h264
 from imocap_core.pipeline.source import closure
+from imocap_core.synthetic.body_from_joints import retarget
 from imocap_core.synthetic.cameras import stature_px
 from imocap_core.synthetic.captured import CAMERA_PLACEMENTS
 from imocap_core.synthetic.rendered import (
@@ -33,7 +34,6 @@ from imocap_core.synthetic.rendered import (
     true_points_px,
     viewed_side,
 )
-from imocap_core.synthetic.retarget import retarget
 
 LAYOUT = "mediapipe33"
 BODY_LAYOUT = "body33"  # the same keypoints at their true places on the body

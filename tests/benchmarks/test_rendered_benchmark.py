@@ -16,7 +16,7 @@ from benchmarks.rendered.tables import markdown, motion_table, proposal, sides_t
 from benchmarks.scoring.score_file import ActionScore
 from imocap_core.errors import WrongUse
 from imocap_core.metrics.detections import DetectedClip
-from imocap_core.synthetic.retarget import RetargetedMotion
+from imocap_core.synthetic.body_from_joints import RetargetedMotion
 from imocap_core.workspace import Workspace
 from tests.metrics.test_detections import NAMES, SPREAD, film
 

@@ -12,10 +12,10 @@ import torch
 from imocap_core.body import Shaped, load_free_body
 from imocap_core.conventions import EVAL_14, SMPL_JOINTS
 from imocap_core.rotations import exp
+from imocap_core.synthetic.body_from_joints import RetargetedMotion, retarget
 from imocap_core.synthetic.cameras import CameraPlacement
 from imocap_core.synthetic.large_room import HEIGHT_M, KINDS, large_room
 from imocap_core.synthetic.rendered import film_motion, render_frames, true_points_px, viewed_side
-from imocap_core.synthetic.retarget import RetargetedMotion, retarget
 
 COLUMNS = [SMPL_JOINTS.index(name) for name in EVAL_14]
 FRAMES = 8

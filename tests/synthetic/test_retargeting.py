@@ -12,6 +12,8 @@ from imocap_core.motion.kinematics import Body
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.rotations import exp, log
 from imocap_core.synthetic.captured_stance import (
+    CapturedSkeleton,
+    NeutralStance,
     captured_skeleton,
     neutral_stance,
     standing_frames,
@@ -83,7 +85,7 @@ def captured(theta: np.ndarray) -> np.ndarray:
     return np.stack(places, 1) @ WORLD_FROM_BODY.T
 
 
-def stance_and_skeleton():
+def stance_and_skeleton() -> tuple[NeutralStance, CapturedSkeleton]:
     skeleton = captured_skeleton(
         NAMES, [-1 if p is None else NAMES.index(p) for p in PARENTS.values()]
     )
