@@ -25,6 +25,11 @@ from imocap_core.synthetic.retargeting import fit_to_trunk_and_joints, trunk_and
 TARGET = Path(__file__).parents[1] / "imocap_core" / "motion" / "data" / "pose_prior.npz"
 COMPONENTS = 12
 FLOOR_RAD = 0.08  # spread added to every direction of every component
+# One performer's skeleton was captured, and people's trunks differ: standard deviations of lumbar
+# lordosis and thoracic kyphosis among adults are 9.5 and 10.1 degrees (Boulay et al., Eur. Spine J.
+# 15:415-422, 2006). Added to the trunk's joints in every component.
+POSTURE_RAD = 0.15
+TRUNK = ("spine1", "spine2", "spine3", "neck", "left_collar", "right_collar")
 CHUNK = 60  # frames fitted as one motion
 BATCH = 32  # motions fitted side by side
 LONGEST = 180  # frames used of each clip
@@ -99,6 +104,16 @@ def expectation_maximisation(
     return means, covariances, weights
 
 
+def with_posture(covariance: np.ndarray) -> np.ndarray:
+    """Covariances (C, 69, 69) that leave room for the trunks of other people."""
+    wider = covariance.copy()
+    for name in TRUNK:
+        first = 3 * (SMPL_JOINTS.index(name) - 1)
+        for row in range(first, first + 3):
+            wider[:, row, row] += POSTURE_RAD**2
+    return wider
+
+
 def speeds(clips: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """RMS rotation per frame and chordal acceleration per frame^2 (24,) at 30 frames/s.
 
@@ -139,7 +154,7 @@ def main() -> None:
     np.savez_compressed(
         TARGET,
         mean=mean.astype(np.float32),
-        covariance=covariance.astype(np.float32),
+        covariance=with_posture(covariance).astype(np.float32),
         weight=weight.astype(np.float32),
         velocity_rad=velocity.astype(np.float32),
         acceleration_rad=acceleration.astype(np.float32),
