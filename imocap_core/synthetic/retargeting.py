@@ -5,9 +5,10 @@ to chest is shared by the three joints of the spine, the turn from chest to head
 Limbs point where the captured bones point, straightened by what a straight captured limb is bent
 more than the body's at rest.
 
-Shares of the spine: ranges of lumbar and thoracic joints (White & Panjabi, Clinical Biomechanics of
-the Spine, 2nd ed., 1990, tables 2-3 to 2-5). Collars: rise of the clavicle with the arm (Ludewig et
-al., J. Bone Joint Surg. Am. 91:378-389, 2009).
+The shares of the spine and the rise of the collars are rounded choices. They follow what is
+reported of lumbar and thoracic ranges (White & Panjabi, Clinical Biomechanics of the Spine, 1990)
+and of the clavicle when the arm rises (Ludewig et al., J. Bone Joint Surg. Am. 91:378-389, 2009),
+and were not compared with the printed tables.
 """
 
 from __future__ import annotations
