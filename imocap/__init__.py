@@ -7,6 +7,7 @@
     video = result["serve1"]
     video.joints, video.rotations, video.camera, video.time_s, video.uncertainty
     result.at_phase(1.2)                            # the same moment in every video
+    print(result.verdict)                           # what to know about it, in three sentences
     result.export("bvh", "out")
     sync = imocap.synchronise([a_joints, b_joints], fps=30)
 
@@ -31,6 +32,7 @@ from imocap_core.library.synchronising import synchronise
 from imocap_core.result.camera import VideoCamera
 from imocap_core.result.synchronisation import FrameMatches, Synchronisation, VideoSync
 from imocap_core.result.video import HandMotion, JointUncertainty, VideoMoment, VideoResult
+from imocap_core.verdict.findings import Finding, Verdict
 from imocap_core.version import __version__ as __version__
 
 __all__ = [
@@ -40,6 +42,7 @@ __all__ = [
     "SMPL_PARENTS",
     "ActionComparison",
     "Explanation",
+    "Finding",
     "FrameMatches",
     "HandMotion",
     "ImocapError",
@@ -48,6 +51,7 @@ __all__ = [
     "Result",
     "Run",
     "Synchronisation",
+    "Verdict",
     "VideoCamera",
     "VideoMoment",
     "VideoPeople",

@@ -23,7 +23,7 @@ from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.report.evaluation_figures import draw_contact_sheets, draw_plots
 from imocap_core.report.evaluation_tables import all_scores_table, evaluation_tables
-from imocap_core.report.files import Picture, lead_of, write_report
+from imocap_core.report.files import Picture, write_report
 from imocap_core.report.observability_text import write_observability
 
 
@@ -54,8 +54,8 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
         pictures += draw_contact_sheets(ctx.report, videos, refined, model)
 
     every = all_scores_table(scores)
-    written = write_report(ctx.report, folder.name, lead_of(refined), tables, every, pictures)
-    written.append(write_observability(ctx.report, folder.name, claimed))
+    written = write_report(ctx.report, folder.name, tables, every, pictures)
+    written.append(write_observability(ctx.report, folder.name, claimed, refined.sync))
     return Evaluate(tables=[*tables, every], files=sorted(written))
 
 

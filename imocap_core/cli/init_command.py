@@ -16,9 +16,11 @@ def init_command(
     videos: Annotated[list[Path], typer.Argument(help="Video files of one action.")],
 ) -> None:
     """Make actions/NAME/action.yaml for some videos."""
-    from imocap_core.library.new_action import init_action
+    from imocap_core.library.new_action import init_action, repetitions_of
 
     file = init_action(name, videos, root=root_of(context))
+    for note in repetitions_of(videos):
+        speaker(markup=False).print(note)
     speaker(markup=False).print(
         f"Wrote {file}. Next: imocap run {name} (or make all ACTION={name}). The first run makes "
         "an environment for the detector, MediaPipe, which needs the network once."

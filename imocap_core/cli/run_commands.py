@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from imocap_core.library.running import Run
+    from imocap_core.verdict.findings import Verdict
 
+MAX_WARNINGS = 8
 Force = Annotated[bool, typer.Option("--force", help="Run cached stages too.")]
 
 
@@ -77,3 +79,15 @@ def _print_summary(console: Console, done: Run) -> None:
     end = f" Report: {page}" if page and outcomes[-1].stored.content.files else ""
     name = done.job.action.name
     console.print(escape(f"{name}: {len(outcomes)} stages, {how}, {done.seconds:.1f} s.{end}"))
+    if done.verdict is not None:
+        for line in terminal_lines(done.verdict):
+            console.print(escape(line))
+
+
+def terminal_lines(verdict: Verdict) -> list[str]:
+    """Warnings, as many as a person reads, and last the three sentences."""
+    warnings = [f.sentence for f in verdict.findings if f.kind != "joints"]
+    lines = [f"* {sentence}" for sentence in warnings[:MAX_WARNINGS]]
+    if len(warnings) > MAX_WARNINGS:
+        lines.append(f"* {len(warnings) - MAX_WARNINGS} more in the report")
+    return ["", *lines, *([""] if lines else []), *verdict.summary]

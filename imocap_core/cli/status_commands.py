@@ -20,7 +20,7 @@ def status_command(
     as_json: Json = False,
 ) -> None:
     """Show which stages are cached, and why others would run."""
-    from imocap_core.library.status import status
+    from imocap_core.library.status import status, verdict
 
     stages = status(action, root=root_of(context), params=sets)
     if as_json:
@@ -33,7 +33,8 @@ def status_command(
             }
             for stage in stages
         ]
-        print_json({"action": action, "stages": rows})
+        judged = verdict(action, root=root_of(context), params=sets)
+        print_json({"action": action, "stages": rows, "verdict": judged})
         return
     from rich.markup import escape
 

@@ -12,6 +12,7 @@ import yaml
 from imocap_core.errors import WrongUse
 from imocap_core.library.door import plain_errors
 from imocap_core.pipeline.action import DETECT, FILE_NAME, read_action
+from imocap_core.pipeline.repeated_files import repeated_paths
 from imocap_core.standalone_sync.sources import VideoSource, labels
 
 HEAD = """\
@@ -47,6 +48,12 @@ def init_action(name: str, videos: Sequence[str | Path], *, root: str | Path = "
     body = yaml.safe_dump({"name": name, "videos": entries}, sort_keys=False)
     action_file.write_text(HEAD + body, encoding="utf-8")
     return action_file
+
+
+@plain_errors
+def repetitions_of(videos: Sequence[str | Path]) -> list[str]:
+    """A sentence on every two files of the same content."""
+    return repeated_paths([Path(video) for video in videos])
 
 
 def action_of_videos(root: Path, name: str | None, videos: Sequence[Path]) -> str:

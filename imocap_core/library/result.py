@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -12,6 +13,7 @@ from imocap_core.library.door import plain_errors
 from imocap_core.pipeline.action import FILE_NAME, Action
 from imocap_core.result.artifacts import artifacts_in_store, artifacts_of_stages
 from imocap_core.result.result import ActionResult, Time
+from imocap_core.verdict.findings import Verdict
 
 MotionStage = Literal["refine_sync", "smpl_ba"]
 
@@ -22,6 +24,14 @@ class Result(ActionResult):
     `result["v1"]`, `len(result)` and iteration give the videos (`VideoResult`); everything else is
     documented in `ActionResult`.
     """
+
+    @cached_property
+    def verdict(self) -> Verdict | None:
+        """What to know about this result, without truth: `print(result.verdict)` gives three
+        sentences, `.findings` the reasons. None before the stage refine_sync has run."""
+        from imocap_core.result.verdict import verdict_of_artifacts
+
+        return verdict_of_artifacts(self.artifacts)
 
     @plain_errors
     def export(

@@ -15,18 +15,24 @@ from imocap_core.library.progress import Progress, displaying
 from imocap_core.library.result import MotionStage, Result
 from imocap_core.library.status import upstream
 from imocap_core.pipeline import runner
+from imocap_core.pipeline.repeated_files import repeated_files
 from imocap_core.pipeline.runner import Job, Outcome
+from imocap_core.verdict.findings import Verdict
 from imocap_core.workspace import Workspace
 
 
 @dataclass(frozen=True)
 class Run:
-    """What a run did: its job, how each stage came to its artifact, sentences for the user."""
+    """What a run did: its job, how each stage came to its artifact, sentences for the user.
+
+    verdict: what to know about the result; None where the run ended before the motion.
+    """
 
     job: Job
     outcomes: list[Outcome]
     notes: list[str]
     seconds: float
+    verdict: Verdict | None = None
 
 
 @plain_errors
@@ -90,17 +96,19 @@ def run_action(
     progress: Progress = None,
 ) -> Run:
     """Run every stage of an action that has changed, to its report; arguments as of `run`."""
-    from imocap_core.report.action_report import finish
+    from imocap_core.report.action_report import finish, verdict_of_run
     from imocap_core.standalone_sync.repetitions import job_in_parts
 
     with displaying(progress) as display:
         began = time.perf_counter()
         workspace = Workspace(Path(root))
         job, notes = job_in_parts(workspace, str(action), one_off(params), display)
+        notes = [*notes, *repeated_files(job.action)]
         stages = list(job.pipeline.stages) if until is None else upstream(job, until)
         outcomes = runner.run(job, display, stages, frozenset(stages if force else []))
         finish(job, outcomes)
-    return Run(job, outcomes, notes, time.perf_counter() - began)
+        verdict = verdict_of_run(job, outcomes)
+    return Run(job, outcomes, notes, time.perf_counter() - began, verdict)
 
 
 @plain_errors

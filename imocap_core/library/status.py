@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from imocap_core.errors import WrongUse
 from imocap_core.library.door import plain_errors
@@ -49,6 +50,23 @@ def explain(
             done[current.stage] = current.stored
     missing = [name for name in job.pipeline.stages[stage].inputs if name not in done]
     return Explanation(current, missing, None if missing else job.recipe(stage, done))
+
+
+@plain_errors
+def verdict(
+    action: str | Path, *, root: str | Path = ".", params: Params = None
+) -> dict[str, Any] | None:
+    """The verdict on an action's results as plain data; None where the motion would run again."""
+    job = Workspace(Path(root)).job(str(action), one_off(params))
+    stored = {s.stage: s.stored for s in runner.stage_statuses(job) if s.stored is not None}
+    if "refine_sync" not in stored:
+        return None
+    from imocap_core.result.artifacts import artifacts_of_stages
+    from imocap_core.result.verdict import verdict_of_artifacts
+    from imocap_core.verdict.verdict_file import verdict_document
+
+    judged = verdict_of_artifacts(artifacts_of_stages(job.action.name, stored))
+    return None if judged is None else verdict_document(judged)
 
 
 def upstream(job: Job, stage: str) -> list[str]:

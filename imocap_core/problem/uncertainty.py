@@ -51,10 +51,12 @@ def uncertainty_of(
     """
     motions = {v.id: v for v in refined.motion.videos}
     by_id: dict[str, VideoUncertainty] = {}
+    whole = posteriors[0].viewpoints
     for k, group in enumerate(posteriors):
         for v, video in enumerate(group.participants.keypoints.videos):
             covariance = group.participants.filmed_covariance(video.id, group.covariances_m2[v])
-            azimuth = float(group.viewpoints.azimuths_deg[v]) if k == 0 else float("nan")
+            comparable = k == 0 or (whole.by_performer and group.viewpoints.by_performer)
+            azimuth = float(group.viewpoints.azimuths_deg[v]) if comparable else float("nan")
             by_id[video.id] = _video(motions[video.id], MM2_PER_M2 * covariance, azimuth)
     videos = [by_id[v.id] for v in keypoints.videos]
     every = np.concatenate([v.sigma_mm[:, REPORTED].ravel() for v in videos])
@@ -65,7 +67,6 @@ def uncertainty_of(
         for uncertain, video in zip(videos, keypoints.videos, strict=True)
         for span in _weak(uncertain, video.fps, params.weak_limit, median)
     ]
-    whole = posteriors[0].viewpoints
     ids = [v.id for v in posteriors[0].participants.keypoints.videos]
     return Uncertainty(
         videos=videos,

@@ -15,8 +15,10 @@ from imocap_core.pipeline.runner import Job, Outcome
 from imocap_core.pipeline.source import PROJECT, closure
 from imocap_core.pipeline.timings import record, seconds_of
 from imocap_core.report.page_files import PAGE, TEXT
+from imocap_core.verdict.findings import Verdict
+from imocap_core.verdict.verdict_file import FILE, read_verdict
 
-MADE_BY = ("page_figures.py", "page.py")
+MADE_BY = ("report/page_figures.py", "report/page.py", "verdict/action_verdict.py")
 BESIDE = ("viewer.html", "compare/report.md", "observability.md")
 NEEDED = {
     "keypoints": "Keypoints",
@@ -46,6 +48,26 @@ def finish(job: Job, outcomes: Sequence[Outcome]) -> Path | None:
     return page
 
 
+def verdict_of_run(job: Job, outcomes: Sequence[Outcome]) -> Verdict | None:
+    """The verdict on a run's results; None where the motion of all videos is not among them.
+
+    Read from the report's folder where the report is of these results.
+    """
+    stored = {outcome.stage: outcome.stored for outcome in outcomes}
+    if "refine_sync" not in stored or stored["refine_sync"].schema != NEEDED["refine_sync"]:
+        return None
+    if complete(stored):
+        try:
+            file = job.store.report(job.action.name) / FILE
+            return read_verdict(file.read_text(encoding="utf-8"))
+        except (OSError, ValueError, KeyError, TypeError):
+            pass  # written by an older program, or removed
+    from imocap_core.result.artifacts import artifacts_of_stages
+    from imocap_core.result.verdict import verdict_of_artifacts
+
+    return verdict_of_artifacts(artifacts_of_stages(job.action.name, stored))
+
+
 def complete(stored: Mapping[str, Stored]) -> bool:
     """Whether all results of a report are there."""
     return all(stage in stored and stored[stage].schema == s for stage, s in NEEDED.items())
@@ -59,7 +81,8 @@ def bring_up_to_date(job: Job, stored: Mapping[str, Stored]) -> Path:
     single = single_model(job, stored)
     beside = [name for name in BESIDE if (folder / name).is_file()]
     stamp = _stamp(stored, seconds, beside, single)
-    if (folder / TEXT).is_file() and page.is_file() and stamp in _head(page):
+    there = all((folder / name).is_file() for name in (TEXT, PAGE, FILE))
+    if there and stamp in _head(page):
         return page
     from imocap_core.report.write_page import write_page
 
@@ -91,8 +114,8 @@ def _stamp(
     single: Stored | None,
 ) -> str:
     """A digest of everything that the page shows, and of the code that draws it."""
-    views = PROJECT / "imocap_core" / "report"
-    code = {name: digest for file in MADE_BY for name, digest in closure(views / file).items()}
+    core = PROJECT / "imocap_core"
+    code = {name: digest for file in MADE_BY for name, digest in closure(core / file).items()}
     results = {stage: stored[stage].digest for stage in NEEDED}
     content = [
         results,

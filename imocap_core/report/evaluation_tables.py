@@ -31,7 +31,7 @@ def evaluation_tables(
         *([round_table(refined, scores.rounds)] if len(refined.rounds) > 1 else []),
         video_table(keypoints, camera_motion, refined),
         *trust_tables(refined.sync),
-        observability_table(claimed),
+        observability_table(claimed, refined.sync),
         *uncertainty_tables(claimed, refined.motion.videos, truth, every),
     ]
 

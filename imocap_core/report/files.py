@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from imocap_core.artifacts.schemas import RefineSync, Table
+from imocap_core.artifacts.schemas import Table
 from imocap_core.report import table_text
 
 CONTENTS = "contents.json"
@@ -23,17 +23,15 @@ class Picture:
 
 @dataclass(frozen=True)
 class Contents:
-    """The head of the report's page: its title, one sentence, its pictures."""
+    """The head of the report's page: its title and its pictures."""
 
     title: str
-    lead: str
     pictures: tuple[Picture, ...]
 
 
 def write_report(
     folder: Path,
     title: str,
-    lead: str,
     tables: Sequence[Table],
     every: Table,
     pictures: Sequence[Picture],
@@ -41,10 +39,10 @@ def write_report(
     """Write contents.json, metrics.json and one CSV per table; returns the file names.
 
     Args:
-        lead: one sentence under the title. tables: shown on the page. every: the long table, for
-            programs only. pictures: files that are in the folder already.
+        tables: shown on the page. every: the long table, for programs only. pictures: files that
+            are in the folder already.
     """
-    contents = asdict(Contents(title, lead, tuple(pictures)))
+    contents = asdict(Contents(title, tuple(pictures)))
     files = {
         CONTENTS: json.dumps(contents, indent=1, ensure_ascii=False) + "\n",
         "metrics.json": table_text.json_text([*tables, every]),
@@ -55,15 +53,8 @@ def write_report(
     return sorted([*files, *(picture.file for picture in pictures)])
 
 
-def lead_of(refined: RefineSync) -> str:
-    """One sentence under the report's title: the number of videos, and how the loop ended."""
-    count = len(refined.sync.ids)
-    videos = "1 video" if count == 1 else f"{count} videos, reference {refined.sync.reference}"
-    return f"{videos}. The loop: {refined.status}."
-
-
 def read_contents(folder: Path) -> Contents:
     """The contents that `write_report` wrote. OSError or ValueError when they cannot be read."""
     fields = json.loads((folder / CONTENTS).read_text(encoding="utf-8"))
     pictures = tuple(Picture(p["file"], p["caption"]) for p in fields["pictures"])
-    return Contents(fields["title"], fields["lead"], pictures)
+    return Contents(fields["title"], pictures)

@@ -4,24 +4,21 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from imocap_core.artifacts.schemas import NearPair, Table, Uncertainty, WeakSpan
+from imocap_core.artifacts.schemas import NearPair, SyncSummary, Table, Uncertainty, WeakSpan
+from imocap_core.verdict.findings import listed
+from imocap_core.verdict.further_view import further_view
 
 FILE = "observability.md"
 SHOWN = 8  # spans listed on the report's page; observability.md lists all
-MIN_BENEFIT_RATIO = 1.5  # of the best side for one more camera to the worst, to name a side
-SIDES = (
-    *("in front", "front left", "left", "back left"),
-    *("behind", "back right", "right", "front right"),
-)  # every 45 degrees
 
 
-def sentences(claimed: Uncertainty, most: int | None = SHOWN) -> list[str]:
+def sentences(claimed: Uncertainty, sync: SyncSummary, most: int | None = SHOWN) -> list[str]:
     """Near-identical viewpoints, the most useful further viewpoint, and ill-determined spans.
 
     most: maximum number of spans, None for all.
     """
     lines = [_near(pair) for pair in claimed.near]
-    lines += _further(claimed)
+    lines += _further(claimed, sync)
     weak = claimed.weak if most is None else claimed.weak[:most]
     lines += [_weak(span) for span in weak]
     if len(weak) < len(claimed.weak):
@@ -34,31 +31,27 @@ def sentences(claimed: Uncertainty, most: int | None = SHOWN) -> list[str]:
     return lines
 
 
-def observability_table(claimed: Uncertainty) -> Table:
+def observability_table(claimed: Uncertainty, sync: SyncSummary) -> Table:
     """The sentences as a table of the report."""
     return Table(
         name="open",
         title="Observability",
         columns=["sentence"],
-        rows=[[sentence] for sentence in sentences(claimed)],
+        rows=[[sentence] for sentence in sentences(claimed, sync)],
     )
 
 
-def observability_markdown(title: str, claimed: Uncertainty) -> str:
+def observability_markdown(title: str, claimed: Uncertainty, sync: SyncSummary) -> str:
     """The whole observability report as a page."""
-    lines = "\n".join(f"* {sentence}" for sentence in sentences(claimed, most=None))
+    lines = "\n".join(f"* {sentence}" for sentence in sentences(claimed, sync, most=None))
     return f"# {title}: observability\n\n{claimed.status}\n\n{lines}\n"
 
 
-def write_observability(folder: Path, title: str, claimed: Uncertainty) -> str:
+def write_observability(folder: Path, title: str, claimed: Uncertainty, sync: SyncSummary) -> str:
     """Write the whole observability report into a folder; returns its file name."""
-    (folder / FILE).write_text(observability_markdown(title, claimed), encoding="utf-8")
+    text = observability_markdown(title, claimed, sync)
+    (folder / FILE).write_text(text, encoding="utf-8")
     return FILE
-
-
-def side_of(azimuth_deg: float) -> str:
-    """Name of a camera's side, from the performer's point of view."""
-    return SIDES[round(azimuth_deg / 45) % len(SIDES)]
 
 
 def _near(pair: NearPair) -> str:
@@ -70,24 +63,17 @@ def _near(pair: NearPair) -> str:
     )
 
 
-def _further(claimed: Uncertainty) -> list[str]:
-    if not claimed.viewpoints:
+def _further(claimed: Uncertainty, sync: SyncSummary) -> list[str]:
+    """The most useful further viewpoint, or why none is named."""
+    clause = further_view(claimed, sync)
+    if clause:
+        return [f"{clause[0].upper()}{clause[1:]}."]
+    treated = [i for i in sync.ids if i in {*sync.excluded, *sync.mirrored}]
+    if not treated or not claimed.viewpoints:
         return []
-    best = max(claimed.viewpoints, key=lambda v: v.reduction)
-    least = min(v.reduction for v in claimed.viewpoints)
-    if best.reduction < MIN_BENEFIT_RATIO * least:
-        return [
-            "One more camera would help about equally from every side: it would lower the summed "
-            f"variance of the common motion by {least:.0%} to {best.reduction:.0%}."
-        ]
-    if claimed.azimuth_from == "performer":
-        side = side_of(best.azimuth_deg)
-        place = f"at {best.azimuth_deg:.0f} degrees ({side} of the performer)"
-    else:
-        place = f"at {best.azimuth_deg:.0f} degrees around the performer from the reference camera"
     return [
-        f"One more camera would help most {place}: it would lower the summed variance of the "
-        f"common motion by {best.reduction:.0%}."
+        f"No side is suggested for one more camera: {listed(treated)} may show what is missing "
+        "(left out, or treated as mirrored)."
     ]
 
 

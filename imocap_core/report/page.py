@@ -12,10 +12,12 @@ from imocap_core.report import table_text
 from imocap_core.report.files import Contents, Picture
 from imocap_core.report.metric_glossary import GLOSSARY
 from imocap_core.report.sections import Section
+from imocap_core.verdict.findings import Verdict
 
 MIME = {".png": "image/png", ".jpg": "image/jpeg", ".webp": "image/webp"}
 STAMP = "imocap-made-from"
 COLUMNS = "Glossary of the columns"
+DETAILS = "Details of the verdict"
 
 STYLE = """
 :root { color-scheme: light; }
@@ -45,11 +47,19 @@ summary { cursor: pointer; color: #28588a; }
 dt { font-family: ui-monospace, monospace; font-size: .85rem; margin-top: .6rem; }
 dd { margin: 0 0 0 1.2rem; font-size: .88rem; }
 dt:target { background: #f3e6d5; }
+.verdict p { color: inherit; margin: .5rem 0; font-size: 1.05rem; }
+.verdict { border-left: 4px solid #3d8b5f; padding: .1rem 1rem; margin: .8rem 0; }
+.doubt { border-left-color: #c4622d; }
 """
 
 
 def html_page(
-    folder: Path, contents: Contents, parts: Sequence[Section], links: Iterable[str], stamp: str
+    folder: Path,
+    contents: Contents,
+    verdict: Verdict,
+    parts: Sequence[Section],
+    links: Iterable[str],
+    stamp: str,
 ) -> str:
     """One page that needs no other file. `links`: files in the folder that it links to."""
     titles = [*(p.title for p in parts), COLUMNS]
@@ -61,7 +71,7 @@ def html_page(
         f'<meta name="viewport" content="width=device-width">'
         f'<meta name="{STAMP}" content="{stamp}">'
         f"<title>{html.escape(contents.title)}</title><style>{STYLE}</style></head><body>\n"
-        f"<h1>{html.escape(contents.title)}</h1>\n<p>{html.escape(contents.lead)}</p>\n"
+        f"<h1>{html.escape(contents.title)}</h1>\n{_verdict(verdict)}"
         f"<nav>{nav}</nav>\n"
         + (f"<nav>Beside this page: {beside}</nav>\n" if beside else "")
         + "".join(_section(folder, part, glossary) for part in parts)
@@ -70,9 +80,12 @@ def html_page(
     )
 
 
-def markdown_page(contents: Contents, parts: Sequence[Section]) -> str:
+def markdown_page(contents: Contents, verdict: Verdict, parts: Sequence[Section]) -> str:
     """The same as Markdown, nothing folded, for a repository or a terminal."""
-    text = [f"# {contents.title}\n\n{contents.lead}\n"]
+    text = [f"# {contents.title}\n", *(f"{sentence}\n" for sentence in verdict.summary)]
+    if verdict.findings:
+        details = "\n".join(f"* {finding.sentence}" for finding in verdict.findings)
+        text.append(f"## {DETAILS}\n\n{details}\n")
     for part in parts:
         text.append(f"## {part.title}\n")
         if part.lead:
@@ -83,6 +96,16 @@ def markdown_page(contents: Contents, parts: Sequence[Section]) -> str:
         text += [f"![{p.caption}]({p.file})\n\n{p.caption}\n" for p in pictures]
         text += [table_text.markdown(table) for table in (*part.tables, *part.folded_tables)]
     return "\n".join(text)
+
+
+def _verdict(verdict: Verdict) -> str:
+    """The three sentences, and behind a click the findings."""
+    style = "verdict" if verdict.trusted else "verdict doubt"
+    summary = "".join(f"<p>{html.escape(sentence)}</p>" for sentence in verdict.summary)
+    findings = "".join(f"<li>{html.escape(f.sentence)}</li>" for f in verdict.findings)
+    details = f"<details{' open' * (not verdict.trusted)}><summary>{DETAILS}</summary>"
+    details += f"<ul>{findings}</ul></details>\n"
+    return f'<div class="{style}">{summary}</div>\n' + (details if findings else "")
 
 
 def _section(folder: Path, part: Section, glossary: dict[str, str]) -> str:

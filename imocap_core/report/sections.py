@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from imocap_core.artifacts.schemas import Table
 from imocap_core.report.files import Picture
+from imocap_core.report.shown_tables import grouped_reasons, headline, of_single_video
 
 SENTENCES = "open"  # the table of the observability report's sentences
 PROGRAMS = "metrics"  # the long table, for programs only
+SCORED = "mpjpe_mm"  # a column that is there when the truth is
 
 
 @dataclass(frozen=True)
@@ -90,32 +92,32 @@ PLANS = (
     Plan("Time", "", (), ("timings",)),
     Plan("Not scored", "", (), ("unscored",)),
 )
+LEADS_OF_ONE = {
+    "Summary": "",
+    "Motion": "The estimate from one video fits its picture; its depth rests on the pose prior.",
+}
+LEADS_OF_TWO = {
+    "Synchronisation": "Frames are matched by their poses. A third video would check the matches: "
+    "a round trip over three must end at its start.",
+}
+NO_TRUTH = "The same moments"  # title of the first section where nothing is scored
 REST = "Other"
-HEADLINE = (
-    "result",
-    "mpjpe_mm",
-    "mpjpe_24_mm",
-    "mpjpe_scaled_mm",
-    "pa_mpjpe_mm",
-    "acceleration_error_m_s2",
-    "root_path_error_mm",
-    "camera_rotation_error_deg",
-    "sync_error_pct",
-    "sync_error_frames",
-    "matched_share",
-    "cycle_residual_frames",
-    "reprojection_px",
-)
-"""Columns of the summary that the page shows; its CSV file has all."""
 
 
-def sections(tables: Sequence[Table], pictures: Sequence[Picture]) -> list[Section]:
-    """The sections in order; content that no plan names comes last. Empty sections are omitted."""
-    by_name = {t.name: _headline(t) for t in tables if t.name != PROGRAMS}
+def sections(
+    tables: Sequence[Table], pictures: Sequence[Picture], videos: int = 3
+) -> list[Section]:
+    """The sections in order; content that no plan names comes last. Empty sections are omitted.
+
+    videos: of the action; with one or two of them some introductions differ, and with one there is
+    nothing to compare.
+    """
+    shown = [_shown(t, videos) for t in tables if t.name != PROGRAMS]
+    by_name = {t.name: t for t in shown}
     left = list(pictures)
     filled = []
-    for plan in PLANS:
-        shown = _taken(left, plan.pictures)
+    for plan in plans_for(by_name, videos):
+        opened = _taken(left, plan.pictures)
         folded = _taken(left, plan.folded)
         named = [by_name.pop(name) for name in plan.tables if name in by_name]
         sentences = [str(row[0]) for t in named if t.name == SENTENCES for row in t.rows]
@@ -124,7 +126,7 @@ def sections(tables: Sequence[Table], pictures: Sequence[Picture]) -> list[Secti
                 plan.title,
                 plan.lead,
                 sentences,
-                shown,
+                opened,
                 [t for t in named if t.name != SENTENCES],
                 folded,
                 [by_name.pop(name) for name in plan.folded if name in by_name],
@@ -134,17 +136,23 @@ def sections(tables: Sequence[Table], pictures: Sequence[Picture]) -> list[Secti
     return [section for section in filled if not section.empty]
 
 
-def _headline(table: Table) -> Table:
-    """The columns of a table that the page shows."""
-    if table.name != "summary":
-        return table
-    shown = [table.columns.index(name) for name in HEADLINE if name in table.columns]
-    return table.model_copy(
-        update={
-            "columns": [table.columns[i] for i in shown],
-            "rows": [[row[i] for i in shown] for row in table.rows],
-        }
-    )
+def plans_for(tables: Mapping[str, Table], videos: int) -> list[Plan]:
+    """The plans, with the introductions of so few videos; without truth there is no summary, whose
+    table then only has what `Motion` shows."""
+    leads = {1: LEADS_OF_ONE, 2: LEADS_OF_TWO}.get(videos, {})
+    plans = [replace(plan, lead=leads.get(plan.title, plan.lead)) for plan in PLANS]
+    if SCORED in getattr(tables.get("summary"), "columns", [SCORED]):
+        return plans
+    plans[0] = replace(plans[0], title=NO_TRUTH, lead="", tables=())
+    motion = next(k for k, plan in enumerate(plans) if plan.title == "Motion")
+    plans[motion] = replace(plans[motion], folded=("summary", *plans[motion].folded))
+    return plans
+
+
+def _shown(table: Table, videos: int) -> Table:
+    """A table as the page shows it."""
+    table = grouped_reasons(headline(table))
+    return of_single_video(table) if videos == 1 else table
 
 
 def _taken(left: list[Picture], beginnings: Sequence[str]) -> list[Picture]:

@@ -11,10 +11,10 @@ from imocap_core.artifacts.schemas import (
     Keypoints,
     RefineSync,
     Table,
-    VideoKeypoints,
 )
 from imocap_core.metrics.body_scoring import BODY_METRICS
 from imocap_core.metrics.scoring import ALL_VIDEOS, SYNC_METRICS, ScoreRow
+from imocap_core.verdict.detections import remarks
 
 Cell = str | bool | int | float | None
 
@@ -111,8 +111,9 @@ def round_table(refined: RefineSync, errors: Sequence[Mapping[str, float]]) -> T
     return Table(
         name="rounds",
         title="The loop, round by round (0: the single pass)",
-        columns=["round", "kept", "cost", "moved_frames", *metrics],
+        columns=["round", "result", "cost", "moved_frames", *metrics],
         rows=rows,
+        note=f"The alternation {refined.status}.",
     )
 
 
@@ -143,12 +144,6 @@ def video_table(keypoints: Keypoints, camera_motion: CameraMotion, refined: Refi
     columns += ["focal_px", "focal", "solved_focal_px", "matched_share"]
     note = " ".join(f"{v.id}: {remark}." for v in keypoints.videos for remark in remarks(v))
     return Table(name="videos", title="The videos", columns=columns, rows=rows, note=note)
-
-
-def remarks(video: VideoKeypoints) -> list[str]:
-    """The parts of a video's note on cuts, given tracks and swapped sides."""
-    parts = video.note.split("; ")
-    return [part for part in parts if part.startswith(("a new shot", "track ", "left and right"))]
 
 
 def long_table(rows: Sequence[ScoreRow]) -> Table:

@@ -25,6 +25,9 @@ from imocap_core.report.page import html_page, markdown_page
 from imocap_core.report.page_figures import draw_page_figures
 from imocap_core.report.page_files import PAGE, TEXT
 from imocap_core.report.sections import sections
+from imocap_core.result.artifacts import artifacts_of_stages
+from imocap_core.result.verdict import verdict_of_artifacts
+from imocap_core.verdict.verdict_file import FILE, verdict_text
 from imocap_core.workspace import video_files
 
 
@@ -37,7 +40,7 @@ def write_page(
     beside: Sequence[str],
     stamp: str,
 ) -> None:
-    """Draw the page's figures and write the page, as HTML and as Markdown.
+    """Draw the page's figures and write the page, as HTML and as Markdown, and the verdict.
 
     Args:
         single: smpl_ba's result with one motion for all videos. seconds: of each stage. beside:
@@ -60,10 +63,16 @@ def write_page(
     contents = read_contents(folder)
     frames = sum(len(video.frames) for video in keypoints.videos)
     every = [*evaluated.tables, timing_table(seconds, frames)]
-    parts = sections(every, [*contents.pictures, *pictures])
-    (folder / TEXT).write_text(markdown_page(contents, parts), encoding="utf-8", newline="\n")
-    page = html_page(folder, contents, parts, beside, stamp)
-    (folder / PAGE).write_text(page, encoding="utf-8", newline="\n")
+    parts = sections(every, [*contents.pictures, *pictures], len(keypoints.videos))
+    verdict = verdict_of_artifacts(artifacts_of_stages(job.action.name, stored))
+    assert verdict is not None
+    files = {
+        FILE: verdict_text(verdict),
+        TEXT: markdown_page(contents, verdict, parts),
+        PAGE: html_page(folder, contents, verdict, parts, beside, stamp),
+    }
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8", newline="\n")
 
 
 def sheet_videos_of(job: Job, stored: Mapping[str, Stored], model: Model) -> list[SheetVideo]:
@@ -83,6 +92,8 @@ def sheet_results_of(stored: Mapping[str, Stored], single: Stored | None) -> lis
     cameras = stored["camera_motion"].decode(CameraMotion).videos
     initial = stored["initial_smpl"].decode(InitialSmpl).videos
     results = [SheetResult("initial\n(monocular)", initial, {c.id: c.K for c in cameras})]
+    if len(initial) == 1:
+        return results  # there is nothing to compare
     solved = {"all videos,\nsingle pass": stored["smpl_ba"].decode(SmplBa)}
     if single is not None:
         solved = {"single model\n(one motion)": single.decode(SmplBa), **solved}

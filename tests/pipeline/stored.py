@@ -71,7 +71,7 @@ def put(root: Path, made: Made, filmed: tuple[str, ...] = ()) -> None:
 
 def _contents() -> bytes:
     """The index of a report without pictures."""
-    return json.dumps({"title": NAME, "lead": "made", "pictures": []}).encode()
+    return json.dumps({"title": NAME, "pictures": []}).encode()
 
 
 def _summary(sync: SyncSummary) -> SyncSummary:

@@ -18,9 +18,14 @@ from imocap_core.report.metric_glossary import GLOSSARY
 from imocap_core.report.page import html_page, markdown_page
 from imocap_core.report.sections import sections
 from imocap_core.report.tables import long_table, metric_tables
+from imocap_core.verdict.findings import Finding, Verdict
 from tests.report.made import Made
 
 DOCS = Path(__file__).parents[2] / "docs"
+VERDICT = Verdict(
+    ("Three videos are synchronised.", "Do not trust v1 <here>."),
+    (Finding("feet", "v1", "the foot slides", "sliding", "", 3, 9),),
+)
 NOT_METRICS = {"ms_per_frame", "seconds", "cost"}
 
 
@@ -33,9 +38,7 @@ def _table(name: str, *columns: str) -> Table:
 def _page(tmp_path: Path) -> tuple[str, str]:
     for name in ("moments.jpg", "cycle.jpg", "overlay_v1.jpg", "new.png"):
         (tmp_path / name).write_bytes(name.encode())
-    contents = Contents(
-        "waving <b>", "three videos", (Picture("moments.jpg", "The same moments."),)
-    )
+    contents = Contents("waving <b>", (Picture("moments.jpg", "The same moments."),))
     pictures = [
         *contents.pictures,
         Picture("overlay_v1.jpg", "v1 over its frames."),
@@ -50,8 +53,8 @@ def _page(tmp_path: Path) -> tuple[str, str]:
         _table("metrics", "result", "value"),
     ]
     parts = sections(tables, pictures)
-    page = html_page(tmp_path, contents, parts, ["viewer.html"], "abc123")
-    return page, markdown_page(contents, parts)
+    page = html_page(tmp_path, contents, VERDICT, parts, ["viewer.html"], "abc123")
+    return page, markdown_page(contents, VERDICT, parts)
 
 
 def test_the_page_holds_its_pictures_and_names_no_other_file(tmp_path: Path) -> None:
@@ -83,7 +86,36 @@ def test_nothing_is_lost_and_the_unplanned_comes_last(tmp_path: Path) -> None:
     assert "![Round and back.](cycle.jpg)" in text
     assert text.index("## Synchronisation") > text.index("## Summary")
     folded = re.findall(r"<summary>(.*?)</summary>", page)
-    assert folded == ["About trust", "v1 over its frames."]
+    assert folded == ["Details of the verdict", "About trust", "v1 over its frames."]
+
+
+def test_the_verdict_comes_first(tmp_path: Path) -> None:
+    page, text = _page(tmp_path)
+    assert text.startswith("# waving <b>\n\nThree videos are synchronised.\n\nDo not trust v1")
+    assert text.index("v1 frames 3-9: the foot slides.") < text.index("## Summary")
+    assert "Do not trust v1 &lt;here&gt;." in page
+    assert page.index("Three videos are synchronised.") < page.index("<nav>")
+
+
+def test_without_truth_nothing_is_summed_up_and_reasons_are_given_once() -> None:
+    reasons = Table(
+        name="unscored",
+        title="Not scored",
+        columns=["metric", "reason"],
+        rows=[["a_mm", "no truth"], ["b_mm", "no truth"], ["c", "one video"]],
+    )
+    parts = sections([_table("summary", "result", "reprojection_px"), reasons], [])
+    assert [part.title for part in parts] == ["Motion", "Not scored"]
+    assert [t.name for t in parts[0].folded_tables] == ["summary"]
+    assert parts[1].tables[0].rows == [["no truth", "a_mm, b_mm"], ["one video", "c"]]
+
+
+def test_a_single_video_is_not_compared_with_itself() -> None:
+    rows = [["v1", "monocular", 1.0], ["v1", "after loop", 1.0], ["all videos", "after loop", 1.0]]
+    pose = Table(name="pose", title="", columns=["video", "result", "reprojection_px"], rows=rows)
+    (part,) = sections([pose], [], videos=1)
+    assert part.tables[0].rows == [["v1", "result", 1.0]]
+    assert "together" not in part.lead
 
 
 def test_every_metric_is_explained_and_documented() -> None:
@@ -101,8 +133,8 @@ def test_every_metric_is_explained_and_documented() -> None:
 
 def test_contents_come_back_as_written(tmp_path: Path) -> None:
     pictures = [Picture("a.png", "An ä.")]
-    files = write_report(tmp_path, "t", "lead", [], _table("metrics", "value"), pictures)
-    assert read_contents(tmp_path) == Contents("t", "lead", tuple(pictures))
+    files = write_report(tmp_path, "t", [], _table("metrics", "value"), pictures)
+    assert read_contents(tmp_path) == Contents("t", tuple(pictures))
     assert set(files) == {"a.png", "contents.json", "metrics.csv", "metrics.json"}
 
 

@@ -12,7 +12,6 @@ from imocap_core.report.observability_text import (
     observability_markdown,
     observability_table,
     sentences,
-    side_of,
 )
 from imocap_core.report.uncertainty_tables import uncertainty_tables
 from tests.report.made import Made
@@ -36,7 +35,7 @@ def span(video: str, sigma_mm: float) -> WeakSpan:
 
 
 def test_a_joint_is_named_with_its_time(made: Made) -> None:
-    lines = sentences(changed(made, weak=[span("v2", 85.0)]))
+    lines = sentences(changed(made, weak=[span("v2", 85.0)]), made.refined.sync)
     assert (
         "v2: left wrist from 1.2 to 1.9 s (frames 36 to 57): 85 mm, 4.2 times the action's median."
         in lines
@@ -47,38 +46,34 @@ def test_a_joint_is_named_with_its_time(made: Made) -> None:
 @pytest.mark.parametrize(("across", "constraint"), [(False, "priors"), (True, "the other videos")])
 def test_near_identical_views_are_called_by_name(made: Made, across: bool, constraint: str) -> None:
     pair = NearPair(videos=["v2", "v3"], angle_deg=8.2, seen_across=across)
-    assert sentences(changed(made, near=[pair]))[0] == (
+    assert sentences(changed(made, near=[pair]), made.refined.sync)[0] == (
         "v2 and v3 show the performer from nearly the same side (8 degrees apart): depth along "
         f"their line of sight depends on {constraint}."
     )
 
 
 def test_a_missing_side_is_suggested_where_one_stands_out(made: Made) -> None:
-    views = [Viewpoint(azimuth_deg=a, reduction=r) for a, r in ((0, 0.1), (90, 0.46), (180, 0.2))]
-    line = sentences(changed(made, viewpoints=views))[0]
-    assert "at 90 degrees (left of the performer)" in line
-    assert "by 46%" in line
-    line = sentences(changed(made, viewpoints=views, azimuth_from="camera"))[0]
-    assert "at 90 degrees around the performer from the reference camera" in line
-    even = [v.model_copy(update={"reduction": 0.2}) for v in views]
-    line = sentences(changed(made, viewpoints=even))[0]
-    assert line.startswith("One more camera would help about equally from every side")
+    views = [Viewpoint(azimuth_deg=a, reduction=r) for a, r in ((0, 0.1), (90, 0.51), (180, 0.2))]
+    line = sentences(changed(made, viewpoints=views), made.refined.sync)[0]
+    assert line == (
+        "One more video would help most from the performer's left: expected errors about 30% "
+        "smaller."
+    )
+    left_out = made.refined.sync.model_copy(update={"excluded": ["v3"]})
+    line = sentences(changed(made, viewpoints=views[:1]), left_out)[0]
+    assert line.startswith("No side is suggested for one more camera: v3 may show what is missing")
 
 
 def test_the_page_names_the_worst_and_the_file_all(made: Made) -> None:
     weak = [span("v1", 100.0 - k) for k in range(SHOWN + 3)]
     claimed = changed(made, weak=weak)
-    assert sum("left wrist" in s for s in sentences(claimed)) == SHOWN
-    assert "observability.md lists 3 more spans." in sentences(claimed)
-    page = observability_markdown("yoga", claimed)
+    assert sum("left wrist" in s for s in sentences(claimed, made.refined.sync)) == SHOWN
+    assert "observability.md lists 3 more spans." in sentences(claimed, made.refined.sync)
+    page = observability_markdown("yoga", claimed, made.refined.sync)
     assert page.count("left wrist") == SHOWN + 3
     assert page.startswith("# yoga: observability")
-    assert [row[0] for row in observability_table(claimed).rows] == sentences(claimed)
-
-
-def test_sides_are_named_as_the_performer_sees_them() -> None:
-    sides = [side_of(a) for a in (0, 90, 180, 270, 359)]
-    assert sides == ["in front", "left", "behind", "right", "in front"]
+    table = observability_table(claimed, made.refined.sync)
+    assert [row[0] for row in table.rows] == sentences(claimed, made.refined.sync)
 
 
 def test_without_truth_claims_stand_alone(made: Made) -> None:

@@ -16,7 +16,7 @@ class VideoUncertainty(Value):
     depth_mm: Annotated[Floats, Shape("T", 24)]  # along the line of sight to the performer
     across_mm: Annotated[Floats, Shape("T", 24)]  # the two directions across it together
     covariance_mm2: Annotated[Floats32, Shape("T", 24, 3, 3)]
-    azimuth_deg: float  # where its camera stands about the performer; NaN when excluded
+    azimuth_deg: float  # of its camera about the performer; excluded: by its own motion, or NaN
 
 
 class WeakSpan(Value):

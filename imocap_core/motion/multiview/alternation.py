@@ -66,21 +66,23 @@ def alternate(
     """
     rounds = [first]
     settled: S | None = None
-    status = f"stopped after {max_rounds} rounds while the correspondences still moved"
+    status = f"stopped after {max_rounds} rounds, before the correspondences converged"
     if max_rounds == 0:
-        status = "no rounds asked for: the single pass stands"
-    for number in range(1, max_rounds + 1):
+        status = "has no rounds"
+    for _ in range(max_rounds):
         sync = synchronise(rounds[-1].motion)
         change = mean_change(maps(rounds[-1].sync), maps(sync))
         if change < settled_frames:
-            status = f"settled after {number - 1} rounds (moved {change:.2f} frames)"
+            status = f"converged: one more round moves the correspondences by {change:.2f} frames"
             settled = sync
             break
         motion = recover(sync, rounds[-1].motion)
         rounds.append(LoopRound(sync, motion, cost(motion), change))
     best = _best_round(rounds, [matched_share(maps(r.sync)) for r in rounds])
     final = settled if settled is not None and best == len(rounds) - 1 else rounds[best].sync
-    return Alternation(rounds, best, final, f"{status}; round {best} is kept")
+    words = f"round {best}" if best else "the first joint solve"
+    lost = "" if best == len(rounds) - 1 else ", because later ones fit worse or match less"
+    return Alternation(rounds, best, final, f"{status}; the result is that of {words}{lost}")
 
 
 def _best_round(rounds: Sequence[LoopRound[S, M]], shares: Sequence[float]) -> int:

@@ -1,0 +1,57 @@
+"""The verdict on an action, from its artifacts."""
+
+from __future__ import annotations
+
+from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync, Uncertainty
+from imocap_core.verdict.agreement import disagreement_s, timing_findings, timing_sentence
+from imocap_core.verdict.body_findings import body_findings, feet_findings
+from imocap_core.verdict.collapse_findings import collapse_findings
+from imocap_core.verdict.decisions import decision_findings
+from imocap_core.verdict.detections import camera_findings, detection_findings
+from imocap_core.verdict.findings import Verdict
+from imocap_core.verdict.further_view import further_view
+from imocap_core.verdict.summary import summary_of
+from imocap_core.verdict.take_findings import take_findings
+from imocap_core.verdict.weak_joints import least_certain, weak_findings
+
+ORDER = (
+    *("same take", "decision", "time", "body", "detection", "feet", "camera"),
+    *("joints", "remark"),
+)
+
+
+def verdict_of(
+    keypoints: Keypoints,
+    camera_motion: CameraMotion | None,
+    refined: RefineSync,
+    claimed: Uncertainty | None,
+) -> Verdict:
+    """What a person must know about a result. Nothing here knows the truth.
+
+    camera_motion, claimed: None where that stage has not run; then nothing is said about it.
+    """
+    sync, motion = refined.sync, refined.motion
+    videos = {video.id: video for video in keypoints.videos}
+    cameras = [] if camera_motion is None else camera_motion.videos
+    findings = [
+        *decision_findings(sync),
+        *take_findings(keypoints.videos),
+        *collapse_findings(sync, videos),
+        *timing_findings(sync, keypoints.videos),
+        *body_findings(motion, sync, videos),
+        *detection_findings(keypoints.videos),
+        *feet_findings(motion.videos, videos, cameras),
+        *camera_findings(cameras),
+        *([] if claimed is None else weak_findings(claimed)),
+    ]
+    findings.sort(key=lambda f: ORDER.index(f.kind))
+    return Verdict(
+        summary_of(
+            timing_sentence(sync, videos[sync.reference].fps),
+            findings,
+            "" if claimed is None else least_certain(claimed),
+            "" if claimed is None else further_view(claimed, sync),
+        ),
+        tuple(findings),
+        disagreement_s(sync),
+    )

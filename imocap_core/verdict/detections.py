@@ -1,0 +1,81 @@
+"""Warnings of the detections, the people and the cameras."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from imocap_core.artifacts.schemas import VideoCameraMotion, VideoKeypoints
+from imocap_core.verdict.findings import Finding
+from imocap_core.verdict.spans import runs
+
+MISSING_S = 0.5
+EXCHANGED_SHARE = 0.2  # of the frames: more says that the detector takes backs for fronts
+RIVAL_RATIO = 1.5  # of the performer's score to the next one's
+
+
+def detection_findings(videos: Sequence[VideoKeypoints]) -> list[Finding]:
+    """Long stretches without a person, cuts, exchanged sides, other people."""
+    return [f for video in videos for f in (*_missing(video), *_of_note(video))]
+
+
+def camera_findings(cameras: Sequence[VideoCameraMotion]) -> list[Finding]:
+    """Cameras that move from their place, which the method does not model."""
+    return [
+        Finding(
+            "camera",
+            camera.id,
+            f"the camera moves from its place, and only turning and zooming are modelled "
+            f"({camera.note or f'{camera.residual_px:.1f} px from a pure rotation'})",
+            "the camera moves",
+            "its path and place in the world are unreliable",
+        )
+        for camera in cameras
+        if camera.motion == "translating"
+    ]
+
+
+def remarks(video: VideoKeypoints) -> list[str]:
+    """The parts of a video's note on cuts, given tracks and swapped sides."""
+    parts = video.note.split("; ")
+    return [part for part in parts if part.startswith(("a new shot", "track ", "left and right"))]
+
+
+def _missing(video: VideoKeypoints) -> list[Finding]:
+    nobody = np.asarray((video.confidence > 0).sum(axis=1) == 0)
+    return [
+        Finding(
+            "detection",
+            video.id,
+            f"nobody is detected for {(b - a + 1) / video.fps:.1f} s; the motion there is a guess",
+            "nobody detected",
+            "",
+            int(video.frames[a]),
+            int(video.frames[b]),
+        )
+        for a, b in runs(nobody, max(2, round(MISSING_S * video.fps)))
+    ]
+
+
+def _of_note(video: VideoKeypoints) -> list[Finding]:
+    findings = []
+    for part in remarks(video):
+        count = re.match(r"left and right .* in (\d+) frames", part)
+        if part.startswith("a new shot"):
+            findings.append(Finding("detection", video.id, part, "several shots in one video"))
+        elif count is None:
+            findings.append(Finding("remark", video.id, part, part))
+        elif int(count[1]) > EXCHANGED_SHARE * len(video.frames):
+            text = f"the detector exchanged left and right of a limb {count[1]} times (undone)"
+            text += "; it may have taken the back for the front elsewhere"
+            findings.append(Finding("detection", video.id, text, "left and right uncertain"))
+    rival = re.search(r"scores ([\d.]+) times the next", video.note)
+    if rival is not None and float(rival[1]) < RIVAL_RATIO:
+        text = "another person in the picture scores nearly as high as the one that was followed"
+        advice = (
+            "`imocap people` lists everybody, `person: {track: 2}` in action.yaml takes the second"
+        )
+        findings.append(Finding("remark", video.id, text, "another person", advice))
+    return findings

@@ -1,0 +1,52 @@
+"""The three sentences of a verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from imocap_core.verdict.findings import Finding, listed
+
+NAMED = 3  # parts that the second sentence names
+
+
+def summary_of(
+    timing: str, findings: Sequence[Finding], least_certain: str, further: str
+) -> tuple[str, ...]:
+    """How well synchronised, what not to trust, what to do next.
+
+    Args:
+        timing: the first sentence.
+        findings: the most serious first.
+        least_certain, further: clauses on the least certain joint and on what to film; or empty.
+    """
+    serious = [finding for finding in findings if finding.serious]
+    second = distrust(serious) or _nothing_found(least_certain)
+    return tuple(s for s in (timing, second, next_step(serious, further)) if s)
+
+
+def distrust(serious: Sequence[Finding]) -> str:
+    """A sentence that names the parts not to be trusted, and why; empty when there are none."""
+    if not serious:
+        return ""
+    parts = list(dict.fromkeys(_part(finding) for finding in serious))
+    more = len(parts) - NAMED
+    named = parts[:NAMED] + ([f"{more} more part{'s' * (more > 1)}"] if more > 0 else [])
+    return f"Do not trust {listed(named)}."
+
+
+def next_step(serious: Sequence[Finding], further: str) -> str:
+    """A sentence on what to do: the first remedy, else what to film."""
+    remedy = next((f"{f.video}: {f.remedy}" for f in serious if f.remedy), "")
+    if remedy and any(f.kind == "decision" for f in serious):
+        further = ""  # first settle what was left out or mirrored
+    steps = [step for step in (remedy, further) if step]
+    return f"Next: {'; then '.join(steps)}." if steps else ""
+
+
+def _nothing_found(least_certain: str) -> str:
+    end = f"; {least_certain}" if least_certain else ""
+    return f"Nothing was found that speaks against the result{end}."
+
+
+def _part(finding: Finding) -> str:
+    return f"{finding.place or 'the result'} ({finding.brief})"

@@ -1,0 +1,41 @@
+"""Recordings that are there twice, named."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+from imocap_core.artifacts.schemas import VideoKeypoints
+from imocap_core.verdict.findings import Finding
+from imocap_core.verdict.limbs import TWINS, limbs_px
+from imocap_core.verdict.same_take import SameTake, same_take
+
+
+def take_findings(videos: Sequence[VideoKeypoints]) -> list[Finding]:
+    """Videos that repeat another video's recording."""
+    findings = []
+    repeating: set[str] = set()
+    for first, second in combinations(videos, 2):
+        if second.id in repeating:
+            continue
+        fps = (second.fps, first.fps)
+        take = same_take(limbs_px(second), limbs_px(first), fps, TWINS)
+        if take is not None:
+            repeating.add(second.id)
+            findings.append(_take_finding(second, first, take))
+    return findings
+
+
+def _take_finding(video: VideoKeypoints, other: VideoKeypoints, take: SameTake) -> Finding:
+    speed = take.rate * video.fps / other.fps
+    how = [] if 0.97 < speed < 1.03 else [f"played at {speed:.2g} times its speed"]
+    how += ["mirrored"] if take.mirrored else []
+    again = f" ({', '.join(how)})" if how else ""
+    return Finding(
+        "same take",
+        video.id,
+        f"the same recording as {other.id}{again}: it adds no view, and what both agree on is no "
+        "confirmation",
+        f"the same recording as {other.id}",
+        f"remove it or {other.id} from action.yaml",
+    )

@@ -1,0 +1,50 @@
+"""One video file given twice is noticed by its content."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from imocap_core.library.new_action import repetitions_of
+from imocap_core.pipeline.action import Action, Declaration
+from imocap_core.pipeline.repeated_files import repeated_files
+
+
+def action(folder: Path, *frames: tuple[int, int] | None) -> Action:
+    """Videos a, b, ... of equal content, and one of another."""
+    for name in "abcdx"[: len(frames)]:
+        (folder / f"{name}.mp4").write_bytes(b"the same")
+    (folder / "other.mp4").write_bytes(b"another")
+    videos = [
+        Declaration(id=name, video=f"{name}.mp4", keypoints="detect", frames=span)
+        for name, span in zip("abcdx", frames, strict=False)
+    ]
+    videos.append(Declaration(id="other", video="other.mp4", keypoints="detect"))
+    return Action(folder, "made", tuple(videos))
+
+
+@pytest.mark.parametrize(
+    ("spans", "count"),
+    [
+        ((None, None), 1),
+        ((None, (0, 9)), 1),
+        (((0, 10), (9, 20)), 1),
+        (((0, 10), (10, 20)), 0),  # two parts of a long clip
+        ((None, None, None), 3),
+    ],
+)
+def test_equal_content_with_common_frames_is_reported(
+    tmp_path: Path, spans: tuple[tuple[int, int] | None, ...], count: int
+) -> None:
+    lines = repeated_files(action(tmp_path, *spans))
+    assert len(lines) == count
+    assert all("is the same file as a" in line or "as b" in line for line in lines)
+    assert not any("other" in line for line in lines)
+
+
+def test_init_reports_equal_files(tmp_path: Path) -> None:
+    action(tmp_path, None, None)
+    files = [tmp_path / f"{name}.mp4" for name in ("a", "other", "b")]
+    (line,) = repetitions_of(files)
+    assert line.startswith(f"{files[2]} is the same file as {files[0]}")

@@ -1,0 +1,184 @@
+"""The verdict: three sentences at most, every finding with its place and its remedy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from imocap_core.artifacts.schemas import (
+    CycleTriple,
+    Keypoints,
+    RefineSync,
+    SyncTrust,
+    Uncertainty,
+    VideoTrust,
+    Viewpoint,
+)
+from imocap_core.verdict.action_verdict import verdict_of
+from imocap_core.verdict.agreement import DOUBTFUL_S
+from imocap_core.verdict.findings import SENTENCES, Verdict, listed
+from imocap_core.verdict.further_view import further_view, side_of
+from imocap_core.verdict.verdict_file import read_verdict, verdict_text
+from tests.report.made import FPS, Made
+
+
+def judged(made: Made, *, keypoints: Keypoints | None = None, **sync: Any) -> Verdict:
+    """The verdict on the made scene with some fields of its synchronisation changed."""
+    return verdict_of(
+        keypoints or made.keypoints, made.camera_motion, with_sync(made, **sync), made.claimed
+    )
+
+
+def with_sync(made: Made, **sync: Any) -> RefineSync:
+    """The made result with trust, and changed fields of its synchronisation."""
+    trust = {"trust": trusted(made)} | sync
+    return made.refined.model_copy(update={"sync": made.refined.sync.model_copy(update=trust)})
+
+
+def trusted(made: Made, left_out_s: float = 0.01, score: float = 0.5) -> SyncTrust:
+    """Phases as they are; round trips and left-out maps that agree within `left_out_s`."""
+    return SyncTrust(
+        videos=[
+            VideoTrust(
+                id=name,
+                phase_s=frames / FPS,
+                outlier_score=score,
+                mirror_margin=0.2,
+                left_out_frames=left_out_s * FPS,
+                left_out_s=left_out_s,
+                left_out_share=1.0,
+            )
+            for name, frames in zip(made.ids, made.frames, strict=True)
+        ],
+        triples=[
+            CycleTriple(videos=made.ids, frames=left_out_s * FPS, seconds=left_out_s, share=1.0)
+        ],
+    )
+
+
+def views(made: Made, azimuths: list[float], reductions: dict[float, float]) -> Uncertainty:
+    """The claims with cameras at these azimuths and these benefits of one more."""
+    videos = [
+        v.model_copy(update={"azimuth_deg": a})
+        for v, a in zip(made.claimed.videos, azimuths, strict=True)
+    ]
+    further = [Viewpoint(azimuth_deg=a, reduction=r) for a, r in reductions.items()]
+    return made.claimed.model_copy(update={"videos": videos, "viewpoints": further})
+
+
+def test_a_good_result_is_called_so(made: Made) -> None:
+    verdict = judged(made)
+    assert verdict.trusted
+    assert verdict.summary[0].startswith("3 videos are synchronised")
+    assert "10 ms (0.3 frames)" in verdict.summary[0]
+    assert "Nothing was found" in verdict.summary[1]
+    assert verdict.disagreement_s == pytest.approx(0.01)
+
+
+def test_contradicting_times_are_doubted(made: Made) -> None:
+    verdict = judged(made, trust=trusted(made, left_out_s=2 * DOUBTFUL_S))
+    assert not verdict.trusted
+    assert verdict.summary[0].startswith("The timing is doubtful")
+    assert "200 ms" in verdict.summary[0]
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_few_videos_are_not_called_checked(count: int) -> None:
+    verdict = judged(Made(count))
+    assert "nothing checks" in verdict.summary[0]
+    assert verdict.disagreement_s is None
+
+
+def test_a_video_left_out_is_named_with_the_way_back(made: Made) -> None:
+    verdict = judged(made, excluded=["v3"], trust=trusted(made, score=1.4))
+    assert verdict.summary[0].startswith("v1 and v2 are matched")
+    assert "v3 (left out as another action)" in verdict.summary[1]
+    assert "--set sync.outliers=report" in verdict.summary[2]
+    assert "one more video" not in verdict.summary[2]
+
+
+def test_a_mirrored_video_is_named_with_the_way_back(made: Made) -> None:
+    verdict = judged(made, mirrored=["v2"])
+    assert "v2 (treated as mirrored)" in verdict.summary[1]
+    assert "`mirrored: false` below `id: v2`" in verdict.summary[2]
+
+
+def test_a_mirroring_that_the_user_declared_is_no_doubt(made: Made) -> None:
+    notes = ["v2 is declared mirrored: treated as its mirror image"]
+    assert not any(
+        f.kind == "decision" for f in judged(made, mirrored=["v2"], notes=notes).findings
+    )
+
+
+def test_what_was_left_out_is_no_missing_viewpoint(made: Made) -> None:
+    claimed = views(made, [0.0, 10.0, 95.0], {0.0: 0.1, 90.0: 0.5, 180.0: 0.2})
+    assert "the performer's left" in further_view(claimed, made.refined.sync)
+    out = made.refined.sync.model_copy(update={"excluded": ["v3"]})
+    assert "performer's left" not in further_view(claimed, out)
+    flipped = made.refined.sync.model_copy(update={"mirrored": ["v3"]})
+    assert "performer's left" not in further_view(claimed, flipped)
+    unknown = views(made, [0.0, 10.0, np.nan], {0.0: 0.1, 90.0: 0.5})
+    assert further_view(unknown, out) == ""
+
+
+def test_a_side_is_named_only_where_one_stands_out(made: Made) -> None:
+    even = views(made, [0.0] * 3, dict.fromkeys((0.0, 90.0, 180.0), 0.36))
+    assert further_view(even, made.refined.sync) == (
+        "one more video from any side would make the expected errors about 20% smaller"
+    )
+    one_side = views(made, [0.0] * 3, {0.0: 0.1, 180.0: 0.36})
+    assert "from behind" in further_view(one_side, made.refined.sync)
+    by_camera = one_side.model_copy(update={"azimuth_from": "camera"})
+    assert "180 degrees around the performer" in further_view(by_camera, made.refined.sync)
+
+
+def test_sides_are_named_as_the_performer_sees_them() -> None:
+    sides = [side_of(a) for a in (0, 90, 180, 270, 359)]
+    assert sides == ["in front", "left", "behind", "right", "in front"]
+
+
+def test_warnings_of_the_detection_are_findings(made: Made) -> None:
+    first = made.keypoints.videos[0]
+    note = (
+        "2 people followed; the performer is seen in 16 of 16 frames and scores 1.2 times the next "
+        "(presence x size x motion); left and right of a limb put back in 9 frames; a new shot "
+        "begins with frame 9: use one shot only, the longest is `frames: [0, 9]` in action.yaml"
+    )
+    gone = first.model_copy(
+        update={"note": note, "fps": 10.0, "confidence": first.confidence * made_gap(16, 3, 9)}
+    )
+    keypoints = Keypoints(videos=[gone, *made.keypoints.videos[1:]])
+    sentences = [f.sentence for f in judged(made, keypoints=keypoints).findings]
+    assert any("v1: a new shot begins with frame 9" in s for s in sentences)
+    assert any("v1 frames 3-8: nobody is detected for 0.6 s" in s for s in sentences)
+    assert any("exchanged left and right of a limb 9 times" in s for s in sentences)
+    assert any("another person" in s and "imocap people" in s for s in sentences)
+
+
+def made_gap(frames: int, first: int, end: int) -> np.ndarray:
+    """(T, 1) factors: 0 in a gap, 1 elsewhere."""
+    inside = (np.arange(frames) >= first) & (np.arange(frames) < end)
+    return np.where(inside, 0.0, 1.0)[:, None]
+
+
+def test_one_recording_twice_is_said_first(made: Made) -> None:
+    longer = Made(2, frames=60)
+    again = longer.keypoints.videos[0].model_copy(update={"id": "v2"})
+    keypoints = Keypoints(videos=[longer.keypoints.videos[0], again])
+    verdict = judged(longer, keypoints=keypoints)
+    assert verdict.findings[0].kind == "same take"
+    assert "v2 (the same recording as v1)" in verdict.summary[1]
+    assert not any(f.kind == "same take" for f in judged(longer).findings)
+
+
+def test_a_verdict_comes_back_from_its_file(made: Made) -> None:
+    for verdict in (judged(made), judged(made, excluded=["v3"])):
+        assert read_verdict(verdict_text(verdict)) == verdict
+        assert len(verdict.summary) <= SENTENCES
+        assert str(verdict).splitlines() == list(verdict.summary)
+
+
+def test_lists_read_as_sentences() -> None:
+    assert [listed(list(w)) for w in ("", "a", "ab", "abc")] == ["", "a", "a and b", "a, b and c"]
