@@ -80,8 +80,8 @@ def test_an_excluded_video_speaks_for_itself(made: Made, plain: Uncertainty) -> 
     found = claimed(*artifacts(made, excluded=["v3"]))
     alone, together = found.videos[2], plain.videos[2]
     assert alone.sigma_mm.mean() > together.sigma_mm.mean()
-    assert np.isnan(alone.azimuth_deg)
-    assert np.isfinite(found.videos[1].azimuth_deg)
+    turn = abs((alone.azimuth_deg - together.azimuth_deg + 180) % 360 - 180)
+    assert turn < 20  # by its own motion, which is nearly the others'
 
 
 def test_a_mirrored_video_has_the_claims_of_its_mirror_image(
