@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import os
 import time
-from dataclasses import astuple, replace
+from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
@@ -56,11 +56,10 @@ def main() -> None:
         for scene in scenes_of(kind, args.seed):
             if args.only not in scene.name:
                 continue
-            limited = chosen if scene.max_rate is None else replace(chosen, max_rate=scene.max_rate)
             began = time.perf_counter()
             n = args.videos
             sync = synchronise(
-                scene.poses[:n], fps=scene.fps[:n], params=limited, rng=np.random.default_rng(0)
+                scene.poses[:n], fps=scene.fps[:n], params=chosen, rng=np.random.default_rng(0)
             )
             took = time.perf_counter() - began
             score = score_maps(scene, sync.reference, sync.reference_frame, sync.confidence)

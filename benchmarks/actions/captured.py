@@ -20,8 +20,6 @@ DATA_VARIABLE = "IMOCAP_DATA"
 SIZE = (1000, 1000)
 SEED = 7
 MAX_VIDEOS = len(CAMERA_PLACEMENTS)
-# Resampled clips jump where no real performance does: up to a whole segment in one frame.
-RESAMPLED_MAX_RATE = 30.0
 
 
 @dataclass(frozen=True)

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 from benchmarks.actions.action_folder import action_key, is_made, make_action
 from benchmarks.actions.captured import (
-    RESAMPLED_MAX_RATE,
     CapturedVideo,
     data_folder,
     outlier_video,
     protocol_videos,
     trial_videos,
 )
-from benchmarks.actions.choice import RESAMPLED, Choice
+from benchmarks.actions.choice import Choice
 from imocap_core.errors import WrongUse
 from imocap_core.pipeline.runner import Display, Job
 from imocap_core.pipeline.source import closure
@@ -49,9 +47,7 @@ def ready_job(
     if choice.name == "yoga":
         return workspace.ready_job("yoga", list(sets), display)
     folder, videos = _folder(workspace, choice, name), _videos(workspace.root, choice, name)
-    make_action(
-        folder, name, videos, choice.detector, _params(choice), _key(workspace, choice, name)
-    )
+    make_action(folder, name, videos, choice.detector, {}, _key(workspace, choice, name))
     return Workspace(choice.folder(workspace.root)).ready_job(str(folder), list(sets), display)
 
 
@@ -72,13 +68,9 @@ def _folder(workspace: Workspace, choice: Choice, name: str) -> Path:
     return choice.folder(workspace.root) / "actions" / name
 
 
-def _params(choice: Choice) -> dict[str, Any]:
-    return {"sync": {"max_rate": RESAMPLED_MAX_RATE}} if choice.name in RESAMPLED else {}
-
-
 def _key(workspace: Workspace, choice: Choice, name: str) -> str:
     files = _inputs(workspace.root, choice, name)
-    inputs = [choice.detector, choice.sampling, choice.videos, choice.outlier, _params(choice)]
+    inputs = [choice.detector, choice.sampling, choice.videos, choice.outlier]
     return action_key([closure(Path(__file__)), name, *inputs], files)
 
 

@@ -66,7 +66,7 @@ def accuracy(
         scene = protocol_scene(file, sampling)
         for warp in WARPS:
             rows += [_accuracy(scene, settings, warp, method) for method in methods]
-        reference = _synchronised(scene, _settings_for(scene, settings)).reference
+        reference = _synchronised(scene, settings).reference
         rows += [_rival(scene, kind, reference) for kind in RIVALS]
     return rows + _means(rows)
 
@@ -79,7 +79,7 @@ def calibrated(
     for file in sorted(folder.glob("*.npz")):
         if not only or file.stem in only:
             scene = protocol_scene(file, sampling)
-            sync = _synchronised(scene, _settings_for(scene, settings))
+            sync = _synchronised(scene, settings)
             pairs.append(
                 confidences_and_errors(scene, sync.reference, sync.reference_frame, sync.confidence)
             )
@@ -87,9 +87,7 @@ def calibrated(
 
 
 def _accuracy(scene: SyncScene, settings: SyncParams, warp: str, method: str) -> AccuracyRow:
-    choice = replace(
-        _settings_for(scene, settings), warp=cast(Warp, warp), method=cast(CycleMethod, method)
-    )
+    choice = replace(settings, warp=cast(Warp, warp), method=cast(CycleMethod, method))
     sync = _synchronised(scene, choice)
     score = score_maps(scene, sync.reference, sync.reference_frame, sync.confidence)
     blocks, M = Blocks(tuple(map(len, scene.poses))), len(scene.poses)
@@ -115,10 +113,6 @@ def _rival(scene: SyncScene, kind: str, reference: int) -> AccuracyRow:
         scene.name, "-", kind, float("nan"), score.error_pct, score.error_frames,
         score.matched, score.within_one, score.confidence,
     )  # fmt: skip
-
-
-def _settings_for(scene: SyncScene, settings: SyncParams) -> SyncParams:
-    return settings if scene.max_rate is None else replace(settings, max_rate=scene.max_rate)
 
 
 def _synchronised(scene: SyncScene, settings: SyncParams) -> SyncResult:

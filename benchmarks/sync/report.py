@@ -1,4 +1,7 @@
-"""`imocap benchmark sync`: accuracy by method and warp, calibration, events, speed."""
+"""`imocap benchmark sync`: accuracy by method and warp, calibration, events, slow motion, speed.
+
+`--variants slow_motion` measures that table alone.
+"""
 
 from __future__ import annotations
 
@@ -10,26 +13,35 @@ from rich.table import Table
 from benchmarks.actions.captured import data_folder
 from benchmarks.names import BenchmarkOptions
 from benchmarks.sync.accuracy import METHODS, accuracy, calibrated, events
+from benchmarks.sync.slow_motion import FACTORS, slow_motion
 from benchmarks.sync.speed import speed
 from benchmarks.tables import markdown_of_rows, write_rows
 from imocap_core.errors import WrongUse
 from imocap_core.pipeline.runner import Display
 from imocap_core.workspace import Workspace
 
+SLOW = "slow_motion"
+
 
 def report(options: BenchmarkOptions, workspace: Workspace, display: Display) -> list[Table | str]:
     """The tables as Markdown, and where they were written."""
-    methods, only, sampling = options.variants or METHODS, options.only, options.sampling
-    if unknown := set(methods) - set(METHODS):
-        raise WrongUse(f"--variants: expected some of {', '.join(METHODS)}, got {unknown.pop()}")
+    variants, only, sampling = options.variants or (*METHODS, SLOW), options.only, options.sampling
+    if unknown := set(variants) - {*METHODS, SLOW}:
+        names = ", ".join((*METHODS, SLOW))
+        raise WrongUse(f"--variants: expected some of {names}, got {unknown.pop()}")
+    methods = [name for name in variants if name in METHODS]
     settings = workspace.pipeline().params.sync
     protocol, trials = (data_folder(workspace.root, kind) for kind in ("protocol", "trials"))
-    tables: dict[str, Sequence[Any]] = {
-        f"accuracy-{sampling}": accuracy(protocol, sampling, settings, methods, only),
-        f"calibration-{sampling}": calibrated(protocol, sampling, settings, only),
-        "events": events(trials, settings, only),
-        "speed": speed(settings) if not only else [],
-    }
+    tables: dict[str, Sequence[Any]] = {}
+    if methods:
+        tables |= {
+            f"accuracy-{sampling}": accuracy(protocol, sampling, settings, methods, only),
+            f"calibration-{sampling}": calibrated(protocol, sampling, settings, only),
+            "events": events(trials, settings, only),
+            "speed": speed(settings) if not only else [],
+        }
+    if SLOW in variants:
+        tables["slow-motion"] = slow_motion(trials, settings, FACTORS, only)
     folder = workspace.root / "artifacts" / "benchmark" / "sync"
     parts = []
     for name, rows in tables.items():

@@ -15,7 +15,6 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from benchmarks.actions.captured import (
-    RESAMPLED_MAX_RATE,
     SIZE,
     CapturedVideo,
     protocol_videos,
@@ -31,8 +30,7 @@ SEED = 11
 class SyncScene:
     """Videos of one action: per video poses in camera axes (metres), rising phases, and fps.
 
-    events: the frame of one moment of the action in each video. max_rate: as `sync.max_rate`, None
-    for the default.
+    events: the frame of one moment of the action in each video.
     """
 
     name: str
@@ -41,7 +39,6 @@ class SyncScene:
     fps: list[float]
     phase_end: float
     events: list[int] | None = None
-    max_rate: float | None = None
 
     @property
     def frames(self) -> int:
@@ -76,7 +73,7 @@ def filmed_scene(
 def protocol_scene(file: Path, sampling: str, videos: int = 4, seed: int = SEED) -> SyncScene:
     """The paper's protocol: one motion, resampled for each video."""
     captured = protocol_videos(file, sampling, videos)
-    return _of_videos(file.stem, captured, seed, max_rate=RESAMPLED_MAX_RATE)
+    return _of_videos(file.stem, captured, seed)
 
 
 def trial_scene(file: Path, videos: int = 4, seed: int = SEED) -> SyncScene:

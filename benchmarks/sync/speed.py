@@ -18,6 +18,7 @@ from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.cycle.methods import relax
 from imocap_core.sync.cycle.row_contrast import symmetric_affinity
 from imocap_core.sync.pairwise.distance_matrix import distance_matrix
+from imocap_core.sync.warp.clocks import Clocks
 from imocap_core.sync.warp.soft_maps import pairwise_soft_maps
 
 SIZES = (600, 1200, 1550, 4000)
@@ -54,7 +55,7 @@ def speed(settings: SyncParams) -> list[SpeedRow]:
         rows.append(_row(rows, "affinity", size, work))
         distances = work()
         blocks = distances.blocks
-        maps = pairwise_soft_maps(distances, fps, settings)[0]
+        maps = pairwise_soft_maps(distances, Clocks(fps, np.ones(VIDEOS)), settings)[0]
         affinity = symmetric_affinity(maps, blocks)
         for method in ("softmap", "als", "svt"):
             if size <= LARGEST.get(method, size):

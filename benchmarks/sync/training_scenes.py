@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import CubicSpline
 
-from benchmarks.actions.captured import RESAMPLED_MAX_RATE
 from benchmarks.sync.scenes import SyncScene, filmed_scene
 from imocap_core.conventions import EVAL_14
 from imocap_core.synthetic.captured import hip_middle, to_scene
@@ -78,7 +77,6 @@ def resampled(file: Path, clip: str, sampling: str, seed: int, videos: int = 4) 
         frames,
         PROTOCOL_FPS,
         seed=seed,
-        max_rate=RESAMPLED_MAX_RATE,
     )
 
 
@@ -87,6 +85,17 @@ def performed(
 ) -> SyncScene:
     """Performances of a clip; each starts and ends at its own moment, at most the share `ends` of
     the clip from its start and end."""
+    shown, phases = performances(file, clip, seed, ends=ends, videos=videos)
+    frames = [np.arange(len(p)) for p in phases]
+    return filmed_scene(
+        f"{kind or 'performed'} {clip}", shown, phases, frames, CAPTURED_FPS, seed=seed
+    )
+
+
+def performances(
+    file: Path, clip: str, seed: int, *, ends: float = 0.08, videos: int = 4
+) -> tuple[list[Float[np.ndarray, "_T 14 3"]], list[Float[np.ndarray, "_T"]]]:
+    """Joints on the stage and phases of the performances of a clip."""
     joints = training_clip(file, clip)
     T = len(joints)
     spline = CubicSpline(np.arange(T), joints)
@@ -98,10 +107,7 @@ def performed(
         phase = pace(PhaseSpan(count, first, last, CAPTURED_FPS), rng)
         shown.append(_departed(spline(phase), rng))
         phases.append(phase)
-    frames = [np.arange(len(p)) for p in phases]
-    return filmed_scene(
-        f"{kind or 'performed'} {clip}", shown, phases, frames, CAPTURED_FPS, seed=seed
-    )
+    return shown, phases
 
 
 def _departed(joints_m: np.ndarray, rng: np.random.Generator) -> np.ndarray:

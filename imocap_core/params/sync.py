@@ -75,9 +75,9 @@ class SyncParams:
         4, "Positions that are tried between two frames of the reference."
     )
     max_rate: Positive = param(
-        4.0,
-        "Largest rate: seconds of the reference per second of another video. Raise it for videos "
-        "in slow motion.",
+        32.0,
+        "Upper limit of rates and of their change within a video: slow motion, time lapse and "
+        "frames left out by more than this factor are not followed.",
     )
     confidence_reach_s: Positive = param(
         0.1,

@@ -34,6 +34,7 @@ from imocap_core.sync.reference_anchors import (
     through_hard_anchors,
 )
 from imocap_core.sync.refinement import ReferenceAxis, refined_warps
+from imocap_core.sync.warp.clocks import Clocks
 from imocap_core.sync.warp.dtw_paths import dtw_warps
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
 from imocap_core.sync.warp.soft_maps import pairwise_soft_maps
@@ -83,6 +84,7 @@ def synchronise_jointly(
     poses: Sequence[Float[np.ndarray, "_T J 3"]],
     *,
     fps: Sequence[float],
+    rates: Float[np.ndarray, " M"],
     params: SyncParams,
     rng: np.random.Generator,
     confidence: Sequence[Float[np.ndarray, "_T J"]] | None,
@@ -94,25 +96,30 @@ def synchronise_jointly(
 ) -> JointResult:
     """Synchronise every video with the others; arguments as of `synchronise`.
 
-    `eligible`: the videos to choose the reference from, if any of them is.
+    Args:
+        rates: seconds of the action per second of each video (`playback_rates`).
+        eligible: the videos to choose the reference from, if any of them is.
     """
     _check(params)
+    clocks = Clocks(fps, rates)
+    clock = clocks.action_fps
     lengths, forbidden = [len(x) for x in poses], hints.forbidden_frames([len(x) for x in poses])
-    distances = distance_matrix(poses, confidence, joint_weights, fps, params)
-    distances = anchored_distances(distances, hints, fps, params.evidence_per_s)
+    distances = distance_matrix(poses, confidence, joint_weights, clock, params)
+    distances = anchored_distances(distances, hints, clock, params.evidence_per_s)
     blocks = distances.blocks
     affinity = _affinity(distances, params)
-    soft_maps, matched = pairwise_soft_maps(distances, fps, params)
+    soft_maps, matched = pairwise_soft_maps(distances, clocks, params)
     centralities = centrality(distances, soft_maps, matched)
     chosen = most_central(centralities, eligible) if reference is None else reference
 
     evidence = soft_maps if params.warp == "posterior" else affinity
     relaxed, report = relax(params.method, evidence, blocks, rounds=params.rounds, rng=rng)
-    pairs = pair_maps(soft_maps, matched, blocks, fps, params.confidence_reach_s)
+    pairs = pair_maps(soft_maps, matched, blocks, clock, params.confidence_reach_s)
     if params.warp == "posterior":
         points = anchors_to_reference(hints, pairs, len(poses), chosen)
-        penalty = anchor_penalty(points, fps, chosen, params.positions_per_frame)
-        axis = ReferenceAxis(chosen, fps, penalty)
+        penalty = anchor_penalty(points, clock, chosen, params.positions_per_frame)
+        reach_frames = params.confidence_reach_s * fps[chosen]
+        axis = ReferenceAxis(chosen, clocks, reach_frames, penalty)
         frames, certainty = refined_warps(distances, relaxed, matched, axis, params, reprojection)
     else:
         frames, certainty = dtw_warps(relaxed, soft_maps, blocks, chosen, fps, params)
@@ -124,7 +131,8 @@ def synchronise_jointly(
     pairs = _pairs_without_forbidden(pairs, forbidden)
     maps = _maps_to_solve(pairs, frames, certainty, lengths, chosen)
     maps += hard_anchor_maps(hints.anchors, lengths)
-    phase = common_phase(fps, lengths, chosen, maps)
+    per_second = [c * rates[chosen] for c in clock]  # frames per second of the reference
+    phase = common_phase(per_second, lengths, chosen, maps)
     left_out, share = left_out_disagreement(pairs, lengths, chosen)
     return JointResult(
         reference=chosen,

@@ -16,6 +16,7 @@ from jaxtyping import Float
 from imocap_core.params import SyncParams
 from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
 from imocap_core.sync.reference_anchors import AnchorPenalty
+from imocap_core.sync.warp.clocks import Clocks
 from imocap_core.sync.warp.leave_one_out import squared_distances_to_others
 from imocap_core.sync.warp.positions import isotonic, mass_within, median_positions
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
@@ -30,14 +31,16 @@ KEYPOINTS_PER_S = 60.0  # a detector's errors persist far less than those of pos
 
 @dataclass(frozen=True)
 class ReferenceAxis:
-    """The axis that maps lead to: the reference video, and every video's frame rate.
+    """The axis that maps lead to: the reference video, and every video's clock.
 
     Attributes:
+        reach_frames: frames of the reference within which a match counts as right.
         penalty: of the user's anchors; None without anchors.
     """
 
     reference: int
-    fps: Sequence[float]
+    clocks: Clocks
+    reach_frames: float
     penalty: AnchorPenalty | None = None
 
     def soft_map(
@@ -49,8 +52,9 @@ class ReferenceAxis:
         return soft_map(
             squares,
             matched_square,
-            fps=self.fps[v],
-            fps_to=self.fps[self.reference],
+            fps=self.clocks.action_fps[v],
+            fps_to=self.clocks.action_fps[self.reference],
+            evidence_fps=self.clocks.evidence_fps[v],
             per_frame=params.positions_per_frame,
             params=params,
             smooth_rate_share=0.0,
@@ -82,11 +86,10 @@ def refined_warps(
     if reprojection is not None:
         for v in _refine_by_reprojection(maps, reprojection, axis, params):
             certainty[v] = maps[v]
-    reach = params.confidence_reach_s * axis.fps[axis.reference]
     positions, confidence = [], []
     for v in range(M):
         position = median_positions(maps[v], per_frame)
-        mass = mass_within(certainty[v], position, reach, per_frame)
+        mass = mass_within(certainty[v], position, axis.reach_frames, per_frame)
         position = isotonic(np.where(in_reference[v] >= 0.5, position, np.nan), mass)
         positions.append(position)
         trusted = np.minimum(mass * in_reference[v], 1.0)
@@ -112,7 +115,7 @@ def _refine_by_poses(
     plan = [params] * params.consensus_rounds
     plan += [sharp] * (SHARP_ROUNDS if plan else 0)
     # the first refinement aligns frame by frame; only then are orientations accurate enough
-    windows = [params.orientation_window_s * f for f in axis.fps]
+    windows = [params.orientation_window_s * f for f in axis.clocks.action_fps]
     for round_, evidence in enumerate(plan):
         weighted = [
             None if v == axis.reference else m * p[:, None]

@@ -21,6 +21,7 @@ from imocap_core.sync.pairwise.poses import body_scales, check_poses, joint_weig
 from imocap_core.sync.screening.mirror import mirrored_poses
 from imocap_core.sync.screening.registration import Keypoints2D
 from imocap_core.sync.screening.screening import Screening, screen
+from imocap_core.sync.warp.playback_rate import playback_rates
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
 
 
@@ -85,10 +86,13 @@ def synchronise(
     hints = hints or Hints()
     check_hints(hints, lengths)
     confidence = _without_forbidden(poses, confidence, hints)
+    scaled = [x / s for x, s in zip(poses, body_scales(poses), strict=True)]
+    weights = joint_weights_of(poses, confidence, joint_weights)
+    rates = playback_rates(scaled, weights, fps, params.max_rate)
     screening = screening or screen(
-        [x / s for x, s in zip(poses, body_scales(poses), strict=True)],
-        joint_weights_of(poses, confidence, joint_weights),
-        fps,
+        scaled,
+        weights,
+        [f / r for f, r in zip(fps, rates, strict=True)],
         params,
         twins=twins,
         declared=mirrored or [None] * M,
@@ -100,12 +104,13 @@ def synchronise(
     joint = synchronise_jointly(
         [x for x, _ in upright],
         fps=[fps[v] for v in used],
+        rates=rates[used],
         params=params,
         rng=rng,
         confidence=None if confidence is None else [c for _, c in upright if c is not None],
         joint_weights=joint_weights,
         reference=None if reference is None else used.index(reference),
-        eligible=[v not in screening.flipped for v in used],
+        eligible=[v not in screening.flipped and bool(rates[v] == 1.0) for v in used],
         hints=hints.among(used),
         reprojection=reprojection,
     )

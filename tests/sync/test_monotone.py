@@ -5,26 +5,34 @@ import itertools
 import numpy as np
 import pytest
 
-from imocap_core.sync.warp.monotone import monotone_posterior
+from imocap_core.sync.warp.monotone import ANY_STEP, StepPrior, monotone_posterior
 from imocap_core.sync.warp.soft_maps import at_fine_positions
 
 
-def posterior_naive(cost: np.ndarray, max_step: int | None) -> np.ndarray:
-    """Every non-decreasing sequence of positions, weighted by exp(-cost)."""
+def posterior_naive(cost: np.ndarray, steps: StepPrior) -> np.ndarray:
+    """Every non-decreasing sequence of positions, weighted by its steps and exp(-cost)."""
     n, S = cost.shape
     out = np.zeros((n, S))
     for warp in itertools.combinations_with_replacement(range(S), n):
-        if max_step is None or (np.diff(warp) <= max_step).all():
-            out[np.arange(n), warp] += np.exp(-cost[np.arange(n), warp].sum())
+        step = np.diff(warp)
+        prior = np.where(step <= steps.usual, 1.0, np.where(step <= steps.largest, steps.leap, 0.0))
+        out[np.arange(n), warp] += prior.prod() * np.exp(-cost[np.arange(n), warp].sum())
     return out / out.sum(axis=1, keepdims=True)
 
 
-@pytest.mark.parametrize("max_step", [None, 1, 2])
-def test_is_the_mean_over_all_warps(max_step: int | None) -> None:
+@pytest.mark.parametrize(
+    "steps", [ANY_STEP, StepPrior(1, 1, 0.0), StepPrior(2, 2, 0.3), StepPrior(1, 3, 0.2)]
+)
+def test_is_the_mean_over_all_warps(steps: StepPrior) -> None:
     cost = 3.0 * np.random.default_rng(0).random((5, 6))
-    maps, matched = monotone_posterior(cost, unmatched=np.inf, max_step=max_step)
-    np.testing.assert_allclose(maps, posterior_naive(cost, max_step), atol=1e-9)
+    maps, matched = monotone_posterior(cost, unmatched=np.inf, steps=steps)
+    np.testing.assert_allclose(maps, posterior_naive(cost, steps), atol=1e-9)
     np.testing.assert_allclose(matched, 1.0)
+
+
+def test_impossible_steps_are_refused() -> None:
+    with pytest.raises(ValueError, match="usual <= largest"):
+        StepPrior(3, 2, 0.5)
 
 
 def test_a_hold_is_spread_evenly() -> None:

@@ -15,6 +15,7 @@ from jaxtyping import Float
 
 from imocap_core.sync.pairwise.procrustes import procrustes_distances
 from imocap_core.sync.warp.monotone import monotone_posterior
+from imocap_core.sync.warp.soft_maps import step_prior
 
 PairArrays = dict[tuple[int, int], np.ndarray]  # per pair of videos, (T_i, T_j) or (T_i,)
 PairNumbers = dict[tuple[int, int], float]
@@ -145,7 +146,5 @@ def _filled(square: np.ndarray) -> np.ndarray:
 def _soft_map(
     filled: np.ndarray, fps: float, fps_to: float, typical: float, max_rate: float
 ) -> np.ndarray:
-    step = max_rate * fps_to / fps
-    max_step = max(1, int(np.ceil(step))) if np.isfinite(step) else None
     cost = OBSERVATIONS_PER_S / fps / typical * filled
-    return monotone_posterior(cost, unmatched=np.inf, max_step=max_step)[0]
+    return monotone_posterior(cost, unmatched=np.inf, steps=step_prior(fps_to / fps, max_rate))[0]

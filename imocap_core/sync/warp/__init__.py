@@ -6,6 +6,8 @@ Reading order:
     monotone       posterior over all monotone warps (forward-backward)
     rate_prior     Markov chain of a performance's rate
     smooth_rate    posterior over all warps of slowly changing rate
+    clocks         frames per second of the action
+    playback_rate  slow motion and time lapse, from the poses
     positions      median, monotone order and confidence from a soft map
     soft_maps      soft maps of all pairs of videos from squared distances
     template       precision-weighted mean of all videos on the reference axis

@@ -9,6 +9,7 @@ the rate (split between the two grid points around it) and the rate follows its 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,20 +66,19 @@ def _gathered(state: np.ndarray, stencil: Stencil) -> np.ndarray:
 class _Likelihoods:
     """match (N, S) and skip (N,) of each frame; enter (K, edge): P(first matched frame lies there |
     those before are unmatched); edge: positions at either end, from the last of which a warp may
-    leave; base: log likelihood divided out."""
+    leave."""
 
     match: np.ndarray
     skip: np.ndarray
     enter: np.ndarray
     edge: int
-    base: float
 
     @classmethod
     def of(cls, cost: np.ndarray, unmatched: float, prior: RatePrior) -> _Likelihoods:
-        match, skip, base = bounded_likelihoods(cost, unmatched)
+        match, skip, _ = bounded_likelihoods(cost, unmatched)
         edge = min(cost.shape[1], max(1, int(np.ceil(2.0 * float(prior.advance @ prior.share)))))
         enter = np.repeat(prior.share[:, None] / edge, edge, axis=1)
-        return cls(match, skip, enter, edge, float(-base.sum()))
+        return cls(match, skip, enter, edge)
 
 
 @dataclass(frozen=True)
@@ -90,10 +90,10 @@ class _Message:
     before: float
     after: float
 
-    def scaled(self) -> tuple[_Message, float]:
-        """The message with largest weight 1, and the factor divided out."""
+    def scaled(self) -> _Message:
+        """The message with largest weight 1."""
         total = max(float(self.inside.max()), self.before, self.after)
-        return _Message(self.inside / total, self.before / total, self.after / total), total
+        return _Message(self.inside / total, self.before / total, self.after / total)
 
 
 def smooth_rate_posterior(
@@ -102,54 +102,66 @@ def smooth_rate_posterior(
     *,
     unmatched: float,
     skipped: float = 0.0,
-) -> tuple[Float[np.ndarray, "N S"], Float[np.ndarray, " N"], float]:
-    """P(frame t lies at position s) over all warps of slowly changing rate, rows summing to 1;
-    P(matched); and the log likelihood of all frames.
-
-    Forward messages are stored at some frames and recomputed between them: memory grows with
-    S sqrt(N).
+) -> tuple[Float[np.ndarray, "N S"], Float[np.ndarray, " N"]]:
+    """P(frame t lies at position s) over all warps of slowly changing rate, rows summing to 1; and
+    P(matched).
 
     Args:
         cost, unmatched: as in `monotone_posterior`.
         skipped: cost of a position of the other video before the warp's start or after its end.
     """
+    joint, outside = np.empty(cost.shape), np.empty(len(cost))
+    for t, inside, no_match in _state_posteriors(cost, prior, unmatched, skipped):
+        joint[t], outside[t] = inside.sum(axis=0), no_match
+    return normalised(joint, outside)
+
+
+def rate_posterior(
+    cost: Float[np.ndarray, "N S"], prior: RatePrior, *, unmatched: float, skipped: float = 0.0
+) -> Float[np.ndarray, "N K"]:
+    """P(rate k at frame t | matched) over the same warps, rows summing to 1; arguments alike."""
+    joint = np.empty((len(cost), len(prior.share)))
+    for t, inside, _ in _state_posteriors(cost, prior, unmatched, skipped):
+        joint[t] = inside.sum(axis=1)
+    return normalised(joint, np.zeros(len(cost)))[0]
+
+
+def _state_posteriors(
+    cost: np.ndarray, prior: RatePrior, unmatched: float, skipped: float
+) -> Iterator[tuple[int, np.ndarray, float]]:
+    """From the last frame to the first: frame, weights (K, S) of its states, and of no match.
+
+    Forward messages are stored at some frames and recomputed between them: memory grows with
+    S sqrt(N).
+    """
     N, S = cost.shape
     likelihoods, transition = _Likelihoods.of(cost, unmatched, prior), _Transition.of(prior, S)
     early = np.exp(-skipped * np.arange(S))
-    first = _Message(
+    message = _Message(
         prior.share[:, None] * likelihoods.match[0] * early / early.sum(),
         float(likelihoods.skip[0]),
         0.0,
-    )
-    message, total = first.scaled()
-    evidence = np.log(total) + likelihoods.base
+    ).scaled()
     stride = max(1, int(np.sqrt(N)))
     stored = {0: message}
     for t in range(1, N):
-        message, total = _forward(message, t, likelihoods, transition).scaled()
-        evidence += np.log(total)
+        message = _forward(message, t, likelihoods, transition).scaled()
         if t % stride == 0:
             stored[t] = message
-    end = _Message(
+    back = _Message(
         np.broadcast_to(early[::-1], (len(prior.share), S)), float(np.exp(-skipped * S)), 1.0
     )
-    last = message.inside * end.inside
-    evidence += np.log(last.sum() + message.before * end.before + message.after)
-
-    joint, outside = np.empty((N, S)), np.empty(N)
-    back = end
     for start in reversed(range(0, N, stride)):
         stop = min(start + stride, N)
         messages = [stored[start]]
         for t in range(start + 1, stop):
-            messages.append(_forward(messages[-1], t, likelihoods, transition).scaled()[0])
+            messages.append(_forward(messages[-1], t, likelihoods, transition).scaled())
         for t in range(stop - 1, start - 1, -1):
             if t < N - 1:
-                back = _backward(back, t + 1, likelihoods, transition).scaled()[0]
+                back = _backward(back, t + 1, likelihoods, transition).scaled()
             here = messages[t - start]
-            joint[t] = (here.inside * back.inside).sum(axis=0)
-            outside[t] = here.before * back.before + here.after * back.after
-    return *normalised(joint, outside), float(evidence)
+            no_match = here.before * back.before + here.after * back.after
+            yield t, here.inside * back.inside, no_match
 
 
 def _forward(

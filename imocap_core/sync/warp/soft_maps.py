@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from jaxtyping import Float
 
 from imocap_core.params import SyncParams
 from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
-from imocap_core.sync.warp.monotone import monotone_posterior
+from imocap_core.sync.warp.clocks import Clocks
+from imocap_core.sync.warp.monotone import StepPrior, monotone_posterior
 from imocap_core.sync.warp.rate_prior import rate_prior
 from imocap_core.sync.warp.smooth_rate import smooth_rate_posterior
 
 # cost of a frame of the other video left over at an end, as a share of that of a matching pair
 SKIPPED_SHARE = 0.3
+LARGEST_USUAL = 4.0  # times the usual rate: faster than that is a leap
+LEAP = 0.05  # how much less likely a leap is than a usual step
 MOST_OBSERVATIONS = 4.0  # independent ones per frame, however low the frame rate
 
 
@@ -30,6 +31,7 @@ def soft_map(
     *,
     fps: float,
     fps_to: float,
+    evidence_fps: float,
     per_frame: int,
     params: SyncParams,
     smooth_rate_share: float,
@@ -43,10 +45,11 @@ def soft_map(
     Args:
         squares: NaN unknown.
         matched_square: typical squared distance of matching frames.
-        fps, fps_to: of the two videos.
+        fps, fps_to: of the two videos, in the action's time.
+        evidence_fps: of the first video, as of `Clocks`.
         per_frame: positions (columns) per frame of the second video.
     """
-    observations = observations_per_frame(params.evidence_per_s, fps)
+    observations = observations_per_frame(params.evidence_per_s, evidence_fps)
     valid = np.isfinite(squares)
     mean = np.divide(
         np.where(valid, squares, 0.0).sum(axis=1),
@@ -57,9 +60,8 @@ def soft_map(
     cost = observations / matched_square * np.where(valid, squares, mean[:, None])
     unmatched = observations * (1.0 + 2.0 * params.unmatched_level)
     usual = fps_to / fps * per_frame
-    step = params.max_rate * usual
-    max_step = int(np.ceil(step)) if np.isfinite(step) else None
-    posterior, matched = monotone_posterior(cost, unmatched=unmatched, max_step=max_step)
+    steps = step_prior(usual, params.max_rate)
+    posterior, matched = monotone_posterior(cost, unmatched=unmatched, steps=steps)
     if smooth_rate_share == 0:
         return posterior, matched
     prior = rate_prior(
@@ -70,7 +72,7 @@ def soft_map(
         fps=fps,
     )
     skipped = SKIPPED_SHARE * observations / usual
-    smooth, smooth_matched, _ = smooth_rate_posterior(
+    smooth, smooth_matched = smooth_rate_posterior(
         cost, prior, unmatched=unmatched, skipped=skipped
     )
     return (
@@ -79,8 +81,14 @@ def soft_map(
     )
 
 
+def step_prior(usual: float, max_rate: float) -> StepPrior:
+    """Steps of up to LARGEST_USUAL times the usual one, and of up to `max_rate` times by leaps."""
+    largest = int(np.ceil(min(max_rate * usual, 1e9)))
+    return StepPrior(min(int(np.ceil(LARGEST_USUAL * usual)), largest), largest, LEAP)
+
+
 def pairwise_soft_maps(
-    distances: DistanceMatrix, fps: Sequence[float], params: SyncParams
+    distances: DistanceMatrix, clocks: Clocks, params: SyncParams
 ) -> tuple[Float[np.ndarray, "N_a N_a"], Float[np.ndarray, "N_a M"]]:
     """Soft maps between all videos at whole frames, and P(matched) of each frame in each video.
 
@@ -95,8 +103,9 @@ def pairwise_soft_maps(
                 blocks.block(maps, i, j)[...], matched[blocks.rows(i), j] = soft_map(
                     squares,
                     typical_matched_square(squares, distances),
-                    fps=fps[i],
-                    fps_to=fps[j],
+                    fps=clocks.action_fps[i],
+                    fps_to=clocks.action_fps[j],
+                    evidence_fps=clocks.evidence_fps[i],
                     per_frame=1,
                     params=params,
                     smooth_rate_share=params.regularity,
