@@ -19,6 +19,7 @@ Importing changes no setting of the process and loads nothing heavy (PyTorch, Py
 a function loads what it needs.
 """
 
+from imocap_core.camera.ground_plane import Ground
 from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS, SMPLH_JOINTS, SMPLH_PARENTS
 from imocap_core.errors import ImocapError, WorkFailed, WrongUse
 from imocap_core.library.new_action import init_action
@@ -44,6 +45,7 @@ __all__ = [
     "Explanation",
     "Finding",
     "FrameMatches",
+    "Ground",
     "HandMotion",
     "ImocapError",
     "JointUncertainty",

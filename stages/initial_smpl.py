@@ -18,6 +18,7 @@ from imocap_core.motion.prior import load_pose_prior
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.estimates import estimate_of
+from imocap_core.problem.ground import grounds_of
 from imocap_core.problem.motions import hypotheses_of, motions_of
 from imocap_core.problem.observations import body_for, observations_of
 from imocap_core.problem.starts import initial_evidence, lifted_where_no_estimate, source_of, starts
@@ -54,12 +55,14 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
         stride=max(1, round(options.stride_s * slowest)), max_steps=options.max_steps,
         progress=lambda message: ctx.progress(0.5, message),
     )  # fmt: skip
+    motions = motions_of(body, fit.state, observations, keypoints)
     return InitialSmpl(
         model=body.model.name,
         model_digest=body.model.digest,
-        videos=motions_of(body, fit.state, observations, keypoints),
+        videos=motions,
         source={v.id: source_of(v, estimates, lifted) for v in keypoints.videos},
         hypotheses=hypotheses_of(ids, fit.costs),
+        grounds=grounds_of(motions, keypoints, cameras, params.fit),
     )
 
 

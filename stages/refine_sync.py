@@ -18,6 +18,7 @@ from imocap_core.motion.multiview.scene import JointMotion
 from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
+from imocap_core.problem.ground import with_ground
 from imocap_core.problem.hints import hints_of
 from imocap_core.problem.joint import JointProblem, problem_of
 from imocap_core.problem.synchronisation import synchronise_motions
@@ -27,13 +28,9 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     """All rounds; round 0 is the single pass."""
     keypoints, first_sync = inputs.get(Keypoints), inputs.get(Sync)
     single_pass = inputs.get(SmplBa)
+    cameras = inputs.get(CameraMotion)
     problem = problem_of(
-        keypoints,
-        inputs.get(CameraMotion),
-        inputs.get(InitialSmpl),
-        first_sync,
-        params.fit,
-        params.motion,
+        keypoints, cameras, inputs.get(InitialSmpl), first_sync, params.fit, params.motion
     )
     first = problem.solution(single_pass)
     hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))
@@ -73,19 +70,21 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
         max_rounds=params.refine.max_rounds if len(keypoints.videos) > 1 else 0,
         settled_frames=params.refine.settled_frames,
     )
-    return _as_artifact(loop, problem, single_pass)
+    result = _as_artifact(loop, problem, single_pass)
+    motion = with_ground(result.motion, keypoints, cameras, result.sync.excluded, params.fit)
+    return result.model_copy(update={"motion": motion})
 
 
 def _as_artifact(
     loop: Alternation[Sync, JointMotion], problem: JointProblem, single_pass: SmplBa
 ) -> RefineSync:
-    """All rounds as they are stored; the common motion is the result's alone."""
+    """All rounds as they are stored; common motion and ground are the result's alone."""
     motions = [single_pass, *(problem.result(r.motion) for r in loop.rounds[1:])]
     return RefineSync(
         rounds=[
             Round(
                 sync=_summary(round_.sync),
-                motion=motion.model_copy(update={"common": None}),
+                motion=motion.model_copy(update={"common": None, "ground": None}),
                 cost=round_.cost,
                 sync_change_frames=round_.change_frames,
             )

@@ -7,18 +7,15 @@ from imocap_core.cli import stage_main
 from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
+from imocap_core.problem.ground import with_ground
 from imocap_core.problem.joint import problem_of
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> SmplBa:
     """One pass of SMPL-BA on the first correspondences."""
+    keypoints, cameras, sync = inputs.get(Keypoints), inputs.get(CameraMotion), inputs.get(Sync)
     problem = problem_of(
-        inputs.get(Keypoints),
-        inputs.get(CameraMotion),
-        inputs.get(InitialSmpl),
-        inputs.get(Sync),
-        params.fit,
-        params.motion,
+        keypoints, cameras, inputs.get(InitialSmpl), sync, params.fit, params.motion
     )
     motion = recover_motion(
         problem.scene,
@@ -26,7 +23,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> SmplBa:
         problem.options,
         progress=lambda message: ctx.progress(0.5, message),
     )
-    return problem.result(motion)
+    return with_ground(problem.result(motion), keypoints, cameras, sync.excluded, params.fit)
 
 
 if __name__ == "__main__":

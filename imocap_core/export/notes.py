@@ -27,7 +27,11 @@ SMPL_PIVOT = (
     "the pelvis is at rest pelvis + trans; the free body's rest pelvis is the origin"
 )
 CAMERA_WORLD = "the axes of the reference camera in its first used frame: x right, y down, z ahead"
-LEVEL_WORLD = "level: {up} up, right-handed, the ground that the feet stand on at {up} = 0"
+LEVEL_WORLD = (
+    "level: {up} up, right-handed, the ground at {up} = 0, the origin on it under the bodies; the "
+    "reference camera looks along {ahead}"
+)
+AHEAD = {"y": "-z", "z": "+y"}
 OWN = "own: one row or key for every used frame of the video, in its frame rate"
 COMMON = (
     "common: one time axis for all videos (the sync artifact's phase, seconds of the reference), "
@@ -39,12 +43,11 @@ COMMON = (
 
 def notes_of(result: ActionResult, format: str) -> dict[str, Any]:
     """Everything that a reader of the files needs besides the numbers."""
-    levelled = result.up_axis != CAMERA_UP
     notes: dict[str, Any] = {
         "action": result.action,
         "format": format,
         "up_axis": result.up_axis,
-        "world": LEVEL_WORLD.format(up=result.up_axis) if levelled else CAMERA_WORLD,
+        "world": _world(result.up_axis),
         "handedness": "right",
         "units": UNITS[format],
         "pivot": SMPL_PIVOT if format == "npz" else PIVOT,
@@ -59,6 +62,12 @@ def notes_of(result: ActionResult, format: str) -> dict[str, Any]:
     if result.left_out:
         notes["left_out"] = list(result.left_out)
     return notes
+
+
+def _world(up_axis: str) -> str:
+    if up_axis == CAMERA_UP:
+        return CAMERA_WORLD
+    return LEVEL_WORLD.format(up=up_axis, ahead=AHEAD[up_axis])
 
 
 def write_notes(out: Path, notes: dict[str, Any]) -> Path:

@@ -12,11 +12,12 @@ from matplotlib.figure import Figure
 from imocap_core import rotations
 from imocap_core.artifacts.schemas import Camera, RefineSync
 from imocap_core.body import Model
-from imocap_core.camera.world import GroundAlignment, find_ground_alignment
-from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.camera.ground import upright_alignment
+from imocap_core.camera.world import GroundAlignment
 from imocap_core.figures.bodies import surfaces
 from imocap_core.figures.contact_sheets import SheetVideo
 from imocap_core.figures.overlays import CELL_PX, Image, blank_cell, contact_sheet
+from imocap_core.problem.ground import ground_of
 from imocap_core.render.body_views import (
     UP,
     VIEWS,
@@ -26,7 +27,6 @@ from imocap_core.render.body_views import (
     segment_colors,
 )
 
-FEET = [SMPL_JOINTS.index(name) for name in ("left_foot", "right_foot")]
 ARMS_DOWN_RAD = 1.1  # of the rest pose beside the phases
 CAPTION = (
     "The recovered body of {video} from its front, its right side and its back; look here after "
@@ -52,20 +52,12 @@ def sheet_ids(refined: RefineSync, videos: Sequence[SheetVideo]) -> list[str]:
 
 
 def upright_world(refined: RefineSync) -> GroundAlignment:
-    """The world with y up and the ground at 0, from the feet in the videos of the action.
-
-    Without a foot in two consecutive frames: up is that of the reference camera.
-    """
-    motion, excluded = refined.motion, refined.sync.excluded
-    joints = [
-        (m.joints - camera.t) @ camera.R  # x_world = R^T (x_cam - t)
-        for m, camera in zip(motion.videos, motion.cameras, strict=True)
-        if m.id not in excluded
-    ]
-    try:
-        return find_ground_alignment([j[:, FEET] for j in joints], [j[:, 0] for j in joints], "y")
-    except ValueError:
+    """The world with y up and the ground at 0; without a ground, up is the reference camera's."""
+    motion = refined.motion
+    if motion.ground is None:
         return GroundAlignment(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
+    camera = next(c for c in motion.cameras if c.id == motion.reference)
+    return upright_alignment(ground_of(motion.ground), camera.R, "y")
 
 
 def body_sheet(

@@ -70,3 +70,18 @@ class FitParams:
         "Standard deviation of the 3D joints of a monocular estimator, where the action names one.",
         unit="mm",
     )
+    camera_roll_deg: Positive = param(
+        2.0,
+        "Standard deviation of a camera's roll: cameras are held level, which tells where up is "
+        "(heavy tails allow for exceptions).",
+        unit="deg",
+    )
+    camera_pitch_deg: Positive = param(
+        8.0, "Standard deviation of a camera's pitch about `camera_pitch_down_deg`.", unit="deg"
+    )
+    camera_pitch_down_deg: NonNegative = param(
+        5.0,
+        "Mean pitch of cameras, downwards: held at a chest's or an eye's height, 3 to 6 m from the "
+        "middle of a body.",
+        unit="deg",
+    )

@@ -1,48 +1,53 @@
-"""From each camera's axes to the world's, and a world that stands level on its ground."""
+"""From one world to another: a video's motion, hands and camera; and the ground they stand on."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from imocap_core.camera.gravity import FilmedBody
+from imocap_core.camera.ground import estimate_ground
+from imocap_core.camera.ground_plane import Ground
+from imocap_core.camera.tilt_evidence import LevelPrior
 from imocap_core.camera.world import (
     BodyMotion,
     Extrinsics,
+    GroundAlignment,
     align_camera_to_ground,
     align_motion_to_ground,
-    find_ground_alignment,
 )
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.result.video import HandMotion, VideoResult
 
 JOINTS = len(SMPL_JOINTS)
-FEET = [SMPL_JOINTS.index(name) for name in ("left_foot", "right_foot")]
+LOOSELY_LEVEL = LevelPrior(roll_deg=5.0, pitch_deg=15.0, pitch_down_deg=0.0)
 
 
-def levelled(
-    videos: Sequence[VideoResult], excluded: Sequence[str], up: str
-) -> tuple[VideoResult, ...]:
-    """The same in a world that stands on the ground under the videos that are not `excluded`."""
-    joints = [v.body_joints for v in videos if v.id not in excluded]
-    ground = find_ground_alignment([j[:, FEET] for j in joints], [j[:, 0] for j in joints], up)
-    placed = []
-    for v in videos:
-        body = with_points(BodyMotion(v.theta, v.trans, v.body_joints), v.hands)
-        body, hands = without_points(align_motion_to_ground(body, ground), v.hands)
-        pose = align_camera_to_ground(Extrinsics(v.camera.R, v.camera.t), ground)
-        placed.append(
-            replace(
-                v,
-                theta=body.theta,
-                trans=body.trans,
-                body_joints=body.joints,
-                hands=hands,
-                camera=replace(v.camera, R=pose.R, t=pose.t),
-            )
-        )
-    return tuple(placed)
+def ground_under(videos: Sequence[VideoResult], excluded: Collection[str]) -> Ground:
+    """The ground under videos that are not `excluded`, where no artifact has it (of older runs)."""
+    bodies = [
+        FilmedBody(v.body_joints, v.fps, np.asarray(v.camera.R_per_frame.mean(axis=0)))
+        for v in videos
+        if v.id not in excluded
+    ]
+    return estimate_ground(bodies, LOOSELY_LEVEL)
+
+
+def moved(video: VideoResult, alignment: GroundAlignment) -> VideoResult:
+    """The same video in another world."""
+    body = with_points(BodyMotion(video.theta, video.trans, video.body_joints), video.hands)
+    body, hands = without_points(align_motion_to_ground(body, alignment), video.hands)
+    pose = align_camera_to_ground(Extrinsics(video.camera.R, video.camera.t), alignment)
+    return replace(
+        video,
+        theta=body.theta,
+        trans=body.trans,
+        body_joints=body.joints,
+        hands=hands,
+        camera=replace(video.camera, R=pose.R, t=pose.t),
+    )
 
 
 def with_points(body: BodyMotion, hands: HandMotion | None) -> BodyMotion:

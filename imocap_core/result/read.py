@@ -28,9 +28,10 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.camera.world import BodyMotion, Extrinsics, to_world
 from imocap_core.errors import WorkFailed
+from imocap_core.problem.ground import ground_of
 from imocap_core.result.artifacts import Artifacts
 from imocap_core.result.camera import VideoCamera
-from imocap_core.result.ground import with_points, without_points
+from imocap_core.result.ground import ground_under, with_points, without_points
 from imocap_core.result.result import ActionResult
 from imocap_core.result.synchronisation import Synchronisation, synchronisation_of
 from imocap_core.result.video import HandMotion, JointUncertainty, VideoResult
@@ -85,9 +86,12 @@ def read_result(
         )
         for v in motion.videos
     ]
+    placed = tuple(_in_world(video) for video in videos)
+    plane = motion.ground
     return kind(
         action=artifacts.action,
-        videos=tuple(_in_world(video) for video in videos),
+        videos=placed,
+        ground=ground_under(placed, sync.excluded) if plane is None else ground_of(plane),
         reference=motion.reference,
         sync=sync,
         artifacts=artifacts,

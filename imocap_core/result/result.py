@@ -9,6 +9,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
+from imocap_core.camera.ground_plane import Ground
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.result.artifacts import Artifacts
 from imocap_core.result.camera import VideoCamera
@@ -31,6 +32,8 @@ class ActionResult:
         videos: what the run gave for each.
         reference: the video whose camera is the world's origin and whose seconds are the phase.
         sync: which frames show the same moment.
+        ground: the ground's plane in the result's world: `up` (a unit vector), `origin` (under the
+            bodies), `tilt_sd_deg`, `height_sd_mm`, `height_m(points)`.
         up_axis: y or z of a levelled world, whose ground is at 0; -y: the reference camera's axes.
         time: own: every video's own frames; common: all videos at the moments of one grid.
         left_out: videos without a place on the common time axis.
@@ -43,6 +46,7 @@ class ActionResult:
     reference: str
     sync: Synchronisation
     artifacts: Artifacts
+    ground: Ground
     up_axis: str = CAMERA_UP
     time: Time = "own"
     left_out: tuple[str, ...] = ()
@@ -88,12 +92,20 @@ class ActionResult:
 
     def levelled(self: Kind, up: str = "y") -> Kind:
         """The same in a world that stands on its ground: `up` ("y" or "z") points up, the ground
-        under the feet of all videos of this action is at 0."""
-        from imocap_core.result.ground import levelled
+        is at 0, and the origin is under the bodies.
+
+        With y up the reference camera looks along -z; z up is that world turned by a quarter, so
+        that (x, y, z) becomes (x, -z, y).
+        """
+        from imocap_core.camera.ground import upright_alignment
+        from imocap_core.result.ground import moved
 
         if up not in ("y", "z"):
             raise WrongUse(f"up: expected y or z, got {up!r}")
-        return replace(self, videos=levelled(self.videos, self.sync.excluded, up), up_axis=up)
+        level = upright_alignment(self.ground, self[self.reference].camera.R, up)
+        videos = tuple(moved(video, level) for video in self.videos)
+        ground = self.ground.moved(level.R_upright_from_world, level.t)
+        return replace(self, videos=videos, ground=ground, up_axis=up)
 
     def on_common_time(self: Kind) -> Kind:
         """Every video at the moments of one grid, in steps of the reference's frames.

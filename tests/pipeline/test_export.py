@@ -24,6 +24,7 @@ from imocap_core.artifacts.schemas import (
     VideoMotion,
 )
 from imocap_core.artifacts.store import Store
+from imocap_core.camera.ground import BALL_ABOVE_SOLE_M
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WorkFailed
 from imocap_core.export.formats import export
@@ -206,8 +207,9 @@ def test_level_stands_on_its_ground(store: Store, tmp_path: Path, up: str, axis:
         names = list(data["joint_names"])
         heights = data["joints"][..., axis]
         seen = data["joints"] @ data["R"].T + data["t"]
-    np.testing.assert_allclose(heights[:, names.index("left_foot")], 0.0, atol=1e-6)
-    np.testing.assert_allclose(heights[:, names.index("head")], 0.9, atol=1e-6)
+    ball_m = BALL_ABOVE_SOLE_M
+    np.testing.assert_allclose(heights[:, names.index("left_foot")], ball_m, atol=1e-6)
+    np.testing.assert_allclose(heights[:, names.index("head")], 0.9 + ball_m, atol=1e-6)
     np.testing.assert_allclose(seen, motion("b").joints, atol=1e-9)
 
 

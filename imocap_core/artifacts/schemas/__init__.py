@@ -8,6 +8,7 @@ from imocap_core.artifacts.schemas.keypoints import HandKeypoints, Keypoints, Vi
 from imocap_core.artifacts.schemas.motion import (
     Camera,
     CommonMotion,
+    GroundPlane,
     Hypothesis,
     InitialSmpl,
     SmplBa,
@@ -39,6 +40,7 @@ __all__ = [
     "Evaluate",
     "Floats",
     "Floats32",
+    "GroundPlane",
     "HandKeypoints",
     "Hands",
     "Hypothesis",

@@ -40,6 +40,15 @@ class Hypothesis(Value):
     note: str
 
 
+class GroundPlane(Value):
+    """The ground: points x with up . (x - origin) = 0. Its height is NaN where no body tells it."""
+
+    up: Annotated[Floats, Shape(3)]  # unit vector against gravity
+    origin: Annotated[Floats, Shape(3)]  # under the bodies' mean place, metres
+    tilt_sd_deg: float  # of up about each horizontal axis
+    height_sd_mm: float
+
+
 class InitialSmpl(Artifact):
     """The monocular start: each video's motion from that video alone."""
 
@@ -48,6 +57,8 @@ class InitialSmpl(Artifact):
     videos: list[VideoMotion]
     source: dict[str, str]  # video id -> its initial_format | monocular
     hypotheses: list[Hypothesis] = Field(default_factory=list)
+    # each video's by itself, in the order of `videos`, in the axes of its first-frame camera
+    grounds: list[GroundPlane] = Field(default_factory=list)
 
 
 class CommonMotion(Value):
@@ -69,7 +80,7 @@ class CommonMotion(Value):
 class SmplBa(Artifact):
     """Motion and cameras solved over all videos (Eq. 8)."""
 
-    OPTIONAL: ClassVar[frozenset[str]] = frozenset({"common"})
+    OPTIONAL: ClassVar[frozenset[str]] = frozenset({"common", "ground"})
 
     reference: str
     model: str
@@ -80,3 +91,4 @@ class SmplBa(Artifact):
     misfit: float  # mean robust reprojection cost a keypoint of one motion for all views
     status: str
     common: CommonMotion | None = None  # None for a single video, and in refine_sync's rounds
+    ground: GroundPlane | None = None  # in the world's axes; None in refine_sync's rounds

@@ -1,0 +1,134 @@
+"""Direction of gravity: the posterior of up, from how cameras are held and how bodies stand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from imocap_core.camera.tilt_evidence import (
+    LevelPrior,
+    Support,
+    balance_cost,
+    camera_cost,
+    perpendicular,
+    plane_cost,
+    support_of,
+    trunk_cost,
+)
+
+MOMENTS = 100  # of a video that are looked at
+CORRELATION_S = 0.75  # errors of a pose persist: so long a time counts as one observation
+MOST_OBSERVATIONS = 5.0  # and a video's common error remains, however long it is
+WRONG_SHARE = 0.02  # of motions that lean as a whole
+TRUNK_SHARE = 0.3  # of the evidence of balance, which speaks of nearly the same
+SPHERE = 1000  # directions that are compared first, 7 degrees apart
+REFINEMENTS, GRID, REACH_SD = 3, 17, 4.0
+FIRST_REACH_DEG, LEAST_REACH_DEG, MOST_REACH_DEG = 12.0, 2.0, 30.0
+CHUNK = 500  # directions evaluated together
+
+
+@dataclass(frozen=True)
+class FilmedBody:
+    """One video's body in the axes of the world, and the mean of its camera's rotations.
+
+    joints: SMPL's, metres; frames without all of them are left out.
+    """
+
+    joints: Float[np.ndarray, "T 24 3"]
+    fps: float
+    R_cam_from_world: Float[np.ndarray, "3 3"]
+
+
+@dataclass(frozen=True)
+class UpEstimate:
+    """Mean of the posterior, a unit vector, and its standard deviation about a horizontal axis."""
+
+    up: Float[np.ndarray, "3"]
+    sd_deg: float
+
+
+def estimate_up(bodies: Sequence[FilmedBody], prior: LevelPrior) -> UpEstimate:
+    """Up in the axes of a world that some videos share; a video without a body has its camera.
+
+    The posterior is summed over a grid of directions that closes in on its mean: with two unknowns
+    that is exact, and several modes show in the standard deviation.
+    """
+    sphere = _fibonacci_sphere(SPHERE)
+    stances = [s for body in bodies if (s := _Stance.of(body, sphere)) is not None]
+
+    def cost(up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
+        total = np.zeros(len(up))
+        for body in bodies:
+            total += camera_cost(up, body.R_cam_from_world, prior)
+        for stance in stances:
+            total += stance.cost(up)
+        return total
+
+    mean, reach, sd = sphere[cost(sphere).argmin()], FIRST_REACH_DEG, 0.0
+    for _ in range(REFINEMENTS):
+        around = _grid(mean, reach)
+        costs = cost(around)
+        weight = np.exp(-0.5 * (costs - costs.min()))
+        weight /= weight.sum()
+        mean = weight @ around
+        mean /= np.linalg.norm(mean)
+        angle = np.degrees(np.arccos(np.clip(around @ mean, -1.0, 1.0)))
+        sd = float(np.sqrt(weight @ angle**2 / 2))
+        reach = float(np.clip(REACH_SD * sd, LEAST_REACH_DEG, MOST_REACH_DEG))
+    return UpEstimate(mean, sd)
+
+
+@dataclass(frozen=True)
+class _Stance:
+    """What one body tells: its support, its camera's line of sight, how many independent
+    observations it is worth, and its cost of the best direction."""
+
+    support: Support
+    sight: Float[np.ndarray, "3"]
+    count: float
+    least: float = 0.0
+
+    @classmethod
+    def of(cls, body: FilmedBody, sphere: Float[np.ndarray, "U 3"]) -> _Stance | None:
+        whole = np.isfinite(body.joints).all(axis=(1, 2))
+        if not whole.any():
+            return None
+        count = min(float(whole.sum()) / body.fps / CORRELATION_S, MOST_OBSERVATIONS)
+        support = support_of(body.joints[whole], body.fps, MOMENTS)
+        sight = body.R_cam_from_world[2]
+        return cls(support, sight, count, float(cls(support, sight, count).raw(sphere).min()))
+
+    def raw(self, up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
+        """Balance, trunk and planted feet, as if the pose were right."""
+        parts = []
+        for k in range(0, len(up), CHUNK):
+            some = up[k : k + CHUNK]
+            posture = balance_cost(some, self.support, self.sight)
+            posture += TRUNK_SHARE * trunk_cost(some, self.support)
+            parts.append(posture + plane_cost(some, self.support))
+        return self.count * np.concatenate(parts)
+
+    def cost(self, up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
+        """The same when the whole motion may be wrong: then it tells nothing."""
+        likelihood = np.exp(-0.5 * (self.raw(up) - self.least))
+        return np.asarray(-2 * np.log((1 - WRONG_SHARE) * likelihood + WRONG_SHARE))
+
+
+def _fibonacci_sphere(count: int) -> Float[np.ndarray, "U 3"]:
+    """Directions spread evenly over the sphere."""
+    index = np.arange(count) + 0.5
+    z, turn = 1 - 2 * index / count, np.pi * (1 + 5**0.5) * index
+    radius = np.sqrt(1 - z**2)
+    return np.stack([radius * np.cos(turn), radius * np.sin(turn), z], axis=1)
+
+
+def _grid(centre: Float[np.ndarray, "3"], reach_deg: float) -> Float[np.ndarray, "U 3"]:
+    """Directions around one, on a square grid in its tangent plane."""
+    east, north = (axis[0] for axis in perpendicular(centre[None]))
+    side = np.linspace(-1.0, 1.0, GRID) * np.tan(np.radians(reach_deg))
+    x, y = (a.ravel()[:, None] for a in np.meshgrid(side, side))
+    around = centre + x * east + y * north
+    return np.asarray(around / np.linalg.norm(around, axis=1, keepdims=True))

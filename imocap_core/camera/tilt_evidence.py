@@ -1,0 +1,189 @@
+"""Costs of directions as up: a held camera, a balanced body, an upright trunk, planted feet.
+
+Each cost is twice a negative log likelihood up to a constant, with the heavy tails of Student's t,
+because every rule here has exceptions (a tilted camera, a fall, a lying body, stairs). Directions
+are candidates for up, (U, 3) unit vectors in the world's axes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from imocap_core.body.mass import centre_of_mass
+from imocap_core.conventions import SMPL_JOINTS
+
+CAMERA_DOF, BALANCE_DOF, TRUNK_DOF, PLANE_DOF = 4.0, 4.0, 2.0, 3.0  # of the t distributions
+SUPPORT_HEIGHT_M = 0.06  # a limb this far above the lowest one supports less
+HAND_SHARE = 0.3  # of a foot's: how readily hands and knees count as support
+SWAY_M = 0.06  # standard deviation of the centre of mass about the middle of its support
+LEAN_ACROSS, LEAN_AHEAD = 0.08, 0.25  # errors of the pose as shares of the height: across the
+# camera's line of sight and along it
+DYNAMIC_S = 0.2  # and as a time at its speed: who moves need not balance
+TRUNK_DEG = 8.0
+PLANE_M = 0.08  # deviation of a planted foot's height, with its error of depth
+PLANTED_M_S = 0.2  # speed at which a foot counts a quarter as planted
+LEAST_PLANTED = 0.1  # feet that count less are left out
+PLANE_QUANTILE = 0.5
+
+PELVIS, NECK = SMPL_JOINTS.index("pelvis"), SMPL_JOINTS.index("neck")
+BALLS = [SMPL_JOINTS.index(f"{side}_foot") for side in ("left", "right")]
+ANKLES = [SMPL_JOINTS.index(f"{side}_ankle") for side in ("left", "right")]
+HANDS_AND_KNEES = [
+    SMPL_JOINTS.index(f"{side}_{part}") for part in ("wrist", "knee") for side in ("left", "right")
+]
+
+
+@dataclass(frozen=True)
+class LevelPrior:
+    """How cameras are held: standard deviations of roll and pitch, and the mean pitch, degrees."""
+
+    roll_deg: float
+    pitch_deg: float
+    pitch_down_deg: float
+
+
+@dataclass(frozen=True)
+class Support:
+    """A body over what may support it, N moments.
+
+    Attributes:
+        centre: (N, 3) centre of mass; speed_m_s: (N,) its speed.
+        limbs: (N, 6, 3) feet, wrists, knees; trunk: (N, 3) unit vectors from pelvis to neck.
+        feet: (M, 3) balls of slow feet; planted: (M,) their weights.
+    """
+
+    centre: Float[np.ndarray, "N 3"]
+    speed_m_s: Float[np.ndarray, " N"]
+    limbs: Float[np.ndarray, "N 6 3"]
+    trunk: Float[np.ndarray, "N 3"]
+    feet: Float[np.ndarray, "M 3"]
+    planted: Float[np.ndarray, " M"]
+
+
+def support_of(joints: Float[np.ndarray, "T 24 3"], fps: float, moments: int) -> Support:
+    """Support at up to `moments` moments of a motion without gaps."""
+    centre = centre_of_mass(joints)
+    step = np.gradient(centre, axis=0) if len(joints) > 1 else np.zeros_like(centre)
+    index = np.unique(np.linspace(0, len(joints) - 1, moments).round().astype(np.int64))
+    chosen = joints[index]
+    trunk = chosen[:, NECK] - chosen[:, PELVIS]
+    soles = 0.5 * (chosen[:, ANKLES] + chosen[:, BALLS])
+    feet, planted = planted_feet(joints, fps)
+    some = np.unique(np.linspace(0, len(feet) - 1, 2 * moments).round().astype(np.int64))
+    return Support(
+        centre=centre[index],
+        speed_m_s=fps * np.linalg.norm(step[index], axis=-1),
+        limbs=np.concatenate([soles, chosen[:, HANDS_AND_KNEES]], axis=1),
+        trunk=trunk / np.maximum(np.linalg.norm(trunk, axis=-1, keepdims=True), 1e-9),
+        feet=feet[some],
+        planted=planted[some],
+    )
+
+
+def planted_feet(
+    joints: Float[np.ndarray, "T 24 3"], fps: float
+) -> tuple[Float[np.ndarray, "M 3"], Float[np.ndarray, " M"]]:
+    """Places of the balls of slow feet, and weights by their speed; the slowest if none is slow."""
+    feet = joints[:, BALLS]
+    if len(feet) == 1:
+        return feet[0], np.ones(len(BALLS))
+    middle = (0.5 * (feet[1:] + feet[:-1])).reshape(-1, 3)
+    speed = fps * np.linalg.norm(feet[1:] - feet[:-1], axis=-1).ravel()
+    weight = 1.0 / (1.0 + (speed / PLANTED_M_S) ** 2) ** 2
+    slow = weight >= min(LEAST_PLANTED, weight.max())
+    return middle[slow], weight[slow]
+
+
+def camera_cost(
+    up: Float[np.ndarray, "U 3"], R_cam_from_world: Float[np.ndarray, "3 3"], prior: LevelPrior
+) -> Float[np.ndarray, " U"]:
+    """Cameras are held without roll, and look down a little (x right, y down, z ahead)."""
+    x, y, z = (up @ R_cam_from_world.T).T
+    roll = np.degrees(np.arctan2(x, -y))
+    down = np.degrees(np.arctan2(-z, np.hypot(x, y)))
+    return _student(roll / prior.roll_deg, CAMERA_DOF) + _student(
+        (down - prior.pitch_down_deg) / prior.pitch_deg, CAMERA_DOF
+    )
+
+
+def trunk_cost(up: Float[np.ndarray, "U 3"], support: Support) -> Float[np.ndarray, " U"]:
+    """Trunks are upright more often than any other way; the mean over moments."""
+    lean = np.degrees(np.arccos(np.clip(up @ support.trunk.T, -1.0, 1.0)))
+    return np.asarray(_student(lean / TRUNK_DEG, TRUNK_DOF, dimensions=2).mean(axis=1))
+
+
+def plane_cost(up: Float[np.ndarray, "U 3"], support: Support) -> Float[np.ndarray, " U"]:
+    """Planted feet are on one height; the mean over feet."""
+    height = up @ support.feet.T
+    middle = weighted_quantile(height, support.planted, PLANE_QUANTILE)
+    cost = _student((height - middle[:, None]) / PLANE_M, PLANE_DOF)
+    return np.asarray(cost @ support.planted / support.planted.sum())
+
+
+def balance_cost(
+    up: Float[np.ndarray, "U 3"], support: Support, sight: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, " U"]:
+    """The centre of mass is above the limbs that stand on the ground; the mean over moments.
+
+    Limbs as low as the lowest one are the support. The centre's horizontal distance from their mean
+    is compared with their extent, the body's sway and the pose's errors.
+    """
+    middle, spread = _support_under(up, support)
+    arm = support.centre - middle  # (U, N, 3)
+    height = np.einsum("unc,uc->un", arm, up)
+    free = SWAY_M**2 + (LEAN_ACROSS * height) ** 2 + (DYNAMIC_S * support.speed_m_s) ** 2
+    axes = np.stack(perpendicular(up), axis=1)  # (U, 2, 3)
+    ahead = (axes @ sight)[:, None, :, None]
+    along = (LEAN_AHEAD**2 - LEAN_ACROSS**2) * height**2
+    flat = np.einsum("uki,uni->unk", axes, arm)
+    covariance = np.einsum("uki,unij,ulj->unkl", axes, spread, axes)
+    covariance += along[..., None, None] * ahead * ahead.mT
+    a, b, c = covariance[..., 0, 0] + free, covariance[..., 0, 1], covariance[..., 1, 1] + free
+    determinant = a * c - b**2
+    x, y = flat[..., 0], flat[..., 1]
+    squared = (c * x**2 - 2 * b * x * y + a * y**2) / determinant
+    cost = (BALANCE_DOF + 2) * np.log1p(squared / BALANCE_DOF) + np.log(determinant / SWAY_M**4)
+    return np.asarray(cost.mean(axis=1))
+
+
+def weighted_quantile(
+    values: Float[np.ndarray, "U M"], weights: Float[np.ndarray, " M"], share: float
+) -> Float[np.ndarray, " U"]:
+    """Quantile of each row."""
+    order = np.argsort(values, axis=1)
+    cumulated = np.cumsum(weights[order], axis=1)
+    place = (cumulated >= share * cumulated[:, -1:]).argmax(axis=1)
+    return np.asarray(np.take_along_axis(values, order, axis=1)[np.arange(len(values)), place])
+
+
+def _support_under(
+    up: Float[np.ndarray, "U 3"], support: Support
+) -> tuple[Float[np.ndarray, "U N 3"], Float[np.ndarray, "U N 3 3"]]:
+    """Mean of the supporting limbs, and half their covariance: pressure is mostly in the middle."""
+    above = np.einsum("nsc,uc->uns", support.limbs, up)
+    above -= above.min(axis=2, keepdims=True)
+    share = np.where(np.arange(above.shape[2]) < len(BALLS), 1.0, HAND_SHARE)
+    share = share * np.exp(-0.5 * (above / SUPPORT_HEIGHT_M) ** 2)
+    share /= share.sum(axis=2, keepdims=True)
+    middle = np.einsum("uns,nsc->unc", share, support.limbs)
+    apart = support.limbs[None] - middle[:, :, None]
+    return middle, 0.5 * np.einsum("uns,unsi,unsj->unij", share, apart, apart)
+
+
+def _student(
+    ratio: Float[np.ndarray, "*S"], dof: float, dimensions: int = 1
+) -> Float[np.ndarray, "*S"]:
+    """Twice the negative log density of Student's t at ratios of its scale."""
+    return (dof + dimensions) * np.log1p(ratio**2 / dof)
+
+
+def perpendicular(
+    up: Float[np.ndarray, "U 3"],
+) -> tuple[Float[np.ndarray, "U 3"], Float[np.ndarray, "U 3"]]:
+    """Two unit vectors perpendicular to each direction and to each other."""
+    east = np.cross(up, np.eye(3)[np.abs(up).argmin(axis=1)])
+    east /= np.linalg.norm(east, axis=1, keepdims=True)
+    return east, np.cross(up, east)

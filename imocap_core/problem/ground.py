@@ -1,0 +1,80 @@
+"""The ground under motions: from artifacts to its estimate, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from imocap_core.artifacts.schemas import (
+    CameraMotion,
+    GroundPlane,
+    Keypoints,
+    SmplBa,
+    VideoMotion,
+)
+from imocap_core.camera.gravity import FilmedBody
+from imocap_core.camera.ground import estimate_ground
+from imocap_core.camera.ground_plane import Ground
+from imocap_core.camera.tilt_evidence import LevelPrior
+from imocap_core.camera.world import BodyMotion, Extrinsics, to_world
+from imocap_core.params import FitParams
+from imocap_core.workers import at_once
+
+
+def level_prior(fit: FitParams) -> LevelPrior:
+    """How cameras are held."""
+    return LevelPrior(fit.camera_roll_deg, fit.camera_pitch_deg, fit.camera_pitch_down_deg)
+
+
+def with_ground(
+    motion: SmplBa,
+    keypoints: Keypoints,
+    camera_motion: CameraMotion,
+    excluded: Collection[str],
+    fit: FitParams,
+) -> SmplBa:
+    """A joint motion with the ground under the videos that are not `excluded`."""
+    fps = {v.id: v.fps for v in keypoints.videos}
+    turns = {v.id: v.R_first_from_frame for v in camera_motion.videos}
+    bodies = []
+    for video, camera in zip(motion.videos, motion.cameras, strict=True):
+        if video.id not in excluded:
+            body = to_world(
+                BodyMotion(video.theta, video.trans, video.joints), Extrinsics(camera.R, camera.t)
+            )
+            R_mean = turns[video.id].mean(axis=0).T @ camera.R
+            bodies.append(FilmedBody(body.joints, fps[video.id], R_mean))
+    ground = estimate_ground(bodies, level_prior(fit))
+    return motion.model_copy(update={"ground": stored_ground(ground)})
+
+
+def grounds_of(
+    videos: Sequence[VideoMotion],
+    keypoints: Keypoints,
+    camera_motion: CameraMotion,
+    fit: FitParams,
+) -> list[GroundPlane]:
+    """The ground of each video by itself, in the axes of its first-frame camera."""
+
+    def ground(v: int) -> GroundPlane:
+        R_mean = np.asarray(camera_motion.videos[v].R_first_from_frame.mean(axis=0).T)
+        body = FilmedBody(videos[v].joints, keypoints.videos[v].fps, R_mean)
+        return stored_ground(estimate_ground([body], level_prior(fit)))
+
+    return at_once(ground, range(len(videos)))
+
+
+def stored_ground(ground: Ground) -> GroundPlane:
+    """As an artifact has it."""
+    return GroundPlane(
+        up=ground.up,
+        origin=ground.origin,
+        tilt_sd_deg=ground.tilt_sd_deg,
+        height_sd_mm=ground.height_sd_mm,
+    )
+
+
+def ground_of(plane: GroundPlane) -> Ground:
+    """As the core has it."""
+    return Ground(plane.up, plane.origin, plane.tilt_sd_deg, plane.height_sd_mm)
