@@ -18,6 +18,11 @@ from imocap_core.body import (
 from imocap_core.motion.state import MotionState
 
 FEET = ("left_ankle", "right_ankle", "left_foot", "right_foot")
+MOVING = (
+    *(f"{side}_{end}" for end in ("hip", "knee", "ankle") for side in ("left", "right")),
+    *(f"{side}_{end}" for end in ("shoulder", "elbow", "wrist") for side in ("left", "right")),
+    "head",
+)
 
 
 @dataclass(frozen=True)
@@ -36,19 +41,22 @@ class Points:
 
 @dataclass(frozen=True)
 class Body:
-    """A body model with the keypoints of one layout, the 24 joints, and those of the feet."""
+    """A body model with the keypoints of one layout, the 24 joints, and some of them: those of the
+    feet, and those that move by themselves (limbs and head)."""
 
     model: Model
     keypoints: PointSet
     joints: PointSet
     feet: PointSet
+    moving: PointSet
 
     @classmethod
     def of(cls, model: Model, *layouts: str) -> Body:
         """The model with the keypoints of one or several layouts, one after another."""
         joints = model.points("smpl24")
         keypoints = join_points([model.points(x) for x in layouts])
-        return cls(model, keypoints, joints, pick_points(joints, FEET))
+        feet, moving = pick_points(joints, FEET), pick_points(joints, MOVING)
+        return cls(model, keypoints, joints, feet, moving)
 
     def posed(self, state: MotionState) -> Posed:
         """The body in the state's shape and poses."""

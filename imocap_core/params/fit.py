@@ -41,12 +41,17 @@ class FitParams:
         "motion.",
     )
     acceleration: NonNegative = param(
-        16.0,
+        4.0,
         "Weight of small joint rotation accelerations, relative to the accelerations of real "
         "motion.",
     )
     acceleration_scale: Positive = param(
         0.7, "Cost above which an acceleration's cost grows only logarithmically."
+    )
+    joint_acceleration: NonNegative = param(
+        0.07,
+        "Weight of the accelerations of joints in space, relative to their likelihood in real "
+        "motion. Neighbouring joints and frames accelerate together, so it is far below 1.",
     )
     foot_speed_m_s: Positive = param(
         0.2,

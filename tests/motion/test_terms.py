@@ -16,6 +16,7 @@ from imocap_core.motion.terms import (
     FocalPrior,
     FootContact,
     HingeLimits,
+    JointAcceleration,
     JointEvidence,
     JointLimits,
     PathCoupling,
@@ -116,6 +117,7 @@ TERMS: dict[str, Callable[[Body, MotionState], Term]] = {
     "acceleration": lambda b, s: PoseSmoothness(torch.zeros(24).double(), normal(24).abs(), 0.7),
     "foot speeds": lambda b, s: FootContact(b, 40.0, 1.5),
     "foot contact": lambda b, s: FootContact(b, normal(B, T - 1, 4, seed=13).abs(), 1.5),
+    "joint acceleration": lambda b, s: JointAcceleration(b, 30.0, 1e-3),
     "path": lambda b, s: PathSmoothness(3.0, 2.0),
     "pose coupling": lambda b, s: PoseCoupling(
         exp(normal(B, T, 24, 3, seed=7, spread=0.3)), normal(B, T, 24, seed=8).abs() * seen(s)

@@ -26,6 +26,7 @@ from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import (
     FootContact,
     HingeLimits,
+    JointAcceleration,
     JointEvidence,
     PathSmoothness,
     PosePriorTerm,
@@ -67,6 +68,7 @@ def regularisers(body: Body, prior: PosePrior, weights: FitParams, fps: float) -
         FootContact(body, (fps / weights.foot_speed_m_s) ** 2, weights.foot_scale),
         PosePriorTerm(prior, weights.pose_prior),
         ShapePrior(weights.shape_prior),
+        JointAcceleration(body, fps, weights.joint_acceleration),
         HingeLimits(weights.limits),
         PoseSmoothness(
             weights.velocity / step**2, weights.acceleration / bend**2, weights.acceleration_scale

@@ -9,6 +9,7 @@ from imocap_core.motion.terms.coupling import PathCoupling, PoseCoupling
 from imocap_core.motion.terms.evidence import JointEvidence
 from imocap_core.motion.terms.focal_prior import FocalPrior
 from imocap_core.motion.terms.foot_contact import FootContact
+from imocap_core.motion.terms.joint_acceleration import JointAcceleration
 from imocap_core.motion.terms.limits import HingeLimits, JointLimits
 from imocap_core.motion.terms.pose_prior import PosePriorTerm
 from imocap_core.motion.terms.reprojection import Reprojection
@@ -20,6 +21,7 @@ __all__ = [
     "FocalPrior",
     "FootContact",
     "HingeLimits",
+    "JointAcceleration",
     "JointEvidence",
     "JointLimits",
     "PathCoupling",
