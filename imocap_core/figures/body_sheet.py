@@ -29,11 +29,10 @@ from imocap_core.render.body_views import (
 
 ARMS_DOWN_RAD = 1.1  # of the rest pose beside the phases
 CAPTION = (
-    "The recovered body of {video} from its front, its right side and its back; look here after "
-    "every change of the solver. The first column is the same body at rest. The colours are the "
-    "torso's segments: in an upright pose each band should be as wide as at rest. A band that is "
-    "wider or that stands out is a ballooned chest, one that vanishes is a creased waist. The thin "
-    "line is the ground."
+    "The recovered body of {video} from its front, its right side and its back. The first "
+    "column is the same body at rest. The colours are the torso's segments: in an upright pose "
+    "each band should be as wide as at rest. A band that is wider or that stands out is a "
+    "ballooned chest, one that vanishes is a creased waist. The thin line is the ground."
 )
 
 

@@ -7,7 +7,12 @@ from dataclasses import dataclass, field, replace
 
 from imocap_core.artifacts.schemas import Table
 from imocap_core.report.files import Picture
-from imocap_core.report.shown_tables import grouped_reasons, headline, of_single_video
+from imocap_core.report.shown_tables import (
+    grouped_reasons,
+    headline,
+    of_single_video,
+    without_empty_columns,
+)
 
 SENTENCES = "open"  # the table of the observability report's sentences
 PROGRAMS = "metrics"  # the long table, for programs only
@@ -151,7 +156,7 @@ def plans_for(tables: Mapping[str, Table], videos: int) -> list[Plan]:
 
 def _shown(table: Table, videos: int) -> Table:
     """A table as the page shows it."""
-    table = grouped_reasons(headline(table))
+    table = without_empty_columns(grouped_reasons(headline(table)))
     return of_single_video(table) if videos == 1 else table
 
 

@@ -37,6 +37,17 @@ def headline(table: Table) -> Table:
     )
 
 
+def without_empty_columns(table: Table) -> Table:
+    """Without columns in which no row has a value."""
+    shown = [k for k in range(len(table.columns)) if any(row[k] is not None for row in table.rows)]
+    return table.model_copy(
+        update={
+            "columns": [table.columns[k] for k in shown],
+            "rows": [[row[k] for k in shown] for row in table.rows],
+        }
+    )
+
+
 def grouped_reasons(table: Table) -> Table:
     """Metrics that are not scored, one row a reason; other tables as they are."""
     if table.name != "unscored":

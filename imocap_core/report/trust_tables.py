@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from imocap_core.artifacts.schemas import SyncSummary, Table
+from imocap_core.artifacts.schemas import SyncSummary, SyncTrust, Table
 
 Cell = str | bool | int | float | None
 
@@ -37,8 +37,7 @@ def trust_tables(sync: SyncSummary) -> list[Table]:
             title="Trust in the synchronisation, by video (needs no truth)",
             columns=columns,
             rows=videos,
-            note=" ".join(f"{note}." for note in sync.notes)
-            or "No video stands out as another action or as mirrored.",
+            note=" ".join(f"{note}." for note in sync.notes) or _nothing_noticed(sync.trust),
         )
     ]
     if triples:
@@ -51,6 +50,16 @@ def trust_tables(sync: SyncSummary) -> list[Table]:
             )
         )
     return tables
+
+
+def _nothing_noticed(trust: SyncTrust) -> str:
+    """A sentence where there are no notes."""
+    if any(math.isfinite(v.outlier_score) for v in trust.videos):
+        return "No video stands out as another action or as mirrored."
+    return (
+        "With two videos it cannot be decided which of them shows another action, so none is left "
+        "out; neither seems mirrored."
+    )
 
 
 def _treated(sync: SyncSummary, video: str) -> str:

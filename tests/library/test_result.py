@@ -67,6 +67,13 @@ def test_it_is_a_collection_of_videos(result: imocap.Result) -> None:
         result["c"]
 
 
+def test_a_result_has_a_verdict(result: imocap.Result) -> None:
+    assert result.verdict is not None
+    assert result.verdict.summary[0].startswith("a and b are matched")
+    assert str(result.verdict).splitlines() == list(result.verdict.summary)
+    assert result.levelled("y").verdict == result.verdict
+
+
 def test_arrays_and_their_shapes(result: imocap.Result) -> None:
     video = result["b"]
     T = LENGTHS["b"]

@@ -11,7 +11,13 @@ from imocap_core.artifacts.schemas import SmplBa
 from imocap_core.pipeline.graph import settings
 from imocap_core.pipeline.runner import Job, Outcome
 from imocap_core.pipeline.timings import record, seconds_of, timing_table
-from imocap_core.report.action_report import SINGLE, complete, finish, single_model
+from imocap_core.report.action_report import (
+    SINGLE,
+    complete,
+    finish,
+    single_model,
+    verdict_of_run,
+)
 from tests.pipeline.stored import NAME, stored_job
 from tests.report.made import Made
 
@@ -44,6 +50,33 @@ def test_the_page_is_made_once_and_again_when_something_changed(made: Made, tmp_
     finish(job, _outcomes(job))
     assert page.stat().st_mtime_ns > first
     assert 'href="viewer.html"' in page.read_text()
+
+
+def test_the_report_begins_with_the_verdict_of_the_run(made: Made, tmp_path: Path) -> None:
+    job = stored_job(tmp_path, made)
+    page = finish(job, _outcomes(job))
+    assert page is not None
+    verdict = verdict_of_run(job, _outcomes(job))
+    assert verdict is not None
+    text = page.with_name("report.md").read_text()
+    assert text.startswith(f"# {NAME}\n\n" + "\n\n".join(verdict.summary))
+    page.with_name("verdict.json").write_text("{broken")
+    assert verdict_of_run(job, _outcomes(job)) == verdict
+    page.with_name("verdict.json").unlink()
+    finish(job, _outcomes(job))
+    assert page.with_name("verdict.json").is_file()
+
+
+def test_a_run_to_the_motion_has_a_verdict_and_one_before_has_none(
+    made: Made, tmp_path: Path
+) -> None:
+    job = stored_job(tmp_path, made)
+    stages = [o.stage for o in _outcomes(job)]
+    motion = stages.index("refine_sync") + 1
+    verdict = verdict_of_run(job, _outcomes(job)[:motion])
+    assert verdict is not None
+    assert "one more video" not in " ".join(verdict.summary)  # the uncertainty has not been made
+    assert verdict_of_run(job, _outcomes(job)[: motion - 1]) is None
 
 
 def test_a_run_that_stops_early_has_no_page(made: Made, tmp_path: Path) -> None:

@@ -174,3 +174,12 @@ def test_a_column_is_chosen_for_every_video(made: Made) -> None:
     picks = picks_of(videos)
     assert [v for v, _ in picks] == [0, 0, 1, 1, 2, 2]
     assert all(t_a < t_b for (_, t_a), (_, t_b) in zip(picks[::2], picks[1::2], strict=True))
+
+
+def test_a_column_without_any_value_is_not_shown() -> None:
+    trust = Table(
+        name="trust", title="", columns=["video", "score", "share"], rows=[["v1", None, 1.0]] * 2
+    )
+    (part,) = sections([trust], [])
+    assert part.folded_tables[0].columns == ["video", "share"]
+    assert part.folded_tables[0].rows == [["v1", 1.0]] * 2
