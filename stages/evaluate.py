@@ -41,7 +41,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
     scores = score_action(
         results, keypoints, camera_motion, sync, refined, claimed, hands, truth, model
     )
-    tables = evaluation_tables(scores, keypoints, camera_motion, refined, claimed, truth)
+    tables = evaluation_tables(scores, keypoints, camera_motion, initial, refined, claimed, truth)
 
     pictures: list[Picture] = []
     if params.evaluate.figures:

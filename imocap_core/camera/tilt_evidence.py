@@ -101,12 +101,19 @@ def camera_cost(
     up: Float[np.ndarray, "U 3"], R_cam_from_world: Float[np.ndarray, "3 3"], prior: LevelPrior
 ) -> Float[np.ndarray, " U"]:
     """Cameras are held without roll, and look down a little (x right, y down, z ahead)."""
-    x, y, z = (up @ R_cam_from_world.T).T
-    roll = np.degrees(np.arctan2(x, -y))
-    down = np.degrees(np.arctan2(-z, np.hypot(x, y)))
+    roll, down = camera_angles_deg(up, R_cam_from_world)
     return _student(roll / prior.roll_deg, CAMERA_DOF) + _student(
         (down - prior.pitch_down_deg) / prior.pitch_deg, CAMERA_DOF
     )
+
+
+def camera_angles_deg(
+    up: Float[np.ndarray, "U 3"], R_cam_from_world: Float[np.ndarray, "3 3"]
+) -> tuple[Float[np.ndarray, " U"], Float[np.ndarray, " U"]]:
+    """Roll (positive: up leans to the picture's right) and downward pitch of a camera."""
+    x, y, z = (up @ R_cam_from_world.T).T
+    roll, down = np.arctan2(x, -y), np.arctan2(-z, np.hypot(x, y))
+    return np.degrees(roll), np.degrees(down)
 
 
 def trunk_cost(up: Float[np.ndarray, "U 3"], support: Support) -> Float[np.ndarray, " U"]:

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
-from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync, Table, Uncertainty
+from imocap_core.artifacts.schemas import (
+    CameraMotion,
+    InitialSmpl,
+    Keypoints,
+    RefineSync,
+    Table,
+    Uncertainty,
+)
 from imocap_core.evaluate.action_scores import ActionScores
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.scoring import ALL_VIDEOS
+from imocap_core.report.ground_table import ground_tables
 from imocap_core.report.hand_tables import hand_tables
 from imocap_core.report.joint_tables import joint_tables
 from imocap_core.report.observability_text import observability_table
@@ -18,6 +26,7 @@ def evaluation_tables(
     scores: ActionScores,
     keypoints: Keypoints,
     camera_motion: CameraMotion,
+    initial: InitialSmpl,
     refined: RefineSync,
     claimed: Uncertainty,
     truth: Truth | None,
@@ -30,6 +39,7 @@ def evaluation_tables(
         *hand_tables(every),
         *([round_table(refined, scores.rounds)] if len(refined.rounds) > 1 else []),
         video_table(keypoints, camera_motion, refined),
+        *ground_tables(initial, camera_motion, refined),
         *trust_tables(refined.sync),
         observability_table(claimed, refined.sync),
         *uncertainty_tables(claimed, refined.motion.videos, truth, every),

@@ -87,7 +87,7 @@ PLANS = (
         (),
         ("uncertainty", "uncertainty_joints", "viewpoints"),
     ),
-    Plan("Cameras and paths", "", ("scene.",), ("cameras", "videos")),
+    Plan("Cameras and paths", "", ("scene.",), ("cameras", "ground", "videos")),
     Plan(
         "The loop",
         "Synchronisation and motion are solved in turn until the correspondences converge.",
