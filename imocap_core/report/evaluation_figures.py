@@ -116,9 +116,10 @@ def draw_contact_sheets(
             "The same moments in every video",
             "each column shows matched frames with the skeleton of the final result",
         )
-        first = _written(
-            folder, figure, "moments.jpg", "The same moments of the action in every video."
-        )
+        caption = "The same moments of the action in every video."
+        if len(videos) == 1:
+            caption = "Moments of the video, with the recovered skeleton."
+        first = _written(folder, figure, "moments.jpg", caption)
     return [first, *sheets]
 
 

@@ -105,7 +105,7 @@ LEADS_OF_TWO = {
     "Synchronisation": "Frames are matched by their poses. A third video would check the matches: "
     "a round trip over three must end at its start.",
 }
-NO_TRUTH = "The same moments"  # title of the first section where nothing is scored
+NO_TRUTH, NO_TRUTH_OF_ONE = "The same moments", "The video"  # first section, nothing scored
 REST = "Other"
 
 
@@ -148,7 +148,8 @@ def plans_for(tables: Mapping[str, Table], videos: int) -> list[Plan]:
     plans = [replace(plan, lead=leads.get(plan.title, plan.lead)) for plan in PLANS]
     if SCORED in getattr(tables.get("summary"), "columns", [SCORED]):
         return plans
-    plans[0] = replace(plans[0], title=NO_TRUTH, lead="", tables=())
+    title = NO_TRUTH_OF_ONE if videos == 1 else NO_TRUTH
+    plans[0] = replace(plans[0], title=title, lead="", tables=())
     motion = next(k for k, plan in enumerate(plans) if plan.title == "Motion")
     plans[motion] = replace(plans[motion], folded=("summary", *plans[motion].folded))
     return plans

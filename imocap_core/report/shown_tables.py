@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from imocap_core.artifacts.schemas import Table
+from imocap_core.artifacts.schemas.evaluate import Cell
 from imocap_core.evaluate.results import AFTER_LOOP, MONOCULAR, SINGLE_PASS
 from imocap_core.metrics.scoring import ALL_VIDEOS
 
@@ -60,14 +61,21 @@ def grouped_reasons(table: Table) -> Table:
 
 
 def of_single_video(table: Table) -> Table:
-    """Without the rows that repeat the single video's: of the stages before the last, and means
-    over all videos."""
+    """Without what compares the single video with itself: rows of the stages before the last and
+    means over all videos, its role as the reference, its share of matches."""
     repeated = {MONOCULAR, SINGLE_PASS}
     if any(ALL_VIDEOS not in row for row in table.rows):
         repeated.add(ALL_VIDEOS)
+    columns = [k for k, name in enumerate(table.columns) if name != "matched_share"]
     rows = [
-        ["result" if cell == AFTER_LOOP else cell for cell in row]
+        [_of_single(row[k]) for k in columns]
         for row in table.rows
         if not any(cell in repeated for cell in row if isinstance(cell, str))
     ]
-    return table.model_copy(update={"rows": rows})
+    return table.model_copy(update={"columns": [table.columns[k] for k in columns], "rows": rows})
+
+
+def _of_single(cell: Cell) -> Cell:
+    if not isinstance(cell, str):
+        return cell
+    return "result" if cell == AFTER_LOOP else cell.removesuffix(" (reference)")

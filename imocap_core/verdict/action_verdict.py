@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync, Uncertainty
 from imocap_core.verdict.agreement import disagreement_s, timing_findings, timing_sentence
-from imocap_core.verdict.body_findings import body_findings, feet_findings
+from imocap_core.verdict.body_findings import body_findings, feet_findings, picture_findings
 from imocap_core.verdict.collapse_findings import collapse_findings
 from imocap_core.verdict.decisions import decision_findings
 from imocap_core.verdict.detections import camera_findings, detection_findings
@@ -39,6 +39,7 @@ def verdict_of(
         *collapse_findings(sync, videos),
         *timing_findings(sync, keypoints.videos),
         *body_findings(motion, sync, videos),
+        *picture_findings(motion.videos, videos),
         *detection_findings(keypoints.videos),
         *feet_findings(motion.videos, videos, cameras),
         *camera_findings(cameras),

@@ -18,11 +18,15 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.mirror import mirrored_joints
+from imocap_core.verdict.agreement import forbidden_advice
 from imocap_core.verdict.findings import Finding
 from imocap_core.verdict.limbs import limbs_px
 from imocap_core.verdict.outlying_body import PlacedBody, outlying_bodies
 from imocap_core.verdict.sliding_feet import slides
-from imocap_core.verdict.spans import person_size
+from imocap_core.verdict.spans import person_size, runs
+
+UNFIT = 0.05  # of the person's size: usual frames stay below 0.02, a detector's noise included
+UNFIT_S = 0.3
 
 
 def body_findings(
@@ -46,14 +50,39 @@ def body_findings(
             f"the body is {1000 * span.distance_m:.0f} mm a joint away from that of {others} at "
             "the same moment",
             "its body differs from the others",
-            f"look at overlay_{video}.jpg",
-            int(videos[video].frames[span.first]),
-            int(videos[video].frames[span.last]),
+            "compare them with `imocap view`, and if the timing is wrong, "
+            + forbidden_advice(video, first, last),
+            first,
+            last,
         )
         for video, spans in outlying_bodies(bodies).items()
         if len(bodies) > 2 or video != sync.reference
         for span in spans
+        for first, last in [frames_of(videos[video], span.first, span.last)]
     ]
+
+
+def picture_findings(
+    motions: Sequence[VideoMotion], videos: Mapping[str, VideoKeypoints]
+) -> list[Finding]:
+    """Spans in which the body is not where the detections are."""
+    findings = []
+    for motion in motions:
+        video = videos[motion.id]
+        off = motion.reprojection_px / person_size(limbs_px(video))
+        apart = np.nan_to_num(off) > UNFIT
+        for span in runs(apart, max(2, round(UNFIT_S * video.fps)), round(0.1 * video.fps)):
+            first, last = frames_of(video, *span)
+            mean = float(np.nanmean(off[span[0] : span[1] + 1]))
+            text = f"the body is {mean:.0%} of the person's size away from the detections"
+            brief = "the body does not fit the picture"
+            findings.append(Finding("body", video.id, text, brief, "", first, last))
+    return findings
+
+
+def frames_of(video: VideoKeypoints, first: int, last: int) -> tuple[int, int]:
+    """Source frames of two indices."""
+    return int(video.frames[first]), int(video.frames[last])
 
 
 def placed_joints(

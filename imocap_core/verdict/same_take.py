@@ -19,6 +19,7 @@ from imocap_core.verdict.spans import person_size
 
 NEAR = 0.015  # of the person's size: root mean square over the keypoints
 NEAR_SHARE = 0.7  # of the moving frames that must be as near
+UNLIKE = 0.05  # of the person's size: poses about their centres, median; above it nothing is alike
 CENTRE = 0.003  # of the person's size: median distance of the keypoints' centres
 MOVING = 0.015  # of the person's size within MOVING_S
 MOVING_S = 0.2
@@ -99,7 +100,9 @@ def _repeated(
     x, y = a[frames], upsampled(b, POSITIONS_PER_FRAME)
     # poses about their centres find the frames, whatever the crop; then one similarity for all
     scale_guess = size / person_size(b)
-    index, _ = nearest(_centred(x), scale_guess * _centred(y))
+    index, distance = nearest(_centred(x), scale_guess * _centred(y))
+    if np.median(distance) > UNLIKE * size:
+        return None
     for _ in range(3):
         scale, shift = picture_similarity(y[index], x)
         index, distance = nearest(x, scale * y + shift)

@@ -28,15 +28,36 @@ def distrust(serious: Sequence[Finding]) -> str:
     """A sentence that names the parts not to be trusted, and why; empty when there are none."""
     if not serious:
         return ""
-    parts = list(dict.fromkeys(_part(finding) for finding in serious))
+    parts = [_part(finding) for finding in without_consequences(serious)]
     more = len(parts) - NAMED
     named = parts[:NAMED] + ([f"{more} more part{'s' * (more > 1)}"] if more > 0 else [])
     return f"Do not trust {listed(named)}."
 
 
+def without_consequences(findings: Sequence[Finding]) -> list[Finding]:
+    """Those that do not mostly lie within an earlier, more serious one of the same video."""
+    causes: list[Finding] = []
+    for finding in findings:
+        if not any(_within(finding, cause) for cause in causes):
+            causes.append(finding)
+    return causes
+
+
+def _within(finding: Finding, cause: Finding) -> bool:
+    """Whether half of the finding's frames lie within the cause's."""
+    if finding.video != cause.video:
+        return False
+    if cause.first_frame is None or cause.last_frame is None:
+        return True
+    if finding.first_frame is None or finding.last_frame is None:
+        return False
+    common = min(finding.last_frame, cause.last_frame) - max(finding.first_frame, cause.first_frame)
+    return 2 * (common + 1) >= finding.last_frame - finding.first_frame + 1
+
+
 def next_step(serious: Sequence[Finding], further: str) -> str:
     """A sentence on what to do: the first remedy, else what to film."""
-    remedy = next((f"{f.video}: {f.remedy}" for f in serious if f.remedy), "")
+    remedy = next((f"{f.place}: {f.remedy}" for f in serious if f.remedy), "")
     if remedy and any(f.kind == "decision" for f in serious):
         further = ""  # first settle what was left out or mirrored
     steps = [step for step in (remedy, further) if step]

@@ -13,15 +13,21 @@ from imocap_core.artifacts.schemas import (
     RefineSync,
     SyncTrust,
     Uncertainty,
+    VideoKeypoints,
     VideoTrust,
     Viewpoint,
 )
+from imocap_core.body.layouts import layout_names
 from imocap_core.verdict.action_verdict import verdict_of
 from imocap_core.verdict.agreement import DOUBTFUL_S
-from imocap_core.verdict.findings import SENTENCES, Verdict, listed
+from imocap_core.verdict.collapse_findings import collapse_findings
+from imocap_core.verdict.findings import SENTENCES, Finding, Verdict, listed
 from imocap_core.verdict.further_view import further_view, side_of
+from imocap_core.verdict.limbs import LIMBS
+from imocap_core.verdict.summary import distrust, without_consequences
 from imocap_core.verdict.verdict_file import read_verdict, verdict_text
 from tests.report.made import FPS, Made
+from tests.verdict.test_same_take import performance
 
 
 def judged(made: Made, *, keypoints: Keypoints | None = None, **sync: Any) -> Verdict:
@@ -161,6 +167,54 @@ def made_gap(frames: int, first: int, end: int) -> np.ndarray:
     """(T, 1) factors: 0 in a gap, 1 elsewhere."""
     inside = (np.arange(frames) >= first) & (np.arange(frames) < end)
     return np.where(inside, 0.0, 1.0)[:, None]
+
+
+def test_a_body_beside_its_detections_is_named_with_its_frames(made: Made) -> None:
+    refined = with_sync(made)
+    second = refined.motion.videos[1]
+    off = np.where((np.arange(16) >= 3) & (np.arange(16) < 14), 30.0, 1.0)
+    videos = [refined.motion.videos[0], second.model_copy(update={"reprojection_px": off})]
+    videos.append(refined.motion.videos[2])
+    motion = refined.motion.model_copy(update={"videos": videos})
+    verdict = verdict_of(
+        made.keypoints, None, refined.model_copy(update={"motion": motion}), made.claimed
+    )
+    assert "v2 frames 5-15 (the body does not fit the picture)" in verdict.summary[1]
+
+
+def test_one_cause_is_named_once(made: Made) -> None:
+    whole = Finding("decision", "v1", "left out", "left out")
+    part = Finding("feet", "v1", "slides", "slides", "", 3, 9)
+    cause = Finding("time", "v2", "collapses", "collapses", "", 10, 20)
+    inside, beside = (
+        Finding("body", "v2", "differs", f"differs {a}", "", a, a + 10) for a in (12, 30)
+    )
+    assert without_consequences([whole, part, cause, inside, beside]) == [whole, cause, beside]
+    assert distrust([whole, part, cause, inside]) == (
+        "Do not trust v1 (left out) and v2 frames 10-20 (collapses)."
+    )
+
+
+def test_a_stopped_time_is_named_once_in_one_direction() -> None:
+    made = Made(2, frames=90)
+    refined = with_sync(made)
+    position = refined.sync.maps[1].reference_frame.copy()
+    position[30:60] = position[30]
+    stopped = refined.sync.maps[1].model_copy(update={"reference_frame": position})
+    sync = refined.sync.model_copy(update={"maps": [refined.sync.maps[0], stopped]})
+    videos = {v.id: waving(v) for v in made.keypoints.videos}
+    (finding,) = collapse_findings(sync, videos)
+    frames = made.keypoints.videos[1].frames
+    assert (finding.first_frame, finding.last_frame) == (frames[30], frames[59])
+    assert f"`forbidden: [{{video: v2, frames: [{frames[30]}, {frames[60]}]}}]`" in finding.remedy
+
+
+def waving(video: VideoKeypoints) -> VideoKeypoints:
+    """The video with limbs that move more."""
+    xy = np.full_like(video.xy_px, np.nan)
+    names = layout_names(video.layout)
+    xy[:, [names.index(limb) for limb in LIMBS]] = performance(frames=len(xy))
+    return video.model_copy(update={"xy_px": xy})
 
 
 def test_one_recording_twice_is_said_first(made: Made) -> None:
