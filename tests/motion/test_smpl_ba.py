@@ -51,7 +51,7 @@ def in_own_axes(made: Made) -> MotionState:
 
 def whole(made: Made, unmatched: int = 0) -> Scene:
     """A scene whose correspondences are frame to frame; the last frames may have none."""
-    maps = [np.arange(float(FRAMES)) for _ in TURNS_DEG]
+    maps = [np.arange(float(FRAMES)) for _ in made.observations]
     for m in maps[1:]:
         m[FRAMES - unmatched :] = np.nan
     trust = [np.isfinite(m).astype(float) for m in maps]

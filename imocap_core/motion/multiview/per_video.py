@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from imocap_core.motion.multiview.aligned import root_positions
@@ -17,6 +17,7 @@ from imocap_core.motion.multiview.coupling import (
     to_video_frames,
 )
 from imocap_core.motion.multiview.deviation import joint_spread_rad
+from imocap_core.motion.multiview.facing import FACING_RAD, facing_agreement, turned_by
 from imocap_core.motion.multiview.scene import (
     DeviationSpread,
     Scene,
@@ -28,11 +29,7 @@ from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import FootContact, Term
 from imocap_core.motion.terms.foot_contact import foot_contact_share
 from imocap_core.params import MotionParams
-from imocap_core.robust import geman_mcclure_weight
-from imocap_core.rotations import geodesic_angle
 
-FACING_RAD = 0.6  # beyond a monocular estimate's own errors
-FACING_FRAMES = 7
 # Foot speeds at which contact counts a quarter: in the common motion, and in one video's own.
 COMMON_CONTACT_M_S, VIDEO_CONTACT_M_S = 0.05, 0.2
 CONTACT_SCALE = 4.0  # square root of the largest cost of a step of a foot in contact
@@ -59,10 +56,13 @@ def fit_deviations(
         Every video's motion, and the objective.
     """
     targets = targets_of(scene, state, common, cameras)
-    faces = facing_agreement(state, targets)
+    faces = facing_agreement(scene, state, targets)
     carried = common_at_video_frames(scene, state, common, cameras)
     carried = _facing_released(carried, state, faces)
-    start = replace(state, betas=carried.betas) if warm else carried
+    start = carried
+    if warm:
+        astray = (turned_by(state, targets) > FACING_RAD) & (faces > 0.5)
+        start = _replaced(replace(state, betas=carried.betas), carried, astray)
     terms = [*per_video_terms(scene, start.trans), foot_contact_term(scene, carried, state)]
     terms += deviation_terms(scene, carried, common, cameras, spread, options, faces)
     solution = solve(terms, start, options.max_steps, one_body=True)
@@ -107,25 +107,21 @@ def foot_contact_term(scene: Scene, common: MotionState, state: MotionState) -> 
     return FootContact(scene.body, weight * in_common * in_video, CONTACT_SCALE)
 
 
-def facing_agreement(state: MotionState, targets: CouplingTargets) -> Float[Tensor, "B T"]:
-    """Geman-McClure weight of the angle between a performance's root and the common motion's.
-
-    A performer may face another side for a while. The angle is averaged over `FACING_FRAMES`, so
-    that noise alone releases no root orientation.
-    """
-    angle = geodesic_angle(state.R_local[:, :, 0], targets.R_local[:, :, 0])
-    half = FACING_FRAMES // 2
-    padded = torch.nn.functional.pad(angle[:, None], (half, half), mode="replicate")
-    angle = padded.unfold(-1, 2 * half + 1, 1).mean(-1)[:, 0]
-    return geman_mcclure_weight(angle, FACING_RAD)
-
-
 def _facing_released(start: MotionState, state: MotionState, faces: Tensor) -> MotionState:
     """The start with the video's own root orientation where it faces another way."""
     R_local = start.R_local.clone()
     other_way = (faces < 0.25)[..., None, None]
     R_local[:, :, 0] = torch.where(other_way, state.R_local[:, :, 0], R_local[:, :, 0])
     return replace(start, R_local=R_local)
+
+
+def _replaced(state: MotionState, by: MotionState, where: Bool[Tensor, "B T"]) -> MotionState:
+    """The state with another's poses and translations in some frames."""
+    return replace(
+        state,
+        R_local=torch.where(where[..., None, None, None], by.R_local, state.R_local),
+        trans=torch.where(where[..., None], by.trans, state.trans),
+    )
 
 
 def common_at_video_frames(

@@ -19,6 +19,7 @@ from imocap_core.motion.multiview.common_motion import estimate_spread, fit_in_s
 from imocap_core.motion.multiview.consensus import consensus_motion
 from imocap_core.motion.multiview.low_rank_round import low_rank_round
 from imocap_core.motion.multiview.per_video import common_at_video_frames, fit_deviations
+from imocap_core.motion.multiview.relocalisation import relocalise
 from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.state import MotionState
 from imocap_core.params import MotionParams
@@ -52,6 +53,7 @@ def recover_motion(
     progress("coupled fit 1 of 1")  # only a start for the common fit
     few = replace(options, max_steps=min(START_STEPS, options.max_steps))
     state, cameras, cost = low_rank_round(scene, state, cameras, few, pnp=False)
+    cameras = relocalise(scene, state, cameras)
     result = common_then_deviations(scene, state, cameras, options, progress)
     return replace(result, costs=[cost, *result.costs])
 

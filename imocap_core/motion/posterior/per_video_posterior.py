@@ -9,9 +9,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from imocap_core.motion.multiview.facing import facing_agreement
 from imocap_core.motion.multiview.per_video import (
     deviation_terms,
-    facing_agreement,
     foot_contact_term,
     targets_of,
 )
@@ -76,7 +76,7 @@ def per_video_fits(
     couplings: list[Term] = []
     if common is not None:
         targets = targets_of(scene, state, common.motion, common.cameras)
-        faces = facing_agreement(state, targets)
+        faces = facing_agreement(scene, state, targets)
         couplings = deviation_terms(
             scene, state, common.motion, common.cameras, common.spread, options, faces
         )
