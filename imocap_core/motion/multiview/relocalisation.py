@@ -31,7 +31,7 @@ DIRECTIONS = 128
 ROLLS_DEG = (-25.0, 0.0, 25.0)
 STEPS_DEG = (8.0, 4.0, 2.0)  # of the rotation's refinement
 FAR_DEG = 45.0  # from the first camera: what is nearer the joint solve reaches by itself
-EXPLAINED_SHARE = 0.75  # of the first camera's residual, at most
+EXPLAINED_SHARE = 0.7  # of the first camera's residual, at most
 MOMENTS = 60  # of the common time that are compared
 
 
@@ -117,7 +117,10 @@ def _better_rotation(
     residuals = registration_residuals(pose, *data, candidates)
     far = angle_deg(candidates, R[v]) > FAR_DEG
     best, residual = _refined(pose, *data, candidates[far][residuals[far].argmin()])
-    return residual / max(float(residuals[~far].min()), 1e-9), best
+    near, least = _refined(pose, *data, candidates[~far][residuals[~far].argmin()])
+    if float(angle_deg(near, R[v])) > FAR_DEG:
+        least = float(residuals[~far].min())
+    return residual / max(least, 1e-9), best
 
 
 def _mean_of_others(

@@ -19,6 +19,12 @@ def sentences(screening: Screening, names: Sequence[str]) -> list[str]:
         f"explained by their motion: it takes part (its monocular fit may have gone wrong)"
         for v in screening.explained
     ]
+    messages += [
+        f"{names[v]} looks mirrored by its own 3D poses, but the others' motion does not explain "
+        f"its keypoints better reflected: left as it is (its monocular fit may have gone wrong, or "
+        f"the action is its own mirror image; mirrored: true in action.yaml flips it)"
+        for v in screening.refuted
+    ]
     left = len(names) - len(screening.excluded)
     if screening.excluded and left == 2:
         messages.append(

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from imocap_core.params import SyncParams
 from imocap_core.sync.screening.evidence import WeightedPoses, mirrored_among, outliers_among
 from imocap_core.sync.screening.mirror import CLEAR_MARGIN, mirrored_poses
+from imocap_core.sync.screening.mirrored_keypoints import judged_by_keypoints, reflected_keypoints
 from imocap_core.sync.screening.registration import Keypoints2D, explained_by_others
 from imocap_core.sync.screening.warp_residual import thinned
 
@@ -30,6 +31,7 @@ class Screening:
         outlier_score, mirror_margin: see `outliers` and `mirror`; NaN where not computed.
         explained: unlike the others by their poses, but their keypoints are explained by the
             others' motion (`registration`): no outliers.
+        refuted: mirrored by their poses, but not by their keypoints (`mirrored_keypoints`).
     """
 
     outliers: tuple[int, ...]
@@ -39,6 +41,7 @@ class Screening:
     outlier_score: Float[np.ndarray, " M"]
     mirror_margin: Float[np.ndarray, " M"]
     explained: tuple[int, ...] = ()
+    refuted: tuple[int, ...] = ()
 
 
 def not_screened(count: int, flipped: Sequence[int] = ()) -> Screening:
@@ -67,8 +70,8 @@ def screen(
         declared: True or False where the user states whether a video is mirrored.
         never_outliers: videos that are no outliers, whatever their score.
         keypoints: of the poses' joints in the same frames: a video whose keypoints the others'
-            motion explains is no outlier, because its poses may come of a monocular fit that went
-            wrong.
+            motion explains is no outlier, and one whose keypoints it explains as they are is not
+            mirrored, because its poses may come of a monocular fit that went wrong.
 
     Raises:
         ValueError: unknown switches, or a video declared mirrored without twins.
@@ -90,10 +93,15 @@ def screen(
     reflected = WeightedPoses([mirrored_poses(x, order) for x in thin], [v[:, order] for v in w])
     plain, reflected = plain.swapped(declared_mirrored, reflected)
     detected: list[int] = []
+    refuted: list[int] = []
     margins = np.full(M, np.nan)
     if look_mirrored:
         pinned = [d is not None for d in declared]
         detected, margins = mirrored_among(plain, reflected, rates, params.max_rate, pinned)
+        if keypoints is not None:
+            films = _thinned_keypoints(keypoints, fps, declared_mirrored, order)
+            judged = judged_by_keypoints(detected, margins, pinned, plain.poses, films, order)
+            detected, refuted, margins = judged
     other_action: list[int] = []
     explained: list[int] = []
     scores = np.full(M, np.nan)
@@ -116,6 +124,7 @@ def screen(
         outlier_score=scores,
         mirror_margin=margins,
         explained=tuple(sorted(explained)),
+        refuted=tuple(sorted(refuted)),
     )
 
 
@@ -141,9 +150,8 @@ def _thinned_keypoints(
     points, weights, _ = thinned([k.xy_px for k in keypoints], [k.weight for k in keypoints], fps)
     films = []
     for v, (xy_px, weight) in enumerate(zip(points, weights, strict=True)):
-        if v in reflected:
-            xy_px, weight = (xy_px * np.array([-1.0, 1.0]))[:, twins], weight[:, twins]
-        films.append(Keypoints2D(xy_px, weight))
+        film = Keypoints2D(xy_px, weight)
+        films.append(reflected_keypoints(film, twins) if v in reflected else film)
     return films
 
 
