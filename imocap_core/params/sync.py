@@ -57,9 +57,9 @@ class SyncParams:
     )
     unmatched_level: Positive = param(
         1.0,
-        "How different poses may be before a match ends. Warp `posterior`: up to 1 + 2 x this "
-        "times the usual squared distance. Warp `dtw`: up to this share of the way from matching "
-        "to unrelated poses.",
+        "How different poses may be before a match ends. Warp `posterior`: up to about 1 + 2 x "
+        "this times the usual squared distance, while the performer moves. Warp `dtw`: up to this "
+        "share of the way from matching to unrelated poses.",
     )
     regularity: Share = param(
         0.5,

@@ -119,7 +119,7 @@ def synchronise_jointly(
         points = anchors_to_reference(hints, pairs, len(poses), chosen)
         penalty = anchor_penalty(points, clock, chosen, params.positions_per_frame)
         reach_frames = params.confidence_reach_s * fps[chosen]
-        axis = ReferenceAxis(chosen, clocks, reach_frames, penalty)
+        axis = ReferenceAxis(chosen, clocks, reach_frames, distances.change, penalty)
         frames, certainty = refined_warps(distances, relaxed, matched, axis, params, reprojection)
     else:
         frames, certainty = dtw_warps(relaxed, soft_maps, blocks, chosen, fps, params)

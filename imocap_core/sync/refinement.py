@@ -35,12 +35,14 @@ class ReferenceAxis:
 
     Attributes:
         reach_frames: frames of the reference within which a match counts as right.
+        change: per video, squared change of the pose around each frame.
         penalty: of the user's anchors; None without anchors.
     """
 
     reference: int
     clocks: Clocks
     reach_frames: float
+    change: Sequence[Float[np.ndarray, "_T"]]
     penalty: AnchorPenalty | None = None
 
     def soft_map(
@@ -52,6 +54,7 @@ class ReferenceAxis:
         return soft_map(
             squares,
             matched_square,
+            self.change[v],
             fps=self.clocks.action_fps[v],
             fps_to=self.clocks.action_fps[self.reference],
             evidence_fps=self.clocks.evidence_fps[v],

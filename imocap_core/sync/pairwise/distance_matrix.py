@@ -10,6 +10,7 @@ from jaxtyping import Float
 
 from imocap_core.params import SyncParams
 from imocap_core.sync.blocks import Blocks
+from imocap_core.sync.pairwise.pose_change import pose_change
 from imocap_core.sync.pairwise.poses import body_scales, joint_weights_of, stack
 from imocap_core.sync.pairwise.procrustes import procrustes_distances
 from imocap_core.sync.pairwise.velocity import with_velocity
@@ -26,6 +27,7 @@ class DistanceMatrix:
         matched_square: typical of matching frames.
         unrelated_square: typical of any two frames.
         least_square: squared distance below which performances are not told apart.
+        change: per video, squared change of the pose around each frame.
     """
 
     poses: list[Float[np.ndarray, "_T J 3"]]
@@ -35,6 +37,7 @@ class DistanceMatrix:
     matched_square: float
     unrelated_square: float
     least_square: float
+    change: list[Float[np.ndarray, "_T"]]
 
     def block(self, i: int, j: int) -> Float[np.ndarray, "N_i N_j"]:
         """Squared distances of the frames of video i to those of video j (a view)."""
@@ -68,7 +71,8 @@ def distance_matrix(
     # identical clips have distance 0: the unit must stay positive
     unrelated = float(np.mean(usual)) if usual else 1.0
     matched = max(float(np.mean(nearest)), least, 1e-6 * unrelated, 1e-12) if nearest else 1.0
-    return DistanceMatrix(per_video, weights, blocks, squares, matched, unrelated, least)
+    change = [pose_change(x, w, f) for x, w, f in zip(per_video, weights, fps, strict=True)]
+    return DistanceMatrix(per_video, weights, blocks, squares, matched, unrelated, least, change)
 
 
 def _all_squares(

@@ -10,7 +10,7 @@ WORST_FRAME = 25.0
 
 
 def bounded_likelihoods(
-    cost: Float[np.ndarray, "N S"], unmatched: float
+    cost: Float[np.ndarray, "N S"], unmatched: float | Float[np.ndarray, " N"]
 ) -> tuple[Float[np.ndarray, "N S"], Float[np.ndarray, " N"], Float[np.ndarray, " N"]]:
     """Likelihoods of the match and of no match, and the cost (N,) that is divided out of both.
 

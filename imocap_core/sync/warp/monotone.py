@@ -57,7 +57,10 @@ ANY_STEP = StepPrior(2**31, 2**31, 1.0)
 
 
 def monotone_posterior(
-    cost: Float[np.ndarray, "N S"], *, unmatched: float, steps: StepPrior = ANY_STEP
+    cost: Float[np.ndarray, "N S"],
+    *,
+    unmatched: float | Float[np.ndarray, " N"],
+    steps: StepPrior = ANY_STEP,
 ) -> tuple[Float[np.ndarray, "N S"], Float[np.ndarray, " N"]]:
     """P(frame t lies at position s) over all monotone warps, rows summing to 1, and P(matched).
 
@@ -65,8 +68,8 @@ def monotone_posterior(
 
     Args:
         cost: minus the log likelihood of the match, up to a constant.
-        unmatched: the same for a frame without a counterpart, allowed only before the first and
-            after the last position (inf = every frame has one).
+        unmatched: the same for a frame (or each) without a counterpart, allowed only before the
+            first and after the last position (inf = every frame has one).
         steps: prior of the steps from frame to frame.
     """
     N, S = cost.shape

@@ -74,7 +74,7 @@ class _Likelihoods:
     edge: int
 
     @classmethod
-    def of(cls, cost: np.ndarray, unmatched: float, prior: RatePrior) -> _Likelihoods:
+    def of(cls, cost: np.ndarray, unmatched: float | np.ndarray, prior: RatePrior) -> _Likelihoods:
         match, skip, _ = bounded_likelihoods(cost, unmatched)
         edge = min(cost.shape[1], max(1, int(np.ceil(2.0 * float(prior.advance @ prior.share)))))
         enter = np.repeat(prior.share[:, None] / edge, edge, axis=1)
@@ -100,7 +100,7 @@ def smooth_rate_posterior(
     cost: Float[np.ndarray, "N S"],
     prior: RatePrior,
     *,
-    unmatched: float,
+    unmatched: float | Float[np.ndarray, " N"],
     skipped: float = 0.0,
 ) -> tuple[Float[np.ndarray, "N S"], Float[np.ndarray, " N"]]:
     """P(frame t lies at position s) over all warps of slowly changing rate, rows summing to 1; and
@@ -127,7 +127,7 @@ def rate_posterior(
 
 
 def _state_posteriors(
-    cost: np.ndarray, prior: RatePrior, unmatched: float, skipped: float
+    cost: np.ndarray, prior: RatePrior, unmatched: float | np.ndarray, skipped: float
 ) -> Iterator[tuple[int, np.ndarray, float]]:
     """From the last frame to the first: frame, weights (K, S) of its states, and of no match.
 

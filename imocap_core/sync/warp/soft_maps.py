@@ -8,6 +8,7 @@ from jaxtyping import Float
 from imocap_core.params import SyncParams
 from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
 from imocap_core.sync.warp.clocks import Clocks
+from imocap_core.sync.warp.counterpart import evidence_of_match
 from imocap_core.sync.warp.monotone import StepPrior, monotone_posterior
 from imocap_core.sync.warp.rate_prior import rate_prior
 from imocap_core.sync.warp.smooth_rate import smooth_rate_posterior
@@ -28,6 +29,7 @@ def observations_per_frame(evidence_per_s: float, fps: float) -> float:
 def soft_map(
     squares: Float[np.ndarray, "N S"],
     matched_square: float,
+    change: Float[np.ndarray, " N"],
     *,
     fps: float,
     fps_to: float,
@@ -45,6 +47,7 @@ def soft_map(
     Args:
         squares: NaN unknown.
         matched_square: typical squared distance of matching frames.
+        change: squared change of the first video's pose around each frame (`pose_change`).
         fps, fps_to: of the two videos, in the action's time.
         evidence_fps: of the first video, as of `Clocks`.
         per_frame: positions (columns) per frame of the second video.
@@ -57,8 +60,16 @@ def soft_map(
         out=np.zeros(len(squares)),
         where=valid.any(axis=1),
     )
-    cost = observations / matched_square * np.where(valid, squares, mean[:, None])
-    unmatched = observations * (1.0 + 2.0 * params.unmatched_level)
+    filled = np.where(valid, squares, mean[:, None])
+    nearest = filled.min(axis=1)
+    cost = observations / matched_square * (filled - nearest[:, None])
+    unmatched = evidence_of_match(
+        np.where(valid.any(axis=1), nearest, matched_square),
+        change,
+        matched_square=matched_square,
+        level=params.unmatched_level,
+        observations=observations,
+    )
     usual = fps_to / fps * per_frame
     steps = step_prior(usual, params.max_rate)
     posterior, matched = monotone_posterior(cost, unmatched=unmatched, steps=steps)
@@ -103,6 +114,7 @@ def pairwise_soft_maps(
                 blocks.block(maps, i, j)[...], matched[blocks.rows(i), j] = soft_map(
                     squares,
                     typical_matched_square(squares, distances),
+                    distances.change[i],
                     fps=clocks.action_fps[i],
                     fps_to=clocks.action_fps[j],
                     evidence_fps=clocks.evidence_fps[i],
