@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from imocap_core.body import Model, Posed
 from imocap_core.body.points import PointSet, pick_points
@@ -22,6 +22,9 @@ from imocap_core.metrics.whole_body import pa_pve_mm, pve_mm
 
 TORSO = ("spine1", "spine2", "spine3", "left_collar", "right_collar")
 """The torso above the pelvis, whose own volume changes whenever the hips bend."""
+
+HAND_PARTS = ("wrist", "hand", "thumb", "index", "middle", "ring", "pinky")
+"""In the names of the joints that keypoints of the body say nothing of."""
 
 FOOT_POINTS = ("left_heel", "left_big_toe", "right_heel", "right_big_toe")
 _CHUNK = 32  # frames whose surfaces are in memory together
@@ -67,17 +70,39 @@ def distortion(posed: Posed, mesh: SurfaceMesh) -> Distortion:
     return Distortion(np.concatenate(shares), np.concatenate(volumes))
 
 
-def vertex_errors_mm(predicted: Posed, true: Posed) -> tuple[float, float]:
-    """PVE about the hips' middle, and after Procrustes; mean over all vertices and frames, mm."""
-    names = predicted.shaped.model.joint_names
-    roots = [hip_midpoint(body.joints.numpy(), names) for body in (predicted, true)]
+@dataclass(frozen=True)
+class VertexErrors:
+    """PVE about the hips' middle, the same without hands, and after Procrustes; mm."""
+
+    pve: float
+    pve_without_hands: float
+    pa_pve: float
+
+
+def vertex_errors_mm(predicted: Posed, true: Posed) -> VertexErrors:
+    """Per-vertex errors, means over vertices and frames; NaN without frames."""
+    model = predicted.shaped.model
+    roots = [hip_midpoint(body.joints.numpy(), model.joint_names) for body in (predicted, true)]
+    rest = ~_hand_vertices(model)
     errors, counts = [], []
     for start, pair in enumerate(_surfaces(predicted, true)):
         part = slice(_CHUNK * start, _CHUNK * (start + 1))
-        errors.append((pve_mm(*pair, *(root[part] for root in roots)), pa_pve_mm(*pair)))
+        places = [root[part] for root in roots]
+        without = pve_mm(*(surface[:, rest] for surface in pair), *places)
+        errors.append((pve_mm(*pair, *places), without, pa_pve_mm(*pair)))
         counts.append(len(pair[0]))
-    pve, pa_pve = np.average(errors, axis=0, weights=counts) if counts else (np.nan, np.nan)
-    return float(pve), float(pa_pve)
+    means = np.average(errors, axis=0, weights=counts) if counts else np.full(3, np.nan)
+    return VertexErrors(*(float(mean) for mean in means))
+
+
+def _hand_vertices(model: Model) -> Bool[np.ndarray, " V"]:
+    """Vertices whose largest skinning weight is that of a wrist or a joint beyond it."""
+    beyond = [j for j, name in enumerate(model.joint_names) if _is_of_hand(name)]
+    return np.isin(model.weights.argmax(dim=1).numpy(), beyond)
+
+
+def _is_of_hand(joint: str) -> bool:
+    return any(part in joint for part in HAND_PARTS)
 
 
 def foot_points_m(posed: Posed) -> Float[np.ndarray, "T 4 3"]:

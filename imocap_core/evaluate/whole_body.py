@@ -128,11 +128,10 @@ def _surface_rows(
         )
         return [*body_scoring.unscored_rows(name, video.id, notes), *stretch]
     feet = foot_points_m(body), foot_points_m(true)
-    values = (
-        *vertex_errors_mm(body, true),
-        world.foot_sliding_mm(*feet, motion.frames, video.fps),
-    )
-    if_nan = ("no frame has both", "no frame has both", "no foot is in contact")
+    errors = vertex_errors_mm(body, true)
+    sliding = world.foot_sliding_mm(*feet, motion.frames, video.fps)
+    values = (errors.pve, errors.pve_without_hands, errors.pa_pve, sliding)
+    if_nan = (*("no frame has both",) * 3, "no foot is in contact")
     scored = zip(body_scoring.SURFACE_METRICS, values, if_nan, strict=True)
     return [*(scored_row(name, video.id, *item) for item in scored), *stretch]
 

@@ -26,7 +26,7 @@ JOINT_GROUPS = {
 }
 WORLD_METRICS = ("w_mpjpe_mm", "wa_mpjpe_mm", "rte_pct")
 ROTATION_METRICS = ("mpjae_deg", "spine_rotation_error_deg")
-SURFACE_METRICS = ("pve_mm", "pa_pve_mm", "foot_sliding_mm")
+SURFACE_METRICS = ("pve_mm", "pve_without_hands_mm", "pa_pve_mm", "foot_sliding_mm")
 STRETCH_METRICS = (
     "stretched_edges_pct",
     "stretched_edges_worst_pct",
