@@ -21,7 +21,8 @@ from imocap_core.camera.averaging import angle_deg, mean_vector
 from imocap_core.motion.multiview.aligned import align
 from imocap_core.motion.multiview.cameras import PATH_SCALE_M, Cameras
 from imocap_core.motion.multiview.common_keypoints import common_keypoints
-from imocap_core.motion.multiview.consensus import to_world
+from imocap_core.motion.multiview.consensus import consensus_motion, to_world
+from imocap_core.motion.multiview.per_video import common_at_video_frames
 from imocap_core.motion.multiview.scene import Scene
 from imocap_core.motion.multiview.timeline import sample
 from imocap_core.motion.state import MotionState
@@ -49,15 +50,22 @@ class KeypointEvidence:
     weight: Float[np.ndarray, "M N K"]
 
 
-def relocalise(scene: Scene, state: MotionState, cameras: Cameras) -> Cameras:
-    """The cameras, those replaced that the other videos' motion refutes.
+def relocalise(
+    scene: Scene, state: MotionState, cameras: Cameras, agreement_rad: float
+) -> tuple[MotionState, Cameras]:
+    """Cameras that the other videos' motion refutes are replaced, and their videos' motions with
+    them by the others' mean.
 
-    One at a time, the clearest first; with two videos none, because either may be the wrong one.
+    One at a time, the clearest first, as long as two others agree; of two videos at most one.
+
+    Args:
+        state: every video's motion in its own camera's axes.
+        agreement_rad: as of `consensus_motion`.
     """
     evidence = keypoint_evidence(scene, state)
     R = cameras.R.cpu().numpy().copy()
     replaced: list[int] = []
-    while len(R) - len(replaced) > 2:
+    while len(replaced) < max(1, len(R) - 2):
         rest = [v for v in range(len(R)) if v not in replaced]
         ratios, rotations = zip(*(_better_rotation(evidence, R, v) for v in rest), strict=True)
         best = int(np.argmin(ratios))
@@ -66,9 +74,10 @@ def relocalise(scene: Scene, state: MotionState, cameras: Cameras) -> Cameras:
         R[rest[best]] = rotations[best]
         replaced.append(rest[best])
     if not replaced:
-        return cameras
+        return state, cameras
     turned = replace(cameras, R=torch.as_tensor(R).to(cameras.R))
-    return _in_reference_axes(_translated(scene, state, turned, replaced), scene.reference)
+    placed = _in_reference_axes(_translated(scene, state, turned, replaced), scene.reference)
+    return _carried(scene, state, placed, replaced, agreement_rad), placed
 
 
 def keypoint_evidence(scene: Scene, state: MotionState) -> KeypointEvidence:
@@ -175,6 +184,20 @@ def _translated(scene: Scene, state: MotionState, cameras: Cameras, videos: list
         if (shares > 0).any():
             t[v] = torch.as_tensor(mean_vector(shifts, shares, scale=PATH_SCALE_M).mean).to(t)
     return replace(cameras, t=t)
+
+
+def _carried(
+    scene: Scene, state: MotionState, cameras: Cameras, videos: list[int], agreement_rad: float
+) -> MotionState:
+    """The poses of some videos from the mean motion of the others, where they are matched."""
+    confidence = scene.timeline.confidence.copy()
+    confidence[videos] = 0.0
+    others = replace(scene, timeline=replace(scene.timeline, confidence=confidence))
+    mean = consensus_motion(others, state, cameras, agreement_rad)
+    poses = common_at_video_frames(scene, state, mean, cameras).R_local
+    R_local = state.R_local.clone()
+    R_local[videos] = poses[videos]
+    return replace(state, R_local=R_local)
 
 
 def _in_reference_axes(cameras: Cameras, reference: int) -> Cameras:

@@ -53,7 +53,7 @@ def recover_motion(
     progress("coupled fit 1 of 1")  # only a start for the common fit
     few = replace(options, max_steps=min(START_STEPS, options.max_steps))
     state, cameras, cost = low_rank_round(scene, state, cameras, few, pnp=False)
-    cameras = relocalise(scene, state, cameras)
+    state, cameras = relocalise(scene, state, cameras, options.agreement_rad)
     result = common_then_deviations(scene, state, cameras, options, progress)
     return replace(result, costs=[cost, *result.costs])
 
