@@ -23,7 +23,12 @@ def benchmark_command(
     sampling: Annotated[
         Literal["released", "paper"], typer.Option(help="How one motion is resampled.")
     ] = "released",
-    videos: Annotated[int, typer.Option(help="Videos per action, 1 to 4.")] = 4,
+    videos: Annotated[
+        int,
+        typer.Option(
+            help="Videos per action, 1 to 4 (protocol, trials: 1 to 12, as many as were captured)."
+        ),
+    ] = 4,
     only: Annotated[list[str], typer.Option(help="Run only this action (solver: part).")] = [],  # noqa: B006
     on: Annotated[
         Literal["protocol", "trials", "yoga", "h36m"], typer.Option(help="Data of the ablations.")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from benchmarks.actions.captured import MAX_VIDEOS
+from benchmarks.actions.captured import DEFAULT_VIDEOS
 from imocap_core.errors import WrongUse
 
 PAPER_PIPELINE = ("sync.warp=dtw", "motion.objective=paper")
@@ -16,7 +16,7 @@ class VariantRun:
     """Parameters as `--set` takes them, and the inputs."""
 
     sets: tuple[str, ...] = ()
-    videos: int = MAX_VIDEOS
+    videos: int = DEFAULT_VIDEOS
     detector: str = "fine_tuned"
     outlier: bool = False
 
@@ -24,7 +24,7 @@ class VariantRun:
         """Whether the data allow it: the demo always has four videos, Human3.6M's detections are
         real."""
         simulated = on in ("protocol", "trials")
-        fewer = self.videos < MAX_VIDEOS
+        fewer = self.videos < DEFAULT_VIDEOS
         return (simulated or (self.detector == "fine_tuned" and not self.outlier)) and not (
             on == "yoga" and fewer
         )
@@ -38,7 +38,7 @@ class VariantRun:
     def description(self) -> str:
         """The switches in words."""
         words = [f"`{text}`" for text in self.sets]
-        words += [f"`--videos {self.videos}`"] if self.videos != MAX_VIDEOS else []
+        words += [f"`--videos {self.videos}`"] if self.videos != DEFAULT_VIDEOS else []
         words += [f"`--detector {self.detector}`"] if self.detector != "fine_tuned" else []
         words += ["a fifth video, of another action"] if self.outlier else []
         return ", ".join(words) or "pipeline.yaml as it is"

@@ -19,12 +19,17 @@ import yaml
 from jaxtyping import Int
 from scipy.ndimage import median_filter
 
-from benchmarks.actions.captured import SIZE, CapturedVideo, RecordedView, video_rng
+from benchmarks.actions.captured import (
+    PLACEMENTS,
+    SIZE,
+    CapturedVideo,
+    RecordedView,
+    video_rng,
+)
 from imocap_core.camera.projection import project
 from imocap_core.conventions import EVAL_14
 from imocap_core.synthetic.cameras import CameraPlacement
 from imocap_core.synthetic.captured import (
-    CAMERA_PLACEMENTS,
     coco18_points,
     hip_middle,
     place_camera,
@@ -91,7 +96,7 @@ def _write(
         video = f"v{v + 1}"
         rng = video_rng(name, v, 1)
         view = motion.recorded or _simulated_view(
-            motion, OUTLIER_VIEW if motion.is_outlier else CAMERA_PLACEMENTS[v]
+            motion, OUTLIER_VIEW if motion.is_outlier else PLACEMENTS[v]
         )
         joints_cam = motion.joints_m @ view.R.T + view.t
         estimated = estimate(joints_cam, motion.fps, rng)[motion.frames]

@@ -12,14 +12,15 @@ from jaxtyping import Float, Int
 
 from imocap_core.conventions import EVAL_14
 from imocap_core.errors import WorkFailed
-from imocap_core.synthetic.captured import CAMERA_PLACEMENTS, to_scene
+from imocap_core.synthetic.captured import CAMERA_PLACEMENTS, FURTHER_PLACEMENTS, to_scene
 from imocap_core.synthetic.frame_sampling import sample_frames
 from imocap_core.synthetic.trials import align_trials
 
 DATA_VARIABLE = "IMOCAP_DATA"
 SIZE = (1000, 1000)
 SEED = 7
-MAX_VIDEOS = len(CAMERA_PLACEMENTS)
+PLACEMENTS = (*CAMERA_PLACEMENTS, *FURTHER_PLACEMENTS)
+DEFAULT_VIDEOS, MAX_VIDEOS = len(CAMERA_PLACEMENTS), len(PLACEMENTS)
 
 
 @dataclass(frozen=True)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks.actions.captured import MAX_VIDEOS
+from benchmarks.actions.captured import DEFAULT_VIDEOS, MAX_VIDEOS
 from imocap_core.errors import WrongUse
 from imocap_core.synthetic.detector_presets import DETECTORS
 from imocap_core.synthetic.frame_sampling import SAMPLINGS
 
 NAMES = ("protocol", "trials", "yoga", "h36m")
+MADE_VIEWS = ("protocol", "trials")  # filmed by as many made cameras as are asked for
 TITLES = {
     "protocol": "The paper's protocol: one motion, resampled",
     "trials": "The real task: every video another performance",
@@ -39,7 +40,7 @@ class Choice:
     name: str
     detector: str = "fine_tuned"
     sampling: str = "released"
-    videos: int = MAX_VIDEOS
+    videos: int = DEFAULT_VIDEOS
     only: tuple[str, ...] = ()
     outlier: bool = False
     data: Path | None = None
@@ -52,8 +53,9 @@ class Choice:
         ):
             if value not in allowed:
                 raise WrongUse(f"{field}: expected one of {', '.join(allowed)}, got {value!r}")
-        if not 1 <= self.videos <= MAX_VIDEOS:
-            raise WrongUse(f"--videos: expected 1 to {MAX_VIDEOS}, got {self.videos}")
+        most = MAX_VIDEOS if self.name in MADE_VIEWS else DEFAULT_VIDEOS
+        if not 1 <= self.videos <= most:
+            raise WrongUse(f"--videos: expected 1 to {most}, got {self.videos}")
         if self.name == "h36m" and self.data is None:
             raise WrongUse("--data: the benchmark h36m needs the folder with VideoPose3D's files")
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from benchmarks.actions.action_folder import is_made
-from benchmarks.actions.captured import MAX_VIDEOS, data_folder
+from benchmarks.actions.captured import DEFAULT_VIDEOS, data_folder
 from benchmarks.parallel import ActionDisplay, each
 from benchmarks.rendered.action import key_of, make_rendered
 from benchmarks.rendered.detections import detected_clips, detector_3d_errors
@@ -23,13 +23,13 @@ class RenderedChoice:
     """What to run: videos per action, whether pictures have a quarter of the pixels, the actions
     (all when empty)."""
 
-    videos: int = MAX_VIDEOS
+    videos: int = DEFAULT_VIDEOS
     small: bool = False
     only: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        if not 1 <= self.videos <= MAX_VIDEOS:
-            raise WrongUse(f"--videos: expected 1 to {MAX_VIDEOS}, got {self.videos}")
+        if not 1 <= self.videos <= DEFAULT_VIDEOS:
+            raise WrongUse(f"--videos: expected 1 to {DEFAULT_VIDEOS}, got {self.videos}")
 
     @property
     def label(self) -> str:

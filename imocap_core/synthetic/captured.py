@@ -34,6 +34,17 @@ CAMERA_PLACEMENTS: tuple[CameraPlacement, ...] = (
     CameraPlacement(215.0, 4.0, 1.8, 1.15),
     CameraPlacement(305.0, 4.0, 1.2, 1.05),
 )
+# Between them, for actions of more videos.
+FURTHER_PLACEMENTS: tuple[CameraPlacement, ...] = (
+    CameraPlacement(80.0, 4.0, 1.5, 0.9),
+    CameraPlacement(260.0, 4.0, 1.1, 1.1),
+    CameraPlacement(350.0, 4.0, 1.7, 0.95),
+    CameraPlacement(170.0, 4.0, 1.3, 1.0),
+    CameraPlacement(55.0, 4.0, 2.0, 1.1),
+    CameraPlacement(235.0, 4.0, 1.0, 0.9),
+    CameraPlacement(325.0, 4.0, 1.4, 1.15),
+    CameraPlacement(145.0, 4.0, 1.6, 0.85),
+)
 
 
 def hip_middle(joints_m: Float[np.ndarray, "... 14 3"]) -> Float[np.ndarray, "... 3"]:

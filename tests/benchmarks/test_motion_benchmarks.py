@@ -122,7 +122,8 @@ def test_absent_data_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyP
     [
         ({"name": "dance"}, "expected one of protocol, trials, yoga, h36m"),
         ({"name": "trials", "detector": "x"}, "--detector: expected one of fine_tuned"),
-        ({"name": "trials", "videos": 5}, "--videos: expected 1 to 4, got 5"),
+        ({"name": "trials", "videos": 13}, "--videos: expected 1 to 12, got 13"),
+        ({"name": "yoga", "videos": 5}, "--videos: expected 1 to 4, got 5"),
         ({"name": "h36m"}, "--data: the benchmark h36m needs the folder"),
     ],
 )
@@ -233,7 +234,7 @@ def test_a_run_of_one_action_keeps_the_table_of_the_others(
     ("words", "code", "message"),
     [
         (["benchmark", "dance"], 2, "'dance' is not one of"),
-        (["benchmark", "trials", "--videos", "9"], 2, "--videos: expected 1 to 4, got 9"),
+        (["benchmark", "trials", "--videos", "13"], 2, "--videos: expected 1 to 12, got 13"),
         (["benchmark", "trials"], 1, "the benchmark trials needs captured motion"),
         (["benchmark", "bones"], 1, "needs captured motion"),
         (["benchmark", "trials", "--docs"], 2, "has a place for this table"),
