@@ -17,7 +17,7 @@ import numpy as np
 import torch
 
 from benchmarks.rendered.action import true_points
-from benchmarks.sync.training_scenes import CAPTURED_FPS, training_clip
+from benchmarks.sync.training_scenes import CAPTURED_FPS
 from imocap_core.body import load_free_body
 from imocap_core.conventions import OTHER
 from imocap_core.detect.detection import detect_video
@@ -27,10 +27,11 @@ from imocap_core.io.video import write_h264
 from imocap_core.metrics.detections import DetectedClip, exchanged_share
 from imocap_core.metrics.detector_bias import detector_bias, exchanged_body_share
 from imocap_core.params import DetectParams
-from imocap_core.synthetic.body_from_joints import retarget
 from imocap_core.synthetic.captured import CAMERA_PLACEMENTS
+from imocap_core.synthetic.captured_stance import captured_skeleton, neutral_stance
 from imocap_core.synthetic.detector import detect
 from imocap_core.synthetic.detector_presets import DETECTORS
+from imocap_core.synthetic.performers import perform
 from imocap_core.synthetic.rendered import film_motion, render_frames
 
 CLIPS = ("02_05", "03_02", "05_02", "05_18", "06_12", "07_04", "10_04", "13_09")
@@ -48,10 +49,15 @@ ROOT = Path(__file__).parents[1]
 def measure(train: Path, clip: str, view: int, python: Path) -> dict[str, np.ndarray]:
     """One video: its ground truth (`true_points`), the detected points (T, 33, 2), NaN where nobody
     was detected, and the detector's confidence (T, 33)."""
-    joints = training_clip(train, clip)
+    with np.load(train) as stored:
+        names, parents = [str(n) for n in stored["names"]], stored["parents"].tolist()
+        clips = {k.removeprefix("clip_"): stored[k].astype(float)
+                 for k in stored.files if k.startswith("clip_") and k != "clip_ids"}  # fmt: skip
+    skeleton, joints = captured_skeleton(names, parents), clips[clip]
     first = max(0, (len(joints) - FRAMES) // 2)
     model = load_free_body(dtype=torch.float64)
-    betas, motions = retarget(model, [joints[first : first + FRAMES]])
+    stance = neutral_stance(skeleton, list(clips.values()))
+    betas, motions = perform(model, skeleton, stance, [joints[first : first + FRAMES]])
     shaped = model.shape(torch.as_tensor(betas))
     filmed = film_motion(motions[0], shaped, CAMERA_PLACEMENTS[view], SIZE)
     detector = detector_of(DetectParams(), ROOT)

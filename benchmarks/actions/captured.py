@@ -13,6 +13,12 @@ from jaxtyping import Float, Int
 from imocap_core.conventions import EVAL_14
 from imocap_core.errors import WorkFailed
 from imocap_core.synthetic.captured import CAMERA_PLACEMENTS, FURTHER_PLACEMENTS, to_scene
+from imocap_core.synthetic.captured_stance import (
+    CapturedSkeleton,
+    NeutralStance,
+    captured_skeleton,
+    neutral_stance,
+)
 from imocap_core.synthetic.frame_sampling import sample_frames
 from imocap_core.synthetic.trials import align_trials
 
@@ -46,6 +52,7 @@ class CapturedVideo:
     fps: of joints_m. is_outlier: the video shows another action, which the truth leaves out.
     recorded: a real camera and its detections, where these need not be simulated. truth_joints_m:
     the joints that the truth gives, in the order of `truth_names`, where they are more than the 14.
+    skeleton_m: all joints of the captured skeleton, on the stage.
     """
 
     joints_m: Float[np.ndarray, "T 14 3"]
@@ -58,6 +65,7 @@ class CapturedVideo:
     recorded: RecordedView | None = None
     truth_joints_m: Float[np.ndarray, "T J 3"] | None = None
     truth_names: tuple[str, ...] = EVAL_14
+    skeleton_m: Float[np.ndarray, "T S 3"] | None = None
 
     def truth(
         self,
@@ -114,13 +122,36 @@ def trial_videos(file: Path, videos: int) -> list[CapturedVideo]:
     with np.load(file) as stored:
         index, fps = stored["common14_idx"], float(stored["fps"])
         count = min(videos, len(stored["trial_ids"]))
-        trials = [stored[f"trial_{v:02d}"][:, index].astype(np.float64) for v in range(count)]
+        trials = [stored[f"trial_{v:02d}"].astype(np.float64) for v in range(count)]
     return [
         CapturedVideo(
-            p.joints_m, p.phase, np.arange(len(p.phase)), fps, p.R_common_from_scene, p.t_common
+            p.joints_m,
+            p.phase,
+            np.arange(len(p.phase)),
+            fps,
+            p.R_common_from_scene,
+            p.t_common,
+            skeleton_m=trial @ p.R_scene_from_capture.T + p.t_scene,
         )
-        for p in align_trials(trials)
+        for p, trial in zip(align_trials([t[:, index] for t in trials]), trials, strict=True)
     ]
+
+
+def trial_stance(file: Path) -> tuple[CapturedSkeleton, NeutralStance]:
+    """The skeleton of a file of trials, and its stance over the folder's files of that skeleton."""
+    names, parents = _skeleton_of(file)
+    alike = [f for f in sorted(file.parent.glob("*.npz")) if _skeleton_of(f) == (names, parents)]
+    clips: list[np.ndarray] = []
+    for other in alike:
+        with np.load(other) as stored:
+            clips += [stored[f"trial_{v:02d}"] for v in range(len(stored["trial_ids"]))]
+    skeleton = captured_skeleton(names, parents)
+    return skeleton, neutral_stance(skeleton, clips)
+
+
+def _skeleton_of(file: Path) -> tuple[list[str], list[int]]:
+    with np.load(file) as stored:
+        return [str(name) for name in stored["names"]], stored["parents"].tolist()
 
 
 def outlier_video(file: Path, kind: str, sampling: str) -> CapturedVideo:

@@ -19,14 +19,16 @@ import torch
 import yaml
 
 from benchmarks.actions.action_folder import MADE, action_key, is_made
-from benchmarks.actions.captured import SEED, CapturedVideo, trial_videos
+from benchmarks.actions.captured import SEED, CapturedVideo, trial_stance, trial_videos
 from imocap_core.body import Shaped, load_free_body
+from imocap_core.body.conversions import pose_from_rotations
 from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.io.truth import model_text
 from imocap_core.io.video import write_h264
 from imocap_core.pipeline.source import closure
-from imocap_core.synthetic.body_from_joints import retarget
 from imocap_core.synthetic.cameras import stature_px
 from imocap_core.synthetic.captured import CAMERA_PLACEMENTS
+from imocap_core.synthetic.performers import RetargetedMotion, perform
 from imocap_core.synthetic.rendered import (
     FilmedMotion,
     film_motion,
@@ -45,7 +47,8 @@ Report = Callable[[float, str], None]  # progress: share of the work, what is do
 
 def key_of(name: str, file: Path, videos: int, small: bool) -> str:
     """Digest of all that an action is made of."""
-    return action_key([closure(Path(__file__)), name, videos, small], [file])
+    stance_files = sorted(file.parent.glob("*.npz"))
+    return action_key([closure(Path(__file__)), name, videos, small], [file, *stance_files])
 
 
 def make_rendered(
@@ -61,7 +64,7 @@ def make_rendered(
     with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as draft:
         new = Path(draft) / "new"
         (new / "videos").mkdir(parents=True)
-        _write(new, name, trial_videos(file, videos), SIZES[small], report)
+        _write(new, name, file, videos, SIZES[small], report)
         (new / MADE).write_text(key)
         if folder.exists():
             rmtree(folder)
@@ -69,14 +72,16 @@ def make_rendered(
 
 
 def _write(
-    folder: Path, name: str, videos: list[CapturedVideo], size: tuple[int, int], report: Report
+    folder: Path, name: str, file: Path, count: int, size: tuple[int, int], report: Report
 ) -> None:
     model = load_free_body(dtype=torch.float64)
     report(0.0, "putting the performances on a body")
-    betas, motions = retarget(model, [video.joints_m for video in videos])
+    videos = trial_videos(file, count)
+    betas, motions = perform(model, *trial_stance(file), [_skeleton(video) for video in videos])
     shaped = model.shape(torch.as_tensor(betas))
     truth: dict[str, Any] = {
         "joint_names": np.array(SMPL_JOINTS),
+        "model": np.array(model_text(model.name, model.digest)),
         "phase_end": max(float(videos[0].phase[-1]), 1.0),
     }
     points: dict[str, Any] = {}
@@ -87,7 +92,9 @@ def _write(
         filmed = film_motion(motion, shaped, CAMERA_PLACEMENTS[v], size)
         file = folder / "videos" / f"{video}.mp4"
         write_h264(file, render_frames(filmed, shaped, v, SEED), captured.fps, crf=CRF)
-        truth |= _with_body_joints(captured, filmed).truth(video, filmed.K, filmed.R, filmed.t)
+        on_floor = _with_body_joints(captured, filmed)
+        truth |= on_floor.truth(video, filmed.K, filmed.R, filmed.t)
+        truth |= true_pose(video, filmed.motion, on_floor, shaped, betas)
         visible = true_points(filmed, shaped)
         points |= {f"{video}/{part}": value for part, value in visible.items()}
         declared.append({"id": video, "video": f"videos/{video}.mp4", "keypoints": "detect"})
@@ -95,6 +102,28 @@ def _write(
     np.savez(folder / POINTS, **points)
     action = {"name": name, "videos": declared, "truth": "truth.npz"}
     (folder / "action.yaml").write_text(yaml.safe_dump(action, sort_keys=False))
+
+
+def _skeleton(video: CapturedVideo) -> np.ndarray:
+    assert video.skeleton_m is not None, "trials have their skeleton"
+    return video.skeleton_m
+
+
+def true_pose(
+    video: str,
+    motion: RetargetedMotion,
+    captured: CapturedVideo,
+    shaped: Shaped,
+    betas: np.ndarray,
+) -> dict[str, Any]:
+    """SMPL's pose, place and shape in the truth's common world."""
+    R, t = captured.R_common_from_scene, captured.t_common
+    R_local = motion.R_local.copy()
+    R_local[:, 0] = R @ R_local[:, 0]
+    pelvis_rest = shaped.joints_rest[0].numpy()
+    trans = (motion.transl + pelvis_rest) @ R.T + t - pelvis_rest
+    theta = pose_from_rotations(torch.as_tensor(R_local)).numpy()
+    return {f"{video}/theta": theta, f"{video}/trans": trans, f"{video}/betas": betas}
 
 
 def _with_body_joints(captured: CapturedVideo, filmed: FilmedMotion) -> CapturedVideo:

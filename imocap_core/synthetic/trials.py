@@ -26,6 +26,7 @@ LEAST_RATE = 0.05  # of phase: strictly increasing
 class AlignedTrial:
     """A trial in the scene (z up), and its phase in frames of the first trial.
 
+    R_scene_from_capture, t_scene: where the capture's axes lie in the scene.
     R_common_from_scene, t_common: the transform that aligns poses (not paths) best with the first
     trial's. A performer may face elsewhere on the same path, and cameras are evaluated relative to
     the body.
@@ -33,6 +34,8 @@ class AlignedTrial:
 
     joints_m: Float[np.ndarray, "T 14 3"]
     phase: Float[np.ndarray, " T"]
+    R_scene_from_capture: Float[np.ndarray, "3 3"]
+    t_scene: Float[np.ndarray, "3"]
     R_common_from_scene: Float[np.ndarray, "3 3"]
     t_common: Float[np.ndarray, "3"]
 
@@ -43,7 +46,7 @@ def align_trials(trials: Sequence[Float[np.ndarray, "_ 14 3"]]) -> list[AlignedT
     turn, shift = to_scene(trials[0])
     first = turn.apply(trials[0].reshape(-1, 3)).reshape(trials[0].shape) + shift
     phase = np.arange(len(first), dtype=np.float64)
-    aligned = [AlignedTrial(first, phase, np.eye(3), np.zeros(3))]
+    aligned = [AlignedTrial(first, phase, turn.as_matrix(), shift, np.eye(3), np.zeros(3))]
     for trial in trials[1:]:
         phase = correspondence(trial, first)
         inside, target = _matched(first, phase)
@@ -52,7 +55,8 @@ def align_trials(trials: Sequence[Float[np.ndarray, "_ 14 3"]]) -> list[AlignedT
         path, target_path = hip_middle(placed[inside]), hip_middle(target)
         facing, _ = _alignment(placed[inside] - path[:, None], target - target_path[:, None])
         t_common = target_path.mean(axis=0) - facing.apply(path.mean(axis=0))
-        aligned.append(AlignedTrial(placed, phase, facing.as_matrix(), t_common))
+        place = (turn.as_matrix(), shift, facing.as_matrix(), t_common)
+        aligned.append(AlignedTrial(placed, phase, *place))
     return aligned
 
 

@@ -7,16 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from benchmarks.actions.captured import CapturedVideo
 from benchmarks.rendered import action as rendered_action
-from benchmarks.rendered.action import _with_body_joints, key_of
+from benchmarks.rendered.action import _with_body_joints, key_of, true_pose
 from benchmarks.rendered.measure import RenderedChoice, measure
 from benchmarks.rendered.tables import markdown, motion_table, proposal, sides_table
 from benchmarks.scoring.score_file import ActionScore
+from imocap_core.body import load_free_body
 from imocap_core.errors import WrongUse
 from imocap_core.metrics.detections import DetectedClip
-from imocap_core.synthetic.body_from_joints import RetargetedMotion
+from imocap_core.rotations import exp
+from imocap_core.synthetic.performers import RetargetedMotion
 from imocap_core.workspace import Workspace
 from tests.metrics.test_detections import NAMES, SPREAD, film
 
@@ -92,6 +95,20 @@ def test_the_truth_speaks_of_the_common_world_whatever_the_floor() -> None:
     assert np.allclose(truth["v1/joints"], captured @ turn.T + shift)
     in_camera = truth["v1/joints"] @ truth["v1/R"].T + truth["v1/t"]
     assert np.allclose(in_camera, filmed.joints + filmed.t)
+
+
+def test_the_true_pose_puts_the_body_at_its_true_joints() -> None:
+    shaped = load_free_body().shape(0.5 * torch.ones(10, dtype=torch.float64))
+    theta = 0.3 * torch.randn(4, 24, 3, generator=torch.Generator().manual_seed(1)).double()
+    motion = RetargetedMotion(exp(theta).numpy(), np.linspace(0, 1, 12).reshape(4, 3))
+    joints = shaped.pose(*map(torch.as_tensor, (motion.R_local, motion.transl))).joints.numpy()
+    turn = exp(torch.tensor([0.1, 0.7, -0.4], dtype=torch.float64)).numpy()
+    shift = np.array([0.2, -1.0, 3.0])
+    shot = CapturedVideo(joints[:, :14], np.arange(4.0), np.arange(4), 30.0, turn, shift)
+    pose = true_pose("v1", motion, shot, shaped, np.full(10, 0.5))
+    R_local = exp(torch.as_tensor(pose["v1/theta"]).reshape(4, 24, 3))
+    posed = shaped.pose(R_local, torch.as_tensor(pose["v1/trans"])).joints.numpy()
+    np.testing.assert_allclose(posed, joints @ turn.T + shift, atol=1e-9)
 
 
 def test_names_and_numbers_are_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
