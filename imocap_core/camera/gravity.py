@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -12,6 +12,7 @@ from imocap_core.camera.tilt_evidence import (
     LevelPrior,
     Support,
     balance_cost,
+    camera_angles_deg,
     camera_cost,
     perpendicular,
     plane_cost,
@@ -20,9 +21,10 @@ from imocap_core.camera.tilt_evidence import (
 )
 
 MOMENTS = 100  # of a video that are looked at
-CORRELATION_S = 0.75  # errors of a pose persist: so long a time counts as one observation
+CORRELATION_S = 0.5  # errors of a pose persist: so long a time counts as one observation
 MOST_OBSERVATIONS = 5.0  # and a video's common error remains, however long it is
-WRONG_SHARE = 0.02  # of motions that lean as a whole
+WRONG_SHARE = 0.02  # of motions that lean to or from the camera as a whole
+ROLLS_DEG, PITCHES_DEG = np.arange(-180.0, 181.0, 5.0), np.arange(-60.0, 61.0, 6.0)
 TRUNK_SHARE = 0.3  # of the evidence of balance, which speaks of nearly the same
 SPHERE = 1000  # directions that are compared first, 7 degrees apart
 REFINEMENTS, GRID, REACH_SD = 3, 17, 4.0
@@ -57,7 +59,7 @@ def estimate_up(bodies: Sequence[FilmedBody], prior: LevelPrior) -> UpEstimate:
     that is exact, and several modes show in the standard deviation.
     """
     sphere = _fibonacci_sphere(SPHERE)
-    stances = [s for body in bodies if (s := _Stance.of(body, sphere)) is not None]
+    stances = [s for body in bodies if (s := _Stance.of(body)) is not None]
 
     def cost(up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
         total = np.zeros(len(up))
@@ -83,38 +85,56 @@ def estimate_up(bodies: Sequence[FilmedBody], prior: LevelPrior) -> UpEstimate:
 
 @dataclass(frozen=True)
 class _Stance:
-    """What one body tells: its support, its camera's line of sight, how many independent
-    observations it is worth, and its cost of the best direction."""
+    """What one body tells: its support, its camera, how many independent observations it is worth,
+    and its least cost over the pitch of the camera for each roll (of ROLLS_DEG)."""
 
     support: Support
-    sight: Float[np.ndarray, "3"]
+    R_cam_from_world: Float[np.ndarray, "3 3"]
     count: float
-    least: float = 0.0
+    of_roll: Float[np.ndarray, " N"]
 
     @classmethod
-    def of(cls, body: FilmedBody, sphere: Float[np.ndarray, "U 3"]) -> _Stance | None:
+    def of(cls, body: FilmedBody) -> _Stance | None:
         whole = np.isfinite(body.joints).all(axis=(1, 2))
         if not whole.any():
             return None
         count = min(float(whole.sum()) / body.fps / CORRELATION_S, MOST_OBSERVATIONS)
         support = support_of(body.joints[whole], body.fps, MOMENTS)
-        sight = body.R_cam_from_world[2]
-        return cls(support, sight, count, float(cls(support, sight, count).raw(sphere).min()))
+        stance = cls(support, body.R_cam_from_world, count, np.zeros(len(ROLLS_DEG)))
+        roll, pitch = np.meshgrid(ROLLS_DEG, PITCHES_DEG, indexing="ij")
+        costs = stance.if_right(_up_of_angles(roll.ravel(), pitch.ravel()) @ body.R_cam_from_world)
+        return replace(stance, of_roll=costs.reshape(roll.shape).min(axis=1))
 
-    def raw(self, up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
+    def if_right(self, up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
         """Balance, trunk and planted feet, as if the pose were right."""
         parts = []
         for k in range(0, len(up), CHUNK):
             some = up[k : k + CHUNK]
-            posture = balance_cost(some, self.support, self.sight)
+            posture = balance_cost(some, self.support, self.R_cam_from_world[2])
             posture += TRUNK_SHARE * trunk_cost(some, self.support)
             parts.append(posture + plane_cost(some, self.support))
         return self.count * np.concatenate(parts)
 
     def cost(self, up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
-        """The same when the whole motion may be wrong: then it tells nothing."""
-        likelihood = np.exp(-0.5 * (self.raw(up) - self.least))
-        return np.asarray(-2 * np.log((1 - WRONG_SHARE) * likelihood + WRONG_SHARE))
+        """The same when the whole motion may lean in depth, which a view shows least: then it tells
+        the camera's roll alone."""
+        roll, _ = camera_angles_deg(up, self.R_cam_from_world)
+        wrong = np.interp(roll, ROLLS_DEG, self.of_roll)
+        right = self.if_right(up)
+        least = self.of_roll.min()
+        likelihood = (1 - WRONG_SHARE) * np.exp(-0.5 * (right - least))
+        return np.asarray(
+            -2 * np.log(likelihood + WRONG_SHARE * np.exp(-0.5 * (wrong - least)) + 1e-300)
+        )
+
+
+def _up_of_angles(
+    roll_deg: Float[np.ndarray, " U"], down_deg: Float[np.ndarray, " U"]
+) -> Float[np.ndarray, "U 3"]:
+    """Up in the axes of cameras of a roll and a downward pitch."""
+    roll, down = np.radians(roll_deg), np.radians(down_deg)
+    flat = np.cos(down)
+    return np.stack([flat * np.sin(roll), -flat * np.cos(roll), -np.sin(down)], axis=1)
 
 
 def _fibonacci_sphere(count: int) -> Float[np.ndarray, "U 3"]:

@@ -15,11 +15,17 @@ from jaxtyping import Float
 from imocap_core.body.mass import centre_of_mass
 from imocap_core.conventions import SMPL_JOINTS
 
-CAMERA_DOF, BALANCE_DOF, TRUNK_DOF, PLANE_DOF = 4.0, 4.0, 2.0, 3.0  # of the t distributions
+ROLL_DOF, PITCH_DOF, BALANCE_DOF, TRUNK_DOF, PLANE_DOF = (
+    2.0,
+    4.0,
+    4.0,
+    2.0,
+    3.0,
+)  # of the t distributions
 SUPPORT_HEIGHT_M = 0.06  # a limb this far above the lowest one supports less
 HAND_SHARE = 0.3  # of a foot's: how readily hands and knees count as support
 SWAY_M = 0.06  # standard deviation of the centre of mass about the middle of its support
-LEAN_ACROSS, LEAN_AHEAD = 0.08, 0.25  # errors of the pose as shares of the height: across the
+LEAN_ACROSS, LEAN_AHEAD = 0.04, 0.25  # errors of the pose as shares of the height: across the
 # camera's line of sight and along it
 DYNAMIC_S = 0.2  # and as a time at its speed: who moves need not balance
 TRUNK_DEG = 8.0
@@ -102,8 +108,8 @@ def camera_cost(
 ) -> Float[np.ndarray, " U"]:
     """Cameras are held without roll, and look down a little (x right, y down, z ahead)."""
     roll, down = camera_angles_deg(up, R_cam_from_world)
-    return _student(roll / prior.roll_deg, CAMERA_DOF) + _student(
-        (down - prior.pitch_down_deg) / prior.pitch_deg, CAMERA_DOF
+    return _student(roll / prior.roll_deg, ROLL_DOF) + _student(
+        (down - prior.pitch_down_deg) / prior.pitch_deg, PITCH_DOF
     )
 
 
