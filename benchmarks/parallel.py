@@ -102,7 +102,7 @@ def each(
         return
     context = multiprocessing.get_context("spawn")
     with (
-        _single_threads(),
+        _threads(1),
         ProcessPoolExecutor(jobs, mp_context=context, max_tasks_per_child=1) as pool,
     ):
         waiting: dict[Future[TaskEnd[Result]], str] = {
@@ -114,6 +114,21 @@ def each(
                 yield _end_of(future, waiting[future])
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+def other_thread_count() -> int:
+    """A number of threads that this process's linear algebra does not have."""
+    return 2 if os.environ.get(THREADS[0]) == "1" else 1
+
+
+def in_process(work: Callable[..., Result], arguments: tuple[Any, ...], threads: int) -> Result:
+    """`work(*arguments)` in a process of its own, whose linear algebra has `threads` threads."""
+    context = multiprocessing.get_context("spawn")
+    with _threads(threads), ProcessPoolExecutor(1, mp_context=context) as pool:
+        try:
+            return pool.submit(work, *arguments).result()
+        except BrokenProcessPool:
+            raise WorkFailed("its process died (out of memory?)") from None
 
 
 def _run(
@@ -142,10 +157,10 @@ def _end_of(future: Future[TaskEnd[Result]], name: str) -> TaskEnd[Result]:
 
 
 @contextmanager
-def _single_threads() -> Iterator[None]:
-    """Processes started in the meantime compute with one thread."""
+def _threads(count: int) -> Iterator[None]:
+    """Processes started in the meantime compute with `count` threads."""
     before = {name: os.environ.get(name) for name in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, "1"))
+    os.environ.update(dict.fromkeys(THREADS, str(count)))
     try:
         yield
     finally:

@@ -25,10 +25,10 @@ from imocap_core.errors import WorkFailed
 from imocap_core.evaluate.body_points import body_points
 from imocap_core.evaluate.results import StageResult
 from imocap_core.evaluate.scoreboard import against_truth
-from imocap_core.evaluate.truth import true_joints
+from imocap_core.evaluate.truth import action_truth, true_joints
 from imocap_core.evaluate.whole_body import whole_body_rows
 from imocap_core.io.estimators.joints_npz import read_joints_npz
-from imocap_core.io.truth import Truth, read_truth
+from imocap_core.io.truth import Truth
 from imocap_core.metrics.scoring import CameraJoints, means_over_videos, pose_rows
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.action import Action
@@ -147,18 +147,17 @@ def _estimator(action: Action, keypoints: Keypoints, truth: Truth) -> dict[str, 
 
 def truth_of(job: Job, keypoints: Keypoints) -> Truth:
     """The truth of the action's used frames; WorkFailed when the action has none."""
-    if job.action.truth is None:
+    folder, file = job.action.folder, job.action.truth
+    truth = action_truth(folder, None if file is None else folder / file, keypoints)
+    if truth is None:
         raise WorkFailed(f"{job.action.file}: a benchmark needs truth")
-    used = {video.id: video.frames for video in keypoints.videos}
-    return read_truth(job.action.folder / job.action.truth, used)
+    return truth
 
 
 def score_key(job: Job, done: Mapping[str, Stored], *code: Path) -> str:
     """Digest of all that an action's numbers depend on: artifacts, truth, seed, the code of scoring
     and the files of `code`."""
-    truth = b""
-    if job.action.truth is not None:
-        truth = (job.action.folder / job.action.truth).read_bytes()
+    truth = b"".join((job.action.folder / file).read_bytes() for file in job.action.truth_files)
     files = [closure(file) for file in (Path(__file__), *code)]
     artifacts = {name: stored.digest for name, stored in done.items()}
     parts = json.dumps([files, artifacts, job.settings.seed])

@@ -36,12 +36,22 @@ def python_for(packages: Path, root: Path, announce: Announce) -> Path:
                 f"{VARIABLE}: the program {named} does not exist; name a Python, or unset it"
             )
         return Path(named)
-    home = PROJECT if (PROJECT / "pyproject.toml").is_file() else root.resolve()
-    places = (home, *root.resolve().parents, root.resolve())
-    folder = next((p / FOLDER for p in places if (p / FOLDER).is_dir()), home / FOLDER)
+    folder = _environment(root)
     if not _is_installed(folder, packages):
         _make(folder, packages, announce)
     return _python(folder)
+
+
+def is_available(packages: Path, root: Path) -> bool:
+    """Whether `python_for` would make nothing."""
+    return bool(os.environ.get(VARIABLE)) or _is_installed(_environment(root), packages)
+
+
+def _environment(root: Path) -> Path:
+    """The environment's folder: the first that exists, else the one to make."""
+    home = PROJECT if (PROJECT / "pyproject.toml").is_file() else root.resolve()
+    places = (home, *root.resolve().parents, root.resolve())
+    return next((p / FOLDER for p in places if (p / FOLDER).is_dir()), home / FOLDER)
 
 
 def _python(folder: Path) -> Path:

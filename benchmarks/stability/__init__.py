@@ -1,0 +1,1 @@
+"""`imocap benchmark stability`: whether harmless changes of an action move its result."""
