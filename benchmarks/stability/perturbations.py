@@ -69,9 +69,9 @@ def person_size_px(points: Points) -> float:
 def recompressed_picture(picture: Picture, rng: np.random.Generator) -> Picture:
     """The picture after JPEG compression of quality 90."""
     bgr = np.ascontiguousarray(picture[..., ::-1])
-    done, coded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    assert done, "OpenCV writes JPEG"
-    return np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR)[..., ::-1], np.uint8)
+    _, coded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    decoded = np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR), np.uint8)
+    return decoded[..., ::-1]
 
 
 def grey_level_picture(picture: Picture, rng: np.random.Generator) -> Picture:

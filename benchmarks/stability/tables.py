@@ -102,8 +102,8 @@ def markdown(actions: Sequence[ActionStability]) -> str:
     parts = [
         "# Stability: harmless perturbations",
         "Made by `imocap benchmark stability`. Every variant runs at the defaults; numbers are "
-        "those after the loop, means over its videos. *worst* is the highest MPJPE, cameras and sync the "
-        f"largest distance from the median. Limits: {LIMIT_PCT:.0f} % of the median, "
+        "those after the loop, means over its videos. *worst* is the highest MPJPE, cameras and "
+        f"sync the largest distance from the median. Limits: {LIMIT_PCT:.0f} % of the median, "
         f"{LIMIT_DEG:.0f}°, {LIMIT_FRAMES:.1f} frames.",
         _movements(measured),
     ]
