@@ -186,7 +186,7 @@ def test_a_finished_action_is_not_scored_again_until_an_artifact_changes(
     monkeypatch.setattr(score.runner, "stage_statuses", stage_statuses)
     monkeypatch.setattr(score, "_numbers", numbers)
     job = SimpleNamespace(
-        action=SimpleNamespace(name="jump", truth=None, folder=tmp_path),
+        action=SimpleNamespace(name="jump", truth_files=(), folder=tmp_path),
         settings=SimpleNamespace(seed=7),
         pipeline=SimpleNamespace(upstream=lambda stage: ["keypoints"]),
     )
