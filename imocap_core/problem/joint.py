@@ -92,8 +92,9 @@ def problem_of(
     motion: MotionParams,
 ) -> JointProblem:
     """The joint motion's problem for some videos and their correspondences."""
-    body = body_for(keypoints)
-    participants = participants_of(keypoints, camera_motion, initial, sync, body.model)
+    model = body_for(keypoints).model
+    participants = participants_of(keypoints, camera_motion, initial, sync, model)
+    body = body_for(participants.keypoints)  # an excluded video's layout may be another
     observations = observations_of(
         body,
         participants.keypoints,

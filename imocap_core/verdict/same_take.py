@@ -2,9 +2,9 @@
 
 Two recordings of one camera's picture have the same keypoints up to one similarity of the picture
 (crop, scale, reflection) and a map of time. Performances that differ, from the very same viewpoint
-too, do not. A detector's noise on a copy of the picture is as large as the difference between the
-most alike performances, but it averages out over the joints: what tells them apart is the centre of
-all keypoints, which two performances do not take along one path.
+too, do not. But a detector's noise on a copy that was coded again is as large as the difference
+between the most alike performances (two walks of one person, put in place as well as possible), so
+only a closer agreement is certain; what agrees as well as a noisy copy would is a suspicion.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from imocap_core.verdict.spans import person_size
 NEAR = 0.015  # of the person's size: root mean square over the keypoints
 NEAR_SHARE = 0.7  # of the moving frames that must be as near
 UNLIKE = 0.05  # of the person's size: poses about their centres, median; above it nothing is alike
+CERTAIN = 0.005  # as NEAR: the most alike performances differ by more
 CENTRE = 0.003  # of the person's size: median distance of the keypoints' centres
 MOVING = 0.015  # of the person's size within MOVING_S
 MOVING_S = 0.2
@@ -34,13 +35,14 @@ class SameTake:
     """Moving frames of the one repeat those of the other.
 
     rate: frames of the second a frame of the first; share: of the moving frames that are repeated;
-    residual: their median distance, in body sizes.
+    residual: their median distance, in body sizes; certain: no two performances are as alike.
     """
 
     rate: float
     share: float
     residual: float
     mirrored: bool
+    certain: bool
 
 
 def same_take(
@@ -114,7 +116,9 @@ def _repeated(
     rate = _rate(frames[near], positions)
     if rate <= 0:
         return None
-    return SameTake(rate, float(near.mean()), float(np.median(distance) / size), mirrored)
+    certain = bool((distance < CERTAIN * size).mean() >= NEAR_SHARE)
+    residual = float(np.median(distance) / size)
+    return SameTake(rate, float(near.mean()), residual, mirrored, certain)
 
 
 def moving_frames(xy_px: Float[np.ndarray, "T K 2"], fps: float) -> Int[np.ndarray, " _"]:

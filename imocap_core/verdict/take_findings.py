@@ -12,7 +12,7 @@ from imocap_core.verdict.same_take import SameTake, same_take
 
 
 def take_findings(videos: Sequence[VideoKeypoints]) -> list[Finding]:
-    """Videos that repeat another video's recording."""
+    """Videos that repeat another video's recording, and those that may."""
     findings = []
     repeating: set[str] = set()
     for first, second in combinations(videos, 2):
@@ -20,17 +20,28 @@ def take_findings(videos: Sequence[VideoKeypoints]) -> list[Finding]:
             continue
         fps = (second.fps, first.fps)
         take = same_take(limbs_px(second), limbs_px(first), fps, TWINS)
-        if take is not None:
+        if take is None:
+            continue
+        if take.certain:
             repeating.add(second.id)
-            findings.append(_take_finding(second, first, take))
+        findings.append(_finding(second, first, take))
     return findings
 
 
-def _take_finding(video: VideoKeypoints, other: VideoKeypoints, take: SameTake) -> Finding:
+def _finding(video: VideoKeypoints, other: VideoKeypoints, take: SameTake) -> Finding:
     speed = take.rate * video.fps / other.fps
     how = [] if 0.97 < speed < 1.03 else [f"played at {speed:.2g} times its speed"]
     how += ["mirrored"] if take.mirrored else []
     again = f" ({', '.join(how)})" if how else ""
+    if not take.certain:
+        return Finding(
+            "remark",
+            video.id,
+            f"may be the same recording as {other.id}{again}, or a performance very much like it, "
+            "from the same place",
+            f"may be the same recording as {other.id}",
+            f"if it is a copy, remove it or {other.id} from action.yaml: it adds no view",
+        )
     return Finding(
         "same take",
         video.id,

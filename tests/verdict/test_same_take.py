@@ -36,6 +36,7 @@ def test_a_recording_played_at_another_rate_is_the_same_take(rate: float) -> Non
     again = same_take(at_frames(take, frames), take, FPS, TWINS)
     assert again is not None
     assert again.rate == pytest.approx(rate, rel=0.02)
+    assert again.certain
     assert not again.mirrored
 
 
@@ -46,6 +47,14 @@ def test_crop_scale_and_small_noise_do_not_hide_it() -> None:
     again = same_take(smaller, take, FPS, TWINS)
     assert again is not None
     assert again.rate == pytest.approx(1.0, rel=0.02)
+
+
+def test_a_noisy_copy_is_suspected_and_not_certain() -> None:
+    take = performance()
+    noise = np.random.default_rng(1).normal(size=take.shape)
+    again = same_take(take + 1.4 * noise, take, FPS, TWINS)  # 0.9 % of the size
+    assert again is not None
+    assert not again.certain
 
 
 def test_a_mirrored_copy_is_the_same_take() -> None:
