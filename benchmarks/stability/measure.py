@@ -18,6 +18,7 @@ from benchmarks.stability.sources import (
     ready_source,
 )
 from benchmarks.stability.tables import ActionStability, VariantScore, markdown
+from benchmarks.stability.variants import make_variant, variant_key
 from benchmarks.tables import write_texts
 from imocap_core.artifacts.schemas import RefineSync
 from imocap_core.errors import WorkFailed, WrongUse
@@ -109,11 +110,11 @@ def one_variant(display: Display, variant: PerturbedAction, source: Path) -> Var
 
 
 def _scored(display: Display, variant: PerturbedAction, source: Path) -> VariantScore:
-    from benchmarks.stability.variants import make_variant
-
     action_display = ActionDisplay(display, variant.name)
     detected = is_detected(variant.action)
-    make_variant(variant.action_folder, source, variant.perturbation, detected)
+    if not is_made(variant.action_folder, variant_key(source, variant.perturbation, detected)):
+        action_display.started("perturb", [f"{variant.perturbation.title} is not made"])
+        make_variant(variant.action_folder, source, variant.perturbation, detected)
     root = variant.job().store.folder.parent
     job = Workspace(root).ready_job(str(variant.action_folder), [], action_display)
     costs = variant.folder / "costs"
@@ -123,8 +124,6 @@ def _scored(display: Display, variant: PerturbedAction, source: Path) -> Variant
 
 def _stored(workspace: Workspace, name: str, variants: list[PerturbedAction]) -> ActionStability:
     """An action's valid numbers, nothing run."""
-    from benchmarks.stability.variants import variant_key
-
     source = existing_source(workspace, name)
     action = ActionStability(name, not_measured="not run on this code")
     if source is None:

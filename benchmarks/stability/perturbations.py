@@ -5,7 +5,7 @@ Each keeps everything that a person would call the action: a result that it move
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,10 +56,10 @@ def scaled_points(points: Points, scale_xy: tuple[float, float]) -> Points:
     return np.concatenate([points[..., :2] * scale_xy, points[..., 2:]], axis=-1)
 
 
-def person_size_px(points: Points) -> float:
-    """Longer side of the box of the largest person; NaN where nobody is detected."""
+def person_size_px(people: Sequence[Points]) -> float:
+    """Longer side of the box of the largest person of a frame; NaN where nobody is detected."""
     boxes = []
-    for person in points.reshape(-1, *points.shape[-2:]):
+    for person in people:
         xy = person[person[:, 2] > 0, :2]
         if len(xy):
             boxes.append(float(np.ptp(xy, axis=0).max()))

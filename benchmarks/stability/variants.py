@@ -160,8 +160,8 @@ def _write_points(
             _copy(source, folder, str(file.relative_to(source)))
         return
     frames = [json.loads(file.read_text()) for file in files]
-    sizes = [person_size_px(_points(person)) for frame in frames for person in frame["people"]]
-    size_px = float(np.nanmedian(sizes)) if sizes else 0.0
+    sizes = [person_size_px([_points(p) for p in frame["people"]]) for frame in frames]
+    size_px = float(np.nanmedian(sizes))
     (folder / keypoints).mkdir(parents=True)
     for file, frame in zip(files, frames, strict=True):
         for person in frame["people"]:
