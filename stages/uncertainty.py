@@ -40,7 +40,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Uncertainty:
 def posterior_of(group: SolvedGroup, params: UncertaintyParams) -> GroupPosterior:
     """Covariances and viewpoints of videos that were solved together."""
     noise, options = Noise(params), group.problem.options
-    scene = group.problem.scene.with_intrinsics(group.solution.cameras)
+    scene = group.problem.scene_of(group.solution)
     posterior = motion_posterior(scene, group.solution, options, noise)
     viewpoints = viewpoint_report(
         scene,

@@ -18,6 +18,7 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.multiview.scene import JointMotion, Scene
+from imocap_core.motion.multiview.side_exchange import with_sides_of_others
 from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import load_pose_prior
@@ -68,12 +69,18 @@ class JointProblem:
         rows = zip(xyz, self.scene.observations, strict=True)
         return self.participants.filmed_joints([x[: len(o.xy_px)] for x, o in rows])
 
+    def scene_of(self, motion: JointMotion) -> Scene:
+        """The scene as a motion explains it: sides put right, and the solved intrinsics."""
+        scene = with_sides_of_others(self.scene, motion.state, motion.cameras)
+        return scene.with_intrinsics(motion.cameras)
+
     def reprojection_evidence(self, motion: JointMotion) -> ReprojectionEvidence:
         """All motions in one world, to be compared with every video's detections."""
         body, cameras = self.scene.body, motion.cameras
         xyz = body.positions(body.keypoints, motion.state).xyz.numpy()
         videos = []
-        rows = zip(self.scene.observations, xyz, cameras.K, cameras.R, cameras.t, strict=True)
+        observations = self.scene_of(motion).observations
+        rows = zip(observations, xyz, cameras.K, cameras.R, cameras.t, strict=True)
         for o, x, *camera in rows:
             K, R, t = (value.numpy() for value in camera)
             world = (x[: len(o.xy_px)] - t) @ R

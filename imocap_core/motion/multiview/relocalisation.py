@@ -10,7 +10,8 @@ explains the keypoints much better.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -20,11 +21,16 @@ from scipy.spatial.transform import Rotation
 from imocap_core.camera.averaging import angle_deg, mean_vector
 from imocap_core.motion.multiview.aligned import align
 from imocap_core.motion.multiview.cameras import PATH_SCALE_M, Cameras
-from imocap_core.motion.multiview.common_keypoints import common_keypoints
 from imocap_core.motion.multiview.consensus import consensus_motion, to_world
 from imocap_core.motion.multiview.per_video import common_at_video_frames
+from imocap_core.motion.multiview.registration import (
+    KeypointEvidence,
+    keypoint_evidence,
+    mean_of_others,
+    registration_residuals,
+    twin_columns,
+)
 from imocap_core.motion.multiview.scene import Scene
-from imocap_core.motion.multiview.timeline import sample
 from imocap_core.motion.state import MotionState
 from imocap_core.sync.screening.registration import camera_directions
 
@@ -33,21 +39,6 @@ ROLLS_DEG = (-25.0, 0.0, 25.0)
 STEPS_DEG = (8.0, 4.0, 2.0)  # of the rotation's refinement
 FAR_DEG = 45.0  # from the first camera: what is nearer the joint solve reaches by itself
 EXPLAINED_SHARE = 0.7  # of the first camera's residual, at most
-MOMENTS = 60  # of the common time that are compared
-
-
-@dataclass(frozen=True)
-class KeypointEvidence:
-    """Keypoints and motions of M videos at N corresponding moments.
-
-    Attributes:
-        xyz_m: (M, N, K, 3) each video's motion in its own camera's axes.
-        xy_px: (M, N, K, 2); weight: (M, N, K), 0 where unknown or unmatched.
-    """
-
-    xyz_m: Float[np.ndarray, "M N K 3"]
-    xy_px: Float[np.ndarray, "M N K 2"]
-    weight: Float[np.ndarray, "M N K"]
 
 
 def relocalise(
@@ -63,11 +54,14 @@ def relocalise(
         agreement_rad: as of `consensus_motion`.
     """
     evidence = keypoint_evidence(scene, state)
+    twins = twin_columns(scene.body.keypoints.names)
     R = cameras.R.cpu().numpy().copy()
     replaced: list[int] = []
     while len(replaced) < max(1, len(R) - 2):
         rest = [v for v in range(len(R)) if v not in replaced]
-        ratios, rotations = zip(*(_better_rotation(evidence, R, v) for v in rest), strict=True)
+        ratios, rotations = zip(
+            *(_better_rotation(evidence, R, v, twins) for v in rest), strict=True
+        )
         best = int(np.argmin(ratios))
         if ratios[best] > EXPLAINED_SHARE:
             break
@@ -80,68 +74,20 @@ def relocalise(
     return _carried(scene, state, placed, replaced, agreement_rad), placed
 
 
-def keypoint_evidence(scene: Scene, state: MotionState) -> KeypointEvidence:
-    """Evenly spaced moments of the reference."""
-    keypoints = common_keypoints(scene.observations, scene.timeline)
-    moments = np.unique(np.linspace(0, keypoints.xy_px.shape[1] - 1, MOMENTS).round().astype(int))
-    xyz = scene.body.positions(scene.body.keypoints, state).xyz
-    rows = zip(xyz, scene.observations, scene.timeline.from_reference, strict=True)
-    motions = [sample(x[: len(o.xy_px)], f[moments]).cpu().numpy() for x, o, f in rows]
-    scale = keypoints.sigma_px[:, moments, None] ** 2
-    return KeypointEvidence(
-        np.stack(motions), keypoints.xy_px[:, moments], keypoints.weight[:, moments] * scale
-    )
-
-
-def registration_residuals(
-    pose: Float[np.ndarray, "N K 3"],
-    xy_px: Float[np.ndarray, "N K 2"],
-    weight: Float[np.ndarray, "N K"],
-    R: Float[np.ndarray, "D 3 3"],
-) -> Float[np.ndarray, " D"]:
-    """Mean share of the keypoints' spread that each rotation of the poses leaves, 0 to 1."""
-    total = np.maximum(weight.sum(1, keepdims=True), 1e-12)[..., None]
-    w = weight[..., None]
-    x = xy_px - (w * xy_px).sum(1, keepdims=True) / total
-    p = pose - (w * pose).sum(1, keepdims=True) / total
-    cross = np.einsum("nk,nki,nkj->nij", weight, x, p)
-    moment = np.einsum("nk,nki,nkj->nij", weight, p, p)
-    product = np.einsum("dij,nij->dn", R[:, :2], cross)
-    spread = np.einsum("dij,njk,dik->dn", R[:, :2], moment, R[:, :2])
-    size = np.einsum("nk,nki,nki->n", weight, x, x)
-    explained = np.maximum(product, 0.0) ** 2 / np.maximum(spread * size, 1e-12)
-    visible = (weight > 0).sum(1) > 3
-    if not visible.any():
-        return np.ones(len(R))
-    return np.asarray(np.sqrt(np.clip(1.0 - explained[:, visible], 0.0, 1.0)).mean(axis=1))
-
-
 def _better_rotation(
-    evidence: KeypointEvidence, R: Float[np.ndarray, "M 3 3"], v: int
+    evidence: KeypointEvidence, R: Float[np.ndarray, "M 3 3"], v: int, twins: Sequence[int]
 ) -> tuple[float, Float[np.ndarray, "3 3"]]:
     """The best far rotation of a camera; its residual over the present one's."""
-    pose = _mean_of_others(evidence, R, v)
+    pose = mean_of_others(evidence, R, v)
     data = (evidence.xy_px[v], evidence.weight[v])
     candidates = np.concatenate([R[v][None], _candidates()])
-    residuals = registration_residuals(pose, *data, candidates)
+    residuals = registration_residuals(pose, *data, candidates, twins)
     far = angle_deg(candidates, R[v]) > FAR_DEG
-    best, residual = _refined(pose, *data, candidates[far][residuals[far].argmin()])
-    near, least = _refined(pose, *data, candidates[~far][residuals[~far].argmin()])
+    best, residual = _refined(pose, *data, candidates[far][residuals[far].argmin()], twins)
+    near, least = _refined(pose, *data, candidates[~far][residuals[~far].argmin()], twins)
     if float(angle_deg(near, R[v])) > FAR_DEG:
         least = float(residuals[~far].min())
     return residual / max(least, 1e-9), best
-
-
-def _mean_of_others(
-    evidence: KeypointEvidence, R: Float[np.ndarray, "M 3 3"], v: int
-) -> Float[np.ndarray, "N K 3"]:
-    """Mean of the other videos' poses in the world's axes, about their own centres."""
-    others = [u for u in range(len(R)) if u != v]
-    world = np.einsum("mji,mnkj->mnki", R[others], evidence.xyz_m[others])
-    world = world - world.mean(axis=2, keepdims=True)
-    matched = np.max(evidence.weight[others] > 0, axis=2)[..., None, None]
-    count = np.maximum(matched.sum(axis=0), 1)
-    return np.asarray((matched * world).sum(axis=0) / count)
 
 
 def _candidates() -> Float[np.ndarray, "D 3 3"]:
@@ -153,19 +99,23 @@ def _candidates() -> Float[np.ndarray, "D 3 3"]:
 
 
 def _refined(
-    pose: np.ndarray, xy_px: np.ndarray, weight: np.ndarray, R: Float[np.ndarray, "3 3"]
+    pose: np.ndarray,
+    xy_px: np.ndarray,
+    weight: np.ndarray,
+    R: Float[np.ndarray, "3 3"],
+    twins: Sequence[int],
 ) -> tuple[Float[np.ndarray, "3 3"], float]:
     """The rotation at a local minimum of the residual, by coordinate search."""
-    residual = float(registration_residuals(pose, xy_px, weight, R[None])[0])
+    residual = float(registration_residuals(pose, xy_px, weight, R[None], twins)[0])
     for step_deg in STEPS_DEG:
         axes = np.concatenate([np.eye(3), -np.eye(3)]) * np.deg2rad(step_deg)
         turns = Rotation.from_rotvec(axes).as_matrix()
         near = turns @ R
-        residuals = registration_residuals(pose, xy_px, weight, near)
+        residuals = registration_residuals(pose, xy_px, weight, near, twins)
         while residuals.min() < residual:
             R, residual = near[residuals.argmin()], float(residuals.min())
             near = turns @ R
-            residuals = registration_residuals(pose, xy_px, weight, near)
+            residuals = registration_residuals(pose, xy_px, weight, near, twins)
     return R, residual
 
 

@@ -21,6 +21,7 @@ from imocap_core.motion.multiview.low_rank_round import low_rank_round
 from imocap_core.motion.multiview.per_video import common_at_video_frames, fit_deviations
 from imocap_core.motion.multiview.relocalisation import relocalise
 from imocap_core.motion.multiview.scene import JointMotion, Scene
+from imocap_core.motion.multiview.side_exchange import with_sides_of_others
 from imocap_core.motion.state import MotionState
 from imocap_core.params import MotionParams
 
@@ -45,6 +46,7 @@ def recover_motion(
         return _single_video(scene, start)
     state = one_body(start)
     if cameras is not None and options.objective != "paper":
+        scene = with_sides_of_others(scene, state, cameras)
         return common_then_deviations(scene, state, cameras, options, progress, warm=True)
     aligned = align(scene.body, state, scene.timeline)
     cameras = cameras_from_motion(aligned, scene.K.to(start.trans), scene.reference)
@@ -54,6 +56,7 @@ def recover_motion(
     few = replace(options, max_steps=min(START_STEPS, options.max_steps))
     state, cameras, cost = low_rank_round(scene, state, cameras, few, pnp=False)
     state, cameras = relocalise(scene, state, cameras, options.agreement_rad)
+    scene = with_sides_of_others(scene, state, cameras)
     result = common_then_deviations(scene, state, cameras, options, progress)
     return replace(result, costs=[cost, *result.costs])
 

@@ -1,0 +1,101 @@
+"""Stretches of a video in which the detector took left for right, told by the other videos.
+
+Exchanged sides of the whole body look, to one view, like a performer who faces the other way. Seen
+from the video's camera, the other videos' motion decides: each frame's keypoints are as detected or
+exchanged, whichever that motion explains better, and the cheapest sequence of the two states, where
+every change costs something, is the estimate (Viterbi).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from imocap_core.motion.multiview.cameras import Cameras
+from imocap_core.motion.multiview.registration import (
+    EXCHANGED,
+    frame_residuals,
+    keypoint_evidence,
+    mean_of_others,
+    twin_columns,
+)
+from imocap_core.motion.multiview.scene import Scene
+from imocap_core.motion.observations import Observation
+from imocap_core.motion.state import MotionState
+
+RATE_PER_S = 15.0  # frames of which each is a piece of evidence by itself
+CHANGE = 0.5  # of a change of state
+
+
+def with_sides_of_others(scene: Scene, state: MotionState, cameras: Cameras) -> Scene:
+    """The scene with left and right exchanged in the frames where the other videos say so.
+
+    Args:
+        state: every video's motion in its own camera's axes.
+    """
+    if len(scene.observations) < 2:
+        return scene
+    evidence = keypoint_evidence(scene, state)
+    R = cameras.R.cpu().numpy()
+    twins = twin_columns(scene.body.keypoints.names)
+    observations = []
+    for v, observation in enumerate(scene.observations):
+        position = scene.timeline.to_reference[v]
+        pose = mean_of_others(evidence, R, v)[evidence.nearest_moment(position)]
+        weight = np.where(np.isfinite(position)[:, None], observation.confidence, 0.0)
+        frames = exchanged_frames(pose, observation.xy_px, weight, R[v], twins, observation.fps)
+        observations.append(exchanged(observation, frames, twins))
+    return replace(scene, observations=observations)
+
+
+def exchanged_frames(
+    pose: Float[np.ndarray, "T K 3"],
+    xy_px: Float[np.ndarray, "T K 2"],
+    weight: Float[np.ndarray, "T K"],
+    R: Float[np.ndarray, "3 3"],
+    twins: Sequence[int],
+    fps: float,
+) -> Bool[np.ndarray, " T"]:
+    """In which frames a pose, rotated by R, explains the keypoints with left and right exchanged.
+
+    Args:
+        xy_px: any value where the weight is 0; twins: each keypoint's counterpart.
+    """
+    columns = list(twins)
+    plain, other = (
+        frame_residuals(pose, x, w, R[None])[0]
+        for x, w in ((xy_px, weight), (xy_px[:, columns], weight[:, columns]))
+    )
+    share = min(1.0, RATE_PER_S / fps)
+    return _cheapest_states(share * np.stack([plain, other + EXCHANGED], axis=1))
+
+
+def exchanged(
+    observation: Observation, frames: Bool[np.ndarray, " T"], twins: Sequence[int]
+) -> Observation:
+    """The observation with left and right exchanged in some frames."""
+    if not frames.any():
+        return observation
+    xy_px, confidence = observation.xy_px.copy(), observation.confidence.copy()
+    xy_px[frames] = xy_px[frames][:, list(twins)]
+    confidence[frames] = confidence[frames][:, list(twins)]
+    return replace(observation, xy_px=xy_px, confidence=confidence)
+
+
+def _cheapest_states(costs: Float[np.ndarray, "T 2"]) -> Bool[np.ndarray, " T"]:
+    """Where the cheapest sequence of the two states is in the second."""
+    change = CHANGE * (1.0 - np.eye(2))
+    total, back = costs[0], []
+    for cost in costs[1:]:
+        steps = total[:, None] + change
+        back.append(steps.argmin(0))
+        total = steps.min(0) + cost
+    state = int(total.argmin())
+    states = [state]
+    for pointer in reversed(back):
+        state = int(pointer[state])
+        states.append(state)
+    return np.array(states[::-1], dtype=bool)

@@ -1,0 +1,53 @@
+"""Left and right that the detector exchanged for a while are put right by the other videos."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from imocap_core.motion.multiview.registration import twin_columns
+from imocap_core.motion.multiview.scene import Scene
+from imocap_core.motion.multiview.side_exchange import exchanged, with_sides_of_others
+from imocap_core.motion.multiview.smpl_ba import recover_motion
+from tests.motion.made import Made, mpjpe_mm, scene
+from tests.motion.test_smpl_ba import FRAMES, OPTIONS, TURNS_DEG, disturbed, in_own_axes, whole
+
+VIDEO = 0  # filmed from in front, where left and right lie far apart
+STRETCH = np.arange(FRAMES) // 8 == 1  # frames 8 to 15
+
+
+@pytest.fixture(scope="module")
+def made() -> Made:
+    return scene(FRAMES, TURNS_DEG, np.random.default_rng(5))
+
+
+def confused(scene: Scene) -> Scene:
+    """The scene whose detector exchanged the sides of one video for a while."""
+    twins = twin_columns(scene.body.keypoints.names)
+    observations = list(scene.observations)
+    observations[VIDEO] = exchanged(observations[VIDEO], STRETCH, twins)
+    return replace(scene, observations=observations)
+
+
+def test_every_twin_has_its_twin_in_its_own_layout() -> None:
+    names = ("nose", "left_knee", "right_knee", "nose", "right_knee", "left_knee")
+    assert twin_columns(names) == (0, 2, 1, 3, 5, 4)
+
+
+def test_the_exchanged_stretch_is_put_right_and_nothing_else(made: Made) -> None:
+    state = disturbed(in_own_axes(made), 0.03)
+    plain = whole(made)
+    put_right = with_sides_of_others(confused(plain), state, made.cameras())
+    for before, after in zip(plain.observations, put_right.observations, strict=True):
+        np.testing.assert_array_equal(after.xy_px, before.xy_px)
+        np.testing.assert_array_equal(after.confidence, before.confidence)
+
+
+def test_smpl_ba_with_exchanged_sides_ends_like_the_undisturbed_one(made: Made) -> None:
+    true = in_own_axes(made)
+    start = disturbed(true, 0.03)
+    good, hit = (
+        recover_motion(each, start, OPTIONS).state for each in (whole(made), confused(whole(made)))
+    )
+    error_mm = mpjpe_mm(made.body, good, true)
+    assert mpjpe_mm(made.body, hit, true) < 1.05 * error_mm + 0.5
