@@ -1,6 +1,6 @@
 """`imocap benchmark sync`: accuracy by method and warp, calibration, events, slow motion, speed.
 
-`--variants slow_motion` measures that table alone.
+`--variants slow_motion` and `--variants calibration` measure one of these tables alone.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from rich.table import Table
 from benchmarks.actions.captured import data_folder
 from benchmarks.names import BenchmarkOptions
 from benchmarks.sync.accuracy import METHODS, accuracy, calibrated, events
+from benchmarks.sync.reliability import reliability
 from benchmarks.sync.slow_motion import FACTORS, slow_motion
 from benchmarks.sync.speed import speed
 from benchmarks.tables import markdown_of_rows, write_rows
@@ -20,14 +21,19 @@ from imocap_core.errors import WrongUse
 from imocap_core.pipeline.runner import Display
 from imocap_core.workspace import Workspace
 
-SLOW = "slow_motion"
+SLOW, CALIBRATION = "slow_motion", "calibration"
+SEED = 3  # of the scenes; the weights of the confidence were fitted on others
 
 
 def report(options: BenchmarkOptions, workspace: Workspace, display: Display) -> list[Table | str]:
     """The tables as Markdown, and where they were written."""
-    variants, only, sampling = options.variants or (*METHODS, SLOW), options.only, options.sampling
-    if unknown := set(variants) - {*METHODS, SLOW}:
-        names = ", ".join((*METHODS, SLOW))
+    variants, only, sampling = (
+        options.variants or (*METHODS, SLOW, CALIBRATION),
+        options.only,
+        options.sampling,
+    )
+    if unknown := set(variants) - {*METHODS, SLOW, CALIBRATION}:
+        names = ", ".join((*METHODS, SLOW, CALIBRATION))
         raise WrongUse(f"--variants: expected some of {names}, got {unknown.pop()}")
     methods = [name for name in variants if name in METHODS]
     settings = workspace.pipeline().params.sync
@@ -42,6 +48,9 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
         }
     if SLOW in variants:
         tables["slow-motion"] = slow_motion(trials, settings, FACTORS, only)
+    if CALIBRATION in variants:
+        train = data_folder(workspace.root, "train") / "cmu_train.npz"
+        tables["calibration-training"] = reliability(train, settings, SEED)
     folder = workspace.root / "artifacts" / "benchmark" / "sync"
     parts = []
     for name, rows in tables.items():

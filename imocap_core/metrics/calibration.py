@@ -1,4 +1,4 @@
-"""Calibration of claimed standard deviations: errors in units of what was claimed.
+"""Calibration of claimed standard deviations and probabilities.
 
 A normalised error is the root mean square of (error / claimed standard deviation): 1 when claims
 are honest, above 1 when they are too small, below 1 when they are too large.
@@ -7,7 +7,7 @@ are honest, above 1 when they are too small, below 1 when they are too large.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 
 def total_sigma(covariance: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch"]:
@@ -50,3 +50,16 @@ def normalised_errors(
     if e.shape != s.shape or e.ndim != 2:
         raise ValueError(f"error and sigma must both be (T, J), got {e.shape} and {s.shape}")
     return np.array([normalised_error(a, b) for a, b in zip(e.T, s.T, strict=True)])
+
+
+def expected_calibration_error(
+    confidence: Float[np.ndarray, " n"], correct: Bool[np.ndarray, " n"], bins: int = 10
+) -> float:
+    """Mean over equal bins of |claimed - true share|, weighted by their entries (Naeini et al.
+    2015); NaN without entries."""
+    claimed, true = np.asarray(confidence, dtype=np.float64), np.asarray(correct, dtype=np.float64)
+    if not len(claimed):
+        return float("nan")
+    bin_ = np.minimum((claimed * bins).astype(int), bins - 1)
+    gaps = np.bincount(bin_, weights=claimed - true, minlength=bins)
+    return float(np.abs(gaps).sum() / len(claimed))

@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Float32
 
 from imocap_core.params import SyncParams
 from imocap_core.sync.anchors import Hints, anchored_distances
+from imocap_core.sync.confidence import Route, calibrated_confidence
 from imocap_core.sync.cycle.methods import relax
 from imocap_core.sync.cycle.report import CycleReport
 from imocap_core.sync.map_consistency import (
@@ -121,6 +122,14 @@ def synchronise_jointly(
         reach_frames = params.confidence_reach_s * fps[chosen]
         axis = ReferenceAxis(chosen, clocks, reach_frames, distances.change, penalty)
         frames, certainty = refined_warps(distances, relaxed, matched, axis, params, reprojection)
+        certainty = [
+            c
+            if v == chosen
+            else calibrated_confidence(
+                Route(v, chosen, f, c, clock[v], clock[chosen], reach_frames), distances, pairs
+            )
+            for v, (f, c) in enumerate(zip(frames, certainty, strict=True))
+        ]
     else:
         frames, certainty = dtw_warps(relaxed, soft_maps, blocks, chosen, fps, params)
     frames[chosen] = np.arange(float(lengths[chosen]))

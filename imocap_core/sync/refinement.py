@@ -87,8 +87,8 @@ def refined_warps(
     in_reference = [matched[blocks.rows(v), axis.reference] for v in range(M)]
     certainty = _refine_by_poses(maps, in_reference, distances, axis, params)
     if reprojection is not None:
-        for v in _refine_by_reprojection(maps, reprojection, axis, params):
-            certainty[v] = maps[v]
+        for v, usual in _refine_by_reprojection(maps, reprojection, axis, params).items():
+            certainty[v] = usual
     positions, confidence = [], []
     for v in range(M):
         position = median_positions(maps[v], per_frame)
@@ -148,23 +148,26 @@ def _refine_by_reprojection(
     reprojection: ReprojectionEvidence,
     axis: ReferenceAxis,
     params: SyncParams,
-) -> set[int]:
+) -> dict[int, np.ndarray]:
     """Refine the maps (T_v, S) by the keypoints, in place; which frames are matched is unchanged.
 
-    Returns the videos that were refined.
+    Returns the maps of weaker evidence of the videos that were refined, as the certainty of their
+    positions: the errors of the motion that keypoints are compared with persist longer than theirs.
     """
     sharp = replace(params, unmatched_level=np.inf, evidence_per_s=KEYPOINTS_PER_S)
+    usual = replace(sharp, evidence_per_s=KEYPOINTS_PER_S / SHARPNESS)
 
-    def refined(v: int, before: Sequence[np.ndarray]) -> np.ndarray | None:
+    def refined(v: int, before: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray] | None:
         squares = reprojection.squares(v, before, axis.reference, params.positions_per_frame)
-        return None if squares is None else axis.soft_map(v, squares, 1.0, sharp)[0]
+        if squares is None:
+            return None
+        return axis.soft_map(v, squares, 1.0, sharp)[0], axis.soft_map(v, squares, 1.0, usual)[0]
 
-    changed: set[int] = set()
+    certainty: dict[int, np.ndarray] = {}
     others = [v for v in range(len(maps)) if v != axis.reference]
     for _ in range(REPROJECTION_ROUNDS):
         new_maps = at_once(partial(refined, before=tuple(maps)), others)
         for v, new in zip(others, new_maps, strict=True):
             if new is not None:
-                maps[v] = new
-                changed.add(v)
-    return changed
+                maps[v], certainty[v] = new
+    return certainty

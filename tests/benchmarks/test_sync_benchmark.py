@@ -9,9 +9,12 @@ import pytest
 
 from benchmarks.sync.accuracy import EventRow
 from benchmarks.sync.calibration import calibration, confidences_and_errors
+from benchmarks.sync.calibration_scenes import CHANGED, standing_before, with_inserted
 from benchmarks.sync.map_scores import event_errors_frames, pair_error_pct, score_maps
+from benchmarks.sync.reliability import reliability_row
 from benchmarks.sync.rivals import rival, rooted
 from benchmarks.sync.scenes import SyncScene
+from benchmarks.sync.slow_motion import SLOWED, slowed_scene
 from benchmarks.tables import markdown_of_rows, write_rows
 from benchmarks.tcc import POSES
 
@@ -88,3 +91,38 @@ def test_rivals_answer_in_the_reference() -> None:
 def test_a_clip_about_the_hips_knows_neither_place_nor_size() -> None:
     poses = np.random.default_rng(1).normal(size=(6, 14, 3))
     np.testing.assert_allclose(rooted(3.0 * poses + [1.0, 2.0, 5.0]), rooted(poses), atol=1e-5)
+
+
+def three_videos() -> SyncScene:
+    """Three videos of 60 frames of one motion."""
+    rng = np.random.default_rng(2)
+    phases = [np.arange(60.0) for _ in range(3)]
+    return SyncScene("made", [rng.normal(size=(60, 14, 3)) for _ in phases], phases, [30.0] * 3, 59)
+
+
+def test_slow_motion_shows_more_frames_of_the_same_phases() -> None:
+    rng = np.random.default_rng(3)
+    walk = rng.normal(size=(14, 3)) + np.linspace(0, 1, 40)[:, None, None]
+    shown = ([walk, walk], [np.arange(40.0), np.arange(40.0)])
+    scene = slowed_scene("made", shown, 4.0)
+    slow = scene.phases[SLOWED]
+    assert len(slow) == len(scene.poses[SLOWED]) == 157
+    np.testing.assert_allclose(slow, np.arange(157) / 4)
+    assert scene.fps == [30.0, 30.0]
+
+
+def test_calibration_scenes_keep_the_phases_that_videos_share() -> None:
+    made, rng = three_videos(), np.random.default_rng(4)
+    changed = with_inserted(made, np.ones((80, 14, 3)), rng).phases[CHANGED]
+    np.testing.assert_array_equal(changed[np.isfinite(changed)], np.arange(60.0))
+    assert 8 <= np.isnan(changed).sum() < 30
+    for phase in standing_before(made, rng).phases:
+        assert (np.diff(phase) > 0).all()
+        np.testing.assert_array_equal(phase[-60:], np.arange(60.0))
+
+
+def test_a_row_of_the_reliability_counts_what_is_sure() -> None:
+    judged = np.array([[0.95, 1], [0.95, 1], [0.95, 0], [0.2, 0]])
+    row = reliability_row("made", judged)
+    assert (row.frames, row.right, row.sure) == (4, 0.5, 0.75)
+    assert row.right_of_sure == pytest.approx(2 / 3)

@@ -5,6 +5,7 @@ import pytest
 
 from imocap_core.metrics.calibration import (
     along_and_across,
+    expected_calibration_error,
     normalised_error,
     normalised_errors,
     total_sigma,
@@ -41,3 +42,18 @@ def test_what_is_unknown_is_left_out() -> None:
 def test_shapes_that_do_not_fit_are_named() -> None:
     with pytest.raises(ValueError, match=r"both be \(T, J\), got \(4, 2\) and \(4, 3\)"):
         normalised_errors(np.ones((4, 2)), np.ones((4, 3)))
+
+
+def test_the_calibration_error_is_the_gap_between_claim_and_truth() -> None:
+    confidence = np.array([0.9] * 10 + [0.5] * 10)
+    honest = np.array([True] * 9 + [False] + [True] * 5 + [False] * 5)
+    assert expected_calibration_error(confidence, honest) == pytest.approx(0.0)
+    assert expected_calibration_error(confidence, np.zeros(20, bool)) == pytest.approx(0.7)
+    assert expected_calibration_error(np.ones(4), np.array([True, True, True, False])) == 0.25
+    assert np.isnan(expected_calibration_error(np.zeros(0), np.zeros(0, bool)))
+
+
+def test_honest_probabilities_have_no_calibration_error() -> None:
+    rng = np.random.default_rng(1)
+    confidence = rng.random(200_000)
+    assert expected_calibration_error(confidence, rng.random(200_000) < confidence) < 0.01

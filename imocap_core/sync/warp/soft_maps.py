@@ -15,6 +15,9 @@ from imocap_core.sync.warp.smooth_rate import smooth_rate_posterior
 
 # cost of a frame of the other video left over at an end, as a share of that of a matching pair
 SKIPPED_SHARE = 0.3
+# a frame of other content (a cutaway, a wrong person) rules no position out: at most this much more
+# squared distance counts than at its nearest pose, in units of that of matching frames
+FARTHEST = 5.0
 LARGEST_USUAL = 4.0  # times the usual rate: faster than that is a leap
 LEAP = 0.05  # how much less likely a leap is than a usual step
 MOST_OBSERVATIONS = 4.0  # independent ones per frame, however low the frame rate
@@ -62,7 +65,8 @@ def soft_map(
     )
     filled = np.where(valid, squares, mean[:, None])
     nearest = filled.min(axis=1)
-    cost = observations / matched_square * (filled - nearest[:, None])
+    farther = (filled - nearest[:, None]) / matched_square
+    cost = observations * np.minimum(farther, FARTHEST)
     unmatched = evidence_of_match(
         np.where(valid.any(axis=1), nearest, matched_square),
         change,

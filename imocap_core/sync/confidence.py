@@ -1,0 +1,129 @@
+"""Calibrated confidence of matches: the probability that a match is right within the reach.
+
+The mass of a soft map around its median is a posterior under the model's assumptions, of which two
+fail: errors of estimates persist, and a monotone warp has to place every frame somewhere. What
+reveals such failures enters a logistic regression beside the mass: the disagreement of the routes
+through the other videos, the pose distance of the match, time that stalls while the performer
+moves. Its weights were fitted on scenes of training clips (tools/fit_sync_confidence.py).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.ndimage import uniform_filter1d
+from scipy.special import expit, logit
+
+from imocap_core.sync.map_consistency import PairMaps, composed
+from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
+
+WINDOW_S = 0.5  # over which rates and distances are averaged
+LEAST_RATE = 0.05
+# feature: weight in the regression
+WEIGHTS = {
+    "one": -0.349,
+    "mass": 0.961,
+    "disagreement": -0.540,
+    "mean_mass": 0.199,
+    "distance": -0.112,
+    "ambiguity": 0.139,
+    "stall": -1.323,
+    "slowness": -0.379,
+    "stillness": -0.017,
+}
+
+
+@dataclass(frozen=True)
+class Route:
+    """The match of video v with the reference.
+
+    Attributes:
+        positions: of its frames in the reference, NaN unmatched. mass: of the soft map within the
+            reach.
+        fps: frames per second of the action, of the video. fps_to: of the reference.
+        reach_frames: of the reference.
+    """
+
+    v: int
+    reference: int
+    positions: Float[np.ndarray, " T"]
+    mass: Float[np.ndarray, " T"]
+    fps: float
+    fps_to: float
+    reach_frames: float
+
+
+def calibrated_confidence(
+    route: Route, distances: DistanceMatrix, pairs: PairMaps
+) -> Float[np.ndarray, " T"]:
+    """Probability (T,) that each match is right within the reach; 0 where unmatched."""
+    features = confidence_features(route, distances, pairs)
+    return np.where(
+        np.isfinite(route.positions), expit(features @ np.array(list(WEIGHTS.values()))), 0.0
+    )
+
+
+def confidence_features(
+    route: Route, distances: DistanceMatrix, pairs: PairMaps
+) -> Float[np.ndarray, "T F"]:
+    """The features of each frame, in the order of WEIGHTS."""
+    T, matched = len(route.positions), np.isfinite(route.positions)
+    window = max(3, round(WINDOW_S * route.fps))
+    frames = np.arange(T)
+    filled = frames.astype(float)
+    if matched.any():
+        filled = np.interp(frames, frames[matched], route.positions[matched])
+    rate = _local_rate(filled, window) * route.fps / route.fps_to
+    square = distances.block(route.v, route.reference)
+    nearest = np.clip(np.rint(filled).astype(int), 0, square.shape[1] - 1)
+    here = square[frames, nearest] / distances.matched_square
+    here = np.where(np.isfinite(here), here, 1.0)
+    mass = logit(np.clip(route.mass, 0.01, 0.99))
+    novelty = -np.expm1(-distances.change[route.v] / distances.matched_square)
+    slowness = np.maximum(0.0, -np.log(rate + LEAST_RATE))
+    return np.column_stack(
+        [
+            np.ones(T),
+            mass,
+            np.log1p(_disagreement(route, filled, pairs) / route.reach_frames),
+            np.full(T, mass[matched].mean() if matched.any() else 0.0),
+            np.log(0.05 + uniform_filter1d(here, window, mode="nearest")),
+            _ambiguity(square / distances.matched_square, route.reach_frames),
+            slowness * novelty,
+            slowness,
+            1.0 - novelty,
+        ]
+    )
+
+
+def _local_rate(positions: np.ndarray, window: int) -> np.ndarray:
+    """Steps (T,) per frame, over `window` frames."""
+    T, half = len(positions), max(1, window // 2)
+    before = np.maximum(np.arange(T) - half, 0)
+    after = np.minimum(np.arange(T) + half, T - 1)
+    return np.asarray((positions[after] - positions[before]) / np.maximum(after - before, 1))
+
+
+def _ambiguity(squares: np.ndarray, reach_frames: float) -> np.ndarray:
+    """Logarithm of the number (T,) of stretches of the reference, as long as the reach on both
+    sides, whose poses are as near as the nearest."""
+    filled = np.where(np.isfinite(squares), squares, np.inf)
+    least = np.min(filled, axis=1, keepdims=True)
+    near = np.exp(-0.5 * np.where(np.isfinite(least), filled - least, 0.0)).sum(axis=1)
+    return np.asarray(np.log(near / (2.0 * reach_frames)))
+
+
+def _disagreement(route: Route, positions: np.ndarray, pairs: PairMaps) -> np.ndarray:
+    """Median distance (T,), frames of the reference, of the pairwise maps, direct and through each
+    other video, from the match; that of the reach where no map leads there."""
+    v, r = route.v, route.reference
+    others = {i for i, _ in pairs.positions} - {v, r}
+    routes = [pairs.positions[v, r]]
+    routes += [composed(pairs.positions[v, u], pairs.positions[u, r]) for u in sorted(others)]
+    away = np.abs(np.stack(routes) - positions)
+    out = np.full(len(positions), route.reach_frames)
+    some = np.isfinite(away).any(axis=0)
+    out[some] = np.nanmedian(away[:, some], axis=0)
+    return out
