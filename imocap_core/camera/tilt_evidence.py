@@ -40,6 +40,10 @@ ANKLES = [SMPL_JOINTS.index(f"{side}_ankle") for side in ("left", "right")]
 HANDS_AND_KNEES = [
     SMPL_JOINTS.index(f"{side}_{part}") for part in ("wrist", "knee") for side in ("left", "right")
 ]
+LIMB_SHARES = np.concatenate(
+    [0.5 * (np.eye(24)[ANKLES] + np.eye(24)[BALLS]), np.eye(24)[HANDS_AND_KNEES]]
+)
+"""(6, 24) weights of SMPL's joints whose mean is a limb that may support: feet, wrists, knees."""
 
 
 @dataclass(frozen=True)
@@ -76,13 +80,12 @@ def support_of(joints: Float[np.ndarray, "T 24 3"], fps: float, moments: int) ->
     index = np.unique(np.linspace(0, len(joints) - 1, moments).round().astype(np.int64))
     chosen = joints[index]
     trunk = chosen[:, NECK] - chosen[:, PELVIS]
-    soles = 0.5 * (chosen[:, ANKLES] + chosen[:, BALLS])
     feet, planted = planted_feet(joints, fps)
     some = np.unique(np.linspace(0, len(feet) - 1, 2 * moments).round().astype(np.int64))
     return Support(
         centre=centre[index],
         speed_m_s=fps * np.linalg.norm(step[index], axis=-1),
-        limbs=np.concatenate([soles, chosen[:, HANDS_AND_KNEES]], axis=1),
+        limbs=np.einsum("sj,njc->nsc", LIMB_SHARES, chosen),
         trunk=trunk / np.maximum(np.linalg.norm(trunk, axis=-1, keepdims=True), 1e-9),
         feet=feet[some],
         planted=planted[some],
@@ -144,7 +147,7 @@ def balance_cost(
     Limbs as low as the lowest one are the support. The centre's horizontal distance from their mean
     is compared with their extent, the body's sway and the pose's errors.
     """
-    middle, spread = _support_under(up, support)
+    middle, spread = support_under(up, support)
     arm = support.centre - middle  # (U, N, 3)
     height = np.einsum("unc,uc->un", arm, up)
     free = SWAY_M**2 + (LEAN_ACROSS * height) ** 2 + (DYNAMIC_S * support.speed_m_s) ** 2
@@ -172,18 +175,23 @@ def weighted_quantile(
     return np.asarray(np.take_along_axis(values, order, axis=1)[np.arange(len(values)), place])
 
 
-def _support_under(
+def support_under(
     up: Float[np.ndarray, "U 3"], support: Support
 ) -> tuple[Float[np.ndarray, "U N 3"], Float[np.ndarray, "U N 3 3"]]:
     """Mean of the supporting limbs, and half their covariance: pressure is mostly in the middle."""
+    share = support_shares(up, support)
+    middle = np.einsum("uns,nsc->unc", share, support.limbs)
+    apart = support.limbs[None] - middle[:, :, None]
+    return middle, 0.5 * np.einsum("uns,unsi,unsj->unij", share, apart, apart)
+
+
+def support_shares(up: Float[np.ndarray, "U 3"], support: Support) -> Float[np.ndarray, "U N 6"]:
+    """How much each limb supports, by its height above the lowest one; their sum is 1."""
     above = np.einsum("nsc,uc->uns", support.limbs, up)
     above -= above.min(axis=2, keepdims=True)
     share = np.where(np.arange(above.shape[2]) < len(BALLS), 1.0, HAND_SHARE)
     share = share * np.exp(-0.5 * (above / SUPPORT_HEIGHT_M) ** 2)
-    share /= share.sum(axis=2, keepdims=True)
-    middle = np.einsum("uns,nsc->unc", share, support.limbs)
-    apart = support.limbs[None] - middle[:, :, None]
-    return middle, 0.5 * np.einsum("uns,unsi,unsj->unij", share, apart, apart)
+    return np.asarray(share / share.sum(axis=2, keepdims=True))
 
 
 def _student(

@@ -27,6 +27,7 @@ class Observation:
         joints: (T, 24, 3) a monocular estimator's joints in metres, NaN where not given, or None.
         noise_share: detector noise (one standard deviation) as a share of the person's size.
         focal_spread: standard deviation of the logarithm of K's focal length; 0: it is known.
+        R_mean_from_first: (3, 3) mean rotation of the turning camera relative to its first frame.
     """
 
     xy_px: Float[np.ndarray, "T K 2"]
@@ -36,6 +37,7 @@ class Observation:
     joints: Float[np.ndarray, "T 24 3"] | None = None
     noise_share: float = field(kw_only=True)
     focal_spread: float = 0.0
+    R_mean_from_first: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
 
     @cached_property
     def size_px(self) -> Float[np.ndarray, " T"]:

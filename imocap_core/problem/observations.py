@@ -60,6 +60,7 @@ def observations_of(
                 (joints or {}).get(video.id),
                 noise_share=noise_share_of(video.layout, fit),
                 focal_spread=fit.focal_spread if camera.focal_source == "assumed" else 0.0,
+                R_mean_from_first=camera.R_first_from_frame.mean(axis=0).T,
             )
         )
     return observations

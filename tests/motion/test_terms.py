@@ -13,6 +13,7 @@ from imocap_core.motion.prior import mixture
 from imocap_core.motion.solver.objective import linearise, objective
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms import (
+    Balance,
     FocalPrior,
     FootContact,
     HingeLimits,
@@ -104,6 +105,12 @@ def pose_prior(_: Body, __: MotionState) -> Term:
     return PosePriorTerm(mixture(means, covariance, np.ones(3) / 3, np.ones(24), np.ones(24)), 0.3)
 
 
+def arm_weights() -> torch.Tensor:
+    """Weights of joints that give a difference of two means."""
+    weights = normal(B, T, 24, seed=21)
+    return weights - weights.mean(-1, keepdim=True)
+
+
 TERMS: dict[str, Callable[[Body, MotionState], Term]] = {
     "reprojection": reprojection,
     "pose prior": pose_prior,
@@ -118,6 +125,7 @@ TERMS: dict[str, Callable[[Body, MotionState], Term]] = {
     "foot speeds": lambda b, s: FootContact(b, 40.0, 1.5),
     "foot contact": lambda b, s: FootContact(b, normal(B, T - 1, 4, seed=13).abs(), 1.5),
     "joint acceleration": lambda b, s: JointAcceleration(b, 30.0, 1e-3),
+    "balance": lambda b, s: Balance(b, arm_weights(), normal(B, T, 2, 3, seed=22), 2.0, 1.5),
     "path": lambda b, s: PathSmoothness(3.0, 2.0),
     "pose coupling": lambda b, s: PoseCoupling(
         exp(normal(B, T, 24, 3, seed=7, spread=0.3)), normal(B, T, 24, seed=8).abs() * seen(s)

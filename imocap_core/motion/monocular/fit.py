@@ -17,6 +17,7 @@ from torch import Tensor
 
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular.starts import Start, interpolate_rotations
+from imocap_core.motion.monocular.upright import balance_terms
 from imocap_core.motion.multiview.timeline import sample
 from imocap_core.motion.observations import Observation, every, padded, per_video_view, validity
 from imocap_core.motion.prior import PosePrior
@@ -42,6 +43,7 @@ Progress = Callable[[str], None]
 # pause at the widest; at the others it need not be exact.
 COARSE = ((10.0, 3e-3), (3.0, 1e-2), (1.0, 1e-2))
 TOLERANCE = 3e-3  # of the fit on all frames, which every later fit improves
+BALANCE_ROUNDS = 2  # up and the support are those of the motion before
 ESTIMATE_SIGMAS = 3.0  # Geman-McClure scale, in standard deviations of an estimator
 PRIOR_FPS = 30.0  # frame rate at which the prior's joint speeds were measured
 
@@ -141,8 +143,11 @@ def fit_monocular(
     progress("the best start of each video on all frames")
     state = _all_frames(state.rows(chosen), observations, stride)
     terms = monocular_terms(body, prior, observations, state.trans, weights, 1.0)
-    solution = gauss_newton(terms, state, max_steps=max_steps, relative_tolerance=TOLERANCE)
-    return MonocularFit(solution.state, costs, solution.status)
+    for _ in range(BALANCE_ROUNDS):
+        balanced = [*terms, *balance_terms(body, state, observations, weights)]
+        solution = gauss_newton(balanced, state, max_steps=max_steps, relative_tolerance=TOLERANCE)
+        state = solution.state
+    return MonocularFit(state, costs, solution.status)
 
 
 def monocular_terms(

@@ -4,6 +4,7 @@ A term has a cost (B,) at a state, and adds its linearisation there to the norma
 solver sums terms and uses nothing else of them.
 """
 
+from imocap_core.motion.terms.balance import Balance
 from imocap_core.motion.terms.base import Term
 from imocap_core.motion.terms.coupling import PathCoupling, PoseCoupling
 from imocap_core.motion.terms.evidence import JointEvidence
@@ -18,6 +19,7 @@ from imocap_core.motion.terms.smoothness import PathSmoothness, PoseSmoothness
 from imocap_core.motion.terms.view import View
 
 __all__ = [
+    "Balance",
     "FocalPrior",
     "FootContact",
     "HingeLimits",
