@@ -109,9 +109,11 @@ def _local_rate(positions: np.ndarray, window: int) -> np.ndarray:
 def _ambiguity(squares: np.ndarray, reach_frames: float) -> np.ndarray:
     """Logarithm of the number (T,) of stretches of the reference, as long as the reach on both
     sides, whose poses are as near as the nearest."""
-    filled = np.where(np.isfinite(squares), squares, np.inf)
-    least = np.min(filled, axis=1, keepdims=True)
-    near = np.exp(-0.5 * np.where(np.isfinite(least), filled - least, 0.0)).sum(axis=1)
+    compared = np.isfinite(squares)
+    least = np.min(squares, axis=1, keepdims=True, where=compared, initial=np.inf)
+    farther = np.where(compared, squares, 0.0) - np.where(np.isfinite(least), least, 0.0)
+    near = np.where(compared | ~np.isfinite(least), np.exp(-0.5 * np.maximum(farther, 0.0)), 0.0)
+    near = near.sum(axis=1)
     return np.asarray(np.log(near / (2.0 * reach_frames)))
 
 

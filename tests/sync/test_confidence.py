@@ -70,6 +70,13 @@ def test_every_feature_has_a_weight() -> None:
     assert np.isfinite(features).all()
 
 
+def test_frames_without_poses_have_finite_features() -> None:
+    route, distances, pairs = matched()
+    distances.block(1, 0)[20:30] = np.nan
+    distances.block(1, 0)[:, 50:55] = np.nan
+    assert np.isfinite(confidence_features(route, distances, pairs)).all()
+
+
 def test_inserted_frames_of_another_pose_cost_nothing_but_are_not_trusted() -> None:
     rng, frames = np.random.default_rng(3), 12
     phase = np.linspace(0.5, 4.5, 120)
