@@ -78,7 +78,7 @@ class FitParams:
     balance: NonNegative = param(
         16.0,
         "Weight of the squared horizontal distance, in standard deviations, of the centre of mass "
-        "from the middle of its support, in fits of single videos.",
+        "from the middle of its support, where an action has one video only.",
     )
     camera_roll_deg: Positive = param(
         2.0,
