@@ -44,7 +44,7 @@ def judged_by_keypoints(
 ) -> tuple[list[int], list[int], Float[np.ndarray, " M"]]:
     """The mirrored videos, those that only look mirrored by their poses, and all margins.
 
-    The margin of a mirrored video is the larger one of poses and keypoints.
+    The margin of a mirrored video is the poses', or the keypoints' where these are very clear.
 
     Args:
         detected, margins: by the poses; pinned: videos whose reflection is given.
@@ -59,7 +59,8 @@ def judged_by_keypoints(
         mirrored = list(by_keypoints)
     largest = margins.copy()
     for v in mirrored:
-        largest[v] = np.fmax(margins[v], by_keypoints[v])
+        if by_keypoints[v] >= CLEAR_KEYPOINT_MARGIN:
+            largest[v] = np.fmax(margins[v], by_keypoints[v])
     return mirrored, [v for v in refuted if v not in mirrored], largest
 
 
