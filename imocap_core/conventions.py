@@ -113,9 +113,18 @@ def point_towards(name: str, target: str) -> str:
 
 
 def mirror_indices(names: Sequence[str]) -> tuple[int, ...]:
-    """For each name the index of the same point of the other side, or of itself without one."""
-    index = {name: i for i, name in enumerate(names)}
-    return tuple(index.get(swap_side(name), i) for i, name in enumerate(names))
+    """For each name the index of the same point of the other side, or of itself without one.
+
+    Names may repeat, one layout after another: the first belongs to the first, and so on.
+    """
+    places: dict[str, list[int]] = {}
+    for i, name in enumerate(names):
+        places.setdefault(name, []).append(i)
+    twins = list(range(len(names)))
+    for name, mine in places.items():
+        for i, twin in zip(mine, places.get(swap_side(name), mine), strict=False):
+            twins[i] = twin
+    return tuple(twins)
 
 
 def left_right_pairs(names: Sequence[str]) -> tuple[tuple[int, int], ...]:

@@ -13,6 +13,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from imocap_core.conventions import left_right_pairs
+from imocap_core.runs import runs
+from imocap_core.viterbi import cheapest_states
 
 LIMBS: tuple[tuple[str, ...], ...] = (
     ("shoulder", "elbow", "wrist"),
@@ -45,11 +47,12 @@ def swapped_frames(
         pairs: columns (left, right) of the limb.
     """
     sides = xy_px[:, np.array(pairs)]  # (T, P, 2 sides, 2)
-    states = _cheapest_states(_step_costs(sides, size_px), len(pairs))
+    states = _states(_step_costs(sides, size_px), len(pairs))
     longest = round(LONGEST_S * fps)
     swapped = np.zeros(len(states), dtype=bool)
-    for begin, end in runs_of_true(states):
-        swapped[begin:end] = end - begin <= longest and begin > 0 and end < len(states)
+    for first, last in runs(states):
+        inside = first > 0 and last < len(states) - 1
+        swapped[first : last + 1] = last - first < longest and inside
     return swapped
 
 
@@ -68,12 +71,6 @@ def swap_sides(
             confidence[frames, left],
         )
     return xy, trust
-
-
-def runs_of_true(flags: Bool[np.ndarray, " T"]) -> list[tuple[int, int]]:
-    """First and one past the last index of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
 def _step_costs(
@@ -103,16 +100,8 @@ def _forward_filled(sides: Float[np.ndarray, "T P 2 2"]) -> Float[np.ndarray, "T
     return filled
 
 
-def _cheapest_states(steps: Float[np.ndarray, "T 2 2"], pairs: int) -> Bool[np.ndarray, " T"]:
+def _states(steps: Float[np.ndarray, "T 2 2"], pairs: int) -> Bool[np.ndarray, " T"]:
     """Which frames are swapped in the cheapest sequence; it begins as reported."""
     change = CHANGE * pairs * (1.0 - np.eye(2))
-    total, back = np.array([0.0, np.inf]), []
-    for step in steps[1:]:
-        costs = total[:, None] + step + change
-        back.append(costs.argmin(0))
-        total = costs.min(0) + np.array([0.0, SWAPPED * pairs])
-    state, states = int(total.argmin()), []
-    for pointer in reversed(back):
-        states.append(state)
-        state = int(pointer[state])
-    return np.array([state, *reversed(states)], dtype=bool)
+    costs = steps[1:] + change + np.array([0.0, SWAPPED * pairs])
+    return cheapest_states(np.array([0.0, np.inf]), costs).astype(bool)

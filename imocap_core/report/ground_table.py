@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from imocap_core.artifacts.schemas import CameraMotion, GroundPlane, InitialSmpl, RefineSync, Table
+from imocap_core.artifacts.schemas.evaluate import Cell
 from imocap_core.camera.ground import sole_depths_mm
 from imocap_core.camera.tilt_evidence import camera_angles_deg
 from imocap_core.camera.world import BodyMotion, Extrinsics, to_world
 from imocap_core.problem.ground import ground_of
-from imocap_core.report.tables import Cell
 
 DEEP = 0.95  # quantile of the frames
 

@@ -30,17 +30,16 @@ def headline(table: Table) -> Table:
     if table.name != "summary":
         return table
     shown = [table.columns.index(name) for name in HEADLINE if name in table.columns]
-    return table.model_copy(
-        update={
-            "columns": [table.columns[i] for i in shown],
-            "rows": [[row[i] for i in shown] for row in table.rows],
-        }
-    )
+    return _with_columns(table, shown)
 
 
 def without_empty_columns(table: Table) -> Table:
     """Without columns in which no row has a value."""
     shown = [k for k in range(len(table.columns)) if any(row[k] is not None for row in table.rows)]
+    return _with_columns(table, shown)
+
+
+def _with_columns(table: Table, shown: list[int]) -> Table:
     return table.model_copy(
         update={
             "columns": [table.columns[k] for k in shown],

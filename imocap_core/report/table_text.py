@@ -9,9 +9,8 @@ import json
 from collections.abc import Mapping, Sequence
 
 from imocap_core.artifacts.schemas import Table
+from imocap_core.artifacts.schemas.evaluate import Cell
 from imocap_core.metrics.scoring import ALL_VIDEOS
-
-Cell = str | bool | int | float | None
 
 DECIMALS = {
     "mm": 1,

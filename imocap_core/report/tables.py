@@ -12,11 +12,10 @@ from imocap_core.artifacts.schemas import (
     RefineSync,
     Table,
 )
+from imocap_core.artifacts.schemas.evaluate import Cell
 from imocap_core.metrics.body_scoring import BODY_METRICS
 from imocap_core.metrics.scoring import ALL_VIDEOS, SYNC_METRICS, ScoreRow
 from imocap_core.verdict.detections import remarks
-
-Cell = str | bool | int | float | None
 
 SUMMARY = (
     "mpjpe_mm",

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 from imocap_core.artifacts.schemas import SyncSummary, SyncTrust, Table
-
-Cell = str | bool | int | float | None
+from imocap_core.artifacts.schemas.evaluate import Cell
 
 
 def trust_tables(sync: SyncSummary) -> list[Table]:

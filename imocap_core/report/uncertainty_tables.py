@@ -8,13 +8,12 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.artifacts.schemas import Table, Uncertainty, VideoMotion
+from imocap_core.artifacts.schemas.evaluate import Cell
 from imocap_core.conventions import EVAL_12
 from imocap_core.evaluate.calibration import EVAL_INDICES, METRICS, joint_errors_mm
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.calibration import normalised_errors
 from imocap_core.metrics.scoring import ALL_VIDEOS, ScoreRow
-
-Cell = str | bool | int | float | None
 
 
 def uncertainty_tables(

@@ -121,15 +121,8 @@ def synchronise_jointly(
         penalty = anchor_penalty(points, clock, chosen, params.positions_per_frame)
         reach_frames = params.confidence_reach_s * fps[chosen]
         axis = ReferenceAxis(chosen, clocks, reach_frames, distances.change, penalty)
-        frames, certainty = refined_warps(distances, relaxed, matched, axis, params, reprojection)
-        certainty = [
-            c
-            if v == chosen
-            else calibrated_confidence(
-                Route(v, chosen, f, c, clock[v], clock[chosen], reach_frames), distances, pairs
-            )
-            for v, (f, c) in enumerate(zip(frames, certainty, strict=True))
-        ]
+        frames, masses = refined_warps(distances, relaxed, matched, axis, params, reprojection)
+        certainty = _confidences(frames, masses, axis, distances, pairs)
     else:
         frames, certainty = dtw_warps(relaxed, soft_maps, blocks, chosen, fps, params)
     frames[chosen] = np.arange(float(lengths[chosen]))
@@ -157,6 +150,26 @@ def synchronise_jointly(
         left_out_frames=left_out,
         left_out_share=share,
     )
+
+
+def _confidences(
+    frames: Sequence[np.ndarray],
+    masses: Sequence[np.ndarray],
+    axis: ReferenceAxis,
+    distances: DistanceMatrix,
+    pairs: PairMaps,
+) -> list[np.ndarray]:
+    """Calibrated confidences of every video's matches; the reference's mass as it is."""
+    clock, chosen = axis.clocks.action_fps, axis.reference
+
+    def route(v: int) -> Route:
+        ends = (clock[v], clock[chosen], axis.reach_frames)
+        return Route(v, chosen, frames[v], masses[v], *ends)
+
+    return [
+        mass if v == chosen else calibrated_confidence(route(v), distances, pairs)
+        for v, mass in enumerate(masses)
+    ]
 
 
 def _affinity(distances: DistanceMatrix, params: SyncParams) -> np.ndarray:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from imocap_core.artifacts.schemas import SyncMap, SyncSummary, VideoKeypoints, VideoTrust
+from imocap_core.runs import runs
 from imocap_core.verdict.findings import Finding, listed
-from imocap_core.verdict.spans import runs
 
 DOUBTFUL_S = 0.1  # of disagreement
 LEAST_MATCHED = 0.5  # of a video's frames

@@ -18,12 +18,13 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.mirror import mirrored_joints
+from imocap_core.runs import runs
 from imocap_core.verdict.agreement import forbidden_advice
 from imocap_core.verdict.findings import Finding
 from imocap_core.verdict.limbs import limbs_px
 from imocap_core.verdict.outlying_body import PlacedBody, outlying_bodies
+from imocap_core.verdict.person_size import person_size
 from imocap_core.verdict.sliding_feet import slides
-from imocap_core.verdict.spans import person_size, runs
 
 UNFIT = 0.05  # of the person's size: usual frames stay below 0.02, a detector's noise included
 UNFIT_S = 0.3

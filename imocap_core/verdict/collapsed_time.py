@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.verdict.spans import person_size, runs
+from imocap_core.runs import runs
+from imocap_core.verdict.person_size import person_size
 
 STOPPED = 0.1  # of the video's usual rate
 LEAST_S = 0.25

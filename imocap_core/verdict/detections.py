@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from imocap_core.artifacts.schemas import VideoCameraMotion, VideoKeypoints
+from imocap_core.runs import runs
 from imocap_core.verdict.findings import Finding
-from imocap_core.verdict.spans import runs
 
 MISSING_S = 0.5
 EXCHANGED_SHARE = 0.2  # of the frames: more says that the detector takes backs for fronts

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.conventions import EVAL_12, SMPL_JOINTS
-from imocap_core.verdict.spans import runs
+from imocap_core.runs import runs
 
 LEAST_DIFFERENCE_M = 0.15  # twice the mean difference between performances of one action
 USUAL_RATIO = 2.5  # times the action's median

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from imocap_core.verdict.spans import person_size
+from imocap_core.verdict.person_size import person_size
 
 NEAR = 0.015  # of the person's size: root mean square over the keypoints
 NEAR_SHARE = 0.7  # of the moving frames that must be as near

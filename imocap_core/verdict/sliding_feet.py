@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.verdict.spans import runs
+from imocap_core.runs import runs
 
 WINDOW_S = 0.1
 STILL = 0.012  # of the person's size, over the window

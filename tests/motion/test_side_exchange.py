@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from imocap_core.motion.multiview.registration import twin_columns
+from imocap_core.conventions import mirror_indices
 from imocap_core.motion.multiview.scene import Scene
 from imocap_core.motion.multiview.side_exchange import exchanged, with_sides_of_others
 from imocap_core.motion.multiview.smpl_ba import recover_motion
@@ -23,7 +23,7 @@ def made() -> Made:
 
 def confused(scene: Scene) -> Scene:
     """The scene whose detector exchanged the sides of one video for a while."""
-    twins = twin_columns(scene.body.keypoints.names)
+    twins = mirror_indices(scene.body.keypoints.names)
     observations = list(scene.observations)
     observations[VIDEO] = exchanged(observations[VIDEO], STRETCH, twins)
     return replace(scene, observations=observations)
@@ -31,7 +31,7 @@ def confused(scene: Scene) -> Scene:
 
 def test_every_twin_has_its_twin_in_its_own_layout() -> None:
     names = ("nose", "left_knee", "right_knee", "nose", "right_knee", "left_knee")
-    assert twin_columns(names) == (0, 2, 1, 3, 5, 4)
+    assert mirror_indices(names) == (0, 2, 1, 3, 5, 4)
 
 
 def test_the_exchanged_stretch_is_put_right_and_nothing_else(made: Made) -> None:

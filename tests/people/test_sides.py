@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from imocap_core.body.layouts import layout_names
-from imocap_core.people.sides import limbs_of, runs_of_true, swap_sides, swapped_frames
+from imocap_core.people.sides import limbs_of, swap_sides, swapped_frames
+from imocap_core.runs import runs
 
 NAMES = layout_names("coco17")
 FPS = 30.0
@@ -41,7 +42,7 @@ def test_a_bout_is_found_and_undone(span: tuple[int, int]) -> None:
     xy = walker()
     swapped = with_swapped(xy, *span)
     frames = swapped_frames(swapped, SIZE, LEGS, FPS)
-    assert runs_of_true(frames) == [span]
+    assert runs(frames) == [(span[0], span[1] - 1)]
     trust = np.random.default_rng(1).random(xy.shape[:2])
     again, _ = swap_sides(swapped, trust, frames, LEGS)
     np.testing.assert_array_equal(again, xy)
@@ -71,7 +72,7 @@ def test_missing_points_do_not_hide_a_bout() -> None:
     swapped = with_swapped(walker(), 34, 38)
     swapped[33:36, LEGS[0][0]] = np.nan
     swapped[36, LEGS[1][1]] = np.nan
-    assert runs_of_true(swapped_frames(swapped, SIZE, LEGS, FPS)) == [(34, 38)]
+    assert runs(swapped_frames(swapped, SIZE, LEGS, FPS)) == [(34, 37)]
 
 
 def test_limbs_of_layouts() -> None:

@@ -12,6 +12,7 @@ from imocap_core.motion.multiview.aligned import AlignedMotions, align
 from imocap_core.motion.multiview.cameras import Cameras
 from imocap_core.motion.multiview.scene import Scene
 from imocap_core.motion.state import MotionState
+from imocap_core.motion.window import running_mean
 from imocap_core.robust import geman_mcclure_weight
 from imocap_core.rotations import geodesic_angle, project
 from imocap_core.rotations import mean as chordal_mean
@@ -58,9 +59,7 @@ def agreement(
     eye = torch.eye(3).to(R)
     consensus = project(torch.where(any_other[..., None, None, None], others, eye))
     angle = geodesic_angle(R, consensus).movedim(1, 2)  # (M, J, N)
-    half = smooth_frames // 2
-    padded = torch.nn.functional.pad(angle, (half, half), mode="replicate")
-    angle = padded.unfold(-1, 2 * half + 1, 1).mean(-1).movedim(2, 1)
+    angle = running_mean(angle, smooth_frames // 2).movedim(2, 1)
     follows = geman_mcclure_weight(angle, scale_rad)
     return torch.where(any_other[..., None], follows, 1.0) * (weight > 0)[..., None]
 

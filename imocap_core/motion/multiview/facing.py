@@ -20,6 +20,7 @@ from imocap_core.motion.multiview.scene import Scene
 from imocap_core.motion.observations import per_video_view
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms.view import View, project
+from imocap_core.motion.window import running_mean
 from imocap_core.robust import geman_mcclure_weight
 from imocap_core.rotations import geodesic_angle
 
@@ -46,7 +47,7 @@ def facing_agreement(
 def turned_by(state: MotionState, targets: CouplingTargets) -> Float[Tensor, "B T"]:
     """Angle between a performance's root orientation and the common one, smoothed."""
     angle = geodesic_angle(state.R_local[:, :, 0], targets.R_local[:, :, 0])
-    return _running_mean(angle, FACING_FRAMES)
+    return _smoothed(angle, FACING_FRAMES)
 
 
 def refuted(scene: Scene, state: MotionState, targets: CouplingTargets) -> Tensor:
@@ -55,7 +56,7 @@ def refuted(scene: Scene, state: MotionState, targets: CouplingTargets) -> Tenso
     turned = targets.R_local.clone()
     turned[:, :, 0] = state.R_local[:, :, 0]
     residual, shared = (
-        _running_mean(_unexplained(scene, view, replace(state, R_local=R)), EVIDENCE_FRAMES)
+        _smoothed(_unexplained(scene, view, replace(state, R_local=R)), EVIDENCE_FRAMES)
         for R in (turned, targets.R_local)
     )
     return shared < residual
@@ -72,8 +73,6 @@ def _unexplained(scene: Scene, view: View, state: MotionState) -> Float[Tensor, 
     return torch.where(size > 0, 1.0 - explained, 0.0)
 
 
-def _running_mean(values: Float[Tensor, "B T"], frames: int) -> Float[Tensor, "B T"]:
-    """Centred mean of an odd number of frames, the ends repeated."""
-    half = frames // 2
-    padded = torch.nn.functional.pad(values[:, None], (half, half), mode="replicate")
-    return padded.unfold(-1, frames, 1).mean(-1)[:, 0]
+def _smoothed(values: Float[Tensor, "B T"], frames: int) -> Float[Tensor, "B T"]:
+    """Centred mean of an odd number of frames."""
+    return running_mean(values[:, None], frames // 2)[:, 0]

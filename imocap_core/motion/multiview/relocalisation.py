@@ -19,17 +19,17 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from imocap_core.camera.averaging import angle_deg, mean_vector
+from imocap_core.conventions import mirror_indices
 from imocap_core.motion.multiview.aligned import align
 from imocap_core.motion.multiview.cameras import PATH_SCALE_M, Cameras
 from imocap_core.motion.multiview.consensus import consensus_motion, to_world
-from imocap_core.motion.multiview.per_video import common_at_video_frames
-from imocap_core.motion.multiview.registration import (
+from imocap_core.motion.multiview.keypoint_evidence import (
     KeypointEvidence,
     keypoint_evidence,
     mean_of_others,
     registration_residuals,
-    twin_columns,
 )
+from imocap_core.motion.multiview.per_video import common_at_video_frames
 from imocap_core.motion.multiview.scene import Scene
 from imocap_core.motion.state import MotionState
 from imocap_core.sync.screening.registration import camera_directions
@@ -54,7 +54,7 @@ def relocalise(
         agreement_rad: as of `consensus_motion`.
     """
     evidence = keypoint_evidence(scene, state)
-    twins = twin_columns(scene.body.keypoints.names)
+    twins = mirror_indices(scene.body.keypoints.names)
     R = cameras.R.cpu().numpy().copy()
     replaced: list[int] = []
     while len(replaced) < max(1, len(R) - 2):

@@ -14,17 +14,18 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from imocap_core.conventions import mirror_indices
 from imocap_core.motion.multiview.cameras import Cameras
-from imocap_core.motion.multiview.registration import (
+from imocap_core.motion.multiview.keypoint_evidence import (
     EXCHANGED,
     frame_residuals,
     keypoint_evidence,
     mean_of_others,
-    twin_columns,
 )
 from imocap_core.motion.multiview.scene import Scene
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.state import MotionState
+from imocap_core.viterbi import cheapest_states
 
 RATE_PER_S = 15.0  # frames of which each is a piece of evidence by itself
 CHANGE = 0.5  # of a change of state
@@ -40,7 +41,7 @@ def with_sides_of_others(scene: Scene, state: MotionState, cameras: Cameras) -> 
         return scene
     evidence = keypoint_evidence(scene, state)
     R = cameras.R.cpu().numpy()
-    twins = twin_columns(scene.body.keypoints.names)
+    twins = mirror_indices(scene.body.keypoints.names)
     observations = []
     for v, observation in enumerate(scene.observations):
         position = scene.timeline.to_reference[v]
@@ -70,7 +71,9 @@ def exchanged_frames(
         for x, w in ((xy_px, weight), (xy_px[:, columns], weight[:, columns]))
     )
     share = min(1.0, RATE_PER_S / fps)
-    return _cheapest_states(share * np.stack([plain, other + EXCHANGED], axis=1))
+    costs = share * np.stack([plain, other + EXCHANGED], axis=1)
+    steps = CHANGE * (1.0 - np.eye(2)) + costs[1:, None]
+    return cheapest_states(costs[0], steps).astype(bool)
 
 
 def exchanged(
@@ -83,19 +86,3 @@ def exchanged(
     xy_px[frames] = xy_px[frames][:, list(twins)]
     confidence[frames] = confidence[frames][:, list(twins)]
     return replace(observation, xy_px=xy_px, confidence=confidence)
-
-
-def _cheapest_states(costs: Float[np.ndarray, "T 2"]) -> Bool[np.ndarray, " T"]:
-    """Where the cheapest sequence of the two states is in the second."""
-    change = CHANGE * (1.0 - np.eye(2))
-    total, back = costs[0], []
-    for cost in costs[1:]:
-        steps = total[:, None] + change
-        back.append(steps.argmin(0))
-        total = steps.min(0) + cost
-    state = int(total.argmin())
-    states = [state]
-    for pointer in reversed(back):
-        state = int(pointer[state])
-        states.append(state)
-    return np.array(states[::-1], dtype=bool)

@@ -5,11 +5,12 @@ Ill-determined joints and phases, near-identical viewpoints, and the viewpoint t
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from imocap_core.motion.multiview.aligned import align
 from imocap_core.motion.multiview.scene import JointMotion, Scene
@@ -18,6 +19,7 @@ from imocap_core.motion.posterior.azimuth import performer_axes
 from imocap_core.motion.posterior.motion_posterior import MotionPosterior
 from imocap_core.motion.posterior.viewpoints import camera_for_single, camera_like, reductions
 from imocap_core.params import MotionParams
+from imocap_core.runs import runs
 
 ACROSS_DEG = 30.0  # a video this far off a line of sight determines depth along it
 LEAST_SPAN_S = 0.2  # shorter ones are not reported
@@ -102,23 +104,12 @@ def weak_spans(sigma: Float[np.ndarray, "T J"], limit: float, fps: float) -> lis
     """Where standard deviations exceed ``limit``, worst first; NaN counts as 0."""
     spans = []
     for joint, column in enumerate(sigma.T):
-        for first, last in _runs(np.nan_to_num(column) > limit, max(1, round(GAP_S * fps))):
-            if last - first + 1 >= LEAST_SPAN_S * fps:
-                inside = column[first : last + 1]
-                spans.append(
-                    WeakInterval(joint, first, last, float(np.sqrt(np.nanmean(inside**2))))
-                )
+        weak = np.nan_to_num(column) > limit
+        gap = max(1, round(GAP_S * fps)) - 1
+        for first, last in runs(weak, math.ceil(LEAST_SPAN_S * fps), gap):
+            inside = column[first : last + 1]
+            spans.append(WeakInterval(joint, first, last, float(np.sqrt(np.nanmean(inside**2)))))
     return sorted(spans, key=lambda s: -s.sigma)
-
-
-def _runs(flags: Bool[np.ndarray, " T"], gap: int) -> list[tuple[int, int]]:
-    """First and last index of each run of True; runs closer than ``gap`` are one."""
-    index = np.flatnonzero(flags)
-    if not len(index):
-        return []
-    cuts = np.flatnonzero(np.diff(index) > gap)
-    begins, ends = index[np.r_[0, cuts + 1]], index[np.r_[cuts, len(index) - 1]]
-    return [(int(a), int(b)) for a, b in zip(begins, ends, strict=True)]
 
 
 def view_directions(scene: Scene, result: JointMotion) -> Float[np.ndarray, "M N 3"]:

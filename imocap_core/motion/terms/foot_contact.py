@@ -11,6 +11,8 @@ from torch import Tensor
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import MotionState
+from imocap_core.motion.terms.in_time import padded, pairs
+from imocap_core.motion.window import running_mean
 from imocap_core.robust import geman_mcclure, geman_mcclure_weight
 
 CONTACT_WINDOW_S = 0.4
@@ -54,7 +56,7 @@ class FootContact:
         owners = (self.body.feet, _derivatives)
         feet, frame, d_beta = state.cached(owners, lambda: _derivatives(self.body, state))
         step = _steps(feet, state.valid)
-        weight = self.weight * self._cost(step)[1] * _both(state.valid)[..., None]
+        weight = self.weight * self._cost(step)[1] * pairs(state.valid)[..., None]
         weight = weight.repeat_interleave(3, -1)[..., None]  # (B, T-1, 12, 1)
         shape = d_beta[:, 1:] - d_beta[:, :-1]
         count, unknowns = shape.shape[-1], frame.shape[-1]
@@ -86,20 +88,14 @@ def foot_contact_share(
     """
     step = _steps(body.positions(body.feet, state).xyz, state.valid)
     half = max(1, round(CONTACT_WINDOW_S * fps / 2))
-    padded = torch.nn.functional.pad(step.flatten(2).mT, (half, half), mode="replicate")
-    mean = padded.unfold(-1, 2 * half + 1, 1).mean(-1).mT.unflatten(-1, (-1, 3))
+    mean = running_mean(step.flatten(2).mT, half).mT.unflatten(-1, (-1, 3))
     speed = fps * mean.norm(dim=-1)
     return geman_mcclure_weight(speed, speed_m_s)
 
 
-def _both(valid: Tensor) -> Tensor:
-    """(B, T-1) which pairs of neighbouring frames exist."""
-    return valid[:, :-1] & valid[:, 1:]
-
-
 def _steps(feet: Tensor, valid: Tensor) -> Tensor:
     """(B, T-1, F, 3) movement from each frame to the next, 0 where one of them is padding."""
-    return (feet[:, 1:] - feet[:, :-1]) * _both(valid)[..., None, None]
+    return (feet[:, 1:] - feet[:, :-1]) * pairs(valid)[..., None, None]
 
 
 def _derivatives(body: Body, state: MotionState) -> tuple[Tensor, Tensor, Tensor]:
@@ -115,5 +111,5 @@ def _derivatives(body: Body, state: MotionState) -> tuple[Tensor, Tensor, Tensor
 
 def _of_frames(of_pairs: Tensor) -> tuple[Tensor, Tensor]:
     """Values of pairs (B, T-1, R, C) at each frame, as the later and as the earlier of the pair."""
-    padded = torch.nn.functional.pad(of_pairs, (0, 0, 0, 0, 1, 1))
-    return padded[:, :-1], padded[:, 1:]
+    around = padded(of_pairs, 1, 1)
+    return around[:, :-1], around[:, 1:]

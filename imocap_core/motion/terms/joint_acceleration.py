@@ -20,6 +20,7 @@ from torch import Tensor
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.solver.normal import NormalEquations, add_product
 from imocap_core.motion.state import MotionState
+from imocap_core.motion.terms.in_time import padded, triples
 from imocap_core.robust import cauchy
 
 # Fitted to the training clips at 30 frames/s (tools/measure_accelerations.py).
@@ -98,7 +99,7 @@ class JointAcceleration:
         moves = torch.eye(3).to(points.xyz).expand(*points.xyz.shape, 3)
         J = torch.cat([points.d_pose, moves], -1).flatten(2, 3)  # (B, T, 3J, 75)
         bend = _bends(points.xyz, state.valid) / size[:, None, None, None]
-        inside = _triples(state.valid)[..., None]
+        inside = triples(state.valid)[..., None]
         weight = (self._energy_cost(bend)[1] * inside).repeat_interleave(3, -1)  # (B, T-2, 3J)
         shape = _second_difference(points.d_beta.flatten(2, 3))
         shape = (shape - bend.flatten(2)[..., None] * slope) / size[:, None, None, None]
@@ -116,7 +117,7 @@ def _add_globals(
     """Gradients, and what couples frames with the shape; shape (B, T-2, 3J, n) derivatives."""
     count = shape.shape[-1]
     pull = weight[..., None] * torch.cat([shape, bend[..., None]], -1)
-    ends = [_shifted(pull, k, 2 - k) for k in range(len(STENCIL))]
+    ends = [padded(pull, k, 2 - k) for k in range(len(STENCIL))]
     columns = J.mT @ (ends[0] - 2 * ends[1] + ends[2])
     normal.border[..., :count] += columns[..., :count]
     normal.gradient += columns[..., count]
@@ -129,28 +130,18 @@ def _bends(xyz: Tensor, valid: Tensor) -> Tensor:
     """(B, T-2, J, 3) second differences, 0 where a frame is padding."""
     if xyz.shape[1] < len(STENCIL):
         return xyz[:, :0]
-    return _second_difference(xyz) * _triples(valid)[..., None, None]
+    return _second_difference(xyz) * triples(valid)[..., None, None]
 
 
 def _second_difference(x: Tensor) -> Tensor:
     return x[:, :-2] - 2 * x[:, 1:-1] + x[:, 2:]
 
 
-def _triples(valid: Tensor) -> Tensor:
-    return valid[:, :-2] & valid[:, 1:-1] & valid[:, 2:]
-
-
 def _window_mean(x: Tensor, half: int) -> Tensor:
     """Means over 2 half + 1 steps of (B, N, J), zeros beyond both ends."""
     if not x.shape[1]:
         return x
-    padded = torch.nn.functional.pad(x, (0, 0, half, half))
-    return padded.unfold(1, 2 * half + 1, 1).mean(-1)
-
-
-def _shifted(x: Tensor, before: int, after: int) -> Tensor:
-    """(B, before + N + after, ...): x with zeros around it in time."""
-    return torch.nn.functional.pad(x, [0] * (2 * (x.ndim - 2)) + [before, after])
+    return padded(x, half, half).unfold(1, 2 * half + 1, 1).mean(-1)
 
 
 def _pair_weights(weight: Tensor, apart: int) -> Tensor:
@@ -158,5 +149,5 @@ def _pair_weights(weight: Tensor, apart: int) -> Tensor:
     total = torch.zeros(()).to(weight)
     for k in range(len(STENCIL) - apart):
         product = STENCIL[k] * STENCIL[k + apart]
-        total = total + product * _shifted(weight, k, len(STENCIL) - 1 - apart - k)
+        total = total + product * padded(weight, k, len(STENCIL) - 1 - apart - k)
     return total

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import POSE, MotionState
+from imocap_core.motion.terms.in_time import padded, pairs, triples
 from imocap_core.robust import cauchy
 from imocap_core.rotations import log
 
@@ -55,7 +56,7 @@ class PoseSmoothness:
 
     def _add_velocity(self, normal: NormalEquations, state: MotionState) -> None:
         step = (_steps(state) * self.velocity_weight[:, None]).flatten(2)
-        pair = _pairs(state.valid)
+        pair = pairs(state.valid)
         weight = self.velocity_weight.repeat_interleave(3) * pair[..., None]
         normal.gradient[:, :-1, :POSE] -= step
         normal.gradient[:, 1:, :POSE] += step
@@ -69,7 +70,7 @@ class PoseSmoothness:
         if frames < 3:
             return
         chord = _chords(state)
-        weight = self.acceleration_weight * _triples(state.valid)[..., None] / 2
+        weight = self.acceleration_weight * triples(state.valid)[..., None] / 2
         weight = weight * self._bend(chord)[1]
         R = [state.R_local[:, k : frames - 2 + k] for k in range(3)]
         for a, coefficient in enumerate((1.0, -2.0, 1.0)):
@@ -77,10 +78,10 @@ class PoseSmoothness:
             normal.gradient[:, a : frames - 2 + a, :POSE] += slope.flatten(2)
         # A frame is the first, the middle and the last of three chords, a pair of neighbours the
         # first and the last of two; a frame's block with itself is a multiple of the identity.
-        of_frame = _padded(weight, 0, 2) + 4 * _padded(weight, 1, 1) + _padded(weight, 2, 0)
+        of_frame = padded(weight, 0, 2) + 4 * padded(weight, 1, 1) + padded(weight, 2, 0)
         diagonal = torch.diagonal(normal.diagonal, dim1=-2, dim2=-1)
         diagonal[..., :POSE] += 2 * of_frame.repeat_interleave(3, -1)
-        of_pair = -2 * (_padded(weight, 0, 1) + _padded(weight, 1, 0))
+        of_pair = -2 * (padded(weight, 0, 1) + padded(weight, 1, 0))
         for target, turn, share in (
             (normal.next1, _relative_rotations(state), of_pair),
             (normal.next2, R[0].mT @ R[2], weight),
@@ -100,10 +101,10 @@ class PathSmoothness:
     acceleration_weight: float
 
     def _stencils(self, state: MotionState) -> list[tuple[float, tuple[float, ...], Tensor]]:
-        triples = _triples(state.valid) if state.valid.shape[1] > 2 else state.valid[:, :0]
+        bends = triples(state.valid) if state.valid.shape[1] > 2 else state.valid[:, :0]
         return [
-            (self.velocity_weight, (-1.0, 1.0), _pairs(state.valid)),
-            (self.acceleration_weight, (1.0, -2.0, 1.0), triples),
+            (self.velocity_weight, (-1.0, 1.0), pairs(state.valid)),
+            (self.acceleration_weight, (1.0, -2.0, 1.0), bends),
         ]
 
     def of(self, v: int, frames: int) -> PathSmoothness:
@@ -134,14 +135,6 @@ class PathSmoothness:
                     target[:, a : a + length, POSE:] += weight * ca * stencil[b] * mask[..., None]
 
 
-def _pairs(valid: Tensor) -> Tensor:
-    return valid[:, :-1] & valid[:, 1:]
-
-
-def _triples(valid: Tensor) -> Tensor:
-    return valid[:, :-2] & valid[:, 1:-1] & valid[:, 2:]
-
-
 def _relative_rotations(state: MotionState) -> Tensor:
     """(B, T-1, 24, 3, 3) relative rotation from each frame to the next."""
     R = state.R_local
@@ -150,7 +143,7 @@ def _relative_rotations(state: MotionState) -> Tensor:
 
 def _steps(state: MotionState) -> Tensor:
     """(B, T-1, 24, 3) the same as vectors, 0 at padding."""
-    pair = _pairs(state.valid)[..., None, None]
+    pair = pairs(state.valid)[..., None, None]
     return state.cached((_steps,), lambda: log(_relative_rotations(state)) * pair)
 
 
@@ -159,7 +152,7 @@ def _chords(state: MotionState) -> Tensor:
     R = state.R_local
     if R.shape[1] < 3:
         return R[:, :0]
-    return _difference(R, (1.0, -2.0, 1.0)) * _triples(state.valid)[..., None, None, None]
+    return _difference(R, (1.0, -2.0, 1.0)) * triples(state.valid)[..., None, None, None]
 
 
 def _difference(x: Tensor, stencil: tuple[float, ...]) -> Tensor:
@@ -180,11 +173,6 @@ def _chord_block(Q: Tensor) -> Tensor:
     """``<Ra hat(e_i), Rb hat(e_j)>`` for all i, j: ``tr(Q) I - Q^T`` with ``Q = Ra^T Rb``."""
     trace = Q.diagonal(dim1=-2, dim2=-1).sum(-1)[..., None, None]
     return trace * torch.eye(3, dtype=Q.dtype, device=Q.device) - Q.transpose(-1, -2)
-
-
-def _padded(weight: Tensor, before: int, after: int) -> Tensor:
-    """(B, before + T + after, J): weight (B, T, J) with zeros around it in time."""
-    return torch.nn.functional.pad(weight, (0, 0, before, after))
 
 
 def _add_joint_blocks(target: Tensor, blocks: Tensor) -> None:

@@ -110,8 +110,21 @@ def _residuals(
     mean = np.einsum("tk,dnk->dtn", weight, pose) / total
     spread = np.einsum("tk,dnk->dtn", weight, np.abs(pose) ** 2) - total * np.abs(mean) ** 2
     size = (weight * np.abs(plane) ** 2).sum(1)[:, None]
-    aligned = np.maximum(product, 0.0) ** 2 / np.maximum(spread * size, 1e-12)
-    return np.sqrt(np.clip(1.0 - aligned, 0.0, 1.0))
+    return residual_share(product, spread, size)
+
+
+def residual_share(
+    product: Float[np.ndarray, "*frames"],
+    spread: Float[np.ndarray, "*frames"],
+    size: Float[np.ndarray, "..."],
+) -> Float[np.ndarray, "*frames"]:
+    """What the best positive scale of a projected pose p leaves of keypoints x, 0 to 1.
+
+    Args:
+        product: Re<x, p>; spread: <p, p>; size: <x, x>, both about their weighted means.
+    """
+    explained = np.maximum(product, 0.0) ** 2 / np.maximum(spread * size, 1e-12)
+    return np.asarray(np.sqrt(np.clip(1.0 - explained, 0.0, 1.0)))
 
 
 def _warp_costs(residual: Float[np.ndarray, "D T N"]) -> Float[np.ndarray, " D"]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from imocap_core.params import SyncParams
 from imocap_core.sync.screening.evidence import WeightedPoses, mirrored_among, outliers_among
@@ -92,27 +92,24 @@ def screen(
     plain = WeightedPoses(thin, w)
     reflected = WeightedPoses([mirrored_poses(x, order) for x in thin], [v[:, order] for v in w])
     plain, reflected = plain.swapped(declared_mirrored, reflected)
+    films = None
+    if keypoints is not None:
+        films = _thinned_keypoints(keypoints, fps, declared_mirrored, order)
+    thinned_videos = ThinnedVideos(plain, reflected, rates, films, order)
     detected: list[int] = []
     refuted: list[int] = []
     margins = np.full(M, np.nan)
     if look_mirrored:
         pinned = [d is not None for d in declared]
-        detected, margins = mirrored_among(plain, reflected, rates, params.max_rate, pinned)
-        if keypoints is not None:
-            films = _thinned_keypoints(keypoints, fps, declared_mirrored, order)
-            judged = judged_by_keypoints(detected, margins, pinned, plain.poses, films, order)
-            detected, refuted, margins = judged
+        detected, refuted, margins = _mirrored(thinned_videos, params.max_rate, pinned)
     other_action: list[int] = []
     explained: list[int] = []
     scores = np.full(M, np.nan)
     if look_outliers:
         never = np.zeros(M, dtype=bool) if never_outliers is None else np.asarray(never_outliers)
-        upright, _ = plain.swapped(detected, reflected)
-        other_action, scores = outliers_among(upright, rates, params.max_rate, never)
-        if keypoints is not None:
-            films = _thinned_keypoints(keypoints, fps, [*declared_mirrored, *detected], order)
-            explained = _explained(other_action, upright.poses, films)
-            other_action = [v for v in other_action if v not in explained]
+        other_action, explained, scores = _other_actions(
+            thinned_videos, params.max_rate, detected, never
+        )
         # another action has no mirror image here
         detected = [v for v in detected if v not in other_action]
     flips = [v for v in detected if margins[v] > CLEAR_MARGIN] if params.mirrored == "flip" else []
@@ -126,6 +123,50 @@ def screen(
         explained=tuple(sorted(explained)),
         refuted=tuple(sorted(refuted)),
     )
+
+
+@dataclass(frozen=True)
+class ThinnedVideos:
+    """What is screened: poses as they are and reflected, their rates, and keypoints if known.
+
+    twins: each joint's mirror twin.
+    """
+
+    plain: WeightedPoses
+    reflected: WeightedPoses
+    rates: Sequence[float]
+    films: Sequence[Keypoints2D] | None
+    twins: Sequence[int]
+
+
+def _mirrored(
+    videos: ThinnedVideos, max_rate: float, pinned: Sequence[bool]
+) -> tuple[list[int], list[int], Float[np.ndarray, " M"]]:
+    """Mirrored videos, those that only look so by their poses, and the margins."""
+    detected, margins = mirrored_among(
+        videos.plain, videos.reflected, videos.rates, max_rate, pinned
+    )
+    if videos.films is None:
+        return detected, [], margins
+    return judged_by_keypoints(
+        detected, margins, pinned, videos.plain.poses, videos.films, videos.twins
+    )
+
+
+def _other_actions(
+    videos: ThinnedVideos, max_rate: float, mirrored: Sequence[int], never: Bool[np.ndarray, " M"]
+) -> tuple[list[int], list[int], Float[np.ndarray, " M"]]:
+    """Videos of another action, those that only look so by their poses, and the scores."""
+    upright, _ = videos.plain.swapped(mirrored, videos.reflected)
+    suspects, scores = outliers_among(upright, videos.rates, max_rate, never)
+    if videos.films is None:
+        return suspects, [], scores
+    films = [
+        reflected_keypoints(film, videos.twins) if v in mirrored else film
+        for v, film in enumerate(videos.films)
+    ]
+    explained = _explained(suspects, upright.poses, films)
+    return [v for v in suspects if v not in explained], explained, scores
 
 
 def _explained(

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from imocap_core.conventions import swap_side
 from imocap_core.motion.multiview.common_keypoints import common_keypoints
 from imocap_core.motion.multiview.scene import Scene
 from imocap_core.motion.multiview.timeline import sample
 from imocap_core.motion.state import MotionState
+from imocap_core.sync.screening.registration import residual_share
 
 MOMENTS = 60  # of the common time that are compared
 EXCHANGED = 0.1  # what a frame with exchanged sides costs, in shares of the keypoints' spread
@@ -76,9 +76,8 @@ def frame_residuals(
     product = np.einsum("dij,nij->dn", R[:, :2], cross)
     spread = np.einsum("dij,njk,dik->dn", R[:, :2], moment, R[:, :2])
     size = np.einsum("nk,nki,nki->n", weight, x, x)
-    explained = np.maximum(product, 0.0) ** 2 / np.maximum(spread * size, 1e-12)
     visible = (weight > 0).sum(1) > 3
-    return np.where(visible, np.sqrt(np.clip(1.0 - explained, 0.0, 1.0)), 0.0)
+    return np.where(visible, residual_share(product, spread, size), 0.0)
 
 
 def registration_residuals(
@@ -111,15 +110,3 @@ def mean_of_others(
     matched = np.max(evidence.weight[others] > 0, axis=2)[..., None, None]
     count = np.maximum(matched.sum(axis=0), 1)
     return np.asarray((matched * world).sum(axis=0) / count)
-
-
-def twin_columns(names: Sequence[str]) -> tuple[int, ...]:
-    """Each keypoint's left-right counterpart; names may repeat, one layout after another."""
-    twins = list(range(len(names)))
-    columns: dict[str, list[int]] = {}
-    for k, name in enumerate(names):
-        columns.setdefault(name, []).append(k)
-    for name, places in columns.items():
-        for k, twin in zip(places, columns.get(swap_side(name), places), strict=False):
-            twins[k] = twin
-    return tuple(twins)
