@@ -19,7 +19,6 @@ from imocap_core.motion.terms import (
     HingeLimits,
     JointAcceleration,
     JointEvidence,
-    JointLimits,
     PathCoupling,
     PathSmoothness,
     PoseCoupling,
@@ -119,7 +118,6 @@ TERMS: dict[str, Callable[[Body, MotionState], Term]] = {
         normal(2, seed=17, spread=0.1), normal(2, seed=18).abs()
     ),
     "limits": lambda b, s: HingeLimits(2.0),
-    "limits of all joints": lambda b, s: JointLimits(2.0),
     "velocity": lambda b, s: PoseSmoothness(normal(24).abs(), torch.zeros(24).double(), 1.0),
     "acceleration": lambda b, s: PoseSmoothness(torch.zeros(24).double(), normal(24).abs(), 0.7),
     "foot speeds": lambda b, s: FootContact(b, 40.0, 1.5),

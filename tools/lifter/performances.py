@@ -15,7 +15,7 @@ from imocap_core.body import PointSet, join_points, load_free_body, pick_points
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.lifter.network import WINDOW
 from imocap_core.motion.prior import load_pose_prior
-from imocap_core.motion.terms.joint_ranges import HINGES
+from imocap_core.motion.terms.limits import HINGES
 from imocap_core.rotations import exp, log
 from lifter.motions import FittedClip, mirrored_clip
 

@@ -11,7 +11,7 @@ from imocap_core.motion.terms.evidence import JointEvidence
 from imocap_core.motion.terms.focal_prior import FocalPrior
 from imocap_core.motion.terms.foot_contact import FootContact
 from imocap_core.motion.terms.joint_acceleration import JointAcceleration
-from imocap_core.motion.terms.limits import HingeLimits, JointLimits
+from imocap_core.motion.terms.limits import HingeLimits
 from imocap_core.motion.terms.pose_prior import PosePriorTerm
 from imocap_core.motion.terms.reprojection import Reprojection
 from imocap_core.motion.terms.shape_prior import ShapePrior
@@ -25,7 +25,6 @@ __all__ = [
     "HingeLimits",
     "JointAcceleration",
     "JointEvidence",
-    "JointLimits",
     "PathCoupling",
     "PathSmoothness",
     "PoseCoupling",
