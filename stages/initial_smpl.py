@@ -12,6 +12,7 @@ import torch
 from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints
 from imocap_core.cli import stage_main
 from imocap_core.motion.monocular.fit import fit_monocular
+from imocap_core.motion.monocular.hypotheses import alternatives
 from imocap_core.motion.monocular.library import make_library
 from imocap_core.motion.monocular.starts import Start
 from imocap_core.motion.prior import load_pose_prior
@@ -19,7 +20,7 @@ from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.estimates import estimate_of
 from imocap_core.problem.ground import grounds_of
-from imocap_core.problem.motions import hypotheses_of, motions_of
+from imocap_core.problem.motions import alternatives_of, hypotheses_of, motions_of
 from imocap_core.problem.observations import body_for, observations_of
 from imocap_core.problem.starts import initial_evidence, lifted_where_no_estimate, source_of, starts
 from imocap_core.workers import at_once
@@ -56,12 +57,19 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
         progress=lambda message: ctx.progress(0.5, message),
     )  # fmt: skip
     motions = motions_of(body, fit.state, observations, keypoints)
+    ctx.progress(0.8, "other motions that may explain the videos")
+    from_pictures = [v for v, i in enumerate(ids) if estimates[i] is None and i not in lifted]
+    hypotheses = alternatives(
+        body, prior, library, observations, fit.coarse, params.fit,
+        videos=from_pictures if len(ids) > 1 else [], count=options.hypotheses - 1,
+    )  # fmt: skip
     return InitialSmpl(
         model=body.model.name,
         model_digest=body.model.digest,
         videos=motions,
         source={v.id: source_of(v, estimates, lifted) for v in keypoints.videos},
         hypotheses=hypotheses_of(ids, fit.costs),
+        alternatives=alternatives_of(body, hypotheses, observations, keypoints),
         grounds=grounds_of(motions, keypoints, cameras, params.fit),
     )
 

@@ -6,8 +6,8 @@ from imocap_core.artifacts.schemas import InitialSmpl, Keypoints, Sync
 from imocap_core.cli import stage_main
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
+from imocap_core.problem.first_sync import synchronise_monocular
 from imocap_core.problem.hints import hints_of
-from imocap_core.problem.synchronisation import synchronise_motions
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Sync:
@@ -15,9 +15,8 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Sync:
     keypoints, initial = inputs.get(Keypoints), inputs.get(InitialSmpl)
     hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))
     ctx.progress(0.1, "comparing all pairs of frames")
-    joints = [video.joints for video in initial.videos]
-    return synchronise_motions(
-        joints, keypoints, params.sync, ctx.rng(), mirrored=ctx.mirrored(), hints=hints
+    return synchronise_monocular(
+        initial, keypoints, params.sync, ctx.rng(), mirrored=ctx.mirrored(), hints=hints
     )
 
 

@@ -32,6 +32,12 @@ class InitialSmplParams:
     starts: Count = param(
         2, "Different starts that are fitted for each video; the fit of lowest cost is used."
     )
+    hypotheses: Count = param(
+        4,
+        "Distinct motions kept for each video at most (other starts, depth, facing or sides "
+        "reversed), of which the synchronisation takes the one that agrees with the other videos; "
+        "1: the fit of lowest cost alone. Videos with an `initial` estimate have one.",
+    )
     lifter: Literal["auto", "never"] = param(
         "never",
         "`auto`: the learned lifter (lifter.md) starts the fits of videos without an `initial` "

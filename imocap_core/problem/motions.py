@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from imocap_core.artifacts.schemas import (
+    AlternativeMotion,
     Camera,
     CommonMotion,
     Hypothesis,
@@ -16,6 +17,7 @@ from imocap_core.artifacts.schemas import (
     VideoMotion,
 )
 from imocap_core.motion.kinematics import Body
+from imocap_core.motion.monocular.hypotheses import MotionHypothesis
 from imocap_core.motion.multiview.cameras import Cameras
 from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion, with_intrinsics
 from imocap_core.motion.observations import Observation, padded, per_video_view
@@ -75,6 +77,26 @@ def hypotheses_of(ids: Sequence[str], costs: Sequence[Sequence[float]]) -> list[
         for video, of_video in zip(ids, costs, strict=True)
         for n, cost in enumerate(of_video)
     ]
+
+
+def alternatives_of(
+    body: Body,
+    hypotheses: Sequence[Sequence[MotionHypothesis]],
+    observations: Sequence[Observation],
+    keypoints: Keypoints,
+) -> list[AlternativeMotion]:
+    """Every video's alternative motions as they are stored."""
+    stored = []
+    for of_video, observation, video in zip(
+        hypotheses, observations, keypoints.videos, strict=True
+    ):
+        alone = Keypoints(videos=[video])
+        for hypothesis in of_video:
+            motion = motions_of(body, hypothesis.motion, [observation], alone)[0]
+            stored.append(
+                AlternativeMotion(name=hypothesis.name, excess_cost=hypothesis.cost, motion=motion)
+            )
+    return stored
 
 
 def cameras_of(cameras: Sequence[Camera]) -> Cameras:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, RefineSync
 from imocap_core.motion.multiview.scene import JointMotion
 from imocap_core.params import FitParams, MotionParams
+from imocap_core.problem.hypotheses import chosen_motions
 from imocap_core.problem.joint import JointProblem, problem_of, single_video_sync
 
 
@@ -55,10 +56,11 @@ def _alone(
 ) -> SolvedGroup:
     """One video as an action of its own."""
     video, together = keypoints.videos[index], refined.motion
+    motions = chosen_motions(initial, refined.sync.alternatives)
     problem = problem_of(
         Keypoints(videos=[video]),
         CameraMotion(videos=[camera_motion.videos[index]]),
-        initial.model_copy(update={"videos": [initial.videos[index]]}),
+        initial.model_copy(update={"videos": [motions[index]]}),
         single_video_sync(video.id, len(video.frames)),
         fit,
         motion,

@@ -68,14 +68,17 @@ def synchronise_motions(
         mirrored=mirrored,
         hints=hints,
         screening=None if decided is None else _screening_of(decided),
-        keypoints=[_keypoints_of_joints(video) for video in keypoints.videos],
+        keypoints=[keypoints_of_joints(video) for video in keypoints.videos],
         reprojection=reprojection,
     )
     sync = sync_artifact(result, ids, fps)
-    return sync if decided is None else sync.model_copy(update={"notes": decided.notes})
+    if decided is None:
+        return sync
+    unchanged = {"notes": decided.notes, "alternatives": decided.alternatives}
+    return sync.model_copy(update=unchanged)
 
 
-def _keypoints_of_joints(video: VideoKeypoints) -> Keypoints2D:
+def keypoints_of_joints(video: VideoKeypoints) -> Keypoints2D:
     """A video's keypoints as SMPL's 24 joints; limbs only, other joints have no weight."""
     names = layout_names(video.layout)
     xy_px, weight = np.zeros((len(video.frames), 24, 2)), np.zeros((len(video.frames), 24))

@@ -154,15 +154,15 @@ def _about(
     reference: str, job: Job, keypoints: Keypoints, initial: InitialSmpl, display: Display
 ) -> Sync:
     """The synchronisation with another reference than the most central video."""
+    from imocap_core.problem.first_sync import synchronise_monocular
     from imocap_core.problem.hints import hints_of
-    from imocap_core.problem.synchronisation import synchronise_motions
 
     display.progress(0.5, f"again, with the reference {reference}")
     reads = frozenset(job.pipeline.stages[STAGE].reads)
     ctx = Context(STAGE, job.settings.seed, reads, display.progress, Path(), job.action)
     try:
-        return synchronise_motions(
-            [video.joints for video in initial.videos],
+        return synchronise_monocular(
+            initial,
             keypoints,
             job.settings.params.sync,
             ctx.rng(),

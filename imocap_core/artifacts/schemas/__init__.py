@@ -6,6 +6,7 @@ from imocap_core.artifacts.schemas.evaluate import Evaluate, Table
 from imocap_core.artifacts.schemas.hands import Hands, VideoHands
 from imocap_core.artifacts.schemas.keypoints import HandKeypoints, Keypoints, VideoKeypoints
 from imocap_core.artifacts.schemas.motion import (
+    AlternativeMotion,
     Camera,
     CommonMotion,
     GroundPlane,
@@ -32,6 +33,7 @@ from imocap_core.artifacts.schemas.uncertainty import (
 )
 
 __all__ = [
+    "AlternativeMotion",
     "Artifact",
     "Camera",
     "CameraMotion",

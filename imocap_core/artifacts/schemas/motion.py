@@ -40,6 +40,14 @@ class Hypothesis(Value):
     note: str
 
 
+class AlternativeMotion(Value):
+    """Another motion that may explain a video (depth, facing or sides reversed, another start)."""
+
+    name: str  # of the start that led to it
+    excess_cost: float  # objective a frame, above that of the motion of lowest cost
+    motion: VideoMotion
+
+
 class GroundPlane(Value):
     """The ground: points x with up . (x - origin) = 0. Its height is NaN where no body tells it."""
 
@@ -57,6 +65,8 @@ class InitialSmpl(Artifact):
     videos: list[VideoMotion]
     source: dict[str, str]  # video id -> its initial_format | monocular
     hypotheses: list[Hypothesis] = Field(default_factory=list)
+    # of the videos without an estimate; `videos` are the motions of lowest cost
+    alternatives: list[AlternativeMotion] = Field(default_factory=list)
     # each video's by itself, in the order of `videos`, in the axes of its first-frame camera
     grounds: list[GroundPlane] = Field(default_factory=list)
 

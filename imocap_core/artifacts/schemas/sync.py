@@ -60,6 +60,8 @@ class SyncSummary(Value):
     mirrored: list[str] = Field(default_factory=list)  # treated as their mirror image
     notes: list[str] = Field(default_factory=list)  # what was noticed about the videos, and done
     trust: SyncTrust | None = None
+    # video id -> name of the alternative motion that is used in place of the first
+    alternatives: dict[str, str] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def _belongs_together(self) -> SyncSummary:

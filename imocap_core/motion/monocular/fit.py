@@ -49,16 +49,40 @@ PRIOR_FPS = 30.0  # frame rate at which the prior's joint speeds were measured
 
 
 @dataclass(frozen=True)
+class CoarseFits:
+    """The fits from all starts of all videos, on every ``stride``-th frame.
+
+    Attributes:
+        state: batch of all starts; costs: the objective of each; owner: the video of each.
+    """
+
+    state: MotionState
+    costs: list[float]
+    owner: list[int]
+    stride: int
+
+    def rows(self, video: int) -> list[int]:
+        """The fits of a video, in the order of its starts."""
+        return [row for row, owner in enumerate(self.owner) if owner == video]
+
+    def best_row(self, video: int) -> int:
+        """The fit of lowest objective of a video."""
+        return min(self.rows(video), key=lambda row: self.costs[row])
+
+
+@dataclass(frozen=True)
 class MonocularFit:
     """The best fit of every video and the objectives of the alternatives.
 
     Attributes:
         state: batch of all videos; costs: per video, the objective of each start.
+        coarse: the fits from all starts.
     """
 
     state: MotionState
     costs: list[list[float]]
     status: str
+    coarse: CoarseFits
 
 
 def regularisers(body: Body, prior: PosePrior, weights: FitParams, fps: float) -> list[Term]:
@@ -136,18 +160,37 @@ def fit_monocular(
     every_start = [start for of_video in starts for start in of_video]
     flat = [Start(s.R_local[::stride], s.trans[::stride], s.cost) for s in every_start]
     state = stacked(flat, validity(coarse, flat[0].trans))
-    for scale, tolerance in COARSE:
-        terms = monocular_terms(body, prior, coarse, state.trans, weights, scale)
-        state = gauss_newton(terms, state, max_steps=6, relative_tolerance=tolerance).state
-    chosen, costs = _cheapest(objective(terms, state), owner, len(observations))
+    fits = CoarseFits(*narrowed(body, prior, coarse, state, weights, COARSE), owner, stride)
+    videos = range(len(observations))
+    chosen = torch.tensor([fits.best_row(v) for v in videos], device=state.valid.device)
     progress("the best start of each video on all frames")
-    state = _all_frames(state.rows(chosen), observations, stride)
+    state = all_frames(fits.state.rows(chosen), observations, stride)
     terms = monocular_terms(body, prior, observations, state.trans, weights, 1.0)
     for _ in range(BALANCE_ROUNDS):
         balanced = [*terms, *balance_terms(body, state, observations, weights)]
         solution = gauss_newton(balanced, state, max_steps=max_steps, relative_tolerance=TOLERANCE)
         state = solution.state
-    return MonocularFit(state, costs, solution.status)
+    costs = [[fits.costs[row] for row in fits.rows(v)] for v in videos]
+    return MonocularFit(state, costs, solution.status, fits)
+
+
+def narrowed(
+    body: Body,
+    prior: PosePrior,
+    observations: Sequence[Observation],
+    state: MotionState,
+    weights: FitParams,
+    schedule: Sequence[tuple[float, float]],
+) -> tuple[MotionState, list[float]]:
+    """Minima under a robust loss that narrows, and the objective of each.
+
+    Args:
+        schedule: scales of the loss, relative to the final one, each with its tolerance.
+    """
+    for scale, tolerance in schedule:
+        terms = monocular_terms(body, prior, observations, state.trans, weights, scale)
+        state = gauss_newton(terms, state, max_steps=6, relative_tolerance=tolerance).state
+    return state, objective(terms, state).tolist()
 
 
 def monocular_terms(
@@ -172,17 +215,7 @@ def monocular_terms(
     ]
 
 
-def _cheapest(cost: Tensor, owner: list[int], videos: int) -> tuple[Tensor, list[list[float]]]:
-    """The best row of each video, and the costs of all its rows."""
-    owners = torch.tensor(owner, device=cost.device)
-    rows = [(owners == v).nonzero()[:, 0] for v in range(videos)]
-    best = torch.stack([r[cost[r].argmin()] for r in rows])
-    return best, [[float(c) for c in cost[r]] for r in rows]
-
-
-def _all_frames(
-    state: MotionState, observations: Sequence[Observation], stride: int
-) -> MotionState:
+def all_frames(state: MotionState, observations: Sequence[Observation], stride: int) -> MotionState:
     """A state on every ``stride``-th frame, interpolated to all frames."""
     full = []
     for v, observation in enumerate(observations):

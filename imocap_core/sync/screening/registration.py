@@ -66,8 +66,8 @@ def registration_residual(
     """Mean residual a frame under the best direction and warp, 0 (explained) to 1."""
     if not len(motion) or not keypoints.weight.any():
         return 1.0
-    residual = _residuals(motion, _centred(keypoints), keypoints.weight, directions)
-    return float(_warp_costs(residual).min() / len(keypoints.weight))
+    residual = pose_residuals(motion, keypoints, directions)
+    return float(warp_costs(residual).min() / len(keypoints.weight))
 
 
 def camera_directions(count: int = DIRECTIONS) -> Float[np.ndarray, "D 2 3"]:
@@ -92,10 +92,9 @@ def _centred(keypoints: Keypoints2D) -> Complex[np.ndarray, "T J"]:
     return np.where(keypoints.weight > 0, plane - mean, 0.0)
 
 
-def _residuals(
+def pose_residuals(
     motion: Float[np.ndarray, "N J 3"],
-    plane: Complex[np.ndarray, "T J"],
-    weight: Float[np.ndarray, "T J"],
+    keypoints: Keypoints2D,
     directions: Float[np.ndarray, "D 2 3"],
 ) -> Float[np.ndarray, "D T N"]:
     """What the best scale and place of each projected pose leave of each frame's keypoints.
@@ -103,6 +102,7 @@ def _residuals(
     With keypoints x and a pose p, both about their weighted means, the best scale is
     Re<x, p> / <p, p>, and 1 - Re<x, p>^2 / (<x, x> <p, p>) of the squared spread is left.
     """
+    plane, weight = _centred(keypoints), keypoints.weight
     projected = np.einsum("dij,nkj->dink", directions, np.nan_to_num(motion))
     pose = projected[:, 0] + 1j * projected[:, 1]
     total = np.maximum(weight.sum(1)[:, None], 1e-12)
@@ -127,7 +127,7 @@ def residual_share(
     return np.asarray(np.sqrt(np.clip(1.0 - explained, 0.0, 1.0)))
 
 
-def _warp_costs(residual: Float[np.ndarray, "D T N"]) -> Float[np.ndarray, " D"]:
+def warp_costs(residual: Float[np.ndarray, "D T N"]) -> Float[np.ndarray, " D"]:
     """Cost of the best monotone warp with open ends, for every direction at once."""
     total = residual[:, 0]
     for frame in range(1, residual.shape[1]):

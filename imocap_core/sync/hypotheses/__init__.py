@@ -1,0 +1,1 @@
+"""Joint choice of one monocular motion for each video, among several hypotheses."""
