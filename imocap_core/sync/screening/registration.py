@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Complex, Float
+from jaxtyping import Complex, Float, Int
 
 DIRECTIONS = 64  # on the sphere, of which those nearly along gravity are left out
 STEEPEST = 0.9  # sine of a camera's elevation
@@ -137,3 +137,22 @@ def warp_costs(residual: Float[np.ndarray, "D T N"]) -> Float[np.ndarray, " D"]:
             best[:, step:] = np.minimum(best[:, step:], before)
         total = best + residual[:, frame]
     return total.min(axis=1)
+
+
+def warp_path(residual: Float[np.ndarray, "T N"]) -> Int[np.ndarray, " T"]:
+    """The position of each frame on the best warp of one direction, as costed by `warp_costs`."""
+    positions = np.arange(residual.shape[1])
+    total, back = residual[0], []
+    for frame in residual[1:]:
+        best, step_to = total + HOLD_COST, np.zeros(len(positions), dtype=int)
+        for step in range(1, min(MAX_STEP, len(positions) - 1) + 1):
+            before = total[:-step] + SKIP_COST * max(step - 2, 0)
+            better = before < best[step:]
+            best[step:] = np.where(better, before, best[step:])
+            step_to[step:] = np.where(better, step, step_to[step:])
+        back.append(positions - step_to)
+        total = best + frame
+    path = [int(total.argmin())]
+    for pointer in reversed(back):
+        path.append(int(pointer[path[-1]]))
+    return np.array(path[::-1])

@@ -1,0 +1,110 @@
+"""One hypothesis for each video: the joint choice is the least energy, and pictures decide it."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from imocap_core.sync.hypotheses.agreement import pair_costs
+from imocap_core.sync.hypotheses.choice import best_labellings, energy_of
+from imocap_core.sync.hypotheses.joint_choice import CandidateMotions, JointChoice, choose_jointly
+from imocap_core.sync.hypotheses.messages import sentences
+from imocap_core.sync.screening.registration import Keypoints2D
+
+DEPTH = np.array([1.0, 1.0, -1.0])
+
+
+def random_energies(seed: int, sizes: list[int]) -> tuple[list, dict]:
+    rng = np.random.default_rng(seed)
+    unary = [rng.random(n) for n in sizes]
+    pairs = {
+        (u, v): rng.random((sizes[u], sizes[v]))
+        for u in range(len(sizes))
+        for v in range(u + 1, len(sizes))
+    }
+    return unary, pairs
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_branch_and_bound_finds_what_enumeration_finds(seed: int) -> None:
+    unary, pairs = random_energies(seed, [3, 1, 4, 2, 3])
+    every = {x: energy_of(x, unary, pairs) for x in product(*map(range, (3, 1, 4, 2, 3)))}
+    near = best_labellings(unary, pairs, margin=0.2)
+    least = min(every.values())
+    assert near[0].energy == pytest.approx(least)
+    assert {x.labels for x in near} == {x for x, e in every.items() if e <= least + 0.2}
+
+
+def test_twelve_videos_are_searched() -> None:
+    unary, pairs = random_energies(1, [4] * 12)
+    for (u, v), cost in pairs.items():  # one consistent choice among noise
+        cost[u % 4, v % 4] -= 0.5
+    assert best_labellings(unary, pairs, margin=0.0)[0].labels == tuple(v % 4 for v in range(12))
+
+
+def motion_of(seed: int) -> np.ndarray:
+    """Joints (T, J, 3) that wander smoothly, each in its own way."""
+    rng = np.random.default_rng(seed)
+    start, first, second = rng.normal(size=(3, 12, 3))
+    t = np.linspace(0.0, 1.0, 45)[:, None, None]
+    return start + first * np.sin(4 * t) + second * np.cos(5 * t)
+
+
+def view_of(motion: np.ndarray, azimuth: float) -> np.ndarray:
+    """The motion in the axes of a level camera at an azimuth."""
+    c, s = np.cos(azimuth), np.sin(azimuth)
+    return motion @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T
+
+
+def filmed(motion: np.ndarray) -> Keypoints2D:
+    xy = 900 * motion[..., :2] / (motion[..., 2:] + 30.0) + 300
+    return Keypoints2D(xy, np.ones(xy.shape[:2]))
+
+
+def test_reversed_depth_does_not_agree_with_a_right_motion() -> None:
+    a, b = view_of(motion_of(3), 0.3), view_of(motion_of(3), 1.5)
+    costs = pair_costs([a, a * DEPTH], [b, b * DEPTH], filmed(a), filmed(b))
+    assert costs[0, 0] < 0.6 * min(costs[0, 1], costs[1, 0])
+    # both reversed are the mirror image of the scene, as good to cameras without perspective
+    assert costs[1, 1] == pytest.approx(costs[0, 0], rel=0.2)
+
+
+def candidates(wrong: tuple[int, ...], excess: float) -> list[CandidateMotions]:
+    """Four videos of one motion; those in `wrong` have its reversed depth as the likeliest."""
+    videos = []
+    for v, azimuth in enumerate((0.0, 0.9, 2.0, 4.2)):
+        right = view_of(motion_of(7), azimuth)
+        motions = [right, right * DEPTH]
+        ordered = motions[::-1] if v in wrong else motions
+        videos.append(CandidateMotions(ordered, filmed(right), np.array([0.0, excess]), 15.0))
+    return videos
+
+
+@pytest.mark.parametrize("wrong", [(), (0,), (2,)])
+def test_wrongly_started_videos_are_put_right(wrong: tuple[int, ...]) -> None:
+    choice = choose_jointly(candidates(wrong, 5.0))
+    assert choice.labels == tuple(int(v in wrong) for v in range(4))
+    assert choice.rivals == [(), (), (), ()]
+
+
+def test_two_of_four_reversed_are_a_tie_without_perspective_or_a_body() -> None:
+    choice = choose_jointly(candidates((0, 3), 5.0))
+    assert choice.labels in {(1, 0, 0, 1), (0, 1, 1, 0)}
+    assert choice.rivals == [(1 - label,) for label in choice.labels]
+
+
+def test_single_motions_leave_nothing_to_choose() -> None:
+    films = candidates((), 5.0)
+    one = [CandidateMotions(v.motions[:1], v.keypoints, v.excess[:1], v.fps) for v in films]
+    assert choose_jointly(one) == JointChoice((0, 0, 0, 0), [(), (), (), ()])
+
+
+def test_a_change_and_a_tie_are_said() -> None:
+    choice = JointChoice((1, 0), [(), (1,)])
+    changed, tie = sentences(choice, ["left", "right"], [["best", "depth"], ["best", "start 2"]])
+    assert changed.startswith("left")
+    assert "depth reversed" in changed
+    assert tie.startswith("right")
+    assert "do not decide" in tie
