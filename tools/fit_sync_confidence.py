@@ -1,8 +1,9 @@
 """Fit the weights of `imocap_core/sync/confidence.py` on scenes of training clips and print them:
-python tools/fit_sync_confidence.py --seeds 1 2
+python -m tools.fit_sync_confidence --seeds 1 2 --figure docs/images/sync_reliability.svg
 
 Logistic regression with a weak ridge, every kind of scene of the same weight. Printed with it is
-the expected calibration error of each kind, each clip predicted from the others.
+the expected calibration error of each kind, each clip predicted from the others; the figure is
+their reliability diagram.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from imocap_core.metrics.calibration import expected_calibration_error
 from imocap_core.params import SyncParams
 from imocap_core.sync import joint_synchronisation, synchronise
 from imocap_core.sync.confidence import WEIGHTS, calibrated_confidence, confidence_features
+from tools.reliability_picture import write_reliability
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = Path(os.environ.get("IMOCAP_DATA", ROOT.parent / "shared" / "data"))
@@ -41,8 +43,10 @@ def frames_of(scene: SyncScene, settings: SyncParams) -> tuple[np.ndarray, np.nd
         sync = synchronise(
             scene.poses, fps=scene.fps, params=settings, rng=np.random.default_rng(0)
         )
+    used = [v for v in range(len(scene.poses)) if v not in sync.screening.excluded]
     parts = []
-    for v, x in features.items():
+    for k, x in features.items():
+        v = used[k]
         right, judged = right_frames(scene, sync, v, settings.confidence_reach_s)
         parts.append((x[judged], right[judged]))
     return np.concatenate([x for x, _ in parts]), np.concatenate([y for _, y in parts])
@@ -67,7 +71,9 @@ def main() -> None:
     """Collect, fit, print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, nargs="+", default=[1, 2])
-    seeds = parser.parse_args().seeds
+    parser.add_argument("--figure", type=Path)
+    arguments = parser.parse_args()
+    seeds = arguments.seeds
     xs, ys, kinds, clips = [], [], [], []
     for kind in KINDS:
         for seed in seeds:
@@ -77,12 +83,17 @@ def main() -> None:
                 ys.append(y)
                 kinds += [kind] * len(y)
                 clips += [scene.name.split()[-1]] * len(y)
-    report(np.concatenate(xs), np.concatenate(ys), np.array(kinds), np.array(clips))
+    x, y = np.concatenate(xs), np.concatenate(ys)
+    predicted = report(x, y, np.array(kinds), np.array(clips))
+    if arguments.figure:
+        write_reliability(arguments.figure, predicted, y, np.array(kinds), KINDS)
 
 
-def report(x: np.ndarray, y: np.ndarray, kinds: np.ndarray, clips: np.ndarray) -> None:
-    """Print the weights, and the calibration error of clips that were left out."""
-    weight = np.array([1.0 / (kinds == kind).sum() for kind in kinds])
+def report(x: np.ndarray, y: np.ndarray, kinds: np.ndarray, clips: np.ndarray) -> np.ndarray:
+    """Print the weights, and the calibration error of clips that were left out; returns their
+    predictions (n,)."""
+    sizes = {kind: 1.0 / (kinds == kind).sum() for kind in np.unique(kinds)}
+    weight = np.array([sizes[kind] for kind in kinds])
     predicted = np.empty(len(y))
     for clip in np.unique(clips):
         here = clips == clip
@@ -93,6 +104,7 @@ def report(x: np.ndarray, y: np.ndarray, kinds: np.ndarray, clips: np.ndarray) -
         print(f"{kind:12s} {of_kind.sum():6d} frames, calibration error {error:.3f}")
     for name, value in zip(WEIGHTS, fitted(x, y, weight), strict=True):
         print(f'    "{name}": {value:.3f},')
+    return predicted
 
 
 if __name__ == "__main__":

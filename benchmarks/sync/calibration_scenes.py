@@ -1,5 +1,6 @@
-"""Scenes of training clips for the calibration of the confidence: plain ones, slow motion, a
-performer who stands still before, and frames of another action inside a video.
+"""Scenes of training clips for the calibration of the confidence: plain ones, walks that start in
+any cycle, slow motion, a performer who stands still before, frames of another action inside a video, and detections that
+fail (`perturbed_scenes`).
 
 In `standing` the performer stands before every video begins, and each video's estimate of that one
 pose errs by a pose of its own. In `inserted` the frames of another action have no counterpart
@@ -14,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.sync.perturbed_scenes import half_wrong, leg_occluded, person_swapped
 from benchmarks.sync.scenes import SyncScene
 from benchmarks.sync.slow_motion import slowed_scene
 from benchmarks.sync.training_scenes import (
@@ -22,9 +24,13 @@ from benchmarks.sync.training_scenes import (
     performances,
     performed,
     resampled,
+    training_scenes,
 )
 
-KINDS = ("performed", "paper", "released", "slow", "standing", "inserted")
+KINDS = (
+    *("periodic", "performed", "paper", "released", "slow", "standing", "inserted"),
+    *("half wrong", "leg occluded", "person swapped"),
+)
 SLOWER = (8.0, 4.0, 2.0)
 STANDING_ERROR_M, JITTER_M = 0.06, 0.01
 FADE = 15  # frames in which the error of standing ends
@@ -39,6 +45,9 @@ def calibration_scenes(file: Path, kind: str, seed: int) -> Iterator[SyncScene]:
     if kind in ("paper", "released"):
         yield from (resampled(file, clip, kind, seed) for clip in RESAMPLED)
         return
+    if kind == "periodic":
+        yield from training_scenes(file, kind, seed)
+        return
     for number, clip in enumerate(PERFORMED):
         plain = performed(file, clip, seed)
         rng = np.random.default_rng([seed, number])
@@ -47,11 +56,13 @@ def calibration_scenes(file: Path, kind: str, seed: int) -> Iterator[SyncScene]:
             yield slowed_scene(f"slow {clip}", performances(file, clip, seed), factor, seed)
         elif kind == "standing":
             yield standing_before(plain, rng)
-        elif kind == "inserted":
-            other = performed(file, PERFORMED[(number + 5) % len(PERFORMED)], seed + 1)
-            yield with_inserted(plain, other.poses[0], rng)
-        else:
+        elif kind == "performed":
             yield plain
+        elif kind == "leg occluded":
+            yield leg_occluded(plain, rng)
+        else:
+            other = performed(file, PERFORMED[(number + 5) % len(PERFORMED)], seed + 1).poses[0]
+            yield WITH_OTHERS[kind](plain, other, rng)
 
 
 def standing_before(scene: SyncScene, rng: np.random.Generator) -> SyncScene:
@@ -78,3 +89,10 @@ def with_inserted(scene: SyncScene, other: np.ndarray, rng: np.random.Generator)
     poses[CHANGED] = np.concatenate([x[:place], other[start : start + frames], x[place:]])
     phases[CHANGED] = np.concatenate([phase[:place], np.full(frames, np.nan), phase[place:]])
     return replace(scene, name=f"inserted {scene.name}", poses=poses, phases=phases)
+
+
+WITH_OTHERS = {
+    "inserted": with_inserted,
+    "half wrong": half_wrong,
+    "person swapped": person_swapped,
+}

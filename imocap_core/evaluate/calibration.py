@@ -1,4 +1,4 @@
-"""Errors over claimed standard deviations (normalised errors), as rows of numbers."""
+"""Errors against claimed covariances (normalised errors, coverage), as rows of numbers."""
 
 from __future__ import annotations
 
@@ -11,18 +11,26 @@ from imocap_core.artifacts.schemas import Uncertainty, VideoMotion
 from imocap_core.conventions import EVAL_12, SMPL_JOINTS
 from imocap_core.evaluate.truth import true_joints, video_truth
 from imocap_core.io.truth import Truth
-from imocap_core.metrics.calibration import normalised_error
+from imocap_core.metrics.calibration import (
+    coverage_error,
+    covered_share,
+    normalised_error,
+    probability_content,
+)
 from imocap_core.metrics.joints import missing_joints, root_relative
 from imocap_core.metrics.scoring import ScoreRow
 
-METRICS = ("normalised_error", "normalised_depth_error", "normalised_across_error")
+NORMALISED = ("normalised_error", "normalised_depth_error", "normalised_across_error")
+COVERED = {"covered_50_share": 0.5, "covered_80_share": 0.8, "covered_90_share": 0.9}
+METRICS = (*NORMALISED, *COVERED, "coverage_error")
 EVAL_INDICES = [SMPL_JOINTS.index(name) for name in EVAL_12]
 
 
 def normalised_rows(
     name: str, claimed: Uncertainty, motions: Sequence[VideoMotion], truth: Truth | None
 ) -> list[ScoreRow]:
-    """Each video's normalised errors over 12 joints, or the reason why they cannot be scored."""
+    """Each video's normalised errors and coverage over 12 joints, or the reason why they cannot be
+    scored."""
     rows = []
     for video, motion in zip(claimed.videos, motions, strict=True):
         errors = joint_errors_mm(motion, truth)
@@ -36,8 +44,13 @@ def normalised_rows(
             (along, video.depth_mm),
             (across, video.across_mm),
         )
-        for metric, (error, sigma) in zip(METRICS, pairs, strict=True):
-            value = normalised_error(error, sigma[:, EVAL_INDICES])
+        values = {
+            metric: normalised_error(error, sigma[:, EVAL_INDICES])
+            for metric, (error, sigma) in zip(NORMALISED, pairs, strict=True)
+        }
+        content = probability_content(errors, video.covariance_mm2[:, EVAL_INDICES])
+        values |= {metric: covered_share(content, level) for metric, level in COVERED.items()}
+        for metric, value in (values | {"coverage_error": coverage_error(content)}).items():
             scored = bool(np.isfinite(value))
             note = "" if scored else "no frame"
             rows.append(ScoreRow(name, video.id, metric, value if scored else None, note))

@@ -66,6 +66,11 @@ GLOSSARY = {
     "normalised_error": "Root mean square of error over claimed standard deviation; calibrated: 1.",
     "normalised_depth_error": "The same along the line of sight.",
     "normalised_across_error": "The same across the line of sight.",
+    **{
+        f"covered_{level}_share": f"Share of the true joints within the claimed {level} % region."
+        for level in (50, 80, 90)
+    },
+    "coverage_error": "Mean distance of such shares from what their regions claim; calibrated: 0.",
     "azimuth_deg": "Direction of a camera around the performer; 0: in front, 90: at their left.",
     "reduction_share": "Share by which one more camera there would lower the summed variance.",
     "outlier_score": "Above 1.1: another action; below 0.9: usual.",

@@ -23,15 +23,15 @@ WINDOW_S = 0.5  # over which rates and distances are averaged
 LEAST_RATE = 0.05
 # feature: weight in the regression
 WEIGHTS = {
-    "one": -0.349,
-    "mass": 0.961,
-    "disagreement": -0.540,
-    "mean_mass": 0.199,
-    "distance": -0.112,
-    "ambiguity": 0.139,
-    "stall": -1.323,
-    "slowness": -0.379,
-    "stillness": -0.017,
+    "one": -2.231,
+    "mass": 0.913,
+    "disagreement": -0.412,
+    "mean_mass": 0.491,
+    "distance": -0.061,
+    "ambiguity": 0.662,
+    "stall": -2.153,
+    "slowness": -0.553,
+    "stillness": -0.448,
 }
 
 

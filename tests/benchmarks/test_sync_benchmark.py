@@ -11,12 +11,14 @@ from benchmarks.sync.accuracy import EventRow
 from benchmarks.sync.calibration import calibration, confidences_and_errors
 from benchmarks.sync.calibration_scenes import CHANGED, standing_before, with_inserted
 from benchmarks.sync.map_scores import event_errors_frames, pair_error_pct, score_maps
+from benchmarks.sync.perturbed_scenes import half_wrong, leg_occluded, person_swapped
 from benchmarks.sync.reliability import reliability_row
 from benchmarks.sync.rivals import rival, rooted
 from benchmarks.sync.scenes import SyncScene
 from benchmarks.sync.slow_motion import SLOWED, slowed_scene
 from benchmarks.tables import markdown_of_rows, write_rows
 from benchmarks.tcc import POSES
+from imocap_core.conventions import EVAL_14
 
 
 def scene() -> SyncScene:
@@ -119,6 +121,28 @@ def test_calibration_scenes_keep_the_phases_that_videos_share() -> None:
     for phase in standing_before(made, rng).phases:
         assert (np.diff(phase) > 0).all()
         np.testing.assert_array_equal(phase[-60:], np.arange(60.0))
+
+
+def test_failing_detections_change_one_video_and_no_phase() -> None:
+    made, rng = three_videos(), np.random.default_rng(5)
+    strangers = rng.normal(size=(80, 14, 3))
+    for changed, least in (
+        (half_wrong(made, strangers, rng), 0.5),
+        (leg_occluded(made, rng), 0.4),
+        (person_swapped(made, strangers, rng), 0.2),
+    ):
+        for v, (before, after) in enumerate(zip(made.poses, changed.poses, strict=True)):
+            differs = (before != after).any(axis=(1, 2))
+            assert least <= differs.mean() < 0.9 if v == CHANGED else not differs.any()
+        assert changed.phases is made.phases
+
+
+def test_an_occluded_leg_leaves_the_other_joints() -> None:
+    made = three_videos()
+    changed = leg_occluded(made, np.random.default_rng(6))
+    joints = (made.poses[CHANGED] != changed.poses[CHANGED]).any(axis=(0, 2))
+    names = {EVAL_14[j] for j in np.flatnonzero(joints)}
+    assert names in ({"left_knee", "left_ankle"}, {"right_knee", "right_ankle"})
 
 
 def test_a_row_of_the_reliability_counts_what_is_sure() -> None:

@@ -5,9 +5,12 @@ import pytest
 
 from imocap_core.metrics.calibration import (
     along_and_across,
+    coverage_error,
+    covered_share,
     expected_calibration_error,
     normalised_error,
     normalised_errors,
+    probability_content,
     total_sigma,
 )
 
@@ -30,6 +33,32 @@ def test_variance_is_split_between_along_and_across() -> None:
     tilted = np.array([0.6, 0.0, 0.8])
     along, across = along_and_across(np.diag([1.0, 4.0, 9.0]), tilted)
     assert along**2 + across**2 == pytest.approx(14)
+
+
+def test_regions_of_honest_claims_hold_what_they_claim_and_small_ones_less() -> None:
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(3, 3))
+    covariance = root @ root.T
+    errors = rng.multivariate_normal(np.zeros(3), covariance, (5000, 2))
+    claims = np.broadcast_to(covariance, (5000, 2, 3, 3))
+    honest, small, large = (probability_content(errors, k * claims) for k in (1.0, 0.25, 4.0))
+    for level in (0.5, 0.8, 0.9):
+        assert covered_share(honest, level) == pytest.approx(level, abs=0.02)
+        assert covered_share(small, level) < level - 0.1 < level < covered_share(large, level)
+    assert coverage_error(honest) < 0.02
+    assert min(coverage_error(small), coverage_error(large)) > 0.2
+    turn = np.linalg.qr(root)[0]
+    turned = probability_content(errors @ turn.T, turn @ claims @ turn.T)
+    np.testing.assert_allclose(turned, honest, atol=1e-9)
+
+
+def test_unknown_claims_cover_nothing() -> None:
+    errors, claims = np.zeros((2, 3)), np.stack([np.eye(3), np.full((3, 3), np.nan)])
+    content = probability_content(errors, claims)
+    assert content[0] == 0
+    assert np.isnan(content[1])
+    assert covered_share(content, 0.5) == 1
+    assert np.isnan(coverage_error(content[1:]))
 
 
 def test_what_is_unknown_is_left_out() -> None:

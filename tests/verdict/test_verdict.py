@@ -18,6 +18,7 @@ from imocap_core.artifacts.schemas import (
     Viewpoint,
 )
 from imocap_core.body.layouts import layout_names
+from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.verdict.action_verdict import verdict_of
 from imocap_core.verdict.agreement import DOUBTFUL_S
 from imocap_core.verdict.collapse_findings import collapse_findings
@@ -180,6 +181,50 @@ def test_a_body_beside_its_detections_is_named_with_its_frames(made: Made) -> No
         made.keypoints, None, refined.model_copy(update={"motion": motion}), made.claimed
     )
     assert "v2 frames 5-15 (the body does not fit the picture)" in verdict.summary[1]
+
+
+def with_motion(made: Made, video: int, joints: np.ndarray) -> RefineSync:
+    """The made result with other joints (T, 24, 3) in one video."""
+    refined = with_sync(made)
+    videos = list(refined.motion.videos)
+    videos[video] = videos[video].model_copy(update={"joints": joints})
+    motion = refined.motion.model_copy(update={"videos": videos})
+    return refined.model_copy(update={"motion": motion})
+
+
+def test_a_body_unlike_all_others_is_named_with_its_frames() -> None:
+    made = Made(3, frames=48)
+    joints = made.final[1].joints.copy()
+    middle = joints[10:30, :1]
+    joints[10:30] = middle + (joints[10:30] - middle) @ np.diag([-1.0, 1.0, -1.0])
+    verdict = verdict_of(made.keypoints, None, with_motion(made, 1, joints), made.claimed)
+    (finding,) = (f for f in verdict.findings if f.brief == "its body differs from the others")
+    frames = made.keypoints.videos[1].frames
+    assert (finding.video, finding.first_frame) == ("v2", frames[10])
+    assert finding.last_frame == frames[29]
+    assert f"v2 frames {frames[10]}-{frames[29]}" in verdict.summary[1]
+
+
+def test_a_foot_that_leaps_in_depth_is_named_with_its_frames() -> None:
+    made = Made(3, frames=48)
+    motion, still = made.final[1], made.keypoints.videos[1]
+    ankle = layout_names(still.layout).index("left_ankle")
+    xy = still.xy_px.copy()
+    xy[:, ankle] = xy[0, ankle]
+    videos = [made.keypoints.videos[0], still.model_copy(update={"xy_px": xy})]
+    videos.append(made.keypoints.videos[2])
+    joints = motion.joints.copy()
+    joints[:, SMPL_JOINTS.index("left_ankle")] = joints[0, SMPL_JOINTS.index("left_ankle")]
+    joints[24:, SMPL_JOINTS.index("left_ankle"), 2] += 0.6
+    refined = with_motion(made, 1, joints)
+    verdict = verdict_of(Keypoints(videos=videos), None, refined, made.claimed)
+    (finding,) = (f for f in verdict.findings if f.kind == "feet" and f.video == "v2")
+    leap = still.frames[24]
+    assert finding.brief == "left foot wrong in depth"
+    assert finding.first_frame is not None
+    assert finding.last_frame is not None
+    assert leap - 5 <= finding.first_frame <= leap <= finding.last_frame <= leap + 5
+    assert "m/s" in finding.sentence
 
 
 def test_one_cause_is_named_once(made: Made) -> None:
