@@ -34,7 +34,9 @@ def half_wrong(
     while wrong.mean() < 0.5:
         start, length = int(rng.integers(T)), max(2, round(fps * rng.uniform(*SPELL_S)))
         span = slice(start, min(start + length, T))
-        pose = strangers[int(rng.integers(len(strangers)))] @ _turn_about_y(rng.uniform(0, 2 * np.pi))
+        pose = strangers[int(rng.integers(len(strangers)))] @ _turn_about_y(
+            rng.uniform(0, 2 * np.pi)
+        )
         x[span] = pose + 0.02 * rng.normal(size=x[span].shape)
         wrong[span] = True
     return _with_poses(scene, x)
