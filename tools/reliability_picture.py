@@ -1,4 +1,4 @@
-"""Reliability diagrams: the share that is right against the confidence claimed, one panel a kind."""
+"""Reliability diagrams: the share that is right over the claimed confidence, one panel a kind."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Scenes of training clips for the calibration of the confidence: plain ones, walks that start in
-any cycle, slow motion, a performer who stands still before, frames of another action inside a video, and detections that
-fail (`perturbed_scenes`).
+any cycle, slow motion, a performer who stands still before, frames of another action inside a
+video, and detections that fail (`perturbed_scenes`).
 
 In `standing` the performer stands before every video begins, and each video's estimate of that one
 pose errs by a pose of its own. In `inserted` the frames of another action have no counterpart
