@@ -47,7 +47,7 @@ def swapped_frames(
         pairs: columns (left, right) of the limb.
     """
     sides = xy_px[:, np.array(pairs)]  # (T, P, 2 sides, 2)
-    states = _states(_step_costs(sides, size_px), len(pairs))
+    states = _states(step_costs(sides, size_px), len(pairs))
     longest = round(LONGEST_S * fps)
     swapped = np.zeros(len(states), dtype=bool)
     for first, last in runs(states):
@@ -73,7 +73,7 @@ def swap_sides(
     return xy, trust
 
 
-def _step_costs(
+def step_costs(
     sides: Float[np.ndarray, "T P 2 2"], size_px: Float[np.ndarray, " T"]
 ) -> Float[np.ndarray, "T 2 2"]:
     """Cost of frame t in state (reported, swapped) after frame t - 1 in (reported, swapped).
@@ -102,6 +102,10 @@ def _forward_filled(sides: Float[np.ndarray, "T P 2 2"]) -> Float[np.ndarray, "T
 
 def _states(steps: Float[np.ndarray, "T 2 2"], pairs: int) -> Bool[np.ndarray, " T"]:
     """Which frames are swapped in the cheapest sequence; it begins as reported."""
-    change = CHANGE * pairs * (1.0 - np.eye(2))
-    costs = steps[1:] + change + np.array([0.0, SWAPPED * pairs])
+    costs = steps[1:] + change_costs(pairs)
     return cheapest_states(np.array([0.0, np.inf]), costs).astype(bool)
+
+
+def change_costs(pairs: int) -> Float[np.ndarray, "2 2"]:
+    """Cost of a change of state, and of the swapped state, for a limb of some joint pairs."""
+    return CHANGE * pairs * (1.0 - np.eye(2)) + np.array([0.0, SWAPPED * pairs])

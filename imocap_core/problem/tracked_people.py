@@ -40,6 +40,7 @@ from imocap_core.people.performer import (
     ranked_tracks,
 )
 from imocap_core.people.sides import limbs_of, swap_sides, swapped_frames
+from imocap_core.people.trunk_twist import swapped_arms_and_legs
 from imocap_core.people.tracking import PersonTrack
 from imocap_core.pipeline.person import Person
 
@@ -179,8 +180,13 @@ def _with_sides_repaired(
     boxes = performer.box_px[:, 2:] - performer.box_px[:, :2]
     size = np.maximum(np.nan_to_num(np.hypot(*boxes.T), nan=0.0), LEAST_SIZE_PX)
     size = np.maximum(size, float(np.median(size)))
-    for pairs in limbs_of(layout_names(video.layout)):
+    names = layout_names(video.layout)
+    limbs = limbs_of(names)
+    for pairs in limbs:
         frames = swapped_frames(xy, size, pairs, video.fps)
+        xy, confidence = swap_sides(xy, confidence, frames, pairs)
+        count += int(frames.sum())
+    for pairs, frames in zip(limbs, swapped_arms_and_legs(xy, size, names), strict=False):
         xy, confidence = swap_sides(xy, confidence, frames, pairs)
         count += int(frames.sum())
     remark = f"; left and right of a limb put back in {count} frames" if count else ""
