@@ -31,7 +31,14 @@ class FitParams:
         "detector's noise: at this error the cost is half its ceiling.",
     )
     pose_prior: NonNegative = param(0.2, "Weight of the pose prior (a Gaussian mixture).")
-    shape_prior: NonNegative = param(100.0, "Weight of the squared shape coefficients.")
+    shape_prior: NonNegative = param(
+        10.0, "Weight of the squared shape coefficients, where they do not change a body's size."
+    )
+    size_prior: NonNegative = param(
+        100.0,
+        "Weight of the squared shape coefficient along which a body's size changes: images tell "
+        "proportions, not size.",
+    )
     limits: NonNegative = param(
         100.0, "Weight of the squared angle by which a knee or elbow bends backwards."
     )
