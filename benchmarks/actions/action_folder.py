@@ -28,6 +28,7 @@ from benchmarks.actions.captured import (
 )
 from imocap_core.camera.projection import project
 from imocap_core.conventions import EVAL_14
+from imocap_core.metrics.joint_rotations import SEGMENTS
 from imocap_core.synthetic.cameras import CameraPlacement
 from imocap_core.synthetic.captured import (
     coco18_points,
@@ -90,6 +91,7 @@ def _write(
     truth: dict[str, Any] = {
         "joint_names": np.array(captured[0].truth_names),
         "phase_end": max(float(captured[0].phase[-1]), 1.0),
+        "segment_joints": np.array(SEGMENTS),
     }
     videos = []
     for v, motion in enumerate(captured):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from jaxtyping import Float, Int
 from imocap_core.conventions import EVAL_14
 from imocap_core.errors import WorkFailed
 from imocap_core.synthetic.captured import CAMERA_PLACEMENTS, FURTHER_PLACEMENTS, to_scene
+from imocap_core.synthetic.captured_rotations import rotations_from_stance
 from imocap_core.synthetic.captured_stance import (
     CapturedSkeleton,
     NeutralStance,
@@ -20,7 +22,7 @@ from imocap_core.synthetic.captured_stance import (
     neutral_stance,
 )
 from imocap_core.synthetic.frame_sampling import sample_frames
-from imocap_core.synthetic.trials import align_trials
+from imocap_core.synthetic.trials import AlignedTrial, align_trials
 
 DATA_VARIABLE = "IMOCAP_DATA"
 SIZE = (1000, 1000)
@@ -52,7 +54,8 @@ class CapturedVideo:
     fps: of joints_m. is_outlier: the video shows another action, which the truth leaves out.
     recorded: a real camera and its detections, where these need not be simulated. truth_joints_m:
     the joints that the truth gives, in the order of `truth_names`, where they are more than the 14.
-    skeleton_m: all joints of the captured skeleton, on the stage.
+    skeleton_m: all joints of the captured skeleton, on the stage. segments: rotations of its
+    pelvis, chest and head from a neutral stance to the stage, for the truth.
     """
 
     joints_m: Float[np.ndarray, "T 14 3"]
@@ -66,6 +69,7 @@ class CapturedVideo:
     truth_joints_m: Float[np.ndarray, "T J 3"] | None = None
     truth_names: tuple[str, ...] = EVAL_14
     skeleton_m: Float[np.ndarray, "T S 3"] | None = None
+    segments: Float[np.ndarray, "T 3 3 3"] | None = None
 
     def truth(
         self,
@@ -84,6 +88,8 @@ class CapturedVideo:
             "R": R_cam_from_common,
             "t": t - R_cam_from_common @ self.t_common,
         }
+        if self.segments is not None:
+            parts["segments"] = self.R_common_from_scene @ self.segments[self.frames]
         return {f"{video}/{name}": value for name, value in parts.items()}
 
 
@@ -104,14 +110,22 @@ def data_folder(root: Path, kind: str) -> Path:
 def protocol_videos(file: Path, sampling: str, videos: int) -> list[CapturedVideo]:
     """One motion, resampled for each video."""
     with np.load(file) as stored:
-        joints = stored["joints"][:, stored["common14_idx"]].astype(np.float64)
+        skeleton = stored["joints"].astype(np.float64)
+        joints = skeleton[:, stored["common14_idx"]]
         fps = float(stored["fps"])
     turn, shift = to_scene(joints)
-    world = turn.apply(joints.reshape(-1, 3)).reshape(joints.shape) + shift
+    world, placed = (
+        turn.apply(x.reshape(-1, 3)).reshape(x.shape) + shift for x in (joints, skeleton)
+    )
     phase = np.arange(len(world), dtype=np.float64)
+    segments = _segments(file, placed)
     return [
         CapturedVideo(
-            world, phase, sample_frames(sampling, len(world), v, video_rng(file.stem, v, 0)), fps
+            world,
+            phase,
+            sample_frames(sampling, len(world), v, video_rng(file.stem, v, 0)),
+            fps,
+            segments=segments,
         )
         for v in range(videos)
     ]
@@ -131,20 +145,39 @@ def trial_videos(file: Path, videos: int) -> list[CapturedVideo]:
             fps,
             p.R_common_from_scene,
             p.t_common,
-            skeleton_m=trial @ p.R_scene_from_capture.T + p.t_scene,
+            skeleton_m=skeleton,
+            segments=_segments(file, skeleton),
         )
-        for p, trial in zip(align_trials([t[:, index] for t in trials]), trials, strict=True)
+        for p, skeleton in _on_stage(trials, index)
     ]
 
 
+def _on_stage(
+    trials: Sequence[np.ndarray], index: Int[np.ndarray, "14"]
+) -> list[tuple[AlignedTrial, np.ndarray]]:
+    """Aligned trials, each with its whole skeleton on the stage."""
+    aligned = align_trials([t[:, index] for t in trials])
+    return [
+        (p, trial @ p.R_scene_from_capture.T + p.t_scene)
+        for p, trial in zip(aligned, trials, strict=True)
+    ]
+
+
+def _segments(file: Path, skeleton_m: Float[np.ndarray, "T S 3"]) -> Float[np.ndarray, "T 3 3 3"]:
+    """Rotations of pelvis, chest and head from the neutral stance to the stage."""
+    rotations = rotations_from_stance(*trial_stance(file), skeleton_m)
+    return np.ascontiguousarray(rotations.swapaxes(0, 1))
+
+
 def trial_stance(file: Path) -> tuple[CapturedSkeleton, NeutralStance]:
-    """The skeleton of a file of trials, and its stance over the folder's files of that skeleton."""
+    """A captured skeleton, and its stance over all files of the folder that have it."""
     names, parents = _skeleton_of(file)
     alike = [f for f in sorted(file.parent.glob("*.npz")) if _skeleton_of(f) == (names, parents)]
     clips: list[np.ndarray] = []
     for other in alike:
         with np.load(other) as stored:
-            clips += [stored[f"trial_{v:02d}"] for v in range(len(stored["trial_ids"]))]
+            ids = stored.get("trial_ids", ())
+            clips += [stored[f"trial_{v:02d}"] for v in range(len(ids))] or [stored["joints"]]
     skeleton = captured_skeleton(names, parents)
     return skeleton, neutral_stance(skeleton, clips)
 

@@ -36,6 +36,16 @@ SHORT = (  # metric, digits, heading
     (CAMERA, 1, "cameras (°)"),
 )
 
+BODY = (  # the same
+    ("pelvis_rotation_error_deg", 1, "pelvis °"),
+    ("chest_rotation_error_deg", 1, "chest °"),
+    ("head_rotation_error_deg", 1, "head °"),
+    ("stretched_edges_pct", 1, "stretched edges %"),
+    ("acceleration_error_m_s2", 1, "acceleration m/s²"),
+    ("jitter_10m_s3", 1, "jitter 10 m/s³"),
+    ("foot_sliding_mm_s", 0, "foot sliding mm/s"),
+)
+
 # The paper's Tables 1 and 2 (Human3.6M, one motion resampled, four videos, fine-tuned 2D unless
 # the row says otherwise): its name there, our result, MPJPE, P-MPJPE, sync error in %.
 PaperRow = tuple[str, str, float | None, float | None, float | None]
@@ -89,6 +99,7 @@ def markdown(benchmark: MotionBenchmark) -> str:
     for title, metric in tables:
         parts += [f"## {title}", _by_result(scores, metric)]
     parts += ["## Correspondences and cameras", _sync_table(scores)]
+    parts += ["## Trunk and motion, after the loop", _body_table(scores)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -177,6 +188,16 @@ def _sync_table(scores: Sequence[ActionScore]) -> str:
     ]
     rows.append(["**mean**", "", "", *(_mean(scores, r, m, d) for _, r, m, d in columns)])
     return markdown_table(["action", "videos", "frames", *(name for name, *_ in columns)], rows)
+
+
+def _body_table(scores: Sequence[ActionScore]) -> str:
+    """What the twelve joints do not tell: the trunk's rotations, the surface, how it moves."""
+    rows = [
+        [score.action, *(cell(score.of("after loop", m), d) for m, d, _ in BODY)]
+        for score in scores
+    ]
+    rows.append(["**mean**", *(_mean(scores, "after loop", m, d) for m, d, _ in BODY)])
+    return markdown_table(["action", *(heading for *_, heading in BODY)], rows)
 
 
 def _has_all_joints(scores: Sequence[ActionScore]) -> bool:

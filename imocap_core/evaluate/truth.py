@@ -14,6 +14,7 @@ from imocap_core.body.conversions import rotations_from_pose
 from imocap_core.io.pose2sim_files import has_pose2sim_truth
 from imocap_core.io.pose2sim_truth import read_pose2sim_truth
 from imocap_core.io.truth import Truth, VideoTruth, read_truth
+from imocap_core.metrics.joint_rotations import segment_rotations
 from imocap_core.metrics.scoring import CameraJoints
 from imocap_core.metrics.sync import true_reference_frame
 
@@ -50,6 +51,20 @@ def true_rotations(video: VideoTruth | None) -> Float[np.ndarray, "T 24 3 3"] | 
     R_local = rotations_from_pose(torch.from_numpy(video.theta)).numpy()
     R_local[:, 0] = video.R @ R_local[:, 0]
     return np.asarray(R_local)
+
+
+def true_segments(video: VideoTruth | None) -> dict[str, Float[np.ndarray, "T 3 3"]]:
+    """SMPL joint -> true rotation of its segment in the axes of the video's camera.
+
+    Of a captured skeleton's segments, or of the true pose; empty without either.
+    """
+    R_local = true_rotations(video)
+    if R_local is not None:
+        return segment_rotations(R_local)
+    if video is None or video.segments is None or video.R is None:
+        return {}
+    turned = video.R @ video.segments
+    return {name: turned[:, k] for k, name in enumerate(video.segment_joints)}
 
 
 def true_body(video: VideoTruth | None, model: Model) -> Posed | None:

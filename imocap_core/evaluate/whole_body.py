@@ -20,10 +20,16 @@ from imocap_core.evaluate.surface import (
     surface_mesh,
     vertex_errors_mm,
 )
-from imocap_core.evaluate.truth import true_body, true_joints, true_rotations, video_truth
+from imocap_core.evaluate.truth import (
+    true_body,
+    true_joints,
+    true_rotations,
+    true_segments,
+    video_truth,
+)
 from imocap_core.io.truth import Truth, VideoTruth, model_text
 from imocap_core.metrics import body_scoring, world
-from imocap_core.metrics.joint_rotations import joint_rotation_errors_deg
+from imocap_core.metrics.joint_rotations import joint_rotation_errors_deg, segment_rotations
 from imocap_core.metrics.scoring import CameraJoints, ScoreRow, scored_row
 
 JointErrors = dict[str, float]
@@ -61,6 +67,8 @@ def joint_rows(
             *body_scoring.joint_group_rows(name, video.id, predicted, true),
             *body_scoring.world_rows(name, video.id, predicted, true),
         ]
+    segments = segment_rotations(_local_rotations(motion))
+    rows += body_scoring.segment_rows(name, video.id, segments, true_segments(truth))
     if R_true is None:
         note = NO_TRUTH if truth is None else NO_POSE
         notes = dict.fromkeys(body_scoring.ROTATION_METRICS, note)

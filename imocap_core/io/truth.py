@@ -21,6 +21,8 @@ class VideoTruth:
     hand, metres, world.
     theta: SMPL's pose in the world, axis-angle radians, joint 0 about the pelvis; trans: metres, as
     in smplx; betas: shape coefficients.
+    segments: rotations of rigid segments of a captured skeleton from a neutral stance (x left, y
+    up, z forward) to the world; segment_joints: the SMPL joint whose segment each is.
     """
 
     joints: Float[np.ndarray, "T J 3"] | None
@@ -34,6 +36,8 @@ class VideoTruth:
     theta: Float[np.ndarray, "T 72"] | None = None
     trans: Float[np.ndarray, "T 3"] | None = None
     betas: Float[np.ndarray, " B"] | None = None
+    segments: Float[np.ndarray, "T S 3 3"] | None = None
+    segment_joints: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -89,6 +93,9 @@ def _video(
     of_video = f"{video}/joint_names"
     array = of_video if of_video in arrays else "joint_names"
     joint_names = () if joints is None else names(arrays, array, joints.shape[1], path)
+    segments, segment_joints = at_used("segments", "S", 3, 3), ()
+    if segments is not None:
+        segment_joints = names(arrays, "segment_joints", segments.shape[1], path)
     R, t, R_frames = part("R", 3, 3), part("t", 3), at_used("R_frames", 3, 3)
     if R_frames is not None and R is not None:
         t = None if t is None else R_frames[0] @ R.T @ t  # the centre -R^T t stays
@@ -105,4 +112,6 @@ def _video(
         at_used("theta", 72),
         at_used("trans", 3),
         part("betas", "B"),
+        segments,
+        segment_joints,
     )

@@ -9,7 +9,11 @@ from jaxtyping import Float
 
 from imocap_core.conventions import EVAL_12, SMPL_JOINTS
 from imocap_core.metrics import world
-from imocap_core.metrics.joint_rotations import joint_rotation_errors_deg, mpjae_deg
+from imocap_core.metrics.joint_rotations import (
+    joint_rotation_errors_deg,
+    mpjae_deg,
+    rotation_errors_deg,
+)
 from imocap_core.metrics.joints import hip_midpoint, missing_joints, select_joints
 from imocap_core.metrics.scoring import (
     CameraJoints,
@@ -26,6 +30,11 @@ JOINT_GROUPS = {
 }
 WORLD_METRICS = ("w_mpjpe_mm", "wa_mpjpe_mm", "rte_pct")
 ROTATION_METRICS = ("mpjae_deg", "spine_rotation_error_deg")
+SEGMENT_METRICS = {
+    "pelvis_rotation_error_deg": "pelvis",
+    "chest_rotation_error_deg": "spine3",
+    "head_rotation_error_deg": "head",
+}
 SURFACE_METRICS = ("pve_mm", "pve_without_hands_mm", "pa_pve_mm", "foot_sliding_mm")
 STRETCH_METRICS = (
     "stretched_edges_pct",
@@ -37,6 +46,7 @@ JITTER = "jitter_10m_s3"
 BODY_METRICS = (
     *JOINT_GROUPS,
     *ROTATION_METRICS,
+    *SEGMENT_METRICS,
     *SURFACE_METRICS,
     *WORLD_METRICS,
     JITTER,
@@ -112,6 +122,22 @@ def rotation_rows(
         scored_row(result, video, metric, value, "no frame has both")
         for metric, value in zip(ROTATION_METRICS, values, strict=True)
     ]
+
+
+def segment_rows(
+    result: str,
+    video: str,
+    predicted: Mapping[str, Float[np.ndarray, "T 3 3"]],
+    true: Mapping[str, Float[np.ndarray, "T 3 3"]],
+) -> list[ScoreRow]:
+    """Errors of the rotations of pelvis, chest and head in the camera's axes."""
+    rows = []
+    for metric, joint in SEGMENT_METRICS.items():
+        value, note = np.nan, f"the truth has no rotation of {joint}"
+        if joint in true:
+            value = float(np.nanmean(rotation_errors_deg(predicted[joint], true[joint])))
+        rows.append(scored_row(result, video, metric, value, note))
+    return rows
 
 
 def jitter_row(result: str, video: str, predicted: CameraJoints, fps: float) -> ScoreRow:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
+
+SEGMENTS = ("pelvis", "spine3", "head")
 _FROBENIUS_AT_PI = 2.0 * np.sqrt(2.0)
 
 
@@ -26,6 +29,17 @@ def joint_rotation_errors_deg(
 ) -> Float[np.ndarray, " J"]:
     """Mean over the frames of each joint's `rotation_errors_deg`."""
     return np.asarray(rotation_errors_deg(predicted, true).mean(axis=0))
+
+
+def segment_rotations(
+    R_local: Float[np.ndarray, "T 24 3 3"],
+) -> dict[str, Float[np.ndarray, "T 3 3"]]:
+    """SMPL joint -> rotation of its segment from rest to the root's parent axes (a camera's), for
+    the rigid `SEGMENTS` of a trunk: pelvis, chest and head."""
+    R_world = [R_local[:, 0]]
+    for joint in range(1, len(SMPL_JOINTS)):
+        R_world.append(R_world[SMPL_PARENTS[joint]] @ R_local[:, joint])
+    return {name: R_world[SMPL_JOINTS.index(name)] for name in SEGMENTS}
 
 
 def mpjae_deg(predicted: Float[np.ndarray, "T J 3 3"], true: Float[np.ndarray, "T J 3 3"]) -> float:

@@ -40,8 +40,8 @@ from imocap_core.people.performer import (
     ranked_tracks,
 )
 from imocap_core.people.sides import limbs_of, swap_sides, swapped_frames
-from imocap_core.people.trunk_twist import swapped_arms_and_legs
 from imocap_core.people.tracking import PersonTrack
+from imocap_core.people.trunk_twist import swapped_arms_and_legs
 from imocap_core.pipeline.person import Person
 
 APPEARANCE_STEP_S = 0.2  # between frames in which appearances are measured

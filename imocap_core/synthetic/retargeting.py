@@ -36,6 +36,7 @@ from imocap_core.motion.terms import (
     Term,
 )
 from imocap_core.rotations import exp, log
+from imocap_core.synthetic.captured_rotations import rotations_from_stance
 from imocap_core.synthetic.captured_stance import (
     NEAR_END,
     CapturedSkeleton,
@@ -135,10 +136,7 @@ def _trunk(
     skeleton: CapturedSkeleton, stance: NeutralStance, xyz: np.ndarray
 ) -> Float[np.ndarray, "T 24 3 3"]:
     """Local rotations of pelvis (the world's axes to its own), spine, neck, head and collars."""
-    pelvis, chest, head = (
-        rotations_between(stance.vectors[segment], skeleton.rigid_points(xyz, segment)[0])
-        for segment in (skeleton.pelvis, skeleton.chest, skeleton.head)
-    )
+    pelvis, chest, head = rotations_from_stance(skeleton, stance, xyz)
     R = np.tile(np.eye(3), (len(xyz), 24, 1, 1))
     place = SMPL_JOINTS.index
     R[:, 0] = pelvis
@@ -156,16 +154,6 @@ def _trunk(
         rise = sign * COLLAR_SHARE * above[:, None] * np.array([0.0, 0.0, 1.0])
         R[:, place(f"{side}_collar")] = _exp(rise)
     return R
-
-
-def rotations_between(
-    template: Float[np.ndarray, "C 3"], observed: Float[np.ndarray, "T C 3"]
-) -> Float[np.ndarray, "T 3 3"]:
-    """The rotations that turn a template's vectors best into the observed ones (Kabsch 1976)."""
-    U, _, Vt = np.linalg.svd(np.einsum("tci,cj->tij", observed, template))
-    U[:, :, 2] *= np.sign(np.linalg.det(U @ Vt))[:, None]
-    rotation: np.ndarray = U @ Vt
-    return rotation
 
 
 def _excess_bend(

@@ -48,11 +48,14 @@ def test_an_action_is_made_of_files_that_the_stages_read(tmp_path: Path) -> None
 
 def test_the_truth_of_a_moved_world_is_the_same_before_the_camera() -> None:
     shot, K, R, t = shots()[0], np.eye(3), SWING, np.array([0.0, 1.0, 4.0])
+    segments = np.tile(SWING.T @ SWING.T, (len(shot.joints_m), 3, 1, 1))
+    shot = replace(shot, segments=segments)
     moved = replace(shot, R_common_from_scene=SWING.T, t_common=np.array([1.0, 2.0, 3.0]))
     in_camera = []
     for one in (shot, moved):
         parts = one.truth("v1", K, R, t)
         in_camera.append(parts["v1/joints"] @ parts["v1/R"].T + parts["v1/t"])
+        assert (parts["v1/R"] @ parts["v1/segments"])[-1, 2] == pytest.approx(SWING.T)
     assert in_camera[1] == pytest.approx(in_camera[0])
 
 

@@ -11,6 +11,7 @@ from imocap_core.metrics.body_scoring import (
     jitter_row,
     joint_group_rows,
     rotation_rows,
+    segment_rows,
     stretch_rows,
     world_rows,
 )
@@ -69,6 +70,20 @@ def test_rotation_rows_have_the_spine_by_itself() -> None:
         "mpjae_deg": pytest.approx(180 / 24),
         "spine_rotation_error_deg": pytest.approx(60.0),
     }
+
+
+def test_segment_rows_are_angles_and_name_what_is_missing() -> None:
+    upright, half_turn = (
+        np.tile(np.eye(3), (4, 1, 1)),
+        np.tile(np.diag([-1.0, 1.0, -1.0]), (4, 1, 1)),
+    )
+    predicted = {"pelvis": upright, "spine3": half_turn, "head": upright}
+    rows = segment_rows("final", "v1", predicted, {"pelvis": upright, "spine3": upright})
+    values = {row.metric: row.value for row in rows}
+    assert values["pelvis_rotation_error_deg"] == pytest.approx(0.0)
+    assert values["chest_rotation_error_deg"] == pytest.approx(180.0)
+    assert values["head_rotation_error_deg"] is None
+    assert "head" in rows[-1].note
 
 
 def test_stretch_rows_are_per_cent_mean_and_worst() -> None:

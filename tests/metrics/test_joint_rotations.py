@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.metrics.joint_rotations import (
     joint_rotation_errors_deg,
     mpjae_deg,
     rotation_errors_deg,
+    segment_rotations,
 )
 
 
@@ -51,3 +53,14 @@ def test_agrees_with_the_rotation_vector() -> None:
     np.testing.assert_allclose(
         rotation_errors_deg(predicted, true), np.degrees(relative.magnitude()), rtol=1e-6
     )
+
+
+def test_segments_turn_with_every_joint_above_them() -> None:
+    R = _random(4, 3, 24)
+    segments = segment_rotations(R)
+    chain = [SMPL_JOINTS.index(name) for name in ("spine1", "spine2", "spine3")]
+    chest = R[:, 0] @ R[:, chain[0]] @ R[:, chain[1]] @ R[:, chain[2]]
+    np.testing.assert_allclose(segments["spine3"], chest)
+    np.testing.assert_array_equal(segments["pelvis"], R[:, 0])
+    neck, head = (SMPL_JOINTS.index(name) for name in ("neck", "head"))
+    np.testing.assert_allclose(segments["head"], chest @ R[:, neck] @ R[:, head])

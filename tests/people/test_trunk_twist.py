@@ -11,7 +11,10 @@ NAMES = layout_names("coco17")
 ARMS, LEGS = limbs_of(NAMES)[:2]
 FRAMES = 90
 SIZE = np.full(FRAMES, 300.0)
-HALF_WIDTH_PX = {"shoulder": 30.0, "elbow": 38.0, "wrist": 42.0, "hip": 20.0, "knee": 22.0, "ankle": 20.0}  # fmt: skip
+HALF_WIDTH_PX = {
+    **{"shoulder": 30.0, "elbow": 38.0, "wrist": 42.0},
+    **{"hip": 20.0, "knee": 22.0, "ankle": 20.0},
+}
 
 
 def dancer(twist_deg: float = 0.0, turn_deg: float = 0.0, noise_px: float = 1.0) -> np.ndarray:

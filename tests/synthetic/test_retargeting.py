@@ -11,6 +11,7 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.rotations import exp, log
+from imocap_core.synthetic.captured_rotations import rotations_between
 from imocap_core.synthetic.captured_stance import (
     CapturedSkeleton,
     NeutralStance,
@@ -21,7 +22,6 @@ from imocap_core.synthetic.captured_stance import (
 from imocap_core.synthetic.retargeting import (
     SPINE_SHARES,
     fit_to_trunk_and_joints,
-    rotations_between,
     trunk_and_joints,
 )
 
