@@ -93,9 +93,9 @@ def _video(
     of_video = f"{video}/joint_names"
     array = of_video if of_video in arrays else "joint_names"
     joint_names = () if joints is None else names(arrays, array, joints.shape[1], path)
-    segments, segment_joints = at_used("segments", "S", 3, 3), ()
-    if segments is not None:
-        segment_joints = names(arrays, "segment_joints", segments.shape[1], path)
+    segments = at_used("segments", "S", 3, 3)
+    count = 0 if segments is None else segments.shape[1]
+    segment_joints = names(arrays, "segment_joints", count, path) if count else ()
     R, t, R_frames = part("R", 3, 3), part("t", 3), at_used("R_frames", 3, 3)
     if R_frames is not None and R is not None:
         t = None if t is None else R_frames[0] @ R.T @ t  # the centre -R^T t stays

@@ -32,7 +32,7 @@ class FitParams:
     )
     pose_prior: NonNegative = param(0.2, "Weight of the pose prior (a Gaussian mixture).")
     shape_prior: NonNegative = param(
-        10.0, "Weight of the squared shape coefficients, where they do not change a body's size."
+        30.0, "Weight of the squared shape coefficients, where they do not change a body's size."
     )
     size_prior: NonNegative = param(
         100.0,

@@ -23,6 +23,7 @@ WEIGHTS = FitParams(
     robust_scale_sigma=4.0,
     pose_prior=0.05,
     shape_prior=50.0,
+    size_prior=50.0,
     limits=100.0,
     velocity=0.02,
     acceleration=0.3,

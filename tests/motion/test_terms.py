@@ -113,7 +113,7 @@ def arm_weights() -> torch.Tensor:
 TERMS: dict[str, Callable[[Body, MotionState], Term]] = {
     "reprojection": reprojection,
     "pose prior": pose_prior,
-    "shape prior": lambda b, s: ShapePrior(2.0),
+    "shape prior": lambda b, s: ShapePrior.of_body(b.model, 2.0, 5.0),
     "focal prior": lambda b, s: FocalPrior(
         normal(2, seed=17, spread=0.1), normal(2, seed=18).abs()
     ),
