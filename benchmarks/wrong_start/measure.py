@@ -1,4 +1,4 @@
-"""Every action of trials, undisturbed and with one view started wrong, from keypoints alone."""
+"""Every action of trials, undisturbed and with one or two views started wrong, from keypoints."""
 
 from __future__ import annotations
 
@@ -11,30 +11,44 @@ from benchmarks.actions.choice import Choice
 from benchmarks.actions.prepare import ready_job
 from benchmarks.parallel import ActionDisplay
 from benchmarks.scoring.score import truth_of
-from benchmarks.wrong_start.wrong_fit import WRONG_STARTS, WrongStart, wrongly_started
-from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, RefineSync
+from benchmarks.wrong_start.hypotheses import HypothesisRow, hypothesis_rows, possible_mm
+from benchmarks.wrong_start.wrong_fit import WrongStart, WrongView, wrongly_started
+from imocap_core.artifacts.schemas import (
+    CameraMotion,
+    InitialSmpl,
+    Keypoints,
+    RefineSync,
+    Sync,
+    VideoMotion,
+)
 from imocap_core.artifacts.store import Store, Stored
 from imocap_core.evaluate.results import StageResult
 from imocap_core.evaluate.scoreboard import against_truth
+from imocap_core.io.truth import Truth
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.runner import Display, Job
 from imocap_core.workspace import Workspace
 
 FITS, LAST = "initial_smpl", "refine_sync"
 RECOVERED = 1.05  # of the undisturbed error, at most
-PURPOSE = 23  # of the random numbers: which view is started wrong
+PURPOSE = 23  # of the random numbers: which views are started wrong
+# Of one view, then of two at once.
+DISTURBANCES: tuple[tuple[WrongStart, ...], ...] = (
+    *(("facing",), ("depth",), ("sides",)),
+    *(("facing", "depth"), ("depth", "sides")),
+)
 
 
 @dataclass(frozen=True)
 class WrongStartRow:
-    """One action with one view started wrong; errors are MPJPE, millimetres."""
+    """One action with one or two views started wrong; errors are MPJPE, millimetres."""
 
     action: str
-    view: str
-    start: WrongStart
-    monocular_mm: float  # of that view, undisturbed
-    wrong_mm: float  # of that view's wrong fit
-    view_mm: float  # of that view after the loop
+    views: str
+    starts: str
+    monocular_mm: float  # of these views, undisturbed
+    wrong_mm: float  # of these views' wrong fits
+    view_mm: float  # of these views after the loop
     undisturbed_mm: float  # of all views after the loop
     result_mm: float  # of all views after the loop
     excluded: str
@@ -42,19 +56,41 @@ class WrongStartRow:
     recovered: bool
 
 
-def measure_action(
-    workspace: Workspace, choice: Choice, name: str, display: Display
-) -> list[WrongStartRow]:
-    """One row for each wrong start of an action, of a view drawn at random."""
+@dataclass(frozen=True)
+class ActionRows:
+    """The measurements of one action: results, and the motions among which they were chosen."""
+
+    results: list[WrongStartRow]
+    hypotheses: list[HypothesisRow]
+
+
+def measure_action(workspace: Workspace, choice: Choice, name: str, display: Display) -> ActionRows:
+    """One result for each disturbance of an action, of views drawn at random."""
     job = keypoints_alone(ready_job(workspace, choice, name, (), display))
     folder = choice.folder(workspace.root) / "wrong_start"
     plain = replace(job, store=Store(folder / "undisturbed"))
-    done = _run(plain, ActionDisplay(display, name), LAST)
-    rows = []
-    for number, wrong in enumerate(WRONG_STARTS):
-        view = int(video_rng(name, number, PURPOSE).integers(len(job.action.videos)))
-        rows.append(_row(plain, done, folder, view, wrong, display))
+    undisturbed = Undisturbed.of(plain, _run(plain, ActionDisplay(display, name), LAST))
+    rows = ActionRows([], undisturbed.hypotheses(undisturbed.initial, undisturbed.sync, "none"))
+    for number, starts in enumerate(DISTURBANCES):
+        views = drawn_views(name, number, len(job.action.videos), starts)
+        if len(views) == len(starts):
+            result, hypotheses = _row(undisturbed, folder, views, display)
+            rows.results.append(result)
+            rows.hypotheses.extend(hypotheses)
     return rows
+
+
+def drawn_views(
+    action: str, number: int, count: int, starts: Sequence[WrongStart]
+) -> list[WrongView]:
+    """As many different videos as there are starts; fewer where an action has too few."""
+    rng = video_rng(action, number, PURPOSE)
+    videos = [int(rng.integers(count))]
+    while len(videos) < min(len(starts), count - 1):
+        other = int(rng.integers(count))
+        if other not in videos:
+            videos.append(other)
+    return [WrongView(v, start) for v, start in zip(videos, starts, strict=False)]
 
 
 def keypoints_alone(job: Job) -> Job:
@@ -65,9 +101,13 @@ def keypoints_alone(job: Job) -> Job:
 
 
 def summary(rows: Sequence[WrongStartRow]) -> str:
-    """How many of the wrongly started views were recovered."""
-    count = sum(row.recovered for row in rows)
-    return f"recovered (nothing excluded or flipped, within 5 %): {count} of {len(rows)}"
+    """How many actions were recovered, with one view started wrong and with two."""
+    one, two = ([r for r in rows if ("+" in r.starts) == more] for more in (False, True))
+    counts = [f"{sum(row.recovered for row in part)} of {len(part)}" for part in (one, two)]
+    return (
+        f"recovered (nothing excluded or flipped, within 5 %): {counts[0]} with one view started "
+        f"wrong, {counts[1]} with two"
+    )
 
 
 def is_recovered(result_mm: float, undisturbed_mm: float, excluded: str, flipped: str) -> bool:
@@ -75,46 +115,79 @@ def is_recovered(result_mm: float, undisturbed_mm: float, excluded: str, flipped
     return result_mm <= RECOVERED * undisturbed_mm and not excluded and not flipped
 
 
+@dataclass(frozen=True)
+class Undisturbed:
+    """An action solved as it is, and its truth."""
+
+    job: Job
+    done: dict[str, Stored]
+    keypoints: Keypoints
+    cameras: CameraMotion
+    initial: InitialSmpl
+    sync: Sync
+    refined: RefineSync
+    truth: Truth | None
+    possible_mm: list[float]
+
+    @classmethod
+    def of(cls, job: Job, done: dict[str, Stored]) -> Undisturbed:
+        """Decoded; with the error of each video's fit from its true joints."""
+        keypoints, cameras = done["keypoints"].decode(Keypoints), done["camera_motion"]
+        truth = truth_of(job, keypoints)
+        decoded = cameras.decode(CameraMotion)
+        possible = possible_mm(keypoints, decoded, truth, job.settings.params)
+        return cls(
+            job, done, keypoints, decoded, done[FITS].decode(InitialSmpl),
+            done["sync"].decode(Sync), done[LAST].decode(RefineSync), truth, possible,
+        )  # fmt: skip
+
+    def hypotheses(self, initial: InitialSmpl, sync: Sync, starts: str) -> list[HypothesisRow]:
+        """The motions that each video had, and the choice among them."""
+        name = self.job.action.name
+        return hypothesis_rows(
+            name, starts, self.keypoints, initial, sync, self.truth, self.possible_mm
+        )
+
+
 def _row(
-    plain: Job,
-    done: dict[str, Stored],
-    folder: Path,
-    view: int,
-    wrong: WrongStart,
-    display: Display,
-) -> WrongStartRow:
-    keypoints, initial = done["keypoints"].decode(Keypoints), done[FITS].decode(InitialSmpl)
-    cameras = done["camera_motion"].decode(CameraMotion)
-    params = plain.settings.params
-    fits = wrongly_started(keypoints, cameras, initial, view, wrong, params)
-    job = replace(plain, store=Store(folder / f"{wrong}-{view}"))
-    shown = ActionDisplay(display, f"{plain.action.name}, {wrong}")
+    undisturbed: Undisturbed, folder: Path, views: Sequence[WrongView], display: Display
+) -> tuple[WrongStartRow, list[HypothesisRow]]:
+    plain, keypoints, initial = undisturbed.job, undisturbed.keypoints, undisturbed.initial
+    fits = wrongly_started(keypoints, undisturbed.cameras, initial, views, plain.settings.params)
+    starts = "+".join(w.start for w in views)
+    label = "_".join(f"{w.start}-{w.video}" for w in views)
+    job = replace(plain, store=Store(folder / label))
+    shown = ActionDisplay(display, f"{plain.action.name}, {starts}")
     runner.run(job, shown, [s for s in job.pipeline.upstream(FITS) if s != FITS])
-    needed = job.recipe(FITS, done)
+    needed = job.recipe(FITS, undisturbed.done)
     job.store.put(FITS, needed.key, fits, needed.provenance(), {})
-    refined, before = (d[LAST].decode(RefineSync) for d in (_run(job, shown, LAST), done))
-    truth = truth_of(job, keypoints)
-    alone = Keypoints(videos=[keypoints.videos[view]])
+    done = _run(job, shown, LAST)
+    refined, before = done[LAST].decode(RefineSync), undisturbed.refined
 
-    def error_mm(motions: list, of: Keypoints) -> float:
-        return against_truth(StageResult("motion", motions), of, truth)["mpjpe_mm"]
+    def error_mm(motions: Sequence[VideoMotion], videos: Sequence[int]) -> float:
+        of = Keypoints(videos=[keypoints.videos[v] for v in videos])
+        result = StageResult("motion", [motions[v] for v in videos])
+        return against_truth(result, of, undisturbed.truth)["mpjpe_mm"]
 
-    undisturbed_mm = error_mm(before.motion.videos, keypoints)
-    result_mm = error_mm(refined.motion.videos, keypoints)
+    wrong, every = [w.video for w in views], range(len(keypoints.videos))
+    undisturbed_mm = error_mm(before.motion.videos, every)
+    result_mm = error_mm(refined.motion.videos, every)
     excluded, flipped = (" ".join(x) for x in (refined.sync.excluded, refined.sync.mirrored))
-    return WrongStartRow(
+    row = WrongStartRow(
         action=plain.action.name,
-        view=keypoints.videos[view].id,
-        start=wrong,
-        monocular_mm=error_mm([initial.videos[view]], alone),
-        wrong_mm=error_mm([fits.videos[view]], alone),
-        view_mm=error_mm([refined.motion.videos[view]], alone),
+        views=" ".join(keypoints.videos[v].id for v in wrong),
+        starts=starts,
+        monocular_mm=error_mm(initial.videos, wrong),
+        wrong_mm=error_mm(fits.videos, wrong),
+        view_mm=error_mm(refined.motion.videos, wrong),
         undisturbed_mm=undisturbed_mm,
         result_mm=result_mm,
         excluded=excluded,
         flipped=flipped,
         recovered=is_recovered(result_mm, undisturbed_mm, excluded, flipped),
     )
+    hypotheses = undisturbed.hypotheses(fits, done["sync"].decode(Sync), starts)
+    return row, [hypotheses[v] for v in wrong]
 
 
 def _run(job: Job, display: Display, last: str) -> dict[str, Stored]:

@@ -7,17 +7,22 @@ from rich.table import Table
 from benchmarks.actions.choice import Choice
 from benchmarks.actions.prepare import chosen_names
 from benchmarks.names import BenchmarkOptions, table_of_rows
+from benchmarks.wrong_start import hypotheses
 from benchmarks.wrong_start.measure import measure_action, summary
 from imocap_core.pipeline.runner import Display
 from imocap_core.workspace import Workspace
 
 
 def report(options: BenchmarkOptions, workspace: Workspace, display: Display) -> list[Table | str]:
-    """A table of all actions, and how many views were recovered."""
+    """Results of all actions with how many were recovered, and each video's motions."""
     choice = Choice("trials", options.detector, videos=options.videos, only=options.only)
-    rows = [
-        row
+    actions = [
+        measure_action(workspace, choice, name, display)
         for name in chosen_names(workspace.root, choice)
-        for row in measure_action(workspace, choice, name, display)
     ]
-    return [table_of_rows(rows), summary(rows)]
+    rows = [row for action in actions for row in action.results]
+    motions = [row for action in actions for row in action.hypotheses]
+    return [
+        *(table_of_rows(rows), summary(rows)),
+        *(table_of_rows(motions), hypotheses.summary(motions)),
+    ]

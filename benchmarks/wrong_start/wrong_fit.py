@@ -7,6 +7,8 @@ exchanged.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
@@ -15,13 +17,16 @@ from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, VideoMotion
+from imocap_core.motion.kinematics import Body
 from imocap_core.motion.mirror import mirrored_pose
 from imocap_core.motion.monocular.fit import fit_monocular
-from imocap_core.motion.monocular.library import make_library
-from imocap_core.motion.monocular.starts import fit_rotations_to_joints, start_at_joints
+from imocap_core.motion.monocular.hypotheses import alternatives
+from imocap_core.motion.monocular.library import Library, make_library
+from imocap_core.motion.monocular.starts import Start, fit_rotations_to_joints, start_at_joints
+from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.params import Params
-from imocap_core.problem.motions import motions_of
+from imocap_core.problem.motions import alternatives_of, motions_of
 from imocap_core.problem.observations import body_for, observations_of
 from imocap_core.rotations import exp
 
@@ -29,36 +34,60 @@ WrongStart = Literal["facing", "depth", "sides"]
 WRONG_STARTS: tuple[WrongStart, ...] = get_args(WrongStart)
 
 
+@dataclass(frozen=True)
+class WrongView:
+    """A video, by index, and how its monocular fit is started wrong."""
+
+    video: int
+    start: WrongStart
+
+
 def wrongly_started(
     keypoints: Keypoints,
     cameras: CameraMotion,
     initial: InitialSmpl,
-    video: int,
-    wrong: WrongStart,
+    views: Sequence[WrongView],
     params: Params,
 ) -> InitialSmpl:
-    """The monocular motions, that of one video fitted anew from a wrong start alone."""
+    """The monocular motions, those of some videos fitted anew from a wrong start alone.
+
+    A wrong fit takes the place of the likeliest motion, and the video's alternatives are what the
+    stage makes of that fit: nothing of the undisturbed fits of these videos is left.
+    """
     body, prior, options = body_for(keypoints), load_pose_prior(), params.initial_smpl
-    observation = observations_of(body, keypoints, cameras, params.fit)[video]
-    motion = initial.videos[video]
-    if wrong == "depth":
-        library = make_library(
-            body, prior, np.random.default_rng(video),
-            poses=options.library_poses, directions=options.library_directions,
+    library = make_library(
+        body, prior, np.random.default_rng(len(keypoints.videos)),
+        poses=options.library_poses, directions=options.library_directions,
+    )  # fmt: skip
+    observations = observations_of(body, keypoints, cameras, params.fit)
+    videos, disturbed = list(initial.videos), {keypoints.videos[w.video].id for w in views}
+    alternatives_stored = [a for a in initial.alternatives if a.motion.id not in disturbed]
+    for wrong in views:
+        observation = observations[wrong.video]
+        start = _wrong_start(body, library, videos[wrong.video], wrong.start, observation)
+        stride = max(1, round(options.stride_s * observation.fps))
+        fit = fit_monocular(
+            body, prior, [observation], [[start]], params.fit,
+            stride=stride, max_steps=options.max_steps,
         )  # fmt: skip
+        others = alternatives(
+            body, prior, library, [observation], fit.coarse, params.fit,
+            videos=[0], count=options.hypotheses - 1,
+        )  # fmt: skip
+        alone = Keypoints(videos=[keypoints.videos[wrong.video]])
+        videos[wrong.video] = motions_of(body, fit.state, [observation], alone)[0]
+        alternatives_stored += alternatives_of(body, others, [observation], alone)
+    return initial.model_copy(update={"videos": videos, "alternatives": alternatives_stored})
+
+
+def _wrong_start(
+    body: Body, library: Library, motion: VideoMotion, wrong: WrongStart, observation: Observation
+) -> Start:
+    if wrong == "depth":
         R_local = fit_rotations_to_joints(body, library, depth_reversed(motion.joints))
     else:
         R_local = facing_reversed(motion, sides_exchanged=wrong == "sides")
-    start = start_at_joints(body, R_local, observation)
-    stride = max(1, round(options.stride_s * observation.fps))
-    fit = fit_monocular(
-        body, prior, [observation], [[start]], params.fit,
-        stride=stride, max_steps=options.max_steps,
-    )  # fmt: skip
-    alone = Keypoints(videos=[keypoints.videos[video]])
-    videos = list(initial.videos)
-    videos[video] = motions_of(body, fit.state, [observation], alone)[0]
-    return initial.model_copy(update={"videos": videos})
+    return start_at_joints(body, R_local, observation)
 
 
 def depth_reversed(joints: Float[np.ndarray, "T 24 3"]) -> Float[np.ndarray, "T 24 3"]:

@@ -1,0 +1,130 @@
+"""How good a video's hypotheses are, and which of them the videos chose jointly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from imocap_core.artifacts.schemas import (
+    CameraMotion,
+    InitialSmpl,
+    Keypoints,
+    Sync,
+    VideoKeypoints,
+    VideoMotion,
+)
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.evaluate.results import StageResult
+from imocap_core.evaluate.scoreboard import against_truth
+from imocap_core.evaluate.truth import true_joints, video_truth
+from imocap_core.io.truth import Truth
+from imocap_core.metrics.scoring import CameraJoints
+from imocap_core.motion.monocular.fit import fit_monocular
+from imocap_core.motion.monocular.library import make_library
+from imocap_core.motion.monocular.starts import fit_rotations_to_joints, start_at_joints
+from imocap_core.motion.prior import load_pose_prior
+from imocap_core.params import Params
+from imocap_core.problem.motions import motions_of
+from imocap_core.problem.observations import body_for, observations_of
+
+NEAR = 1.2  # of the least error
+
+
+@dataclass(frozen=True)
+class HypothesisRow:
+    """The motions of one video; errors are MPJPE, millimetres."""
+
+    action: str
+    view: str
+    starts: str  # of the views that were started wrong
+    count: int
+    first_mm: float  # of the likeliest motion
+    best_mm: float  # of the best motion
+    chosen_mm: float
+    possible_mm: float  # of a fit that is started at the true joints
+
+
+def hypothesis_rows(
+    action: str,
+    starts: str,
+    keypoints: Keypoints,
+    initial: InitialSmpl,
+    sync: Sync,
+    truth: Truth | None,
+    possible: Sequence[float],
+) -> list[HypothesisRow]:
+    """One row a video."""
+    rows = []
+    for video, first, least in zip(keypoints.videos, initial.videos, possible, strict=True):
+        others = {a.name: a.motion for a in initial.alternatives if a.motion.id == video.id}
+        errors = {name: _error_mm(motion, video, truth) for name, motion in others.items()}
+        first_mm = _error_mm(first, video, truth)
+        chosen = sync.alternatives.get(video.id)
+        rows.append(
+            HypothesisRow(
+                action=action,
+                view=video.id,
+                starts=starts,
+                count=1 + len(errors),
+                first_mm=first_mm,
+                best_mm=min([first_mm, *errors.values()]),
+                chosen_mm=first_mm if chosen is None else errors[chosen],
+                possible_mm=least,
+            )
+        )
+    return rows
+
+
+def summary(rows: Sequence[HypothesisRow]) -> str:
+    """How often the best motion is near the best possible one, and how often it is chosen."""
+    reached = sum(r.best_mm <= NEAR * min(r.best_mm, r.possible_mm) for r in rows)
+    taken = sum(r.chosen_mm <= NEAR * r.best_mm for r in rows)
+    likeliest = sum(r.first_mm <= NEAR * r.best_mm for r in rows)
+    return (
+        f"motions within 20 %: the best of a video's motions of the best possible in {reached} of "
+        f"{len(rows)}; the chosen one of the best in {taken}, the likeliest one in {likeliest}"
+    )
+
+
+def possible_mm(
+    keypoints: Keypoints, cameras: CameraMotion, truth: Truth | None, params: Params
+) -> list[float]:
+    """Error of each video's monocular fit started at its true joints; NaN without truth."""
+    body, prior, options = body_for(keypoints), load_pose_prior(), params.initial_smpl
+    rng = np.random.default_rng(len(keypoints.videos))
+    library = make_library(
+        body, prior, rng, poses=options.library_poses, directions=options.library_directions
+    )
+    errors = []
+    observations = observations_of(body, keypoints, cameras, params.fit)
+    for video, observation in zip(keypoints.videos, observations, strict=True):
+        given = true_joints(video_truth(truth, video.id), video.frames)
+        if given is None:
+            errors.append(float("nan"))
+            continue
+        R_local = fit_rotations_to_joints(body, library, _as_smpl(given))
+        start = start_at_joints(body, R_local, observation)
+        fit = fit_monocular(
+            body, prior, [observation], [[start]], params.fit,
+            stride=max(1, round(options.stride_s * observation.fps)), max_steps=options.max_steps,
+        )  # fmt: skip
+        motion = motions_of(body, fit.state, [observation], Keypoints(videos=[video]))[0]
+        errors.append(_error_mm(motion, video, truth))
+    return errors
+
+
+def _as_smpl(joints: CameraJoints) -> np.ndarray:
+    """(T, 24, 3) in SMPL's order, NaN where the truth has no such joint."""
+    names = list(joints.names)
+    out = np.full((len(joints.frames), len(SMPL_JOINTS), 3), np.nan)
+    for place, name in enumerate(SMPL_JOINTS):
+        if name in names:
+            out[:, place] = joints.joints_m[:, names.index(name)]
+    return out
+
+
+def _error_mm(motion: VideoMotion, video: VideoKeypoints, truth: Truth | None) -> float:
+    result = StageResult("motion", [motion])
+    return against_truth(result, Keypoints(videos=[video]), truth)["mpjpe_mm"]
