@@ -19,6 +19,7 @@ from imocap_core.motion.prior import load_pose_prior
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.estimates import estimate_of
+from imocap_core.problem.exchanged_sides import refits_of_exchanged
 from imocap_core.problem.ground import grounds_of
 from imocap_core.problem.motions import alternatives_of, hypotheses_of, motions_of
 from imocap_core.problem.observations import body_for, observations_of
@@ -58,10 +59,17 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
     )  # fmt: skip
     motions = motions_of(body, fit.state, observations, keypoints)
     ctx.progress(0.8, "other motions that may explain the videos")
-    from_pictures = [v for v, i in enumerate(ids) if estimates[i] is None and i not in lifted]
+    alone = options.hypotheses == 1 or len(ids) == 1
+    pictured = [v for v, i in enumerate(ids) if estimates[i] is None and i not in lifted]
+    of_pictures = [] if alone else pictured
     hypotheses = alternatives(
         body, prior, library, observations, fit.coarse, params.fit,
-        videos=from_pictures if len(ids) > 1 else [], count=options.hypotheses - 1,
+        videos=of_pictures, count=options.hypotheses - 1,
+    )  # fmt: skip
+    others = alternatives_of(body, hypotheses, observations, keypoints)
+    others += refits_of_exchanged(
+        body, prior, library, observations, keypoints, motions, fit.coarse, options, params.fit,
+        videos=of_pictures,
     )  # fmt: skip
     return InitialSmpl(
         model=body.model.name,
@@ -69,7 +77,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
         videos=motions,
         source={v.id: source_of(v, estimates, lifted) for v in keypoints.videos},
         hypotheses=hypotheses_of(ids, fit.costs),
-        alternatives=alternatives_of(body, hypotheses, observations, keypoints),
+        alternatives=others,
         grounds=grounds_of(motions, keypoints, cameras, params.fit),
     )
 

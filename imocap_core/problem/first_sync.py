@@ -8,7 +8,7 @@ import numpy as np
 
 from imocap_core.artifacts.schemas import InitialSmpl, Keypoints, Sync
 from imocap_core.params import SyncParams
-from imocap_core.problem.hypotheses import choose_alternatives, chosen_motions
+from imocap_core.problem.hypotheses import choose_alternatives, chosen_motions, explained_keypoints
 from imocap_core.problem.synchronisation import synchronise_motions
 from imocap_core.sync import Hints
 
@@ -27,7 +27,7 @@ def synchronise_monocular(
     chosen = choose_alternatives(initial, keypoints, mirrored)
     sync = synchronise_motions(
         [motion.joints for motion in chosen_motions(initial, chosen.names)],
-        keypoints,
+        explained_keypoints(initial, keypoints, chosen.names),
         params,
         rng,
         reference=reference,

@@ -7,13 +7,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imocap_core.artifacts.schemas import AlternativeMotion, InitialSmpl, Keypoints, VideoMotion
+from imocap_core.artifacts.schemas import (
+    AlternativeMotion,
+    CameraMotion,
+    InitialSmpl,
+    Keypoints,
+    VideoKeypoints,
+    VideoMotion,
+)
+from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.motion.mirror import mirrored_joints
 from imocap_core.problem.synchronisation import keypoints_of_joints
+from imocap_core.sync.hypotheses.agreement import Hypothesis3D
+from imocap_core.sync.hypotheses.exchanged import exchanged_keypoints, with_exchanged_sides
 from imocap_core.sync.hypotheses.joint_choice import CandidateMotions, choose_jointly
 from imocap_core.sync.hypotheses.messages import sentences
 from imocap_core.sync.screening.mirrored_keypoints import reflected_keypoints
+from imocap_core.sync.screening.registration import Keypoints2D
 
 FIRST = "best"  # name of the motion of lowest cost
 
@@ -32,6 +43,48 @@ def chosen_motions(initial: InitialSmpl, chosen: Mapping[str, str]) -> list[Vide
     return [by_name[m.id, chosen[m.id]] if m.id in chosen else m for m in initial.videos]
 
 
+def explained_keypoints(
+    initial: InitialSmpl, keypoints: Keypoints, chosen: Mapping[str, str]
+) -> Keypoints:
+    """The detections as the chosen motions explain them: sides exchanged where these say so."""
+    states = _exchanges(initial, chosen)
+    videos = []
+    for video in keypoints.videos:
+        if video.id in states:
+            names = layout_names(video.layout)
+            xy_px, confidence = (
+                with_exchanged_sides(x, states[video.id], names)
+                for x in (video.xy_px, video.confidence)
+            )
+            video = video.model_copy(update={"xy_px": xy_px, "confidence": confidence})
+        videos.append(video)
+    return Keypoints(videos=videos)
+
+
+def explained_detections(
+    initial: InitialSmpl, keypoints: Keypoints, cameras: CameraMotion, chosen: Mapping[str, str]
+) -> CameraMotion:
+    """The warped detections, likewise."""
+    states = _exchanges(initial, chosen)
+    videos = []
+    for video, camera in zip(keypoints.videos, cameras.videos, strict=True):
+        if video.id in states:
+            names = layout_names(video.layout)
+            xy_px = with_exchanged_sides(camera.xy_first_px, states[video.id], names)
+            camera = camera.model_copy(update={"xy_first_px": xy_px})
+        videos.append(camera)
+    return CameraMotion(videos=videos)
+
+
+def _exchanges(initial: InitialSmpl, chosen: Mapping[str, str]) -> dict[str, np.ndarray]:
+    """What the chosen motions exchange, of the videos where they do."""
+    return {
+        a.motion.id: a.exchanged
+        for a in initial.alternatives
+        if len(a.exchanged) and chosen.get(a.motion.id) == a.name
+    }
+
+
 def choose_alternatives(
     initial: InitialSmpl, keypoints: Keypoints, mirrored: Sequence[bool | None]
 ) -> ChosenAlternatives:
@@ -45,8 +98,10 @@ def choose_alternatives(
     ids = [motion.id for motion in initial.videos]
     others = [[a for a in initial.alternatives if a.motion.id == i] for i in ids]
     candidates = [
-        _candidates(motion, of_video, keypoints, v, reflect=bool(mirrored[v]))
-        for v, (motion, of_video) in enumerate(zip(initial.videos, others, strict=True))
+        candidates_of(motion, of_video, video, reflect=bool(declared))
+        for motion, of_video, video, declared in zip(
+            initial.videos, others, keypoints.videos, mirrored, strict=True
+        )
     ]
     choice = choose_jointly(candidates)
     labels = [[FIRST, *(a.name for a in of_video)] for of_video in others]
@@ -54,20 +109,26 @@ def choose_alternatives(
     return ChosenAlternatives(names, sentences(choice, ids, labels))
 
 
-def _candidates(
+def candidates_of(
     motion: VideoMotion,
     alternatives: Sequence[AlternativeMotion],
-    keypoints: Keypoints,
-    v: int,
+    video: VideoKeypoints,
     *,
-    reflect: bool,
+    reflect: bool = False,
 ) -> CandidateMotions:
-    """A video's motions and keypoints; seen in a mirror where it is mirrored itself."""
-    video = keypoints.videos[v]
-    film, motions = keypoints_of_joints(video), [motion, *(a.motion for a in alternatives)]
-    joints = [m.joints for m in motions]
+    """A video's motions, the first one and others; seen in a mirror where it is mirrored itself."""
+    film = keypoints_of_joints(video)
     if reflect:
         film = reflected_keypoints(film, mirror_indices(SMPL_JOINTS))
-        joints = [mirrored_joints(x) for x in joints]
+    hypotheses = [_hypothesis(motion, film, reflect=reflect)]
+    for other in alternatives:
+        explained = film
+        if len(other.exchanged):
+            explained = exchanged_keypoints(film, other.exchanged, SMPL_JOINTS)
+        hypotheses.append(_hypothesis(other.motion, explained, reflect=reflect))
     excess = np.array([0.0, *(a.excess_cost for a in alternatives)])
-    return CandidateMotions(joints, film, excess, video.fps)
+    return CandidateMotions(hypotheses, excess, video.fps)
+
+
+def _hypothesis(motion: VideoMotion, film: Keypoints2D, *, reflect: bool) -> Hypothesis3D:
+    return Hypothesis3D(mirrored_joints(motion.joints) if reflect else motion.joints, film)

@@ -24,7 +24,7 @@ from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.motion.state import MotionState
 from imocap_core.params import FitParams, MotionParams
-from imocap_core.problem.hypotheses import chosen_motions
+from imocap_core.problem.hypotheses import chosen_motions, explained_detections, explained_keypoints
 from imocap_core.problem.mirroring import Participants, participants_of
 from imocap_core.problem.motions import joint_motion_of, smpl_ba_of, state_of
 from imocap_core.problem.observations import body_for, estimated_joints, observations_of
@@ -101,7 +101,10 @@ def problem_of(
 ) -> JointProblem:
     """The joint motion's problem for some videos and their correspondences."""
     model = body_for(keypoints).model
-    motions = initial.model_copy(update={"videos": chosen_motions(initial, sync.alternatives)})
+    chosen = sync.alternatives
+    motions = initial.model_copy(update={"videos": chosen_motions(initial, chosen)})
+    camera_motion = explained_detections(initial, keypoints, camera_motion, chosen)
+    keypoints = explained_keypoints(initial, keypoints, chosen)
     participants = participants_of(keypoints, camera_motion, motions, sync, model)
     body = body_for(participants.keypoints)  # an excluded video's layout may be another
     observations = observations_of(

@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from imocap_core.sync.hypotheses.agreement import pair_costs
+from imocap_core.sync.hypotheses.agreement import Hypothesis3D, pair_costs
 from imocap_core.sync.hypotheses.choice import best_labellings, energy_of
 from imocap_core.sync.hypotheses.joint_choice import CandidateMotions, JointChoice, choose_jointly
 from imocap_core.sync.hypotheses.messages import sentences
@@ -65,7 +65,10 @@ def filmed(motion: np.ndarray) -> Keypoints2D:
 
 def test_reversed_depth_does_not_agree_with_a_right_motion() -> None:
     a, b = view_of(motion_of(3), 0.3), view_of(motion_of(3), 1.5)
-    costs = pair_costs([a, a * DEPTH], [b, b * DEPTH], filmed(a), filmed(b))
+    of_a, of_b = (
+        [Hypothesis3D(x, filmed(right)) for x in (right, right * DEPTH)] for right in (a, b)
+    )
+    costs = pair_costs(of_a, of_b)
     assert costs[0, 0] < 0.6 * min(costs[0, 1], costs[1, 0])
     # both reversed are the mirror image of the scene, as good to cameras without perspective
     assert costs[1, 1] == pytest.approx(costs[0, 0], rel=0.2)
@@ -78,7 +81,9 @@ def candidates(wrong: tuple[int, ...], excess: float) -> list[CandidateMotions]:
         right = view_of(motion_of(7), azimuth)
         motions = [right, right * DEPTH]
         ordered = motions[::-1] if v in wrong else motions
-        videos.append(CandidateMotions(ordered, filmed(right), np.array([0.0, excess]), 15.0))
+        film = filmed(right)
+        hypotheses = [Hypothesis3D(x, film) for x in ordered]
+        videos.append(CandidateMotions(hypotheses, np.array([0.0, excess]), 15.0))
     return videos
 
 
@@ -97,7 +102,7 @@ def test_two_of_four_reversed_are_a_tie_without_perspective_or_a_body() -> None:
 
 def test_single_motions_leave_nothing_to_choose() -> None:
     films = candidates((), 5.0)
-    one = [CandidateMotions(v.motions[:1], v.keypoints, v.excess[:1], v.fps) for v in films]
+    one = [CandidateMotions(v.hypotheses[:1], v.excess[:1], v.fps) for v in films]
     assert choose_jointly(one) == JointChoice((0, 0, 0, 0), [(), (), (), ()])
 
 

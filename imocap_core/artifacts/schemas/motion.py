@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from imocap_core.artifacts.schemas.base import Artifact, Floats, Ints, Shape, Value
@@ -46,6 +47,9 @@ class AlternativeMotion(Value):
     name: str  # of the start that led to it
     excess_cost: float  # objective a frame, above that of the motion of lowest cost
     motion: VideoMotion
+    # of each used frame, what the detections have left for right by this motion: 0 nothing, 1 all
+    # above the hips, 2 the legs, 3 both; empty when nothing is exchanged
+    exchanged: Annotated[Ints, Shape("E")] = Field(default_factory=lambda: np.zeros(0, dtype=int))
 
 
 class GroundPlane(Value):

@@ -10,9 +10,10 @@ beyond what the pictures show.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
 from imocap_core.sync.screening.registration import (
@@ -29,49 +30,60 @@ STEPS_DEG = (8.0, 4.0, 2.0)  # of the rotation's refinement
 TURNS = np.concatenate([np.eye(3), -np.eye(3)])
 
 
-def pair_costs(
-    motions_a: Sequence[Float[np.ndarray, "T_a J 3"]],
-    motions_b: Sequence[Float[np.ndarray, "T_b J 3"]],
-    keypoints_a: Keypoints2D,
-    keypoints_b: Keypoints2D,
-) -> Float[np.ndarray, "K_a K_b"]:
-    """Mean residual of both videos' keypoints for each pair of hypotheses, 0 to 1.
+@dataclass(frozen=True)
+class Hypothesis3D:
+    """A motion of one video, in the axes of its own camera (y down), and keypoints of its joints at
+    the same frames: as detected, or with the sides exchanged that the motion says are."""
 
-    Args:
-        motions_a, motions_b: the hypotheses of each video, in the axes of its own camera (y down).
-    """
+    motion: Float[np.ndarray, "T J 3"]
+    keypoints: Keypoints2D
+
+    def every(self, n: int) -> Hypothesis3D:
+        """Every n-th frame."""
+        return self.at(np.arange(0, len(self.motion), n))
+
+    def at(self, frames: Int[np.ndarray, " N"]) -> Hypothesis3D:
+        """Some frames, in any order."""
+        k = self.keypoints
+        return Hypothesis3D(self.motion[frames], Keypoints2D(k.xy_px[frames], k.weight[frames]))
+
+
+def pair_costs(
+    a: Sequence[Hypothesis3D], b: Sequence[Hypothesis3D]
+) -> Float[np.ndarray, "K_a K_b"]:
+    """Mean residual of both videos' keypoints for each pair of hypotheses, 0 to 1."""
     forth = camera_directions(DIRECTIONS)
     R_b_from_a = np.concatenate([forth, np.cross(forth[:, :1], forth[:, 1:])], axis=1)
     back = R_b_from_a.transpose(0, 2, 1)[:, :2]
-    onto_b = [pose_residuals(x, keypoints_b, forth) for x in motions_a]  # (D, T_b, T_a)
-    onto_a = [pose_residuals(x, keypoints_a, back) for x in motions_b]  # (D, T_a, T_b)
-    frames = np.arange(len(keypoints_b.weight))
-    costs = np.zeros((len(motions_a), len(motions_b)))
+    frames = np.arange(len(b[0].motion))
+    costs = np.zeros((len(a), len(b)))
+    residuals: dict[tuple[int, int, int], np.ndarray] = {}
+
+    def onto(of: Hypothesis3D, other: Hypothesis3D, axes: np.ndarray) -> np.ndarray:
+        """(D, T_other, T_of); hypotheses of one video mostly share their keypoints."""
+        key = (id(of.motion), id(other.keypoints), id(axes))
+        if key not in residuals:
+            residuals[key] = pose_residuals(of.motion, other.keypoints, axes)
+        return residuals[key]
+
     for i, j in np.ndindex(costs.shape):
-        both = 0.5 * (onto_b[i] + onto_a[j].transpose(0, 2, 1))
+        both = 0.5 * (onto(a[i], b[j], forth) + onto(b[j], a[i], back).transpose(0, 2, 1))
         totals = warp_costs(both)
         best = int(totals.argmin())
         path = warp_path(both[best])
         steps = float(totals[best] - both[best][frames, path].sum())
-        matched_a = Keypoints2D(keypoints_a.xy_px[path], keypoints_a.weight[path])
-        sides = ((motions_a[i][path], keypoints_b), (motions_b[j], matched_a))
-        costs[i, j] = refined_residual(R_b_from_a[best], *sides) + steps / len(frames)
+        costs[i, j] = refined_residual(R_b_from_a[best], a[i].at(path), b[j]) + steps / len(frames)
     return costs
 
 
-Side = tuple[Float[np.ndarray, "T J 3"], Keypoints2D]
-
-
-def refined_residual(R_b_from_a: Float[np.ndarray, "3 3"], onto_b: Side, onto_a: Side) -> float:
-    """Mean residual of two videos' matched frames at a local minimum of the rotation.
-
-    Args:
-        onto_b: a's motion and the keypoints of b; onto_a: the reverse, at the same moments.
-    """
+def refined_residual(
+    R_b_from_a: Float[np.ndarray, "3 3"], a: Hypothesis3D, b: Hypothesis3D
+) -> float:
+    """Mean residual of two videos' matched frames at a local minimum of the rotation."""
 
     def residuals(R: Float[np.ndarray, "D 3 3"]) -> Float[np.ndarray, " D"]:
-        forth = _matched_residuals(*onto_b, R)
-        return 0.5 * (forth + _matched_residuals(*onto_a, R.transpose(0, 2, 1)))
+        forth = _matched_residuals(a.motion, b.keypoints, R)
+        return 0.5 * (forth + _matched_residuals(b.motion, a.keypoints, R.transpose(0, 2, 1)))
 
     R, residual = R_b_from_a, float(residuals(R_b_from_a[None])[0])
     for step_deg in STEPS_DEG:

@@ -14,9 +14,8 @@ from itertools import combinations
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.sync.hypotheses.agreement import pair_costs
+from imocap_core.sync.hypotheses.agreement import Hypothesis3D, pair_costs
 from imocap_core.sync.hypotheses.choice import best_labellings
-from imocap_core.sync.screening.registration import Keypoints2D
 
 RATE_PER_S = 15.0  # of frames that are compared
 MOST_FRAMES = 80  # of the longest video
@@ -27,16 +26,14 @@ TIE = 0.005  # energies nearer to each other than that are not told apart
 
 @dataclass(frozen=True)
 class CandidateMotions:
-    """One video's keypoints and the motions that may explain them.
+    """The motions that may explain one video.
 
     Attributes:
-        motions: in the axes of its own camera (y down), the likeliest first.
-        keypoints: of the motions' joints, at the same frames.
-        excess: objective a frame of each motion, above the first's.
+        hypotheses: the likeliest first.
+        excess: objective a frame of each, above the first's.
     """
 
-    motions: Sequence[Float[np.ndarray, "T J 3"]]
-    keypoints: Keypoints2D
+    hypotheses: Sequence[Hypothesis3D]
     excess: Float[np.ndarray, " K"]
     fps: float
 
@@ -56,13 +53,12 @@ class JointChoice:
 
 def choose_jointly(videos: Sequence[CandidateMotions]) -> JointChoice:
     """The joint choice of least energy, and the choices that are no worse by `TIE`."""
-    if len(videos) < 2 or all(len(v.motions) == 1 for v in videos):
+    if len(videos) < 2 or all(len(v.hypotheses) == 1 for v in videos):
         return JointChoice((0,) * len(videos), [() for _ in videos])
     thin = thinned_candidates(videos)
     share = 1.0 / (len(videos) - 1)
     pairs = {
-        (a, b): share
-        * pair_costs(thin[a].motions, thin[b].motions, thin[a].keypoints, thin[b].keypoints)
+        (a, b): share * pair_costs(thin[a].hypotheses, thin[b].hypotheses)
         for a, b in combinations(range(len(videos)), 2)
     }
     best, *others = best_labellings([_unary(v.excess) for v in videos], pairs, margin=TIE)
@@ -75,15 +71,23 @@ def choose_jointly(videos: Sequence[CandidateMotions]) -> JointChoice:
 
 def thinned_candidates(videos: Sequence[CandidateMotions]) -> list[CandidateMotions]:
     """The same at one frame rate, so that a step of one video is about a step of every other."""
-    longest_s = max(len(v.keypoints.weight) / v.fps for v in videos)
+    return [
+        CandidateMotions(_every(v.hypotheses, n), v.excess, v.fps / n)
+        for v, n in zip(videos, strides(videos), strict=True)
+    ]
+
+
+def strides(videos: Sequence[CandidateMotions]) -> list[int]:
+    """Frames from one that is compared to the next, of each video."""
+    longest_s = max(len(v.hypotheses[0].motion) / v.fps for v in videos)
     rate = min(RATE_PER_S, MOST_FRAMES / longest_s)
-    thin = []
-    for video in videos:
-        n = max(1, round(video.fps / rate))
-        keypoints = Keypoints2D(video.keypoints.xy_px[::n], video.keypoints.weight[::n])
-        motions = [x[::n] for x in video.motions]
-        thin.append(CandidateMotions(motions, keypoints, video.excess, video.fps / n))
-    return thin
+    return [max(1, round(v.fps / rate)) for v in videos]
+
+
+def _every(hypotheses: Sequence[Hypothesis3D], n: int) -> list[Hypothesis3D]:
+    """Every n-th frame; keypoints that are shared stay shared."""
+    thin = {id(h.keypoints): h.every(n).keypoints for h in hypotheses}
+    return [Hypothesis3D(h.motion[::n], thin[id(h.keypoints)]) for h in hypotheses]
 
 
 def _unary(excess: Float[np.ndarray, " K"]) -> Float[np.ndarray, " K"]:

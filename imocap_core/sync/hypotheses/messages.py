@@ -7,10 +7,12 @@ from collections.abc import Sequence
 from imocap_core.sync.hypotheses.joint_choice import JointChoice
 
 MEANINGS = {
+    "best": "the likeliest one",
     "depth": "the one with its depth reversed",
     "facing": "the one that faces the other way",
     "sides": "the one reflected in depth, left and right exchanged",
 }
+EXCHANGED = "exchanged"  # begins the names of motions for which the detector took left for right
 
 
 def sentences(
@@ -38,4 +40,6 @@ def sentences(
 
 
 def _meaning(name: str) -> str:
-    return MEANINGS.get(name, "the likeliest one" if name == "best" else f"another fit ({name})")
+    if name.startswith(EXCHANGED):
+        return "one fitted with left and right exchanged for a while, as the other videos say"
+    return MEANINGS.get(name, f"another fit ({name})")
