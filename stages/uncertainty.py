@@ -10,6 +10,7 @@ from imocap_core.artifacts.schemas import (
     Uncertainty,
 )
 from imocap_core.cli import stage_main
+from imocap_core.motion.posterior.model_error import claimed_covariance_m2, claimed_rotation_sd
 from imocap_core.motion.posterior.motion_posterior import motion_posterior
 from imocap_core.motion.posterior.noise import Noise
 from imocap_core.motion.posterior.observability import viewpoint_report
@@ -50,7 +51,12 @@ def posterior_of(group: SolvedGroup, params: UncertaintyParams) -> GroupPosterio
         near_limit_deg=params.near_limit_deg,
         evidence_share=noise.evidence_share(scene.fps),
     )
-    return GroupPosterior(group.problem.participants, posterior.covariances_m2, viewpoints)
+    return GroupPosterior(
+        group.problem.participants,
+        [claimed_covariance_m2(covariance) for covariance in posterior.covariances_m2],
+        [claimed_rotation_sd(sd) for sd in posterior.camera_rotation_rad],
+        viewpoints,
+    )
 
 
 if __name__ == "__main__":

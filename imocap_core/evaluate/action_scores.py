@@ -15,7 +15,7 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.body import Model
 from imocap_core.evaluate.body_points import body_points
-from imocap_core.evaluate.calibration import normalised_rows
+from imocap_core.evaluate.calibration import normalised_camera_rows, normalised_rows
 from imocap_core.evaluate.hands import hand_rows
 from imocap_core.evaluate.results import AFTER_LOOP, SINGLE_PASS, StageResult, round_results
 from imocap_core.evaluate.scoreboard import against_truth, cycle_row, score
@@ -61,6 +61,8 @@ def score_action(
     """
     rows = [r for a in results for r in score_result(a, keypoints, camera_motion, truth, model)]
     rows += [cycle_row(SINGLE_PASS, sync), cycle_row(AFTER_LOOP, refined.sync)]
+    after = [row for row in rows if row.result == AFTER_LOOP]
+    rows += normalised_camera_rows(after, claimed)
     rows += normalised_rows(AFTER_LOOP, claimed, refined.motion.videos, truth)
     rows += hand_rows(AFTER_LOOP, hands, truth)
     rounds = [against_truth(result, keypoints, truth) for result in round_results(refined)]

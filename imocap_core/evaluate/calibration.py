@@ -23,6 +23,7 @@ from imocap_core.metrics.scoring import ScoreRow
 NORMALISED = ("normalised_error", "normalised_depth_error", "normalised_across_error")
 COVERED = {"covered_50_share": 0.5, "covered_80_share": 0.8, "covered_90_share": 0.9}
 METRICS = (*NORMALISED, *COVERED, "coverage_error")
+CAMERA_ERROR, NORMALISED_CAMERA_ERROR = "camera_rotation_error_deg", "normalised_camera_error"
 EVAL_INDICES = [SMPL_JOINTS.index(name) for name in EVAL_12]
 
 
@@ -55,6 +56,20 @@ def normalised_rows(
             note = "" if scored else "no frame"
             rows.append(ScoreRow(name, video.id, metric, value if scored else None, note))
     return rows
+
+
+def normalised_camera_rows(rows: Sequence[ScoreRow], claimed: Uncertainty) -> list[ScoreRow]:
+    """Of each scored rotation of a camera its error over the claimed standard deviation."""
+    sd_deg = {video.id: video.camera_rotation_deg for video in claimed.videos}
+    normalised = []
+    for row in (row for row in rows if row.metric == CAMERA_ERROR):
+        value, note = None, row.note
+        if row.value is not None:
+            known = sd_deg[row.video] > 0  # False where NaN
+            value = row.value / sd_deg[row.video] if known else None
+            note = "" if known else "no standard deviation is claimed"
+        normalised.append(ScoreRow(row.result, row.video, NORMALISED_CAMERA_ERROR, value, note))
+    return normalised
 
 
 def joint_errors_mm(motion: VideoMotion, truth: Truth | None) -> Float[np.ndarray, "T 12 3"] | None:

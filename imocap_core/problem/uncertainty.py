@@ -31,10 +31,12 @@ MM2_PER_M2 = 1e6
 
 @dataclass(frozen=True)
 class GroupPosterior:
-    """The posterior of videos that were solved together, as solved (mirrored ones reflected)."""
+    """What is claimed of videos that were solved together, as solved (mirrored ones reflected):
+    covariances of joints, and standard deviations of the cameras' rotations."""
 
     participants: Participants
     covariances_m2: list[Float[np.ndarray, "_ 24 3 3"]]
+    camera_rotation_rad: list[float]
     viewpoints: ViewpointReport
 
 
@@ -57,7 +59,10 @@ def uncertainty_of(
             covariance = group.participants.filmed_covariance(video.id, group.covariances_m2[v])
             comparable = k == 0 or (whole.by_performer and group.viewpoints.by_performer)
             azimuth = float(group.viewpoints.azimuths_deg[v]) if comparable else float("nan")
-            by_id[video.id] = _video(motions[video.id], MM2_PER_M2 * covariance, azimuth)
+            rotation_deg = float(np.degrees(group.camera_rotation_rad[v])) if k == 0 else np.nan
+            by_id[video.id] = _video(
+                motions[video.id], MM2_PER_M2 * covariance, azimuth, rotation_deg
+            )
     videos = [by_id[v.id] for v in keypoints.videos]
     every = np.concatenate([v.sigma_mm[:, REPORTED].ravel() for v in videos])
     unknown = [v.id for v in videos if not np.isfinite(v.sigma_mm).all()]
@@ -89,7 +94,10 @@ def uncertainty_of(
 
 
 def _video(
-    motion: VideoMotion, covariance_mm2: Float[np.ndarray, "T 24 3 3"], azimuth_deg: float
+    motion: VideoMotion,
+    covariance_mm2: Float[np.ndarray, "T 24 3 3"],
+    azimuth_deg: float,
+    camera_rotation_deg: float,
 ) -> VideoUncertainty:
     root = motion.joints[:, 0]
     sight = root / np.linalg.norm(root, axis=-1, keepdims=True)
@@ -102,6 +110,7 @@ def _video(
         across_mm=across,
         covariance_mm2=covariance_mm2.astype(np.float32),
         azimuth_deg=azimuth_deg,
+        camera_rotation_deg=camera_rotation_deg,
     )
 
 

@@ -73,6 +73,8 @@ GLOSSARY = {
         f"covered_{level}_share": f"Share of the true joints within the claimed {level} % region."
         for level in (50, 80, 90)
     },
+    "camera_rotation_deg": "Claimed standard deviation of the camera's rotation, all axes.",
+    "normalised_camera_error": "Error of the camera's rotation over that; calibrated: about 1.",
     "coverage_error": "Mean distance of such shares from what their regions claim; calibrated: 0.",
     "azimuth_deg": "Direction of a camera around the performer; 0: in front, 90: at their left.",
     "reduction_share": "Share by which one more camera there would lower the summed variance.",

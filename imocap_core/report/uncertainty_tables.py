@@ -10,7 +10,12 @@ from jaxtyping import Float
 from imocap_core.artifacts.schemas import Table, Uncertainty, VideoMotion
 from imocap_core.artifacts.schemas.evaluate import Cell
 from imocap_core.conventions import EVAL_12
-from imocap_core.evaluate.calibration import EVAL_INDICES, METRICS, joint_errors_mm
+from imocap_core.evaluate.calibration import (
+    EVAL_INDICES,
+    METRICS,
+    NORMALISED_CAMERA_ERROR,
+    joint_errors_mm,
+)
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.calibration import normalised_errors
 from imocap_core.metrics.scoring import ALL_VIDEOS, ScoreRow
@@ -45,15 +50,21 @@ def _by_video(claimed: Uncertainty, rows: Sequence[ScoreRow]) -> Table:
             v.azimuth_deg if np.isfinite(v.azimuth_deg) else None,
             *(_rms(x[:, EVAL_INDICES]) for x in (v.sigma_mm, v.depth_mm, v.across_mm)),
             *(value.get((v.id, metric)) for metric in METRICS),
+            _finite(v.camera_rotation_deg),
+            value.get((v.id, NORMALISED_CAMERA_ERROR)),
         ]
         for v in claimed.videos
     ]
     means = [value.get((ALL_VIDEOS, metric)) for metric in METRICS]
+    means += [None, value.get((ALL_VIDEOS, NORMALISED_CAMERA_ERROR))]
     cells.append([ALL_VIDEOS, None, *(_mean(cells, k) for k in (2, 3, 4)), *means])
     return Table(
         name="uncertainty",
         title="Claimed standard deviations (root mean square over 12 joints) and normalised errors",
-        columns=["video", "azimuth_deg", "sigma_mm", "depth_mm", "across_mm", *METRICS],
+        columns=[
+            *("video", "azimuth_deg", "sigma_mm", "depth_mm", "across_mm", *METRICS),
+            *("camera_rotation_deg", NORMALISED_CAMERA_ERROR),
+        ],
         rows=cells,
         note=claimed.status,
     )

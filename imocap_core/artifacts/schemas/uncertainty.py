@@ -17,6 +17,7 @@ class VideoUncertainty(Value):
     across_mm: Annotated[Floats, Shape("T", 24)]  # the two directions across it together
     covariance_mm2: Annotated[Floats32, Shape("T", 24, 3, 3)]
     azimuth_deg: float  # of its camera about the performer; excluded: by its own motion, or NaN
+    camera_rotation_deg: float = float("nan")  # about the reference's camera, three axes together
 
 
 class WeakSpan(Value):

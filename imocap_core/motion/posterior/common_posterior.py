@@ -60,6 +60,7 @@ class CommonPosterior:
     Attributes:
         evidence: with the globals among the motion's unknowns.
         free: videos whose cameras are unknowns, in that order.
+        reference: the video whose camera is the world.
         normal: the normal matrix whose inverse this is.
         given_globals: (N, 75, 75) covariance of each frame if the globals were known.
         response: (N, 75, m) how the frames follow the globals; globals_: (m, m) their covariance.
@@ -67,6 +68,7 @@ class CommonPosterior:
 
     evidence: CommonEvidence
     free: list[int]
+    reference: int
     normal: NormalEquations
     given_globals: Float[Tensor, "N 75 75"]
     response: Float[Tensor, "N 75 m"]
@@ -75,6 +77,15 @@ class CommonPosterior:
     def __len__(self) -> int:
         """N."""
         return len(self.given_globals)
+
+    def camera_rotation_sd_rad(self, v: int) -> float:
+        """Standard deviation of the rotation of camera ``v`` (root of the trace of its covariance):
+        0 for the reference, NaN for a video without evidence."""
+        if v not in self.free:
+            return 0.0 if v == self.reference else float("nan")
+        first = self.evidence.motion.camera_columns(self.free.index(v)).start
+        variance = self.globals_[first : first + 3, first : first + 3].trace()
+        return float(variance.sqrt())
 
     def in_camera_axes(self, v: int) -> Float[Tensor, "N 75 75"]:
         """Covariance of the common motion in the axes of camera ``v``."""
@@ -152,6 +163,7 @@ def common_posterior(scene: Scene, evidence: CommonEvidence, noise: Noise) -> Co
     return CommonPosterior(
         replace(evidence, motion=state),
         free,
+        scene.reference,
         normal,
         factored.inverse_diagonal(),
         response,

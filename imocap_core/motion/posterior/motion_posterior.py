@@ -49,11 +49,13 @@ class MotionPosterior:
     Attributes:
         covariances_m2: per video (T_v, 24, 3, 3), the video's camera axes, joints about the middle
             of the hips; NaN where the normal matrix was not positive definite.
+        camera_rotation_rad: per video the standard deviation of its camera's rotation.
         motion: the motion seen by all videos (batch of 1, world axes; a single video's own).
         normal: its normal matrix; common: None for one video.
     """
 
     covariances_m2: list[Float[np.ndarray, "_ 24 3 3"]]
+    camera_rotation_rad: list[float]
     motion: MotionState
     normal: NormalEquations
     common: CommonPosterior | None
@@ -81,7 +83,8 @@ def motion_posterior(
     joints, schurs = zip(*at_once(joints_given_shape, range(videos)), strict=True)
     shape = torch.linalg.inv(torch.stack(schurs).sum(0))
     covariances = [of_video.covariance(shape).cpu().numpy() for of_video in joints]
-    return MotionPosterior(covariances, evidence.motion, common.normal, common)
+    rotations = [common.camera_rotation_sd_rad(v) for v in range(videos)]
+    return MotionPosterior(covariances, rotations, evidence.motion, common.normal, common)
 
 
 def _of_single_video(
@@ -91,7 +94,7 @@ def _of_single_video(
     posterior = per_video_posterior(fit)
     joints = joint_covariance(scene.body, fit.state, posterior.given_shape, posterior.response)
     covariance = joints.covariance(torch.linalg.inv(posterior.schur)).cpu().numpy()
-    return MotionPosterior([covariance], state, posterior.normal, None)
+    return MotionPosterior([covariance], [0.0], state, posterior.normal, None)
 
 
 def nearest_reference(to_reference: Float[np.ndarray, " T"], frames: int) -> Int[np.ndarray, " T"]:
