@@ -15,14 +15,14 @@ from jaxtyping import Float
 from imocap_core.conventions import SMPL_JOINTS
 
 VARIANCE_FACTOR = 2.5
-CAMERA_VARIANCE_FACTOR = 10.0
+CAMERA_VARIANCE_FACTOR = 8.0
 # standard deviation of each coordinate, millimetres
 MISFIT_MM = {
-    "hip": 1.0,
-    "knee": 5.0,
-    "ankle": 10.0,
-    "shoulder": 16.0,
-    "elbow": 0.0,
+    "hip": 0.0,
+    "knee": 1.0,
+    "ankle": 0.0,
+    "shoulder": 14.0,
+    "elbow": 5.0,
     "wrist": 0.0,
 }
 NEAREST_KIND = {"foot": "ankle", "hand": "wrist", "pelvis": "hip"}  # else the shoulder's
