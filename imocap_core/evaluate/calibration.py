@@ -65,9 +65,9 @@ def normalised_camera_rows(rows: Sequence[ScoreRow], claimed: Uncertainty) -> li
     for row in (row for row in rows if row.metric == CAMERA_ERROR):
         value, note = None, row.note
         if row.value is not None:
-            known = sd_deg[row.video] > 0  # False where NaN
-            value = row.value / sd_deg[row.video] if known else None
-            note = "" if known else "no standard deviation is claimed"
+            claims = sd_deg[row.video] > 0  # False where NaN
+            value = row.value / sd_deg[row.video] if claims else None
+            note = "" if claims else "no standard deviation is claimed"
         normalised.append(ScoreRow(row.result, row.video, NORMALISED_CAMERA_ERROR, value, note))
     return normalised
 
