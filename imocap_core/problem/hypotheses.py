@@ -127,7 +127,8 @@ def candidates_of(
             explained = exchanged_keypoints(film, other.exchanged, SMPL_JOINTS)
         hypotheses.append(_hypothesis(other.motion, explained, reflect=reflect))
     excess = np.array([0.0, *(a.excess_cost for a in alternatives)])
-    return CandidateMotions(hypotheses, excess, video.fps)
+    suggested = np.array([False, *(len(a.exchanged) > 0 for a in alternatives)])
+    return CandidateMotions(hypotheses, excess, video.fps, suggested)
 
 
 def _hypothesis(motion: VideoMotion, film: Keypoints2D, *, reflect: bool) -> Hypothesis3D:

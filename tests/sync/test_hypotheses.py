@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -113,3 +114,13 @@ def test_a_change_and_a_tie_are_said() -> None:
     assert "depth reversed" in changed
     assert tie.startswith("right")
     assert "do not decide" in tie
+    alike = [["best", "exchanged", "exchanged, depth"], ["best"]]
+    assert len(sentences(JointChoice((1, 0), [(2,), ()]), ["left", "right"], alike)) == 1
+
+
+def test_a_motion_that_the_other_videos_suggested_costs_nothing_to_take() -> None:
+    films = candidates((), 0.0)
+    same = replace(films[1], hypotheses=[films[1].hypotheses[0]] * 2)
+    assert choose_jointly([films[0], same, *films[2:]]).labels[1] == 0
+    better = replace(same, excess=np.array([0.0, -9.0]), suggested=np.array([False, True]))
+    assert choose_jointly([films[0], better, *films[2:]]).labels[1] == 1

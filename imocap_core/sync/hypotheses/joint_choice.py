@@ -8,11 +8,11 @@ best. So the first motions stay unless others agree clearly better.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from imocap_core.sync.hypotheses.agreement import Hypothesis3D, pair_costs
 from imocap_core.sync.hypotheses.choice import best_labellings
@@ -31,11 +31,13 @@ class CandidateMotions:
     Attributes:
         hypotheses: the likeliest first.
         excess: objective a frame of each, above the first's.
+        suggested: whether the other videos suggested it (`exchanged`): taking it costs nothing.
     """
 
     hypotheses: Sequence[Hypothesis3D]
     excess: Float[np.ndarray, " K"]
     fps: float
+    suggested: Bool[np.ndarray, " K"] | None = None
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,7 @@ def choose_jointly(videos: Sequence[CandidateMotions]) -> JointChoice:
         (a, b): share * pair_costs(thin[a].hypotheses, thin[b].hypotheses)
         for a, b in combinations(range(len(videos)), 2)
     }
-    best, *others = best_labellings([_unary(v.excess) for v in videos], pairs, margin=TIE)
+    best, *others = best_labellings([_unary(v) for v in videos], pairs, margin=TIE)
     rivals = [
         tuple(sorted({o.labels[v] for o in others} - {label}))
         for v, label in enumerate(best.labels)
@@ -72,7 +74,7 @@ def choose_jointly(videos: Sequence[CandidateMotions]) -> JointChoice:
 def thinned_candidates(videos: Sequence[CandidateMotions]) -> list[CandidateMotions]:
     """The same at one frame rate, so that a step of one video is about a step of every other."""
     return [
-        CandidateMotions(_every(v.hypotheses, n), v.excess, v.fps / n)
+        replace(v, hypotheses=_every(v.hypotheses, n), fps=v.fps / n)
         for v, n in zip(videos, strides(videos), strict=True)
     ]
 
@@ -90,7 +92,8 @@ def _every(hypotheses: Sequence[Hypothesis3D], n: int) -> list[Hypothesis3D]:
     return [Hypothesis3D(h.motion[::n], thin[id(h.keypoints)]) for h in hypotheses]
 
 
-def _unary(excess: Float[np.ndarray, " K"]) -> Float[np.ndarray, " K"]:
+def _unary(video: CandidateMotions) -> Float[np.ndarray, " K"]:
     """Cost of each motion by itself."""
-    worse = np.clip(PER_COST * excess, 0.0, LARGEST_EXCESS)
-    return np.where(np.arange(len(excess)) > 0, worse + CHANGE, 0.0)
+    worse = np.clip(PER_COST * video.excess, -LARGEST_EXCESS, LARGEST_EXCESS)
+    suggested = np.zeros(len(worse), dtype=bool) if video.suggested is None else video.suggested
+    return np.where(np.arange(len(worse)) > 0, worse + CHANGE * ~suggested, 0.0)

@@ -31,10 +31,12 @@ def sentences(
                 f"{_meaning(motions[v][label])} is used, because it agrees better with the other "
                 f"videos' keypoints"
             )
-        if choice.rivals[v]:
-            others = ", or ".join(_meaning(motions[v][k]) for k in choice.rivals[v])
+        rivals = dict.fromkeys(_meaning(motions[v][k]) for k in choice.rivals[v])
+        rivals.pop(_meaning(motions[v][label]), None)
+        if rivals:
             messages.append(
-                f"{names[v]}: the videos do not decide between the motion that is used and {others}"
+                f"{names[v]}: the videos do not decide between the motion that is used and "
+                f"{', or '.join(rivals)}"
             )
     return messages
 
