@@ -27,21 +27,20 @@ def sentences(
     for v, label in enumerate(choice.labels):
         if label > 0:
             messages.append(
-                f"{names[v]} by itself is explained by several motions; instead of the likeliest "
-                f"{_meaning(motions[v][label])} is used, because it agrees better with the other "
-                f"videos' keypoints"
+                f"{names[v]} alone may show several motions: not the likeliest is used but "
+                f"{_meaning(motions[v][label])}, because it agrees better with the other videos"
             )
         rivals = dict.fromkeys(_meaning(motions[v][k]) for k in choice.rivals[v])
         rivals.pop(_meaning(motions[v][label]), None)
         if rivals:
             messages.append(
-                f"{names[v]}: the videos do not decide between the motion that is used and "
-                f"{', or '.join(rivals)}"
+                f"{names[v]} may show several motions, and the videos do not decide between the one "
+                f"that is used and {', or '.join(rivals)}"
             )
     return messages
 
 
 def _meaning(name: str) -> str:
     if name.startswith(EXCHANGED):
-        return "one fitted with left and right exchanged for a while, as the other videos say"
+        return "one with left and right of its detections exchanged for a while"
     return MEANINGS.get(name, f"another fit ({name})")
