@@ -34,8 +34,8 @@ def sentences(
         rivals.pop(_meaning(motions[v][label]), None)
         if rivals:
             messages.append(
-                f"{names[v]} may show several motions, and the videos do not decide between the one "
-                f"that is used and {', or '.join(rivals)}"
+                f"{names[v]} may show several motions, and the videos do not decide between the "
+                f"one that is used and {', or '.join(rivals)}"
             )
     return messages
 
