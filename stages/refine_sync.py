@@ -21,20 +21,20 @@ from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.ground import with_ground
 from imocap_core.problem.hints import hints_of
 from imocap_core.problem.joint import JointProblem, problem_of
-from imocap_core.problem.synchronisation import synchronise_motions
+from imocap_core.problem.synchronisation import rates_of_motions, synchronise_motions
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     """All rounds; round 0 is the single pass."""
     keypoints, first_sync = inputs.get(Keypoints), inputs.get(Sync)
     single_pass = inputs.get(SmplBa)
-    cameras = inputs.get(CameraMotion)
-    problem = problem_of(
-        keypoints, cameras, inputs.get(InitialSmpl), first_sync, params.fit, params.motion
-    )
+    cameras, initial = inputs.get(CameraMotion), inputs.get(InitialSmpl)
+    problem = problem_of(keypoints, cameras, initial, first_sync, params.fit, params.motion)
     first = problem.solution(single_pass)
     hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))
     by_pictures = params.refine.evidence == "pictures"
+    monocular = [video.joints for video in initial.videos]
+    rates = rates_of_motions(monocular, keypoints, params.sync, hints)
     rounds_begun = 0
 
     def progress(what: str) -> None:
@@ -54,6 +54,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
             decided=first_sync,
             hints=hints,
             reprojection=problem.reprojection_evidence(motion) if by_pictures else None,
+            rates=rates,
         )
 
     def recover(sync: Sync, motion: JointMotion) -> JointMotion:

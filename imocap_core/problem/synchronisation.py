@@ -20,7 +20,7 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.params import SyncParams
-from imocap_core.sync import Hints, SyncResult, synchronise
+from imocap_core.sync import Hints, SyncResult, estimated_rates, synchronise
 from imocap_core.sync.screening.messages import sentences
 from imocap_core.sync.screening.registration import Keypoints2D
 from imocap_core.sync.screening.screening import Screening
@@ -40,6 +40,7 @@ def synchronise_motions(
     hints: Hints | None = None,
     decided: SyncSummary | None = None,
     reprojection: ReprojectionEvidence | None = None,
+    rates: Float[np.ndarray, " M"] | None = None,
 ) -> Sync:
     """Synchronise motions by their joints; frames without any detection are bridged.
 
@@ -47,21 +48,17 @@ def synchronise_motions(
         joints: of every video of `keypoints`, metres, in its own camera's axes.
         reference: id of the reference video, chosen by centrality when None.
         mirrored: per video True or False where action.yaml states it.
-        hints, reprojection: as of `imocap_core.sync.synchronise`.
+        hints, reprojection, rates: as of `imocap_core.sync.synchronise`.
         decided: an earlier synchronisation whose mirrored and excluded videos stay as they are.
     """
     ids = [video.id for video in keypoints.videos]
-    detected = [(video.confidence > 0).max(axis=1).astype(float) for video in keypoints.videos]
     fps = [video.fps for video in keypoints.videos]
     result = synchronise(
         joints,
         fps=fps,
         params=params,
         rng=rng,
-        confidence=[
-            np.repeat(of_frames[:, None], of_video.shape[1], axis=1)
-            for of_frames, of_video in zip(detected, joints, strict=True)
-        ],
+        confidence=_detected(joints, keypoints),
         joint_weights=joint_weights_of(params),
         reference=None if reference is None else ids.index(reference),
         twins=mirror_indices(SMPL_JOINTS),
@@ -70,12 +67,41 @@ def synchronise_motions(
         screening=None if decided is None else _screening_of(decided),
         keypoints=[keypoints_of_joints(video) for video in keypoints.videos],
         reprojection=reprojection,
+        rates=rates,
     )
     sync = sync_artifact(result, ids, fps)
     if decided is None:
         return sync
     unchanged = {"notes": decided.notes, "alternatives": decided.alternatives}
     return sync.model_copy(update=unchanged)
+
+
+def rates_of_motions(
+    joints: Sequence[Float[np.ndarray, "_ 24 3"]],
+    keypoints: Keypoints,
+    params: SyncParams,
+    hints: Hints,
+) -> Float[np.ndarray, " M"]:
+    """Seconds of the action per second of each video, as `synchronise_motions` estimates them."""
+    return estimated_rates(
+        joints,
+        fps=[video.fps for video in keypoints.videos],
+        params=params,
+        confidence=_detected(joints, keypoints),
+        joint_weights=joint_weights_of(params),
+        hints=hints,
+    )
+
+
+def _detected(
+    joints: Sequence[Float[np.ndarray, "_ 24 3"]], keypoints: Keypoints
+) -> list[Float[np.ndarray, "_ 24"]]:
+    """Confidences of the joints: 1 in frames with any detection."""
+    detected = [(video.confidence > 0).max(axis=1).astype(float) for video in keypoints.videos]
+    return [
+        np.repeat(of_frames[:, None], of_video.shape[1], axis=1)
+        for of_frames, of_video in zip(detected, joints, strict=True)
+    ]
 
 
 def keypoints_of_joints(video: VideoKeypoints) -> Keypoints2D:

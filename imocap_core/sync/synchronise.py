@@ -55,6 +55,7 @@ def synchronise(
     screening: Screening | None = None,
     keypoints: Sequence[Keypoints2D] | None = None,
     reprojection: ReprojectionEvidence | None = None,
+    rates: Float[np.ndarray, " M"] | None = None,
 ) -> SyncResult:
     """Find the counterpart in the reference video of every frame of every video.
 
@@ -74,6 +75,8 @@ def synchronise(
         keypoints: of the poses' joints in the same frames, as a second opinion on videos that look
             like another action.
         reprojection: keypoints and cameras of the videos that are not excluded, as reflected.
+        rates: seconds of the action per second of each video (`estimated_rates`), when they were
+            estimated before.
 
     Raises:
         ValueError: shapes that don't fit, or impossible hints; names every fault.
@@ -88,7 +91,8 @@ def synchronise(
     confidence = _without_forbidden(poses, confidence, hints)
     scaled = [x / s for x, s in zip(poses, body_scales(poses), strict=True)]
     weights = joint_weights_of(poses, confidence, joint_weights)
-    rates = playback_rates(scaled, weights, fps, params.max_rate)
+    if rates is None:
+        rates = playback_rates(scaled, weights, fps, params.max_rate)
     screening = screening or screen(
         scaled,
         weights,
@@ -115,6 +119,23 @@ def synchronise(
         reprojection=reprojection,
     )
     return _of_all_videos(joint, used, lengths, screening)
+
+
+def estimated_rates(
+    poses: Sequence[Float[np.ndarray, "_T J 3"]],
+    *,
+    fps: Sequence[float],
+    params: SyncParams,
+    confidence: Sequence[Float[np.ndarray, "_T J"]] | None = None,
+    joint_weights: Float[np.ndarray, " J"] | None = None,
+    hints: Hints | None = None,
+) -> Float[np.ndarray, " M"]:
+    """Seconds of the action per second of each video (`playback_rates`); arguments as of
+    `synchronise`."""
+    confidence = _without_forbidden(poses, confidence, hints or Hints())
+    scaled = [x / s for x, s in zip(poses, body_scales(poses), strict=True)]
+    weights = joint_weights_of(poses, confidence, joint_weights)
+    return playback_rates(scaled, weights, fps, params.max_rate)
 
 
 def _without_forbidden(

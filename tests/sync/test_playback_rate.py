@@ -1,8 +1,11 @@
 """Playback rates from poses: slow motion and time lapse, and no rate where speeds are usual."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from imocap_core.sync import estimated_rates
 from imocap_core.sync.warp.clocks import Clocks
 from imocap_core.sync.warp.playback_rate import log_playback_rates, playback_rates
 from tests.sync.test_synchronise import FPS, PARAMS, error_s, estimated, pose_at, run
@@ -91,3 +94,18 @@ def test_clocks_tell_the_action_s_time() -> None:
     clocks = Clocks([30.0, 60.0], np.array([1.0, 0.25]))
     assert clocks.action_fps == [30.0, 240.0]
     assert clocks.evidence_fps == [30.0, 120.0]
+
+
+def test_rates_that_were_estimated_before_give_the_same_maps() -> None:
+    _, poses = videos([1.0, 0.25, 0.9], 4)
+    params = replace(PARAMS, max_rate=32.0)
+    given = estimated_rates(poses, fps=[FPS] * 3, params=params)
+    assert given[1] < 0.5
+    plain, again = run(poses, params), run(poses, params, rates=given)
+    for a, b in zip(plain.reference_frame, again.reference_frame, strict=True):
+        np.testing.assert_array_equal(a, b)
+    usual = run(poses, params, rates=np.ones(3))
+    assert any(
+        not np.array_equal(a, b, equal_nan=True)
+        for a, b in zip(plain.reference_frame, usual.reference_frame, strict=True)
+    )
