@@ -96,7 +96,13 @@ def performances(
     file: Path, clip: str, seed: int, *, ends: float = 0.08, videos: int = 4
 ) -> tuple[list[Float[np.ndarray, "_T 14 3"]], list[Float[np.ndarray, "_T"]]]:
     """Joints on the stage and phases of the performances of a clip."""
-    joints = training_clip(file, clip)
+    return performances_of(training_clip(file, clip), seed, ends=ends, videos=videos)
+
+
+def performances_of(
+    joints: Float[np.ndarray, "T 14 3"], seed: int, *, ends: float = 0.08, videos: int = 4
+) -> tuple[list[Float[np.ndarray, "_T 14 3"]], list[Float[np.ndarray, "_T"]]]:
+    """Performances of a motion on the stage, and their phases."""
     T = len(joints)
     spline = CubicSpline(np.arange(T), joints)
     shown, phases = [], []

@@ -23,8 +23,7 @@ from imocap_core.sync.hypotheses.agreement import Hypothesis3D
 from imocap_core.sync.hypotheses.exchanged import exchanged_keypoints, with_exchanged_sides
 from imocap_core.sync.hypotheses.joint_choice import CandidateMotions, choose_jointly
 from imocap_core.sync.hypotheses.messages import sentences
-from imocap_core.sync.screening.mirrored_keypoints import reflected_keypoints
-from imocap_core.sync.screening.registration import Keypoints2D
+from imocap_core.sync.screening.registration import Keypoints2D, reflected_keypoints
 
 FIRST = "best"  # name of the motion of lowest cost
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from imocap_core.sync.screening.best_camera import registered
 from imocap_core.sync.screening.registration import (
     Keypoints2D,
     camera_directions,
-    explained_by_others,
+    reflected_keypoints,
     registration_residual,
+    unbiased_directions,
 )
 
 JOINTS, FRAMES = 12, 60
@@ -59,12 +61,24 @@ def test_directions_are_level_cameras() -> None:
     assert (axes[:, 1, 1] > 0).all()  # down is down
 
 
-def test_a_wrong_fit_of_the_right_action_is_explained_and_a_stranger_is_not() -> None:
-    films = [filmed(motion_of(1), a) for a in (0.0, 1.2, 2.4, 3.9)]
-    motions = [motion_of(1)] * 3 + [motion_of(7)]  # the last video's fit went wrong
-    assert explained_by_others(3, [0, 1, 2], motions, films)
-    stranger = [*films[:3], filmed(motion_of(2), 0.5)]
-    assert not explained_by_others(3, [0, 1, 2], motions, stranger)
+def test_registration_finds_the_camera_the_warp_and_less_than_any_static_pose() -> None:
+    film = filmed(motion_of(1), 0.9, 2)
+    directions = unbiased_directions()
+    view = registered(motion_of(1), film, directions)
+    assert view.residual <= registration_residual(motion_of(1), film, directions)
+    assert view.residual < 0.15
+    assert view.static_residual > 3 * view.residual
+    np.testing.assert_allclose(view.frames, np.arange(0, FRAMES, 2), atol=2)
+    truth = np.array([[np.cos(0.9), 0.0, np.sin(0.9)], [0.0, 1.0, 0.0]])
+    assert (np.sum(view.axes * truth, axis=1) > np.cos(np.deg2rad(10.0))).all()
+
+
+def test_reflecting_keypoints_twice_changes_nothing() -> None:
+    twins = [1, 0, 3, 2, 5, 4, 7, 6, 8, 9, 11, 10]
+    film = filmed(motion_of(1), 1.2)
+    twice = reflected_keypoints(reflected_keypoints(film, twins), twins)
+    np.testing.assert_allclose(twice.xy_px, film.xy_px)
+    np.testing.assert_array_equal(twice.weight, film.weight)
 
 
 def test_nothing_visible_explains_nothing() -> None:

@@ -104,7 +104,7 @@ def test_reported_mirrored_videos_are_neither_flipped_nor_outliers() -> None:
 
 
 def test_a_little_evidence_is_reported_and_flips_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("imocap_core.sync.screening.screening.CLEAR_MARGIN", 10.0)
+    monkeypatch.setattr("imocap_core.sync.screening.pose_decisions.CLEAR_MARGIN", 10.0)
     rng = np.random.default_rng(13)
     poses = [estimated(p, rng) for p in four_phases()]
     poses[2] = mirrored_poses(poses[2], TWINS)

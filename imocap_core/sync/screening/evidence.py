@@ -67,12 +67,18 @@ def mirrored_among(
     mirrored, margins = find_mirrored(first, pinned)
     if not mirrored:
         return mirrored, margins
-    kinds = [
+    return find_mirrored(agreed(mirror_kinds(plain, reflected, fps, max_rate)), pinned)
+
+
+def mirror_kinds(
+    plain: WeightedPoses, reflected: WeightedPoses, fps: Sequence[float], max_rate: float
+) -> list[Float[np.ndarray, "M M"]]:
+    """All six kinds of `mirror_evidence`, of poses and of motion."""
+    return [
         kind
         for a, b in ((plain, reflected), (plain.in_motion(fps), reflected.in_motion(fps)))
         for kind in _mirror_evidence(a, b, fps, max_rate, begins=BEGINS)
     ]
-    return find_mirrored(agreed(kinds), pinned)
 
 
 def _mirror_evidence(

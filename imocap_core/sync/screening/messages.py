@@ -15,16 +15,15 @@ def sentences(screening: Screening, names: Sequence[str]) -> list[str]:
     messages = [_outlier(screening, v, names[v]) for v in screening.outliers]
     messages += [_mirrored(screening, v, names[v]) for v in screening.mirrored]
     messages += [
-        f"{names[v]} differs from the other videos by its own 3D poses, but its keypoints are "
-        f"explained by their motion: it takes part (its monocular fit may have gone wrong)"
-        for v in screening.explained
+        f"{names[v]} is hardly better explained by the others' motion than by a pose that stands "
+        f"still, but it is not clear that it shows another action: it takes part"
+        for v in screening.undecided
     ]
-    messages += [
-        f"{names[v]} looks mirrored by its own 3D poses, but the others' motion does not explain "
-        f"its keypoints better reflected: left as it is (its monocular fit may have gone wrong, or "
-        f"the action is its own mirror image; mirrored: true in action.yaml flips it)"
-        for v in screening.refuted
-    ]
+    if screening.symmetric:
+        messages.append(
+            "the action is nearly its own mirror image, so no video is tested for being mirrored "
+            "(mirrored: true in action.yaml flips one)"
+        )
     left = len(names) - len(screening.excluded)
     if screening.excluded and left == 2:
         messages.append(
@@ -41,9 +40,9 @@ def _outlier(screening: Screening, v: int, name: str) -> str:
         else "used nevertheless (sync.outliers: report)"
     )
     return (
-        f"{name} seems to show another action: it differs more from the other videos than they "
-        f"from each other, and their order of time explains little of it (score "
-        f"{screening.outlier_score[v]:.2f}, above {LARGEST_SCORE} is another action): {done}"
+        f"{name} seems to show another action: the other videos explain each other and not it "
+        f"(score {screening.outlier_score[v]:.2f}, above {LARGEST_SCORE:.1f} is another "
+        f"action): {done}"
     )
 
 

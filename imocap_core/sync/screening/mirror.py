@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 # By how much (natural logarithm of the residual) reflection must fit better. Training clips that
 # are not mirrored stay below 0.03. A video is flipped on clearer evidence than it is reported on: a
@@ -54,7 +54,9 @@ def agreed(kinds: Sequence[Float[np.ndarray, "M M"]]) -> Float[np.ndarray, "M M"
     return np.where(same, weakest, 0.0)
 
 
-def signs_of(evidence: Float[np.ndarray, "M M"], pinned: Sequence[bool]) -> Int[np.ndarray, " M"]:
+def signs_of(
+    evidence: Float[np.ndarray, "M M"], pinned: Sequence[bool] | Bool[np.ndarray, " M"]
+) -> Int[np.ndarray, " M"]:
     """Signs of +1 and -1 that maximise the sum over pairs of s_i s_j evidence_ij.
 
     Videos that are `pinned` keep +1. Without any, the larger side is +1; of equal sides the one

@@ -1,11 +1,10 @@
-"""Second opinion on a video of another action: are its keypoints explained by another's motion?
+"""Registration of a video's keypoints with a motion: the best camera and the best monotone warp.
 
 A monocular fit may go wrong (depth reversed, back taken for front), and then its poses lie far from
-everybody's. The keypoints it was fitted to do not go wrong with it. So a video that looks like
-another action by its poses is held against every other video's motion by its keypoints alone: under
-the best of many fixed camera directions (scaled orthographic, level, any scale and place a frame)
-and the best monotone warp. The residual of a frame is the share of its keypoints' spread that the
-projected pose leaves, between 0 and 1.
+everybody's. The keypoints it was fitted to do not go wrong with it. So a video is held against a
+motion by its keypoints alone: under the best camera direction (scaled orthographic, any scale and
+place a frame) and the best monotone warp. The residual of a frame is the share of its keypoints'
+spread that the projected pose leaves, between 0 and 1.
 """
 
 from __future__ import annotations
@@ -18,10 +17,10 @@ from jaxtyping import Complex, Float, Int
 
 DIRECTIONS = 64  # on the sphere, of which those nearly along gravity are left out
 STEEPEST = 0.9  # sine of a camera's elevation
+UNBIASED_DIRECTIONS = 48  # with as many reflected ones
+REFLECTED_AXES = np.array([[1.0, -1.0, -1.0], [-1.0, 1.0, 1.0]])  # S R S of right and down
 MAX_STEP = 4  # positions that a warp may go on from one frame to the next
 HOLD_COST, SKIP_COST = 0.1, 0.02  # of staying at a position, of each position skipped beyond two
-UNINFORMATIVE = 0.5  # residual of the others among themselves from which nothing can be said
-EXPLAINED_RATIO = 1.25  # times the worst of the others: what is above is not explained
 
 
 @dataclass(frozen=True)
@@ -37,27 +36,6 @@ class Keypoints2D:
     weight: Float[np.ndarray, "T J"]
 
 
-def explained_by_others(
-    video: int,
-    others: Sequence[int],
-    motions: Sequence[Float[np.ndarray, "_ J 3"]],
-    keypoints: Sequence[Keypoints2D],
-) -> bool:
-    """Whether a video's keypoints are explained by the others' motions as theirs by each other.
-
-    Args:
-        motions: per video, in the axes of its own camera (y down), gravity about along y.
-        keypoints: per video, at the same frames.
-    """
-    directions = camera_directions()
-
-    def least_residual(v: int, candidates: Sequence[int]) -> float:
-        return min(registration_residual(motions[u], keypoints[v], directions) for u in candidates)
-
-    worst = max(least_residual(v, [u for u in others if u != v]) for v in others)
-    return worst < UNINFORMATIVE and least_residual(video, others) <= EXPLAINED_RATIO * worst
-
-
 def registration_residual(
     motion: Float[np.ndarray, "N J 3"],
     keypoints: Keypoints2D,
@@ -68,6 +46,13 @@ def registration_residual(
         return 1.0
     residual = pose_residuals(motion, keypoints, directions)
     return float(warp_costs(residual).min() / len(keypoints.weight))
+
+
+def reflected_keypoints(keypoints: Keypoints2D, twins: Sequence[int]) -> Keypoints2D:
+    """The keypoints of the picture seen in a mirror; twins: each joint's left-right counterpart."""
+    columns = list(twins)
+    xy_px = (keypoints.xy_px * np.array([-1.0, 1.0]))[:, columns]
+    return Keypoints2D(xy_px, keypoints.weight[:, columns])
 
 
 def camera_directions(count: int = DIRECTIONS) -> Float[np.ndarray, "D 2 3"]:
@@ -83,7 +68,27 @@ def camera_directions(count: int = DIRECTIONS) -> Float[np.ndarray, "D 2 3"]:
     return np.stack([right, np.cross(forward, right)], axis=1)
 
 
-def _centred(keypoints: Keypoints2D) -> Complex[np.ndarray, "T J"]:
+def unbiased_directions(count: int = UNBIASED_DIRECTIONS) -> Float[np.ndarray, "_D 2 3"]:
+    """Camera directions that are their own mirror image."""
+    axes = camera_directions(count)
+    return np.concatenate([axes, axes * REFLECTED_AXES])
+
+
+def residual_share(
+    product: Float[np.ndarray, "*frames"],
+    spread: Float[np.ndarray, "*frames"],
+    size: Float[np.ndarray, "..."],
+) -> Float[np.ndarray, "*frames"]:
+    """What the best positive scale of a projected pose p leaves of keypoints x, 0 to 1.
+
+    Args:
+        product: Re<x, p>; spread: <p, p>; size: <x, x>, both about their weighted means.
+    """
+    explained = np.maximum(product, 0.0) ** 2 / np.maximum(spread * size, 1e-12)
+    return np.asarray(np.sqrt(np.clip(1.0 - explained, 0.0, 1.0)))
+
+
+def centred_plane(keypoints: Keypoints2D) -> Complex[np.ndarray, "T J"]:
     """x + i y about the weighted mean of each frame, 0 where unknown."""
     points = np.where(keypoints.weight[..., None] > 0, keypoints.xy_px, 0.0)
     plane = points[..., 0] + 1j * points[..., 1]
@@ -102,29 +107,16 @@ def pose_residuals(
     With keypoints x and a pose p, both about their weighted means, the best scale is
     Re<x, p> / <p, p>, and 1 - Re<x, p>^2 / (<x, x> <p, p>) of the squared spread is left.
     """
-    plane, weight = _centred(keypoints), keypoints.weight
+    plane, weight = centred_plane(keypoints), keypoints.weight
     projected = np.einsum("dij,nkj->dink", directions, np.nan_to_num(motion))
-    pose = projected[:, 0] + 1j * projected[:, 1]
+    right, down = projected[:, 0].swapaxes(1, 2), projected[:, 1].swapaxes(1, 2)
+    weighted = weight * plane
+    product = weighted.real @ right + weighted.imag @ down
     total = np.maximum(weight.sum(1)[:, None], 1e-12)
-    product = np.einsum("tk,dnk->dtn", weight * plane.conj(), pose).real
-    mean = np.einsum("tk,dnk->dtn", weight, pose) / total
-    spread = np.einsum("tk,dnk->dtn", weight, np.abs(pose) ** 2) - total * np.abs(mean) ** 2
+    squared_mean = ((weight @ right) ** 2 + (weight @ down) ** 2) / total
+    spread = weight @ (right**2 + down**2) - squared_mean
     size = (weight * np.abs(plane) ** 2).sum(1)[:, None]
     return residual_share(product, spread, size)
-
-
-def residual_share(
-    product: Float[np.ndarray, "*frames"],
-    spread: Float[np.ndarray, "*frames"],
-    size: Float[np.ndarray, "..."],
-) -> Float[np.ndarray, "*frames"]:
-    """What the best positive scale of a projected pose p leaves of keypoints x, 0 to 1.
-
-    Args:
-        product: Re<x, p>; spread: <p, p>; size: <x, x>, both about their weighted means.
-    """
-    explained = np.maximum(product, 0.0) ** 2 / np.maximum(spread * size, 1e-12)
-    return np.asarray(np.sqrt(np.clip(1.0 - explained, 0.0, 1.0)))
 
 
 def warp_costs(residual: Float[np.ndarray, "D T N"]) -> Float[np.ndarray, " D"]:

@@ -6,13 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from imocap_core.params import SyncParams
-from imocap_core.sync.screening.evidence import WeightedPoses, mirrored_among, outliers_among
-from imocap_core.sync.screening.mirror import CLEAR_MARGIN, mirrored_poses
-from imocap_core.sync.screening.mirrored_keypoints import judged_by_keypoints, reflected_keypoints
-from imocap_core.sync.screening.registration import Keypoints2D, explained_by_others
+from imocap_core.sync.screening.evidence import WeightedPoses
+from imocap_core.sync.screening.explanation import prepared
+from imocap_core.sync.screening.keypoint_decisions import decide_by_keypoints
+from imocap_core.sync.screening.mirror import mirrored_poses
+from imocap_core.sync.screening.pose_decisions import decide_by_poses
+from imocap_core.sync.screening.registration import Keypoints2D
 from imocap_core.sync.screening.warp_residual import thinned
 
 OUTLIERS = ("exclude", "report", "ignore")
@@ -29,9 +31,8 @@ class Screening:
         excluded: left out of the joint synchronisation and reconstruction.
         flipped: treated as their mirror image.
         outlier_score, mirror_margin: see `outliers` and `mirror`; NaN where not computed.
-        explained: unlike the others by their poses, but their keypoints are explained by the
-            others' motion (`registration`): no outliers.
-        refuted: mirrored by their poses, but not by their keypoints (`mirrored_keypoints`).
+        undecided: look like another action, but it is not clear; they take part.
+        symmetric: the action is nearly its own mirror image: no video can be called mirrored.
     """
 
     outliers: tuple[int, ...]
@@ -40,8 +41,8 @@ class Screening:
     flipped: tuple[int, ...]
     outlier_score: Float[np.ndarray, " M"]
     mirror_margin: Float[np.ndarray, " M"]
-    explained: tuple[int, ...] = ()
-    refuted: tuple[int, ...] = ()
+    undecided: tuple[int, ...] = ()
+    symmetric: bool = False
 
 
 def not_screened(count: int, flipped: Sequence[int] = ()) -> Screening:
@@ -69,9 +70,9 @@ def screen(
         twins: each joint's mirror twin; None when not given (then no video is called mirrored).
         declared: True or False where the user states whether a video is mirrored.
         never_outliers: videos that are no outliers, whatever their score.
-        keypoints: of the poses' joints in the same frames: a video whose keypoints the others'
-            motion explains is no outlier, and one whose keypoints it explains as they are is not
-            mirrored, because its poses may come of a monocular fit that went wrong.
+        keypoints: of the poses' joints in the same frames. With keypoints and twins the keypoints
+            decide, held against the others' common motion (`keypoint_decisions`), because poses
+            may come of a monocular fit that went wrong; else the poses do (`pose_decisions`).
 
     Raises:
         ValueError: unknown switches, or a video declared mirrored without twins.
@@ -87,113 +88,43 @@ def screen(
         )
     if M < 2 or not (look_outliers or look_mirrored):
         return not_screened(M, declared_mirrored)
+    pinned = [d is not None for d in declared]
+    never = np.zeros(M, dtype=bool) if never_outliers is None else np.asarray(never_outliers)
     thin, w, rates = thinned(poses, weights, fps)
-    order = list(range(poses[0].shape[1])) if twins is None else list(twins)
-    plain = WeightedPoses(thin, w)
-    reflected = WeightedPoses([mirrored_poses(x, order) for x in thin], [v[:, order] for v in w])
-    plain, reflected = plain.swapped(declared_mirrored, reflected)
-    films = None
-    if keypoints is not None:
-        films = _thinned_keypoints(keypoints, fps, declared_mirrored, order)
-    thinned_videos = ThinnedVideos(plain, reflected, rates, films, order)
-    detected: list[int] = []
-    refuted: list[int] = []
-    margins = np.full(M, np.nan)
-    if look_mirrored:
-        pinned = [d is not None for d in declared]
-        detected, refuted, margins = _mirrored(thinned_videos, params.max_rate, pinned)
-    other_action: list[int] = []
-    explained: list[int] = []
-    scores = np.full(M, np.nan)
-    if look_outliers:
-        never = np.zeros(M, dtype=bool) if never_outliers is None else np.asarray(never_outliers)
-        other_action, explained, scores = _other_actions(
-            thinned_videos, params.max_rate, detected, never
-        )
-        # another action has no mirror image here
-        detected = [v for v in detected if v not in other_action]
-    flips = [v for v in detected if margins[v] > CLEAR_MARGIN] if params.mirrored == "flip" else []
+    if keypoints is not None and twins is not None:
+        films = _thinned_keypoints(keypoints, fps)
+        videos, paired = prepared(thin, films, twins)
+        upright = [v.mirrored(paired) if d else v for v, d in zip(videos, declared, strict=True)]
+        decided = decide_by_keypoints(
+            upright, paired, pinned, never,
+            look_mirrored=look_mirrored, look_outliers=look_outliers,
+        )  # fmt: skip
+    else:
+        order = list(range(poses[0].shape[1])) if twins is None else list(twins)
+        plain = WeightedPoses(thin, w)
+        mirror = WeightedPoses([mirrored_poses(x, order) for x in thin], [v[:, order] for v in w])
+        decided = decide_by_poses(
+            *plain.swapped(declared_mirrored, mirror), rates, params.max_rate, pinned, never,
+            look_mirrored=look_mirrored, look_outliers=look_outliers,
+        )  # fmt: skip
+    flips = decided.clearly_mirrored if params.mirrored == "flip" else ()
+    outliers = tuple(sorted(decided.outliers))
     return Screening(
-        outliers=tuple(sorted(other_action)),
-        mirrored=tuple(sorted({*detected, *declared_mirrored})),
-        excluded=tuple(sorted(other_action)) if params.outliers == "exclude" else (),
+        outliers=outliers,
+        mirrored=tuple(sorted({*decided.mirrored, *declared_mirrored})),
+        excluded=outliers if params.outliers == "exclude" else (),
         flipped=tuple(sorted({*flips, *declared_mirrored})),
-        outlier_score=scores,
-        mirror_margin=margins,
-        explained=tuple(sorted(explained)),
-        refuted=tuple(sorted(refuted)),
+        outlier_score=decided.score,
+        mirror_margin=decided.margin,
+        undecided=decided.undecided,
+        symmetric=decided.symmetric,
     )
 
 
-@dataclass(frozen=True)
-class ThinnedVideos:
-    """What is screened: poses as they are and reflected, their rates, and keypoints if known.
-
-    twins: each joint's mirror twin.
-    """
-
-    plain: WeightedPoses
-    reflected: WeightedPoses
-    rates: Sequence[float]
-    films: Sequence[Keypoints2D] | None
-    twins: Sequence[int]
-
-
-def _mirrored(
-    videos: ThinnedVideos, max_rate: float, pinned: Sequence[bool]
-) -> tuple[list[int], list[int], Float[np.ndarray, " M"]]:
-    """Mirrored videos, those that only look so by their poses, and the margins."""
-    detected, margins = mirrored_among(
-        videos.plain, videos.reflected, videos.rates, max_rate, pinned
-    )
-    if videos.films is None:
-        return detected, [], margins
-    return judged_by_keypoints(
-        detected, margins, pinned, videos.plain.poses, videos.films, videos.twins
-    )
-
-
-def _other_actions(
-    videos: ThinnedVideos, max_rate: float, mirrored: Sequence[int], never: Bool[np.ndarray, " M"]
-) -> tuple[list[int], list[int], Float[np.ndarray, " M"]]:
-    """Videos of another action, those that only look so by their poses, and the scores."""
-    upright, _ = videos.plain.swapped(mirrored, videos.reflected)
-    suspects, scores = outliers_among(upright, videos.rates, max_rate, never)
-    if videos.films is None:
-        return suspects, [], scores
-    films = [
-        reflected_keypoints(film, videos.twins) if v in mirrored else film
-        for v, film in enumerate(videos.films)
-    ]
-    explained = _explained(suspects, upright.poses, films)
-    return [v for v in suspects if v not in explained], explained, scores
-
-
-def _explained(
-    suspects: Sequence[int],
-    motions: Sequence[Float[np.ndarray, "_T J 3"]],
-    keypoints: Sequence[Keypoints2D],
-) -> list[int]:
-    """Suspects whose keypoints the motion of the others, suspects apart, explains."""
-    others = [v for v in range(len(motions)) if v not in suspects]
-    if len(others) < 2:
-        return []
-    return [v for v in suspects if explained_by_others(v, others, motions, keypoints)]
-
-
-def _thinned_keypoints(
-    keypoints: Sequence[Keypoints2D],
-    fps: Sequence[float],
-    reflected: Sequence[int],
-    twins: Sequence[int],
-) -> list[Keypoints2D]:
-    """Keypoints at the frames of `thinned`, those of some videos seen in a mirror."""
+def _thinned_keypoints(keypoints: Sequence[Keypoints2D], fps: Sequence[float]) -> list[Keypoints2D]:
+    """Keypoints at the frames of `thinned`."""
     points, weights, _ = thinned([k.xy_px for k in keypoints], [k.weight for k in keypoints], fps)
-    films = []
-    for v, (xy_px, weight) in enumerate(zip(points, weights, strict=True)):
-        film = Keypoints2D(xy_px, weight)
-        films.append(reflected_keypoints(film, twins) if v in reflected else film)
-    return films
+    return [Keypoints2D(*both) for both in zip(points, weights, strict=True)]
 
 
 def _check(params: SyncParams) -> None:

@@ -1,0 +1,119 @@
+"""The best camera and warp of a video's keypoints under a motion, refined beyond fixed directions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Complex, Float, Int
+from scipy.spatial.transform import Rotation
+
+from imocap_core.sync.screening.registration import (
+    Keypoints2D,
+    centred_plane,
+    pose_residuals,
+    residual_share,
+    warp_costs,
+    warp_path,
+)
+
+EXCHANGED = 0.1  # residual that a frame costs whose left and right are taken as exchanged
+TURNS_DEG = (10.0, 5.0, 2.5)  # of the best direction's refinement
+
+
+@dataclass(frozen=True)
+class Registration:
+    """The camera and the warp under which a motion explains a video's keypoints best.
+
+    Attributes:
+        residual: mean a frame, costs of the warp included, 0 (explained) to 1.
+        static_residual: the same of the motion's best single pose, held throughout.
+        axes: image axes (right, down) in the motion's axes.
+        frames: (T,) of the motion.
+    """
+
+    residual: float
+    static_residual: float
+    axes: Float[np.ndarray, "2 3"]
+    frames: Int[np.ndarray, " T"]
+
+
+def registered(
+    motion: Float[np.ndarray, "N J 3"],
+    keypoints: Keypoints2D,
+    directions: Float[np.ndarray, "D 2 3"],
+) -> Registration:
+    """The best of some directions, refined, and its warp."""
+    plane, weight = centred_plane(keypoints), keypoints.weight
+    residuals = pose_residuals(motion, keypoints, directions)
+    best = int(warp_costs(residuals).argmin())
+    frames = warp_path(residuals[best])
+    axes = _refined(directions[best], np.nan_to_num(motion)[frames], plane, weight)
+    refined = pose_residuals(motion, keypoints, axes[None])
+    cost = float(warp_costs(refined)[0] / len(frames))
+    frames = warp_path(refined[0])
+    return Registration(cost, float(residuals.mean(axis=1).min()), axes, frames)
+
+
+def sides_corrected(
+    motion: Float[np.ndarray, "N J 3"],
+    keypoints: Keypoints2D,
+    directions: Float[np.ndarray, "D 2 3"],
+    twins: Sequence[int],
+) -> tuple[Keypoints2D, float]:
+    """The keypoints with left and right exchanged where that fits a motion clearly better.
+
+    Also what the exchange costs, mean a frame: a detector that takes the back for the front.
+    """
+    columns = list(twins)
+    other = Keypoints2D(keypoints.xy_px[:, columns], keypoints.weight[:, columns])
+    as_given, exchanged = (pose_residuals(motion, k, directions) for k in (keypoints, other))
+    least = np.minimum(as_given, exchanged + EXCHANGED)
+    best = int(warp_costs(least).argmin())
+    frames = warp_path(least[best])
+    rows = np.arange(len(frames))
+    swapped = (exchanged[best] + EXCHANGED < as_given[best])[rows, frames]
+    corrected = Keypoints2D(
+        np.where(swapped[:, None, None], other.xy_px, keypoints.xy_px),
+        np.where(swapped[:, None], other.weight, keypoints.weight),
+    )
+    return corrected, EXCHANGED * float(swapped.mean())
+
+
+def _aligned_residuals(
+    poses: Float[np.ndarray, "T J 3"],
+    plane: Complex[np.ndarray, "T J"],
+    weight: Float[np.ndarray, "T J"],
+    directions: Float[np.ndarray, "D 2 3"],
+) -> Float[np.ndarray, " D"]:
+    """Mean of `pose_residuals` over frames whose poses correspond."""
+    projected = np.einsum("dij,tkj->ditk", directions, poses)
+    pose = projected[:, 0] + 1j * projected[:, 1]
+    total = np.maximum(weight.sum(1), 1e-12)
+    pose = pose - ((weight * pose).sum(2) / total)[..., None]
+    product = (weight * (plane.conj() * pose).real).sum(2)
+    spread = (weight * np.abs(pose) ** 2).sum(2)
+    size = (weight * np.abs(plane) ** 2).sum(1)
+    return np.asarray(residual_share(product, spread, size).mean(axis=1))
+
+
+def _refined(
+    axes: Float[np.ndarray, "2 3"],
+    poses: Float[np.ndarray, "T J 3"],
+    plane: Complex[np.ndarray, "T J"],
+    weight: Float[np.ndarray, "T J"],
+) -> Float[np.ndarray, "2 3"]:
+    """The axes at a local minimum, by coordinate search; poses correspond to the frames."""
+    least = float(_aligned_residuals(poses, plane, weight, axes[None])[0])
+    R = np.concatenate([axes, np.cross(axes[:1], axes[1:])])
+    for turn_deg in TURNS_DEG:
+        vectors = np.concatenate([np.eye(3), -np.eye(3)]) * np.deg2rad(turn_deg)
+        turns = Rotation.from_rotvec(vectors).as_matrix()
+        while True:
+            near = turns @ R
+            residuals = _aligned_residuals(poses, plane, weight, near[:, :2])
+            if residuals.min() >= least - 1e-9:
+                break
+            R, least = near[residuals.argmin()], float(residuals.min())
+    return np.asarray(R[:2])

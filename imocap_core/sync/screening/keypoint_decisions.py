@@ -1,0 +1,172 @@
+"""Which videos are mirrored, and which show another action, from the joint explanations.
+
+A video is mirrored where the others' common motion explains its keypoints clearly better reflected,
+and most videos clearly better as they are taken; where most do not, the action is nearly its own
+mirror image, and nothing is decided. A video shows another action where the others' motion explains
+it no better than a static pose would, and much worse than they explain each other without it. One
+is decided at a time, the clearest first, and the rest is explained anew. What is not clear is
+undecided: reported, never acted on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from imocap_core.sync.screening.decisions import Decisions
+from imocap_core.sync.screening.explanation import (
+    LEAST_RESIDUAL,
+    Explanations,
+    PairResiduals,
+    ScreenedVideo,
+    explanations,
+    likely_signs,
+    pair_residuals,
+    with_sides_corrected,
+)
+from imocap_core.sync.screening.outliers import LARGEST_SCORE
+
+# Natural logarithms of ratios of residuals, chosen on development scenes (docs/sync.md).
+CLEAR_REFLECTION = 0.3  # from which a video is mirrored
+DECIDABLE_REFLECTION = (
+    0.33  # of the median video, from which an action differs from its mirror image
+)
+ANOTHER_ACTION = 0.2  # score from which a video shows another action
+EXCESS_WEIGHT = 0.5  # of the residual over the others', beside that over a static pose
+REFLECTION_WEIGHT = 0.5  # of a clear answer to whether it is mirrored, which a stranger has not
+SUSPICIOUS, DOUBTFUL = 0.05, 0.14  # first score worth a second look; last score worth a remark
+EXPLAINED_OTHERS = -0.05  # the others' median excess over a static pose must lie below
+SIGN_ROUNDS = 3
+FEWEST = 3  # videos of which one can be called another action
+
+
+@dataclass(frozen=True)
+class _Members:
+    """The videos that are left, which of them are taken as mirrored, and their explanations."""
+
+    left: list[int]
+    signs: Int[np.ndarray, " L"]
+    explained: Explanations
+
+
+def decide_by_keypoints(
+    videos: Sequence[ScreenedVideo],
+    twins: Sequence[int],
+    pinned: Sequence[bool],
+    never_outliers: Bool[np.ndarray, " M"],
+    *,
+    look_mirrored: bool,
+    look_outliers: bool,
+) -> Decisions:
+    """Decide on two videos or more.
+
+    Args:
+        pinned: videos whose reflection is given; never_outliers: videos that stay in any case.
+    """
+    M = len(videos)
+    pairs = pair_residuals(videos, twins)
+    fixed = np.asarray(pinned) if look_mirrored else np.ones(M, dtype=bool)
+    margin, score = np.full(M, np.nan), np.full(M, np.nan)
+    left: list[int] = list(range(M))
+    outliers: list[int] = []
+    members = _explained(left, videos, twins, pairs, fixed)
+    while True:
+        margin[left] = members.signs * members.explained.reflected
+        score[left] = _scores(members.explained)
+        able = [v for v in left if not never_outliers[v]]
+        suspect = max(able, key=lambda v: score[v], default=None) if look_outliers else None
+        if suspect is None or score[suspect] < SUSPICIOUS or len(left) < FEWEST:
+            break
+        rest = [v for v in left if v != suspect]
+        without = _explained(rest, videos, twins, pairs, fixed)
+        score[suspect] = _score_without(
+            members.explained, left.index(suspect), without.explained, twins
+        )
+        if score[suspect] <= ANOTHER_ACTION or len(outliers) == (M - 1) // 2:
+            break
+        outliers.append(suspect)
+        left, members = rest, without
+    mirrored = tuple(v for v, s in zip(left, members.signs, strict=True) if s < 0)
+    doubtful = tuple(v for v in left if score[v] > DOUBTFUL) if look_outliers else ()
+    return Decisions(
+        mirrored=mirrored,
+        clearly_mirrored=mirrored,
+        outliers=tuple(sorted(outliers)),
+        undecided=doubtful,
+        symmetric=look_mirrored and not _is_decidable(members.explained.reflected),
+        margin=margin,
+        score=LARGEST_SCORE * np.exp(score - ANOTHER_ACTION),
+    )
+
+
+def _explained(
+    left: list[int],
+    videos: Sequence[ScreenedVideo],
+    twins: Sequence[int],
+    pairs: PairResiduals,
+    pinned: Bool[np.ndarray, " M"],
+) -> _Members:
+    """The explanations of some videos, mirrored only those of which it is clear."""
+    among, members = pairs.among(left), [videos[v] for v in left]
+    signs = likely_signs(among, pinned[left])
+    explained = explanations(members, twins, among, signs)
+    for _ in range(SIGN_ROUNDS):
+        better = _clear_signs(signs, explained.reflected, pinned[left])
+        if (better == signs).all():
+            break
+        signs = better
+        explained = explanations(members, twins, among, signs)
+    if (signs < 0).any() and not _is_decidable(explained.reflected):
+        signs = np.ones_like(signs)
+        explained = explanations(members, twins, among, signs)
+    return _Members(list(left), signs, explained)
+
+
+def _clear_signs(
+    signs: Int[np.ndarray, " L"], reflected: Float[np.ndarray, " L"], pinned: Bool[np.ndarray, " L"]
+) -> Int[np.ndarray, " L"]:
+    """The signs, exchanged where a video fits clearly better so, -1 only where that is clear."""
+    as_given = np.where(pinned, 1, np.where(reflected >= CLEAR_REFLECTION, -signs, signs))
+    kept_mirrored = (signs > 0) | (reflected <= -CLEAR_REFLECTION)
+    return np.where(kept_mirrored, as_given, 1)
+
+
+def _is_decidable(reflected: Float[np.ndarray, " L"]) -> bool:
+    """Whether most videos fit clearly better with their signs than in a mirror."""
+    return bool(np.median(-reflected) >= DECIDABLE_REFLECTION)
+
+
+def _scores(explained: Explanations) -> Float[np.ndarray, " L"]:
+    """Each video's score, the others explained with it."""
+    residual = explained.residual
+    others = [float(np.median(np.delete(residual, v))) for v in range(len(residual))]
+    rows = zip(residual, explained.static, explained.reflected, others, strict=True)
+    return np.array([_score(*row) for row in rows])
+
+
+def _score_without(
+    explained: Explanations, video: int, rest: Explanations, twins: Sequence[int]
+) -> float:
+    """The score of a video, the others explained without it; undecided if these are not.
+
+    Where it would be another action, its left and right may have been exchanged by the detector.
+    """
+    others, reflected = float(np.median(rest.residual)), float(explained.reflected[video])
+    score = _score(explained.residual[video], explained.static[video], reflected, others)
+    if score > ANOTHER_ACTION:
+        residual, static = with_sides_corrected(explained, video, twins)
+        score = min(score, _score(residual, static, reflected, others))
+    are_explained = np.median(rest.static) <= EXPLAINED_OTHERS
+    return score if are_explained else min(score, ANOTHER_ACTION)
+
+
+def _score(residual: float, static: float, reflected: float, others: float) -> float:
+    """How little the others' motion explains a video.
+
+    Its residual over a static pose's and over the others', less what tells whether it is mirrored.
+    """
+    excess = np.log(max(residual, LEAST_RESIDUAL) / max(others, LEAST_RESIDUAL))
+    return float(static + EXCESS_WEIGHT * excess - REFLECTION_WEIGHT * abs(reflected))

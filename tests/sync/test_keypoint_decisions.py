@@ -1,0 +1,133 @@
+"""Whole videos are judged by what the others' common motion explains of their keypoints."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from imocap_core.sync.screening.common_motion import motions_without
+from imocap_core.sync.screening.decisions import Decisions
+from imocap_core.sync.screening.explanation import ScreenedVideo, pair_residuals, prepared
+from imocap_core.sync.screening.keypoint_decisions import decide_by_keypoints
+from imocap_core.sync.screening.messages import sentences
+from imocap_core.sync.screening.mirror import mirrored_poses
+from imocap_core.sync.screening.outliers import LARGEST_SCORE
+from imocap_core.sync.screening.registration import Keypoints2D, unbiased_directions
+from imocap_core.sync.screening.screening import Screening
+from tests.sync.test_registration import filmed, motion_of
+from tests.sync.test_screening import TWINS
+
+AZIMUTHS = (0.0, 1.2, 2.4, 3.9)
+
+
+def turned(motion: np.ndarray, azimuth: float) -> np.ndarray:
+    """A motion in the axes of the camera of `filmed`."""
+    c, s = np.cos(azimuth), np.sin(azimuth)
+    return np.asarray(motion @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]).T)
+
+
+def videos_of(motion: np.ndarray) -> list[ScreenedVideo]:
+    """Four videos of a motion with the right monocular fits."""
+    return [ScreenedVideo(turned(motion, a), filmed(motion, a)) for a in AZIMUTHS]
+
+
+def decided(videos: list[ScreenedVideo], **given: object) -> Decisions:
+    """The decisions where nothing is stated by the user."""
+    M = len(videos)
+    arguments = {
+        "pinned": [False] * M, "never_outliers": np.zeros(M, bool),
+        "look_mirrored": True, "look_outliers": True,
+    } | given  # fmt: skip
+    return decide_by_keypoints(videos, TWINS, **arguments)  # type: ignore[arg-type]
+
+
+def depth_reversed(video: ScreenedVideo) -> ScreenedVideo:
+    """The same keypoints with a monocular fit whose depth is reversed."""
+    return ScreenedVideo(video.motion * np.array([1.0, 1.0, -1.0]), video.keypoints)
+
+
+def test_genuine_videos_stay_even_with_a_reversed_fit() -> None:
+    videos = videos_of(motion_of(1))
+    for suspect in (videos, [*videos[:3], depth_reversed(videos[3])]):
+        result = decided(suspect)
+        assert (result.mirrored, result.outliers, result.symmetric) == ((), (), False)
+        assert (result.margin < -0.3).all()
+        assert (result.score < LARGEST_SCORE).all()
+
+
+@pytest.mark.parametrize("where", [0, 2])
+def test_a_mirrored_video_is_mirrored_whatever_its_fit(where: int) -> None:
+    videos = videos_of(motion_of(1))
+    for flipped in (videos[where].mirrored(TWINS), depth_reversed(videos[where].mirrored(TWINS))):
+        result = decided([flipped if v == where else x for v, x in enumerate(videos)])
+        assert (result.mirrored, result.outliers) == ((where,), ())
+        assert result.margin[where] > 0.3
+
+
+@pytest.mark.parametrize("where", [0, 3])
+def test_a_stranger_is_an_outlier_unless_it_must_stay_or_nobody_looks(where: int) -> None:
+    videos = videos_of(motion_of(1))
+    videos[where] = ScreenedVideo(turned(motion_of(2), 0.5), filmed(motion_of(2), 0.5))
+    assert decided(videos).outliers == (where,)
+    assert decided(videos).score[where] > LARGEST_SCORE
+    assert decided(videos, never_outliers=np.arange(4) == where).outliers != (where,)
+    assert decided(videos, look_outliers=False).outliers == ()
+
+
+def test_an_action_that_is_its_own_mirror_image_is_never_flipped_and_it_is_said() -> None:
+    half = motion_of(4)
+    videos = videos_of(0.5 * (half + mirrored_poses(half, TWINS)))
+    result = decided([*videos[:3], videos[3].mirrored(TWINS)])
+    assert result.mirrored == ()
+    assert result.symmetric
+    unknown = np.full(4, np.nan)
+    screening = Screening((), (), (), (), unknown, unknown, symmetric=True)
+    assert "own mirror image" in sentences(screening, "abcd")[0]
+
+
+def test_what_the_user_states_is_not_decided_again() -> None:
+    videos = videos_of(motion_of(1))
+    videos[2] = videos[2].mirrored(TWINS)
+    assert decided(videos, pinned=[True] * 4).mirrored == ()
+    assert decided(videos, look_mirrored=False).mirrored == ()
+
+
+def test_the_common_motion_is_nearer_to_the_truth_than_flattened_fits() -> None:
+    motion = motion_of(1)
+    videos = videos_of(motion)
+    flat = [x.motion * np.array([1.0, 1.0, 0.5]) for x in videos]
+    films = [x.keypoints for x in videos]
+    bent = [ScreenedVideo(x, k) for x, k in zip(flat, films, strict=True)]
+    residuals = pair_residuals(bent, TWINS).plain
+    common = motions_without(flat, films, residuals, unbiased_directions())
+    truths = [turned(motion, a) for a in AZIMUTHS]
+
+    def error(estimate: np.ndarray) -> float:
+        """Distance to the motion in the axes of whichever camera it is given in."""
+        about = estimate - estimate.mean(axis=1, keepdims=True)
+        return min(
+            float(np.linalg.norm(about - (t - t.mean(axis=1, keepdims=True)), axis=-1).mean())
+            for t in truths
+        )
+
+    assert np.mean([error(x) for x in common]) < 0.9 * np.mean([error(x) for x in flat])
+
+
+def test_a_detector_that_exchanges_sides_for_a_while_makes_no_stranger() -> None:
+    videos = videos_of(motion_of(1))
+    film = videos[1].keypoints
+    exchanged = film.xy_px.copy()
+    exchanged[18:42] = film.xy_px[18:42][:, list(TWINS)]
+    videos[1] = ScreenedVideo(videos[1].motion, Keypoints2D(exchanged, film.weight))
+    result = decided(videos)
+    assert (result.outliers, result.mirrored) == ((), ())
+
+
+def test_joints_without_keypoints_are_left_out_and_twins_follow() -> None:
+    videos = videos_of(motion_of(1))
+    films = [Keypoints2D(x.keypoints.xy_px, x.keypoints.weight.copy()) for x in videos]
+    for film in films:
+        film.weight[:, 0] = 0.0  # its twin, joint 1, cannot be compared either
+    short, twins = prepared([x.motion for x in videos], films, TWINS)
+    assert {x.motion.shape[1] for x in short} == {10}
+    assert [twins[t] for t in twins] == list(range(10))
