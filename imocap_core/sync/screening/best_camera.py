@@ -1,4 +1,4 @@
-"""The best camera and warp of a video's keypoints under a motion, refined beyond fixed directions."""
+"""The best camera and warp of a video's keypoints under a motion, beyond fixed directions."""
 
 from __future__ import annotations
 
