@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,9 +24,8 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.camera.motion import static_camera
 from imocap_core.params import Params
 from imocap_core.pipeline.action import Action, Declaration
-from imocap_core.pipeline.source import closure
+from imocap_core.pipeline.source import closure, module_name
 from imocap_core.pipeline.stage import Context, Inputs
-from stages import initial_smpl
 
 STAGE = "initial_smpl"
 LAYOUT = "coco18"
@@ -52,16 +52,28 @@ class FittedCast:
     mirrored: list[FittedFilm]
 
 
-def fitted_cast(data: Path, clip: str, detector: str, params: Params, cache: Path) -> FittedCast:
-    """A clip's cast with the fits of all its films; fits are read where the same code made them."""
+def fitted_cast(
+    data: Path, clip: str, detector: str, params: Params, script: Path, cache: Path
+) -> FittedCast:
+    """A clip's cast with the fits of all its films; fits are read where the same code made them.
+
+    data: the training clips; script: of the stage; cache: the folder of fits.
+    """
     cast = cast_of(data, clip, detector)
     films = [*cast.films, *cast.mirrored]
     keypoints = [_keypoints(film, f"v{number}") for number, film in enumerate(films)]
-    recipe = [closure(Path(__file__)), clip, detector, repr(params.initial_smpl), repr(params.fit)]
+    recipe = [
+        closure(Path(__file__)),
+        closure(script),
+        clip,
+        detector,
+        repr(params.initial_smpl),
+        repr(params.fit),
+    ]
     file = cache / f"{clip}-{action_key(recipe, [data])[:16]}.npz"
     if not file.is_file():
         file.parent.mkdir(parents=True, exist_ok=True)
-        _save(file, _fits(keypoints, params))
+        _save(file, _fits(keypoints, params, script))
     with np.load(file) as stored:
         fitted = [
             FittedFilm(stored[k.id], k, film.joints_m)
@@ -71,7 +83,7 @@ def fitted_cast(data: Path, clip: str, detector: str, params: Params, cache: Pat
     return FittedCast(clip, fitted[:count], fitted[count:])
 
 
-def _fits(keypoints: list[VideoKeypoints], params: Params) -> InitialSmpl:
+def _fits(keypoints: list[VideoKeypoints], params: Params, script: Path) -> InitialSmpl:
     """The stage's result, called with inputs in memory."""
     declared = tuple(
         Declaration(id=k.id, keypoints=k.id, fps=k.fps, size=k.size) for k in keypoints
@@ -84,7 +96,9 @@ def _fits(keypoints: list[VideoKeypoints], params: Params) -> InitialSmpl:
             STAGE, 0, frozenset({"initial"}), lambda _share, _what: None, here,
             Action(here, "screening", declared),
         )  # fmt: skip
-        return initial_smpl.run(context, inputs, params)
+        fits = importlib.import_module(module_name(script)).run(context, inputs, params)
+    assert isinstance(fits, InitialSmpl)
+    return fits
 
 
 def _save(file: Path, fits: InitialSmpl) -> None:

@@ -10,7 +10,7 @@ from benchmarks.actions.captured import data_folder
 from benchmarks.docs import check_marks, docs_sentences
 from benchmarks.names import BenchmarkOptions
 from benchmarks.parallel import each
-from benchmarks.screening.fits import FittedCast, fitted_cast
+from benchmarks.screening.fits import STAGE, FittedCast, fitted_cast
 from benchmarks.screening.measure import SceneRow, measure
 from benchmarks.screening.scenes import CLIPS, ScreeningScene, scenes_of
 from benchmarks.screening.tables import screening_table
@@ -44,10 +44,12 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
     return [*lines]
 
 
-def fit_clip(display: Display, data: Path, clip: str, params: Params, cache: Path) -> FittedCast:
+def fit_clip(
+    display: Display, data: Path, clip: str, params: Params, script: Path, cache: Path
+) -> FittedCast:
     """One clip's cast."""
     display.progress(0.0, f"monocular fits of {clip}")
-    return fitted_cast(data, clip, DETECTOR, params, cache)
+    return fitted_cast(data, clip, DETECTOR, params, script, cache)
 
 
 def screen_scene(display: Display, scene: ScreeningScene, params: SyncParams) -> SceneRow:
@@ -60,9 +62,10 @@ def _casts(
     options: BenchmarkOptions, workspace: Workspace, folder: Path, display: Display
 ) -> list[FittedCast]:
     data = data_folder(workspace.root, "train") / "cmu_train.npz"
-    params, cache = workspace.pipeline().params, folder / "fits"
+    pipeline, cache = workspace.pipeline(), folder / "fits"
+    params, script = pipeline.params, pipeline.script(STAGE)
     clips = [clip for clip in CLIPS if not options.only or clip in options.only]
-    tasks = [(clip, (data, clip, params, cache)) for clip in clips]
+    tasks = [(clip, (data, clip, params, script, cache)) for clip in clips]
     casts = {}
     for end in each(fit_clip, tasks, options.jobs, display):
         if end.result is None:
