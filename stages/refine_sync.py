@@ -18,7 +18,7 @@ from imocap_core.motion.multiview.scene import JointMotion
 from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
-from imocap_core.problem.ground import with_ground
+from imocap_core.problem.ground import with_ground, with_hands_on_ground
 from imocap_core.problem.hints import hints_of
 from imocap_core.problem.joint import JointProblem, problem_of
 from imocap_core.problem.synchronisation import rates_of_motions, synchronise_motions
@@ -73,6 +73,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     )
     result = _as_artifact(loop, problem, single_pass)
     motion = with_ground(result.motion, keypoints, cameras, result.sync.excluded, params.fit)
+    motion = with_hands_on_ground(motion, problem.scene.body.model, result.sync)
     return result.model_copy(update={"motion": motion})
 
 

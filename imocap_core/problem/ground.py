@@ -5,20 +5,26 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 import numpy as np
+import torch
 
 from imocap_core.artifacts.schemas import (
+    Camera,
     CameraMotion,
     GroundPlane,
     Keypoints,
     SmplBa,
+    SyncSummary,
     VideoMotion,
 )
+from imocap_core.body import Model
 from imocap_core.camera.gravity import FilmedBody
 from imocap_core.camera.ground import estimate_ground
 from imocap_core.camera.ground_plane import Ground
 from imocap_core.camera.tilt_evidence import LevelPrior
 from imocap_core.camera.world import BodyMotion, Extrinsics, to_world
+from imocap_core.motion.hands_on_ground import hands_on_ground
 from imocap_core.params import FitParams
+from imocap_core.rotations import exp, log, unwrap
 from imocap_core.workers import at_once
 
 
@@ -47,6 +53,27 @@ def with_ground(
             bodies.append(FilmedBody(body.joints, fps[video.id], R_mean))
     ground = estimate_ground(bodies, level_prior(fit))
     return motion.model_copy(update={"ground": stored_ground(ground)})
+
+
+def with_hands_on_ground(motion: SmplBa, model: Model, sync: SyncSummary) -> SmplBa:
+    """A joint motion whose hands end above its ground, in the videos that stand on it."""
+    if motion.ground is None:
+        return motion
+    ground = ground_of(motion.ground)
+
+    def above(video: VideoMotion, camera: Camera) -> VideoMotion:
+        if video.id in {*sync.excluded, *sync.mirrored}:
+            return video
+        R_local = exp(torch.from_numpy(video.theta.reshape(-1, 24, 3))).numpy()
+        below = ground.moved(camera.R, camera.t)
+        turned, joints = hands_on_ground(model, R_local, video.joints, below)
+        if np.array_equal(turned, R_local):
+            return video
+        theta = unwrap(log(torch.from_numpy(turned))).flatten(1).numpy()
+        return video.model_copy(update={"theta": theta, "joints": joints})
+
+    pairs = zip(motion.videos, motion.cameras, strict=True)
+    return motion.model_copy(update={"videos": [above(*pair) for pair in pairs]})
 
 
 def grounds_of(
