@@ -14,17 +14,16 @@ from imocap_core.rotations import exp
 
 BODY = load_free_body()
 FRAMES = 30
-WRISTS, HANDS = (
-    [SMPL_JOINTS.index(f"{s}_{n}") for s in ("left", "right")] for n in ("wrist", "hand")
-)
+SIDES = ("left", "right")
+WRISTS = [SMPL_JOINTS.index(f"{side}_wrist") for side in SIDES]
+HANDS = [SMPL_JOINTS.index(f"{side}_hand") for side in SIDES]
 UP = np.array([0.1, -0.98, 0.2]) / np.linalg.norm([0.1, -0.98, 0.2])
 
 
 def joints_of(R_local: np.ndarray) -> np.ndarray:
-    posed = BODY.shape(torch.zeros(10).double()).pose(
-        torch.from_numpy(R_local), torch.zeros(3).double()
-    )
-    return posed.joints.numpy()
+    zero = torch.zeros(10).double()
+    posed = BODY.shape(zero).pose(torch.from_numpy(R_local), zero[:3])
+    return np.asarray(posed.joints.numpy())
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +41,7 @@ def ground_below_wrists(joints: np.ndarray, height_m: float) -> Ground:
 def tips_m(R_local: np.ndarray, joints: np.ndarray, ground: Ground) -> np.ndarray:
     """Heights (T, 2) of the hands' tips."""
     heights = []
-    for side, wrist in zip(("left", "right"), WRISTS, strict=True):
+    for side, wrist in zip(SIDES, WRISTS, strict=True):
         hand = rest_hand(BODY, side)
         at_rest = BODY.joints_template.numpy()
         along = joints[:, wrist + 2] - joints[:, wrist]
@@ -52,7 +51,7 @@ def tips_m(R_local: np.ndarray, joints: np.ndarray, ground: Ground) -> np.ndarra
 
 
 def test_a_hand_that_would_be_below_ends_above(motion: tuple[np.ndarray, np.ndarray]) -> None:
-    ground = ground_below_wrists(motion[1], 0.05)
+    ground = ground_below_wrists(motion[1], 0.02)
     assert tips_m(*motion, ground).min() < -0.05
     lifted = hands_on_ground(BODY, *motion, ground)
     assert tips_m(*lifted, ground).min() > CLEARANCE_M - 1e-9
