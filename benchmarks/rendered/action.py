@@ -133,6 +133,7 @@ def _with_body_joints(captured: CapturedVideo, filmed: FilmedMotion) -> Captured
         captured,
         truth_joints_m=filmed.joints,
         truth_names=SMPL_JOINTS,
+        segments=None,  # its own pose is the truth
         t_common=captured.t_common + lifted,
     )
 
