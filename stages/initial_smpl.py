@@ -22,7 +22,7 @@ from imocap_core.problem.estimates import estimate_of
 from imocap_core.problem.exchanged_sides import refits_of_exchanged
 from imocap_core.problem.ground import grounds_of
 from imocap_core.problem.motions import alternatives_of, hypotheses_of, motions_of
-from imocap_core.problem.observations import body_for, observations_of
+from imocap_core.problem.observations import body_for, fit_of, observations_of
 from imocap_core.problem.starts import initial_evidence, lifted_where_no_estimate, source_of, starts
 from imocap_core.workers import at_once
 
@@ -38,7 +38,8 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
     automatic = options.lifter == "auto"
     lifted = lifted_where_no_estimate(keypoints, cameras, estimates) if automatic else {}
     evidence = initial_evidence(estimates, lifted)
-    observations = observations_of(body, keypoints, cameras, params.fit, evidence)
+    weights = fit_of(keypoints, params.fit)
+    observations = observations_of(body, keypoints, cameras, weights, evidence)
     ctx.progress(0.05, "looking for starts")
     library = make_library(
         body, prior, ctx.rng(), poses=options.library_poses, directions=options.library_directions
@@ -53,7 +54,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
     ctx.progress(0.4, "starts of all videos")
     slowest = min(o.fps for o in observations)
     fit = fit_monocular(
-        body, prior, observations, starts_of_all, params.fit,
+        body, prior, observations, starts_of_all, weights,
         stride=max(1, round(options.stride_s * slowest)), max_steps=options.max_steps,
         progress=lambda message: ctx.progress(0.5, message),
     )  # fmt: skip
@@ -63,12 +64,12 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
     pictured = [v for v, i in enumerate(ids) if estimates[i] is None and i not in lifted]
     of_pictures = [] if alone else pictured
     hypotheses = alternatives(
-        body, prior, library, observations, fit.coarse, params.fit,
+        body, prior, library, observations, fit.coarse, weights,
         videos=of_pictures, count=options.hypotheses - 1,
     )  # fmt: skip
     others = alternatives_of(body, hypotheses, observations, keypoints)
     others += refits_of_exchanged(
-        body, prior, library, observations, keypoints, motions, fit.coarse, options, params.fit,
+        body, prior, library, observations, keypoints, motions, fit.coarse, options, weights,
         videos=of_pictures,
     )  # fmt: skip
     return InitialSmpl(

@@ -32,7 +32,12 @@ class FitParams:
     )
     pose_prior: NonNegative = param(0.2, "Weight of the pose prior (a Gaussian mixture).")
     shape_prior: NonNegative = param(
-        30.0, "Weight of the squared shape coefficients, where they do not change a body's size."
+        10.0, "Weight of the squared shape coefficients, where they do not change a body's size."
+    )
+    shape_prior_of: dict[str, Positive] = param(
+        {"mediapipe33": 100.0},
+        "The same by keypoint layout, for detectors whose points are off at the same places in "
+        "every frame: such errors look like another body.",
     )
     size_prior: NonNegative = param(
         100.0,

@@ -27,7 +27,7 @@ from imocap_core.params import FitParams, MotionParams
 from imocap_core.problem.hypotheses import chosen_motions, explained_detections, explained_keypoints
 from imocap_core.problem.mirroring import Participants, participants_of
 from imocap_core.problem.motions import joint_motion_of, smpl_ba_of, state_of
-from imocap_core.problem.observations import body_for, estimated_joints, observations_of
+from imocap_core.problem.observations import body_for, estimated_joints, fit_of, observations_of
 from imocap_core.sync.warp.reprojection import CalibratedVideo, ReprojectionEvidence
 
 
@@ -106,6 +106,7 @@ def problem_of(
     camera_motion = explained_detections(initial, keypoints, camera_motion, chosen)
     keypoints = explained_keypoints(initial, keypoints, chosen)
     participants = participants_of(keypoints, camera_motion, motions, sync, model)
+    fit = fit_of(participants.keypoints, fit)
     body = body_for(participants.keypoints)  # an excluded video's layout may be another
     observations = observations_of(
         body,

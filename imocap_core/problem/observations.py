@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -72,11 +73,24 @@ def noise_share_of(layout: str, fit: FitParams) -> float:
     Raises:
         ValueError: `fit.noise_share_of` names an unknown layout.
     """
-    if unknown := sorted(set(fit.noise_share_of) - set(layouts())):
-        raise ValueError(
-            f"fit.noise_share_of: expected some of {', '.join(layouts())}, got {unknown[0]}"
-        )
+    _check_layouts("noise_share_of", fit.noise_share_of)
     return fit.noise_share_of.get(layout, fit.noise_share)
+
+
+def fit_of(keypoints: Keypoints, fit: FitParams) -> FitParams:
+    """The parameters with the shape prior of the videos' layouts, the strongest of several.
+
+    Raises:
+        ValueError: `fit.shape_prior_of` names an unknown layout.
+    """
+    _check_layouts("shape_prior_of", fit.shape_prior_of)
+    weights = [fit.shape_prior_of.get(x, fit.shape_prior) for x in layouts_of(keypoints)]
+    return replace(fit, shape_prior=max(weights, default=fit.shape_prior))
+
+
+def _check_layouts(field: str, table: Mapping[str, float]) -> None:
+    if unknown := sorted(set(table) - set(layouts())):
+        raise ValueError(f"fit.{field}: expected some of {', '.join(layouts())}, got {unknown[0]}")
 
 
 def estimated_joints(initial: InitialSmpl) -> dict[str, Float[np.ndarray, "_ 24 3"]]:

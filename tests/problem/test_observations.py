@@ -1,9 +1,28 @@
 """How much each detector is believed."""
 
+import numpy as np
 import pytest
 
+from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
+from imocap_core.body.layouts import layout_names
 from imocap_core.params import FitParams
-from imocap_core.problem.observations import noise_share_of
+from imocap_core.problem.observations import fit_of, noise_share_of
+
+
+def made_keypoints(*layouts: str) -> Keypoints:
+    """One video of two empty frames for each layout."""
+    videos = []
+    for layout in layouts:
+        count = len(layout_names(layout))
+        videos.append(
+            VideoKeypoints(
+                id=layout, fps=25.0, size=(64, 48), layout=layout, video=None, focal_px=None,
+                initial=None, initial_format=None, frames=np.arange(2),
+                xy_px=np.zeros((2, count, 2)), confidence=np.zeros((2, count)),
+                person_box_px=np.zeros((2, 4)), tracks_found=1, presence=1.0, note="",
+            )
+        )  # fmt: skip
+    return Keypoints(videos=videos)
 
 
 def test_a_detector_has_its_own_noise_and_others_the_usual() -> None:
@@ -14,6 +33,15 @@ def test_a_detector_has_its_own_noise_and_others_the_usual() -> None:
 
 def test_mediapipe_is_believed_less_by_default() -> None:
     assert noise_share_of("mediapipe33", FitParams()) > noise_share_of("body25", FitParams())
+
+
+def test_the_strongest_shape_prior_of_the_layouts_is_used() -> None:
+    params = FitParams(shape_prior=10.0, shape_prior_of={"mediapipe33": 70.0})
+    one = made_keypoints("body25")
+    assert fit_of(one, params).shape_prior == 10.0
+    assert fit_of(made_keypoints("body25", "mediapipe33"), params).shape_prior == 70.0
+    with pytest.raises(ValueError, match=r"shape_prior_of: expected some of body25.*, got paws$"):
+        fit_of(one, FitParams(shape_prior_of={"paws": 2.0}))
 
 
 def test_a_layout_that_there_is_not_is_named() -> None:
