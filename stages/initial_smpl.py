@@ -22,7 +22,7 @@ from imocap_core.problem.estimates import estimate_of
 from imocap_core.problem.exchanged_sides import refits_of_exchanged
 from imocap_core.problem.ground import grounds_of
 from imocap_core.problem.motions import alternatives_of, hypotheses_of, motions_of
-from imocap_core.problem.observations import body_for, fit_of, observations_of
+from imocap_core.problem.observations import body_for, fit_of_single_views, observations_of
 from imocap_core.problem.starts import initial_evidence, lifted_where_no_estimate, source_of, starts
 from imocap_core.workers import at_once
 
@@ -38,7 +38,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
     automatic = options.lifter == "auto"
     lifted = lifted_where_no_estimate(keypoints, cameras, estimates) if automatic else {}
     evidence = initial_evidence(estimates, lifted)
-    weights = fit_of(keypoints, params.fit)
+    weights = fit_of_single_views(keypoints, params.fit, evidence, options.shape_prior)
     observations = observations_of(body, keypoints, cameras, weights, evidence)
     ctx.progress(0.05, "looking for starts")
     library = make_library(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from imocap_core.params.bounds import Count, Positive, param
+from imocap_core.params.bounds import Count, NonNegative, Positive, param
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -17,6 +17,11 @@ class InitialSmplParams:
     candidates: Count = param(40, "Library entries considered for each matched frame.")
     stride_s: Positive = param(
         0.1, "Time between two matched frames; frames between them are interpolated.", unit="s"
+    )
+    shape_prior: NonNegative = param(
+        100.0,
+        "Least `fit.shape_prior` of single videos, unless all have 3D joints: one view does not "
+        "tell proportions from depth.",
     )
     match_sigma: Positive = param(
         0.12,

@@ -88,6 +88,24 @@ def fit_of(keypoints: Keypoints, fit: FitParams) -> FitParams:
     return replace(fit, shape_prior=max(weights, default=fit.shape_prior))
 
 
+def fit_of_single_views(
+    keypoints: Keypoints,
+    fit: FitParams,
+    joints: Mapping[str, Float[np.ndarray, "_ 24 3"]],
+    least_shape_prior: float,
+) -> FitParams:
+    """The parameters of fits to single videos: without 3D joints of every one, a view does not tell
+    proportions from depth, and the shape prior has at least a given weight.
+
+    Args:
+        joints: 3D joints by video, of those that have them.
+    """
+    of_layouts = fit_of(keypoints, fit)
+    if all(video.id in joints for video in keypoints.videos):
+        return of_layouts
+    return replace(of_layouts, shape_prior=max(of_layouts.shape_prior, least_shape_prior))
+
+
 def _check_layouts(field: str, table: Mapping[str, float]) -> None:
     if unknown := sorted(set(table) - set(layouts())):
         raise ValueError(f"fit.{field}: expected some of {', '.join(layouts())}, got {unknown[0]}")

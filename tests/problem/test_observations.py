@@ -6,7 +6,7 @@ import pytest
 from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
 from imocap_core.body.layouts import layout_names
 from imocap_core.params import FitParams
-from imocap_core.problem.observations import fit_of, noise_share_of
+from imocap_core.problem.observations import fit_of, fit_of_single_views, noise_share_of
 
 
 def made_keypoints(*layouts: str) -> Keypoints:
@@ -42,6 +42,15 @@ def test_the_strongest_shape_prior_of_the_layouts_is_used() -> None:
     assert fit_of(made_keypoints("body25", "mediapipe33"), params).shape_prior == 70.0
     with pytest.raises(ValueError, match=r"shape_prior_of: expected some of body25.*, got paws$"):
         fit_of(one, FitParams(shape_prior_of={"paws": 2.0}))
+
+
+def test_a_single_view_without_joints_keeps_the_shape_near_the_mean() -> None:
+    keypoints, params = made_keypoints("body25", "coco17"), FitParams(shape_prior=10.0)
+    joints = {"body25": np.zeros((2, 24, 3))}
+    assert fit_of_single_views(keypoints, params, joints, 90.0).shape_prior == 90.0
+    both = joints | {"coco17": np.zeros((2, 24, 3))}
+    assert fit_of_single_views(keypoints, params, both, 90.0).shape_prior == 10.0
+    assert fit_of_single_views(keypoints, params, {}, 5.0).shape_prior == 10.0
 
 
 def test_a_layout_that_there_is_not_is_named() -> None:
