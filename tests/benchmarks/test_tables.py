@@ -159,7 +159,7 @@ def means(name: str) -> dict[str, str]:
     block = page.read_text().split(f"<!-- table {name} -->")[1].split(docs.END)[0]
     for line in block.splitlines():
         cells = [cell.strip() for cell in line.strip("|").split("|")]
-        if "after loop" in cells or "sync %, after loop" in cells:
+        if cells[0] == "action":
             head = cells
         elif cells[0] == "**mean**":
             rows = dict(zip(head, cells, strict=True)) | rows  # the first table's columns win
