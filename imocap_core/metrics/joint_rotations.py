@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import torch
 from jaxtyping import Float
 
+from imocap_core.body.kinematics import world_rotations
 from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
 
 SEGMENTS = ("pelvis", "spine3", "head")
@@ -36,10 +38,8 @@ def segment_rotations(
 ) -> dict[str, Float[np.ndarray, "T 3 3"]]:
     """SMPL joint -> rotation of its segment from rest to the root's parent axes (a camera's), for
     the rigid `SEGMENTS` of a trunk: pelvis, chest and head."""
-    R_world = [R_local[:, 0]]
-    for joint in range(1, len(SMPL_JOINTS)):
-        R_world.append(R_world[SMPL_PARENTS[joint]] @ R_local[:, joint])
-    return {name: R_world[SMPL_JOINTS.index(name)] for name in SEGMENTS}
+    R_world = world_rotations(torch.from_numpy(R_local), SMPL_PARENTS).numpy()
+    return {name: R_world[:, SMPL_JOINTS.index(name)] for name in SEGMENTS}
 
 
 def mpjae_deg(predicted: Float[np.ndarray, "T J 3 3"], true: Float[np.ndarray, "T J 3 3"]) -> float:

@@ -11,10 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from imocap_core.body import Model
+from imocap_core.body.kinematics import world_rotations
 from imocap_core.camera.ground_plane import Ground
 from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
 
@@ -65,10 +67,10 @@ def hands_on_ground(
     if not ground.height_sd_mm <= KNOWN_HEIGHT_MM:
         return R_local, joints
     turned, moved = R_local.copy(), joints.copy()
+    R_world = world_rotations(torch.from_numpy(R_local), SMPL_PARENTS).numpy()
     for side in SIDES:
         elbow, wrist, hand = (SMPL_JOINTS.index(f"{side}_{n}") for n in ("elbow", "wrist", "hand"))
-        forearm = _world_rotation(R_local, elbow)
-        before = forearm @ R_local[:, wrist]
+        forearm, before = R_world[:, elbow], R_world[:, wrist]
         turn = turns_above_ground(
             rest_hand(model, side), before, ground.height_m(joints[:, wrist]), ground.up
         )
@@ -118,15 +120,3 @@ def _between(a: Float[np.ndarray, "T 3"], b: Float[np.ndarray, "T 3"]) -> np.nda
     sine = np.linalg.norm(axis, axis=-1, keepdims=True)
     angle = np.arctan2(sine, (a * b).sum(-1, keepdims=True))
     return np.asarray(Rotation.from_rotvec(angle * axis / np.maximum(sine, 1e-9)).as_matrix())
-
-
-def _world_rotation(
-    R_local: Float[np.ndarray, "T 24 3 3"], joint: int
-) -> Float[np.ndarray, "T 3 3"]:
-    chain = [joint]
-    while SMPL_PARENTS[chain[0]] >= 0:
-        chain.insert(0, SMPL_PARENTS[chain[0]])
-    R = R_local[:, chain[0]]
-    for step in chain[1:]:
-        R = R @ R_local[:, step]
-    return np.asarray(R)

@@ -19,6 +19,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from imocap_core.camera.averaging import angle_deg, mean_vector
+from imocap_core.camera.rotation_search import refined_rotation
 from imocap_core.conventions import mirror_indices
 from imocap_core.motion.multiview.aligned import align
 from imocap_core.motion.multiview.cameras import PATH_SCALE_M, Cameras
@@ -83,8 +84,14 @@ def _better_rotation(
     candidates = np.concatenate([R[v][None], _candidates()])
     residuals = registration_residuals(pose, *data, candidates, twins)
     far = angle_deg(candidates, R[v]) > FAR_DEG
-    best, residual = _refined(pose, *data, candidates[far][residuals[far].argmin()], twins)
-    near, least = _refined(pose, *data, candidates[~far][residuals[~far].argmin()], twins)
+
+    def explained(R: Float[np.ndarray, "D 3 3"]) -> Float[np.ndarray, " D"]:
+        return registration_residuals(pose, *data, R, twins)
+
+    (best, residual), (near, least) = (
+        refined_rotation(candidates[side][residuals[side].argmin()], explained, STEPS_DEG)
+        for side in (far, ~far)
+    )
     if float(angle_deg(near, R[v])) > FAR_DEG:
         least = float(residuals[~far].min())
     return residual / max(least, 1e-9), best
@@ -96,27 +103,6 @@ def _candidates() -> Float[np.ndarray, "D 3 3"]:
     level = np.concatenate([axes, np.cross(axes[:, :1], axes[:, 1:])], axis=1)
     rolls = Rotation.from_euler("z", np.array(ROLLS_DEG)[:, None], degrees=True).as_matrix()
     return np.asarray((rolls[:, None] @ level).reshape(-1, 3, 3))
-
-
-def _refined(
-    pose: np.ndarray,
-    xy_px: np.ndarray,
-    weight: np.ndarray,
-    R: Float[np.ndarray, "3 3"],
-    twins: Sequence[int],
-) -> tuple[Float[np.ndarray, "3 3"], float]:
-    """The rotation at a local minimum of the residual, by coordinate search."""
-    residual = float(registration_residuals(pose, xy_px, weight, R[None], twins)[0])
-    for step_deg in STEPS_DEG:
-        axes = np.concatenate([np.eye(3), -np.eye(3)]) * np.deg2rad(step_deg)
-        turns = Rotation.from_rotvec(axes).as_matrix()
-        near = turns @ R
-        residuals = registration_residuals(pose, xy_px, weight, near, twins)
-        while residuals.min() < residual:
-            R, residual = near[residuals.argmin()], float(residuals.min())
-            near = turns @ R
-            residuals = registration_residuals(pose, xy_px, weight, near, twins)
-    return R, residual
 
 
 def _translated(scene: Scene, state: MotionState, cameras: Cameras, videos: list[int]) -> Cameras:

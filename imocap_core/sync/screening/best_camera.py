@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Complex, Float, Int
-from scipy.spatial.transform import Rotation
 
+from imocap_core.camera.rotation_search import refined_rotation
 from imocap_core.sync.screening.registration import (
     Keypoints2D,
     centred_plane,
@@ -49,7 +49,12 @@ def registered(
     residuals = pose_residuals(motion, keypoints, directions)
     best = int(warp_costs(residuals).argmin())
     frames = warp_path(residuals[best])
-    axes = _refined(directions[best], np.nan_to_num(motion)[frames], plane, weight)
+    poses = np.nan_to_num(motion)[frames]
+    start = np.concatenate([directions[best], np.cross(*directions[best])[None]])
+    R, _ = refined_rotation(
+        start, lambda near: _aligned_residuals(poses, plane, weight, near[:, :2]), TURNS_DEG
+    )
+    axes = R[:2]
     refined = pose_residuals(motion, keypoints, axes[None])
     cost = float(warp_costs(refined)[0] / len(frames))
     frames = warp_path(refined[0])
@@ -96,24 +101,3 @@ def _aligned_residuals(
     spread = (weight * np.abs(pose) ** 2).sum(2)
     size = (weight * np.abs(plane) ** 2).sum(1)
     return np.asarray(residual_share(product, spread, size).mean(axis=1))
-
-
-def _refined(
-    axes: Float[np.ndarray, "2 3"],
-    poses: Float[np.ndarray, "T J 3"],
-    plane: Complex[np.ndarray, "T J"],
-    weight: Float[np.ndarray, "T J"],
-) -> Float[np.ndarray, "2 3"]:
-    """The axes at a local minimum, by coordinate search; poses correspond to the frames."""
-    least = float(_aligned_residuals(poses, plane, weight, axes[None])[0])
-    R = np.concatenate([axes, np.cross(axes[:1], axes[1:])])
-    for turn_deg in TURNS_DEG:
-        vectors = np.concatenate([np.eye(3), -np.eye(3)]) * np.deg2rad(turn_deg)
-        turns = Rotation.from_rotvec(vectors).as_matrix()
-        while True:
-            near = turns @ R
-            residuals = _aligned_residuals(poses, plane, weight, near[:, :2])
-            if residuals.min() >= least - 1e-9:
-                break
-            R, least = near[residuals.argmin()], float(residuals.min())
-    return np.asarray(R[:2])
