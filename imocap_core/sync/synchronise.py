@@ -72,8 +72,8 @@ def synchronise(
         mirrored: per video True or False where that is given by the user.
         hints: anchors and forbidden spans.
         screening: mirrored and excluded videos, when they were determined before.
-        keypoints: of the poses' joints in the same frames, as a second opinion on videos that look
-            like another action.
+        keypoints: of the poses' joints in the same frames; where given, they decide which videos
+            are mirrored or show another action, not the poses.
         reprojection: keypoints and cameras of the videos that are not excluded, as reflected.
         rates: seconds of the action per second of each video (`estimated_rates`), when they were
             estimated before.

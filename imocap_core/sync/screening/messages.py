@@ -35,7 +35,7 @@ def sentences(screening: Screening, names: Sequence[str]) -> list[str]:
 
 def _outlier(screening: Screening, v: int, name: str) -> str:
     done = (
-        "left out of the joint work, its frames unmatched (sync.outliers: exclude)"
+        "left out, its frames unmatched (sync.outliers: exclude)"
         if v in screening.excluded
         else "used nevertheless (sync.outliers: report)"
     )
