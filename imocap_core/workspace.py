@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from imocap_core.artifacts.cache import CACHE
 from imocap_core.artifacts.file_memory import load_memory
+from imocap_core.artifacts.links import refuse_links
 from imocap_core.artifacts.store import Store
 from imocap_core.errors import WorkFailed
 from imocap_core.pipeline import builtin_actions as demos
@@ -45,6 +47,7 @@ class Workspace:
             raise WorkFailed(f"{action} is built in but not made yet; make it: imocap run {action}")
         load_memory(self.store.folder)
         declared = read_action(find_action(action, self.root))
+        refuse_links(self.store.folder, declared.name, CACHE)
         pipeline = self.pipeline()
         chosen = settings(pipeline, declared.params, declared.file, sets)
         if any(video.detected for video in declared.videos):

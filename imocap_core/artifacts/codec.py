@@ -30,6 +30,7 @@ from pydantic import BaseModel, ValidationError
 from zstandard import ZstdError
 
 from imocap_core.artifacts import ndarray
+from imocap_core.artifacts.side_files import check_names
 from imocap_core.errors import ArtifactCorrupt
 
 if TYPE_CHECKING:
@@ -154,7 +155,7 @@ def _collect(data: bytes) -> Content:
     header, kind = b"", ""
     arrays: dict[str, Shaped[np.ndarray, "..."]] = {}
     provenance: dict[str, str] = {}
-    files: dict[str, bytes] = {}
+    attached: list[Attachment] = []
     whole = False
     for record in StreamReader(BytesIO(data), validate_crcs=True).records:
         if whole:
@@ -170,13 +171,15 @@ def _collect(data: bytes) -> Content:
             name, array = ndarray.from_bytes(record.data)
             arrays[name] = array
         elif isinstance(record, Attachment):
-            files[record.name] = record.data
+            attached.append(record)
         elif isinstance(record, Metadata):
             provenance = record.metadata
         elif isinstance(record, DataEnd):
             whole = record.data_section_crc != 0
     if not whole or not header:
         raise ArtifactCorrupt("ends before its data section does")
+    check_names(record.name for record in attached)
+    files = {record.name: record.data for record in attached}
     return Content(kind, header, arrays, provenance, files)
 
 

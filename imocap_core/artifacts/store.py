@@ -15,18 +15,20 @@ from __future__ import annotations
 
 import os
 import shutil
-import tempfile
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, suppress
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
-from imocap_core.artifacts.cache import mark_used
+from imocap_core.artifacts.cache import CACHE, mark_used
 from imocap_core.artifacts.file_memory import remembered
+from imocap_core.artifacts.links import refuse_links
 from imocap_core.artifacts.lock import exclusive
+from imocap_core.artifacts.side_files import check_names, replace_folder, same_files
 from imocap_core.errors import ArtifactCorrupt
+from imocap_core.whole_files import appearing
 
 if TYPE_CHECKING:  # numpy, MCAP and protobuf are imported only where an artifact is read
     from imocap_core.artifacts.codec import Content
@@ -84,7 +86,7 @@ class Store:
 
     def cached(self, stage: str, key: str) -> Path:
         """Path of a result in the cache."""
-        return self.folder / ".cache" / stage / f"{key}.mcap"
+        return self.folder / CACHE / stage / f"{key}.mcap"
 
     def load(self, action: str, stage: str) -> Stored | None:
         """The current artifact, whatever key it was made under; None when there is none.
@@ -120,7 +122,11 @@ class Store:
         provenance: Mapping[str, str],
         files: Mapping[str, bytes],
     ) -> Stored:
-        """Store a result under its key, with its provenance and its side files."""
+        """Store a result under its key, with its provenance and its side files.
+
+        ValueError when a side file's name leads out of the folder, or two are the same.
+        """
+        check_names(files)
         from imocap_core.artifacts import codec
 
         packed = codec.pack(artifact)
@@ -128,7 +134,7 @@ class Store:
             packed.schema, packed.header, packed.arrays, {**provenance, KEY: key}, dict(files)
         )
         file = self.cached(stage, key)
-        with _appearing(file) as stream:
+        with appearing(file) as stream:
             codec.write(stream, content, type(artifact).model_json_schema())
         return stored_as(file, content)
 
@@ -143,12 +149,16 @@ class Store:
         if not again:
             _link(stored.file, target)
         files, report = stored.content.files, self.report(action)
-        if files and not _same_files(report, files, and_more=again):
-            _replace_folder(report, files)
+        if files and not same_files(report, files, and_more=again):
+            replace_folder(report, files)
         mark_used(self.folder, action, stage, stored.key)
 
     def lock(self, action: str, waiting: Callable[[], None]) -> AbstractContextManager[None]:
-        """Lock an action for one run; a second run calls `waiting` once and then waits."""
+        """Lock an action for one run; a second run calls `waiting` once and then waits.
+
+        WorkFailed when a link leads out of the store.
+        """
+        refuse_links(self.folder, action, CACHE)
         return exclusive(self.folder / action / ".lock", waiting)
 
 
@@ -174,33 +184,6 @@ def _unread(file: Path) -> Stored:
     return Stored(file, head["schema"], head["digest"], head["key"])
 
 
-@contextmanager
-def _appearing(file: Path) -> Iterator[BinaryIO]:
-    """A stream whose content becomes `file` at once, or never."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=".", suffix=".part", dir=file.parent)
-    try:
-        with os.fdopen(handle, "w+b") as stream:
-            yield stream
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.chmod(name, 0o644)
-        os.replace(name, file)
-        _sync_folder(file.parent)
-    finally:
-        with suppress(FileNotFoundError):
-            os.unlink(name)
-
-
-def _sync_folder(folder: Path) -> None:
-    if os.name == "posix":
-        descriptor = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
-
-
 def _link(source: Path, target: Path) -> None:
     """Make `target` a hard link to `source`, or a copy where the file system has no links."""
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -209,30 +192,7 @@ def _link(source: Path, target: Path) -> None:
         os.link(source, aside)
         os.replace(aside, target)
     except OSError:
-        with _appearing(target) as stream, source.open("rb") as original:
+        with appearing(target) as stream, source.open("rb") as original:
             shutil.copyfileobj(original, stream)
     finally:
         aside.unlink(missing_ok=True)  # renaming onto a link of the same file leaves it behind
-
-
-def _same_files(folder: Path, files: Mapping[str, bytes], *, and_more: bool) -> bool:
-    """Whether a folder contains these files, and no others unless `and_more`."""
-    present = {p.relative_to(folder).as_posix(): p for p in folder.rglob("*") if p.is_file()}
-    complete = present.keys() >= files.keys() if and_more else present.keys() == files.keys()
-    return complete and all(present[name].read_bytes() == data for name, data in files.items())
-
-
-def _replace_folder(folder: Path, files: Mapping[str, bytes]) -> None:
-    fresh = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
-    old = fresh.with_name(fresh.name + "-old")
-    try:
-        fresh.chmod(0o755)
-        for name, data in files.items():
-            (fresh / name).parent.mkdir(parents=True, exist_ok=True)
-            (fresh / name).write_bytes(data)
-        if folder.exists():
-            os.replace(folder, old)
-        os.replace(fresh, folder)
-    finally:
-        for leftover in (fresh, old):
-            shutil.rmtree(leftover, ignore_errors=True)

@@ -1,0 +1,84 @@
+"""An artifacts folder from somebody else writes nothing outside itself."""
+
+from __future__ import annotations
+
+import os
+from io import BytesIO
+from pathlib import Path
+
+import pytest
+
+from imocap_core.artifacts import codec
+from imocap_core.artifacts.schemas import Sync
+from imocap_core.artifacts.side_files import check_names, replace_folder
+from imocap_core.artifacts.store import Store
+from imocap_core.errors import ArtifactCorrupt, WorkFailed
+
+OUTSIDE = (
+    "../x",
+    "../../../toys/gather.py",
+    "a/../../x",
+    "/tmp/x",
+    "C:/x",
+    "C:x",
+    "..\\x",
+    "a//x",
+    "a/",
+    "./x",
+    ".hidden",
+    "",
+    "x\0y",
+    "x\n",
+    "a" * 200,
+    "/".join("a" * 9),
+)
+
+
+@pytest.mark.parametrize("name", OUTSIDE)
+def test_an_attachment_that_names_another_place_makes_its_artifact_corrupt(
+    name: str, sync: Sync, tmp_path: Path
+) -> None:
+    packed = codec.pack(sync)
+    file = tmp_path / "sync.mcap"
+    content = codec.Content(packed.schema, packed.header, packed.arrays, {}, {name: b"planted"})
+    stream = BytesIO()
+    codec.write(stream, content, {})
+    file.write_bytes(stream.getvalue())
+    with pytest.raises(ArtifactCorrupt, match="side file is named"):
+        codec.read(file)
+    with pytest.raises(ValueError, match="side file is named"):
+        replace_folder(tmp_path / "report", {name: b"planted"})
+    assert [p.name for p in tmp_path.iterdir()] == ["sync.mcap"]
+
+
+def test_names_of_a_report_are_distinct_files() -> None:
+    check_names(["index.md", "figures/cam 01_a-b.png", "figures/deep/x.csv"])
+    for names in (["a", "a"], ["a", "a/b"]):
+        with pytest.raises(ValueError, match="two side files are named 'a'"):
+            check_names(names)
+
+
+@pytest.mark.parametrize(
+    "place", ["yoga", "yoga/report", "yoga/report/report.html", ".cache/.used"]
+)
+def test_a_link_that_leads_out_of_the_store_is_refused(tmp_path: Path, place: str) -> None:
+    store = Store(tmp_path / "artifacts")
+    outside = tmp_path / "mine"
+    outside.mkdir()
+    link = store.folder / place
+    link.parent.mkdir(parents=True)
+    link.symlink_to(outside, target_is_directory=True)
+    with (
+        pytest.raises(WorkFailed, match=r"is a link to .*mine, outside"),
+        store.lock("yoga", print),
+    ):
+        pass
+    assert list(outside.iterdir()) == []
+
+
+def test_links_within_the_store_and_of_the_store_are_fine(tmp_path: Path) -> None:
+    (tmp_path / "disk" / "yoga").mkdir(parents=True)
+    os.symlink(tmp_path / "disk", tmp_path / "artifacts")
+    (tmp_path / "disk" / "yoga" / "again").symlink_to("../yoga")
+    with Store(tmp_path / "artifacts").lock("yoga", print):
+        pass
