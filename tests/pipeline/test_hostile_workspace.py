@@ -1,4 +1,4 @@
-"""A working folder from somebody else: nothing outside it is written, nothing in it runs unasked."""
+"""A working folder from somebody else: nothing outside it is written, nothing runs unasked."""
 
 from __future__ import annotations
 
