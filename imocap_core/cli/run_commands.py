@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from imocap_core.cli.json_output import print_json
 from imocap_core.cli.options import (
     ActionName,
+    Json,
     Sets,
     StageName,
     root_of,
@@ -18,6 +20,7 @@ from imocap_core.cli.options import (
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from imocap_core.library.progress import Progress
     from imocap_core.library.running import Run
     from imocap_core.verdict.findings import Verdict
 
@@ -33,16 +36,25 @@ def run_command(
     until: Annotated[
         str | None, typer.Option(help="Stop after this stage.", autocompletion=stage_names)
     ] = None,
+    as_json: Json = False,
 ) -> None:
     """Run an action: all stages that have changed, and the report."""
     from imocap_core.library.running import run_action
     from imocap_core.library.terminal import Terminal
 
+    def solve(progress: Progress) -> Run:
+        return run_action(
+            action, root=root_of(context), params=sets, force=force, until=until, progress=progress
+        )
+
+    if as_json:
+        from imocap_core.library.run_document import run_document
+
+        print_json(run_document(solve(None)))
+        return
     console = speaker()
     with Terminal(console) as display:
-        done = run_action(
-            action, root=root_of(context), params=sets, force=force, until=until, progress=display
-        )
+        done = solve(display)
     _print_summary(console, done)
 
 

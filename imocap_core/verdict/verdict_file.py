@@ -12,10 +12,10 @@ FILE = "verdict.json"
 
 
 def verdict_document(verdict: Verdict) -> dict[str, Any]:
-    """Plain data: the fields, and each finding's sentence."""
+    """Plain data: the fields, and of each finding its sentence and whether it is serious."""
     document = asdict(verdict)
     for fields, finding in zip(document["findings"], verdict.findings, strict=True):
-        fields["sentence"] = finding.sentence
+        fields |= {"sentence": finding.sentence, "serious": finding.serious}
     return document | {"trusted": verdict.trusted}
 
 
@@ -29,6 +29,6 @@ def read_verdict(text: str) -> Verdict:
     document = json.loads(text)
     findings = []
     for fields in document["findings"]:
-        fields.pop("sentence")
-        findings.append(Finding(**fields))
+        derived = ("sentence", "serious")
+        findings.append(Finding(**{k: x for k, x in fields.items() if k not in derived}))
     return Verdict(tuple(document["summary"]), tuple(findings), document["disagreement_s"])

@@ -36,6 +36,28 @@ def test_status(toy: Toy, capsys: Capture) -> None:
     assert {row["state"] for row in state["stages"]} == {"cached"}
 
 
+def test_run(toy: Toy, capsys: Capture) -> None:
+    first = document(toy, capsys, "run", "toy")
+    assert [(row["stage"], row["how"]) for row in first["stages"]] == [
+        ("gather", "made"), ("scale", "made"), ("evaluate", "made"),
+    ]  # fmt: skip
+    assert {row["stage"]: row["digest"] for row in first["stages"]} == toy.digests()
+    again = document(toy, capsys, "run", "toy")
+    assert {row["how"] for row in again["stages"]} == {"cached"}
+    # a pipeline without these results says so
+    assert [again[name] for name in ("trusted", "sync", "cameras", "verdict")] == [None] * 4
+
+
+def test_a_run_that_fails_leaves_the_standard_output_empty(
+    toy: Toy, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TOY_SCALE", "bad")
+    assert toy.imocap(["run", "toy", "--json"]) == 1
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert "expected numbers" in shown.err
+
+
 def test_explain(toy: Toy, capsys: Capture) -> None:
     before = document(toy, capsys, "explain", "toy", "scale")
     assert before["missing"] == ["gather"]
