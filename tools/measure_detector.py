@@ -136,7 +136,7 @@ def main() -> None:
     cv2.setNumThreads(1)
     environments = Path(__file__).parents[1] / "imocap_core" / "detect" / "environments"
     environment = environments / "mediapipe.txt"
-    python = python_for(environment, ROOT.parent, print)
+    python = python_for(environment, print)
     report(films(arguments.train, arguments.work, python))
 
 

@@ -68,5 +68,5 @@ def _trials(name: str) -> Choice:
 def _check_detector(root: Path) -> None:
     from imocap_core.detect.detectors import detector_of
 
-    if not is_available(detector_of(DetectParams(), root).packages, root):
+    if not is_available(detector_of(DetectParams(), root).packages):
         raise WorkFailed("the detector's environment is not installed (`imocap detect --setup`)")

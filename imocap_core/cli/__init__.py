@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from imocap_core.errors import ImocapError, WrongUse, program_fault
 
-GLOBAL_WITH_VALUE, GLOBAL_FLAGS = ("--root",), ("--traceback",)
+GLOBAL_WITH_VALUE, GLOBAL_FLAGS = ("--root",), ("--traceback", "--allow-scripts")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

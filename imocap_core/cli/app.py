@@ -69,6 +69,12 @@ def _everywhere(
     traceback: Annotated[
         bool, typer.Option("--traceback", help="Print the traceback of an error.")
     ] = False,
+    allow_scripts: Annotated[
+        bool,
+        typer.Option(
+            "--allow-scripts", help="Run stages of the folder's pipeline.yaml that lie in it."
+        ),
+    ] = False,
     version: Annotated[
         bool,
         typer.Option(
@@ -79,3 +85,7 @@ def _everywhere(
     if not root.is_dir():
         raise WrongUse(f"--root {root}: the folder does not exist")
     context.obj = root
+    if allow_scripts:
+        from imocap_core.pipeline.allowed_scripts import allow_scripts as allow
+
+        allow(root)

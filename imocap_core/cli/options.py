@@ -6,6 +6,7 @@ once: what a command needs it imports when it runs.
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -69,6 +70,20 @@ def workspace_of(context: typer.Context) -> Workspace:
     from imocap_core.workspace import Workspace
 
     return Workspace(root_of(context))
+
+
+def ask_about_scripts(context: typer.Context) -> None:
+    """On a terminal, ask before scripts of the working folder run; elsewhere they are refused."""
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        return
+    from imocap_core.pipeline.allowed_scripts import allow_scripts, foreign_scripts
+
+    scripts = foreign_scripts(workspace_of(context).pipeline())
+    if scripts:
+        typer.echo("The pipeline.yaml of this folder runs scripts that are no part of imocap:")
+        typer.echo("".join(f"  {script}\n" for script in scripts), nl=False)
+        if typer.confirm("They would run with your rights. Run them?"):
+            allow_scripts(root_of(context))
 
 
 def speaker(*, markup: bool = True) -> Console:

@@ -12,6 +12,7 @@ from imocap_core.cli.options import (
     Json,
     Sets,
     StageName,
+    ask_about_scripts,
     root_of,
     speaker,
     stage_names,
@@ -52,6 +53,7 @@ def run_command(
 
         print_json(run_document(solve(None)))
         return
+    ask_about_scripts(context)
     console = speaker()
     with Terminal(console) as display:
         done = solve(display)
@@ -69,6 +71,7 @@ def stage_command(
     from imocap_core.library.running import run_stage
     from imocap_core.library.terminal import Terminal
 
+    ask_about_scripts(context)
     console = speaker()
     with Terminal(console) as display:
         done = run_stage(

@@ -45,8 +45,7 @@ def detect(action: Action, params: DetectParams, store: Store, display: Display)
         return
     _must_be_readable(action, waiting)
     display.started("detect", [f"{waiting[0].id} has no detections of {detector.version}"])
-    root = store.folder.parent
-    python = python_for(detector.packages, root, lambda what: display.progress(0.0, what))
+    python = python_for(detector.packages, lambda what: display.progress(0.0, what))
     for number, declared in enumerate(waiting):
         if number:
             display.started("detect", [f"{declared.id} has no detections of {detector.version}"])

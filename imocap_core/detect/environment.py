@@ -2,12 +2,16 @@
 
 Detectors need other versions of packages than this program. They are pinned in
 imocap_core/detect/environments. IMOCAP_DETECT_PYTHON names another Python that has them.
+
+An environment is a program. It is looked for in the checkout, or, where this program is installed,
+in the user's cache folder, and never in a working folder, which may come from somebody else.
 """
 
 from __future__ import annotations
 
 import os
 import shutil
+import stat
 import subprocess
 import sys
 from collections.abc import Callable
@@ -22,12 +26,11 @@ VERSIONS = ((3, 11), (3, 12))  # Python versions with wheels of all packages
 Announce = Callable[[str], None]
 
 
-def python_for(packages: Path, root: Path, announce: Announce) -> Path:
+def python_for(packages: Path, announce: Announce) -> Path:
     """The Python of the environment with `packages` (a file that lists them with versions).
 
-    The environment is searched in `root`, the folders above it and the checkout, and made or
-    updated in the checkout or else in `root`; `announce` is called before each slow step.
-    WorkFailed when that fails.
+    It is made or updated when needed; `announce` is called before each slow step. WorkFailed when
+    that fails, or when others than this user can change the environment.
     """
     named = os.environ.get(VARIABLE)
     if named:
@@ -36,22 +39,40 @@ def python_for(packages: Path, root: Path, announce: Announce) -> Path:
                 f"{VARIABLE}: the program {named} does not exist; name a Python, or unset it"
             )
         return Path(named)
-    folder = _environment(root)
+    folder = environment_folder()
+    _must_be_private(folder)
     if not _is_installed(folder, packages):
         _make(folder, packages, announce)
     return _python(folder)
 
 
-def is_available(packages: Path, root: Path) -> bool:
+def is_available(packages: Path) -> bool:
     """Whether `python_for` would make nothing."""
-    return bool(os.environ.get(VARIABLE)) or _is_installed(_environment(root), packages)
+    return bool(os.environ.get(VARIABLE)) or _is_installed(environment_folder(), packages)
 
 
-def _environment(root: Path) -> Path:
-    """The environment's folder: the first that exists, else the one to make."""
-    home = PROJECT if (PROJECT / "pyproject.toml").is_file() else root.resolve()
-    places = (home, *root.resolve().parents, root.resolve())
-    return next((p / FOLDER for p in places if (p / FOLDER).is_dir()), home / FOLDER)
+def environment_folder() -> Path:
+    """The environment's folder, which need not exist: in the checkout, or in the user's cache."""
+    if (PROJECT / "pyproject.toml").is_file():
+        return PROJECT / FOLDER
+    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(cache) / "imocap" / FOLDER
+
+
+def _must_be_private(folder: Path) -> None:
+    """WorkFailed when others than this user (or root) can change the environment's program."""
+    if os.name != "posix" or not folder.is_dir():
+        return
+    for path in (folder, _python(folder).parent, _python(folder).resolve()):
+        if path.exists() and not _is_private(path.stat()):
+            raise WorkFailed(
+                f"{path} belongs to another user, or others can write to it: it is not run. Remove "
+                f"{folder} to have it made again, or name a Python that you trust with {VARIABLE}"
+            )
+
+
+def _is_private(status: os.stat_result) -> bool:
+    return status.st_uid in (0, os.geteuid()) and not status.st_mode & stat.S_IWOTH
 
 
 def _python(folder: Path) -> Path:
@@ -70,6 +91,7 @@ def _is_installed(folder: Path, packages: Path) -> bool:
 def _make(folder: Path, packages: Path, announce: Announce) -> None:
     if not _python(folder).exists():
         announce(f"making {folder}")
+        folder.parent.mkdir(parents=True, exist_ok=True)
         _run([str(_base()), "-m", "venv", str(folder)], folder, packages)
     announce(f"installing {packages.stem} into {folder} (once, about 100 MB)")
     pip = [str(_python(folder)), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]

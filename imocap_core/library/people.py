@@ -54,7 +54,5 @@ def set_up_detector(
     detector = detector_of(chosen.detect, workspace.root)
     with displaying(progress) as display:
         display.started("detect", [f"{detector.version} needs an environment of its own"])
-        python = python_for(
-            detector.packages, workspace.root, lambda what: display.progress(0.0, what)
-        )
+        python = python_for(detector.packages, lambda what: display.progress(0.0, what))
     return detector.version, Path(python)

@@ -15,6 +15,7 @@ from imocap_core.artifacts.file_memory import save_memory
 from imocap_core.artifacts.store import Store, Stored
 from imocap_core.errors import ArtifactCorrupt, WorkFailed, program_fault
 from imocap_core.pipeline.action import Action
+from imocap_core.pipeline.allowed_scripts import must_be_allowed
 from imocap_core.pipeline.graph import Pipeline, RunSettings
 from imocap_core.pipeline.keys import Recipe, differences, recipe
 from imocap_core.pipeline.source import module_name
@@ -142,6 +143,7 @@ def _reasons(job: Job, stage: str, needed: Recipe) -> list[str]:
 def _make(
     job: Job, stage: str, needed: Recipe, done: Mapping[str, Stored], progress: Progress
 ) -> Stored:
+    must_be_allowed(job.pipeline, stage)
     configure_process()
     spec = job.pipeline.stages[stage]
     inputs = Inputs(stage, {name: done[name] for name in spec.inputs})

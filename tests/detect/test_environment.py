@@ -17,6 +17,7 @@ def nowhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No environment of the checkout's is found."""
     monkeypatch.delenv("IMOCAP_DETECT_PYTHON", raising=False)
     monkeypatch.setattr(environment, "PROJECT", tmp_path / "installed")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
 
 def packages(tmp_path: Path, text: str) -> Path:
@@ -30,34 +31,68 @@ def test_it_is_made_once_and_again_when_the_versions_change(
 ) -> None:
     messages: list[str] = []
     wanted = packages(tmp_path, "")
-    python = python_for(wanted, tmp_path, messages.append)
-    assert python.is_relative_to(tmp_path / FOLDER)
+    python = python_for(wanted, messages.append)
+    assert python.is_relative_to(tmp_path / "cache" / "imocap" / FOLDER)
     assert python.exists()
     assert len(messages) == 2
-    assert python_for(wanted, tmp_path / "artifacts" / "deep", messages.append) == python
+    assert python_for(wanted, messages.append) == python
     assert len(messages) == 2
     wanted.write_text("# newer\n")
-    assert python_for(wanted, tmp_path, messages.append) == python
+    assert python_for(wanted, messages.append) == python
     assert len(messages) == 3
-    stamp = tmp_path / FOLDER / ".installed-made.txt"
+    stamp = tmp_path / "cache" / "imocap" / FOLDER / ".installed-made.txt"
     assert stamp.read_text() == "# newer\n"
     monkeypatch.setenv("PIP_NO_INDEX", "1")  # as without a network
     wanted.write_text("a-package-that-is-nowhere==1.0\n")
     with pytest.raises(WorkFailed, match="run `make detect-env` once, or name a Python") as failed:
-        python_for(wanted, tmp_path, messages.append)
+        python_for(wanted, messages.append)
     assert "\n" not in str(failed.value)
     assert stamp.read_text() == "# newer\n"
 
 
 def test_a_named_python_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("IMOCAP_DETECT_PYTHON", sys.executable)
-    assert python_for(packages(tmp_path, "x"), tmp_path, print) == Path(sys.executable)
+    assert python_for(packages(tmp_path, "x"), print) == Path(sys.executable)
     monkeypatch.setenv("IMOCAP_DETECT_PYTHON", str(tmp_path / "nothing"))
     with pytest.raises(WorkFailed, match=r"the program .*nothing does not exist"):
-        python_for(packages(tmp_path, "x"), tmp_path, print)
+        python_for(packages(tmp_path, "x"), print)
 
 
 def test_an_unfit_python_says_which_fits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(environment, "VERSIONS", ((9, 9),))
     with pytest.raises(WorkFailed, match=r"detection needs Python 3\.11 or 3\.12"):
-        python_for(packages(tmp_path, ""), tmp_path, lambda what: None)
+        python_for(packages(tmp_path, ""), lambda what: None)
+
+
+def planted(folder: Path) -> Path:
+    """An environment that says that it has the packages; its Python is another program."""
+    python = folder / "bin" / "python"
+    python.parent.mkdir(parents=True)
+    python.write_text("#!/bin/sh\necho planted > ran\n")
+    python.chmod(0o755)
+    (folder / ".installed-made.txt").write_text("")
+    return python
+
+
+def test_an_environment_in_a_working_folder_is_not_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    python = planted(tmp_path / "work" / FOLDER)
+    (tmp_path / "work" / "deep").mkdir()
+    for folder in (tmp_path / "work", tmp_path / "work" / "deep"):
+        monkeypatch.chdir(folder)
+        assert not environment.is_available(packages(tmp_path, ""))
+        assert not environment.environment_folder().is_relative_to(tmp_path / "work")
+    assert python.is_file()
+
+
+@pytest.mark.parametrize("open_to_others", [".", "bin", "bin/python"])
+def test_an_environment_that_others_can_change_is_not_run(
+    tmp_path: Path, open_to_others: str
+) -> None:
+    folder = environment.environment_folder()
+    python = planted(folder)
+    assert python_for(packages(tmp_path, ""), print) == python
+    (folder / open_to_others).chmod(0o777)
+    with pytest.raises(WorkFailed, match="others can write to it: it is not run"):
+        python_for(packages(tmp_path, ""), print)

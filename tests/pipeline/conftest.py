@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from imocap_core.pipeline.allowed_scripts import VARIABLE
 from imocap_core.pipeline.source import PROJECT
 
 HEAD = """
@@ -155,5 +156,6 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Toy:
     (made.action / "v1.txt").write_text("1.5")
     (made.action / "v2.txt").write_text("2.5")
     monkeypatch.setenv("TOY_ROOT", str(tmp_path))
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
     monkeypatch.setattr(sys, "argv", ["imocap"])
     return made

@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING
 
 from imocap_core.artifacts import codec
 from imocap_core.artifacts.store import Store
+from imocap_core.pipeline.allowed_scripts import VARIABLE
 from imocap_core.whole_files import appearing
 
 if TYPE_CHECKING:
+    import pytest
+
     from tests.pipeline.conftest import Toy
 
 
@@ -30,3 +33,40 @@ def test_a_cached_result_with_a_side_file_outside_is_made_again(toy: Toy) -> Non
         assert toy.ran() == ["evaluate"]
         assert script.read_text() == text
         assert toy.digests() == before
+
+
+def test_scripts_of_the_folder_run_only_where_they_are_allowed(
+    toy: Toy, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv(VARIABLE)
+    assert toy.imocap(["run", "toy"]) == 1
+    error = capsys.readouterr().err
+    assert f"stages.gather.script: {toy.root / 'toys' / 'gather.py'} is no part of imocap" in error
+    assert "--allow-scripts" in error
+    assert toy.ran() == []
+    monkeypatch.setenv(VARIABLE, str(toy.root.parent))  # another folder's
+    assert toy.imocap(["run", "toy"]) == 1
+    assert toy.ran() == []
+    monkeypatch.setenv(VARIABLE, "")  # which --allow-scripts changes: restored after the test
+    assert toy.imocap(["run", "toy", "--allow-scripts"]) == 0
+    assert toy.ran() == ["gather", "scale", "evaluate"]
+
+
+def test_on_a_terminal_scripts_are_asked_for(
+    toy: Toy, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(VARIABLE, "")
+    for stream in ("stdin", "stdout"):
+        monkeypatch.setattr(f"sys.{stream}.isatty", lambda: True)
+    asked: list[str] = []
+    for agreed in (False, True):
+
+        def confirm(text: str, answer: bool = agreed) -> bool:
+            asked.append(text)
+            return answer
+
+        monkeypatch.setattr("typer.confirm", confirm)
+        assert toy.imocap(["run", "toy"]) == (0 if agreed else 1)
+        assert toy.ran() == (["gather", "scale", "evaluate"] if agreed else [])
+    assert asked == ["They would run with your rights. Run them?"] * 2
+    assert str(toy.root / "toys" / "scale.py") in capsys.readouterr().out

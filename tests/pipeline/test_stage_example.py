@@ -54,7 +54,8 @@ def test_the_example_runs_and_its_artifact_is_stored(
 
     (name,) = added
     monkeypatch.setattr(sys, "argv", ["imocap"])
-    assert main(["--root", str(tmp_path), "stage", name, "clip"]) == 0
+    monkeypatch.setenv("IMOCAP_ALLOW_SCRIPTS", "")  # which the option changes
+    assert main(["--root", str(tmp_path), "--allow-scripts", "stage", name, "clip"]) == 0
     stored = Store(tmp_path / "artifacts").load("clip", name)
     assert stored is not None
     shares = json.loads(stored.content.header)["share_visible"]["v1"]
