@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from imocap_core.cli.options import ActionName, action_names, root_of, speaker
+from imocap_core.cli.options import ActionName, ResultSets, action_names, root_of, speaker
 
 
 def compare_command(
@@ -25,6 +25,7 @@ def compare_command(
         Path | None,
         typer.Option(help="Folder to write to (default: artifacts/ACTION/report/compare)."),
     ] = None,
+    sets: ResultSets = [],  # noqa: B006
 ) -> None:
     """Compare performances of an action, or two performers.
 
@@ -32,7 +33,7 @@ def compare_command(
     """
     from imocap_core.library.outputs import compare
 
-    comparison = compare(action, second, out=out, root=root_of(context))
+    comparison = compare(action, second, out=out, root=root_of(context), params=sets)
     console = speaker(markup=False)
     technique = comparison.technique
     if technique is not None:

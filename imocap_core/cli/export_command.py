@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from imocap_core.cli.options import ActionName, root_of, speaker
+from imocap_core.cli.options import ActionName, ResultSets, root_of, speaker
 
 
 def export_command(
@@ -28,11 +28,14 @@ def export_command(
         Literal["own", "common"],
         typer.Option(help="Each video's own frames, or one common time axis for all videos."),
     ] = "own",
+    sets: ResultSets = [],  # noqa: B006
 ) -> None:
     """Write motion, cameras and sync for other programs."""
     from imocap_core.library.outputs import export
 
     console = speaker(markup=False)
-    exported = export(action, out, format=format, up=up, time=time, root=root_of(context))
+    exported = export(
+        action, out, format=format, up=up, time=time, root=root_of(context), params=sets
+    )
     for line in [*exported.notes, *map(str, exported.files)]:
         console.print(line)

@@ -55,6 +55,12 @@ Sets = Annotated[
         "--set", metavar="GROUP.NAME=VALUE", help="A parameter for this run (see imocap params)."
     ),
 ]
+ResultSets = Annotated[
+    list[str],
+    typer.Option(
+        "--set", metavar="GROUP.NAME=VALUE", help="A parameter that the result was made with."
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document, for scripts.")]
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from imocap_core.cli.options import ActionName, root_of, speaker
+from imocap_core.cli.options import ActionName, ResultSets, root_of, speaker
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -37,6 +37,7 @@ def video_command(
     opacity: Annotated[
         float, typer.Option(min=0.0, max=1.0, help="Opacity of the body; 1 hides the person.")
     ] = 0.75,
+    sets: ResultSets = [],  # noqa: B006
 ) -> None:
     """Write overlay and side-by-side films of an action (H.264)."""
     from imocap_core.library.outputs import films, write_films
@@ -44,7 +45,13 @@ def video_command(
     console = speaker(markup=False)
     began = time.perf_counter()
     planned, folder = films(
-        action, kind=kind, mesh=mesh, motion=result, opacity=opacity, root=root_of(context)
+        action,
+        kind=kind,
+        mesh=mesh,
+        motion=result,
+        opacity=opacity,
+        root=root_of(context),
+        params=sets,
     )
     with _bars(console) as bars:
         tasks = {film.name: bars.add_task(film.name, total=film.count) for film in planned}

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from imocap_core.cli.options import ActionName, root_of, speaker
+from imocap_core.cli.options import ActionName, ResultSets, root_of, speaker
 from imocap_core.errors import WorkFailed
 
 
@@ -21,6 +21,7 @@ def view_command(
     open_page: Annotated[
         bool, typer.Option("--open", help="Open the page in the browser.")
     ] = False,
+    sets: ResultSets = [],  # noqa: B006
 ) -> None:
     """Write the 3D viewer of an action, one HTML file.
 
@@ -36,6 +37,7 @@ def view_command(
             action,
             out,
             root=root_of(context),
+            params=sets,
             progress=lambda share, what: status.update(f"viewer: {escape(what)}"),
         )
     hint = "" if open_page else "; open it in a browser"

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from imocap_core.result.result import CAMERA_UP, ActionResult
+from imocap_core.result.run_record import run_record
 from imocap_core.result.video import VideoResult
 
 UNITS = {
@@ -56,6 +57,7 @@ def notes_of(result: ActionResult, format: str) -> dict[str, Any]:
         "body_model": result.model,
         "betas": "of this body model; another model's mean other shapes",
         "videos": {video.id: _video(result, video) for video in result},
+        "run": run_record(result.artifacts),
     }
     if format == "bvh":
         notes["rest"] = REST

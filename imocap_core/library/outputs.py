@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING
 
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.library.door import plain_errors
+from imocap_core.library.one_off import Params, one_off
 from imocap_core.library.result import Result, html_file
+from imocap_core.pipeline.generation import generation, run_command
 from imocap_core.pipeline.runner import Job
-from imocap_core.result.artifacts import artifacts_in_store
+from imocap_core.result.artifacts import artifacts_of_stages
+from imocap_core.result.read import read_result
 from imocap_core.result.result import Time
 from imocap_core.workspace import Workspace
 
@@ -46,10 +49,13 @@ class ActionComparison:
     files: list[Path]
 
 
-def result_of(action: str | Path, root: str | Path = ".") -> Result:
-    """The current result of an action, by its name or folder."""
-    job = _job(action, root)
-    return Result.of_action(job.store, job.action)
+def result_of(action: str | Path, root: str | Path = ".", params: Params = None) -> Result:
+    """The result of an action's files and parameters as they are now, by its name or folder.
+
+    WorkFailed, with the command that mends it, when the results are of something else.
+    """
+    sets = one_off(params)
+    return _current(_job(action, root, sets), sets)
 
 
 @plain_errors
@@ -61,13 +67,17 @@ def export(
     up: str | None = None,
     time: Time = "own",
     root: str | Path = ".",
+    params: Params = None,
 ) -> Exported:
-    """Write an action's motion, cameras and correspondences; arguments as of `Result.export`."""
+    """Write an action's motion, cameras and correspondences; arguments as of `Result.export`.
+
+    params: those that the result was made with, as of `run`.
+    """
     from imocap_core.export.formats import check_format
     from imocap_core.export.formats import export as write
 
     check_format(format, up)
-    return write(result_of(action, root), format, Path(out), up, time)
+    return write(result_of(action, root, params), format, Path(out), up, time)
 
 
 @plain_errors
@@ -79,12 +89,14 @@ def films(
     motion: MotionKind = "final",
     opacity: float = 0.75,
     root: str | Path = ".",
+    params: Params = None,
 ) -> tuple[list[Film], Path]:
     """The films of an action, to be written by `write_films`, and the usual folder for them."""
     from imocap_core.film.action_films import films_of
 
-    result, job = result_of(action, root), _job(action, root)
-    made = films_of(result, kind, mesh=mesh, motion=motion, opacity=opacity)
+    sets = one_off(params)
+    job = _job(action, root, sets)
+    made = films_of(_current(job, sets), kind, mesh=mesh, motion=motion, opacity=opacity)
     return made, job.store.folder / job.action.name / FILMS
 
 
@@ -104,17 +116,20 @@ def view(
     out: str | Path | None = None,
     *,
     root: str | Path = ".",
+    params: Params = None,
     progress: Callable[[float, str], None] = lambda share, what: None,
 ) -> Viewer:
     """Write the viewer of an action, one HTML file that needs nothing else.
 
     Args:
         out: the .html file; else viewer.html in its report.
+        params: those that the result was made with, as of `run`.
         progress: a function of (share, text).
     """
     from imocap_core.viewer.page import FILE_NAME, can_be_viewed, write_viewer
 
-    job = _job(action, root)
+    sets = one_off(params)
+    job = _job(action, root, sets)
     name, page = job.action.name, report_page(job)
     file = job.store.report(name) / FILE_NAME if out is None else html_file(out)
     possible = can_be_viewed(job.store, name)
@@ -122,19 +137,18 @@ def view(
         raise WorkFailed(f"{action} has no report yet; make one with: imocap run {action}")
     if out is None and not possible:
         return Viewer(name, page, None, False)
-    written = write_viewer(Result.of_action(job.store, job.action), file, progress)
+    written = write_viewer(_current(job, sets), file, progress)
     return Viewer(name, page, file, written)
 
 
 @plain_errors
-def report(action: str | Path, *, root: str | Path = ".") -> Path:
+def report(action: str | Path, *, root: str | Path = ".", params: Params = None) -> Path:
     """Make the page of an action from its results; its path."""
     from imocap_core.report.action_report import NEEDED, bring_up_to_date, complete
 
-    job = _job(action, root)
-    artifacts = artifacts_in_store(job.store, job.action.name, job.action.folder)
-    every = {stage: artifacts.stored(stage) for stage in job.pipeline.stages}
-    stored = {stage: artifact for stage, artifact in every.items() if artifact is not None}
+    sets = one_off(params)
+    job = _job(action, root, sets)
+    stored = generation(job, sets, scored=True)
     if not complete(stored):
         missing = ", ".join(stage for stage in NEEDED if stage not in stored) or "its stages"
         raise WorkFailed(
@@ -150,6 +164,7 @@ def compare(
     *,
     out: str | Path | None = None,
     root: str | Path = ".",
+    params: Params = None,
 ) -> ActionComparison:
     """Technique: what performances of an action share and how they differ; or two performers.
 
@@ -164,19 +179,19 @@ def compare(
     from imocap_core.compare.report import write_technique
     from imocap_core.compare.sources import performances_of, several
 
-    job = _job(action, root)
+    job = _job(action, root, one_off(params))
     name = job.action.name
     folder = job.store.report(name) / COMPARE if out is None else Path(out)
-    first = performances_of(result_of(action, root))
+    first = performances_of(result_of(action, root, params))
     if second is None:
         technique = describe(several(first))
         return ActionComparison(technique, None, write_technique(folder, technique))
-    other = _job(second, root).action.name
+    other = _job(second, root, []).action.name
     if other == name:
         raise WrongUse(f"{name} and {second} are one action; leave the second out")
     pair = pair_of(
         describe(first),
-        describe(performances_of(result_of(second, root), first.shaped)),
+        describe(performances_of(result_of(second, root, params), first.shaped)),
         job.settings.params.sync,
         np.random.default_rng(job.settings.seed),
     )
@@ -192,5 +207,13 @@ def report_page(job: Job) -> Path | None:
     return folder if folder.is_dir() else None
 
 
-def _job(action: str | Path, root: str | Path) -> Job:
-    return Workspace(Path(root)).job(str(action), [])
+def _job(action: str | Path, root: str | Path, sets: list[str]) -> Job:
+    return Workspace(Path(root)).job(str(action), sets)
+
+
+def _current(job: Job, sets: list[str]) -> Result:
+    stored = generation(job, sets)
+    artifacts = artifacts_of_stages(
+        job.action.name, stored, f"run it with: {run_command(job, sets)}"
+    )
+    return read_result(artifacts, Result, job.action.folder)

@@ -10,6 +10,8 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
+from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from imocap_core.pipeline.action import DETECT, Action
@@ -43,21 +45,43 @@ class Recipe:
 
 
 def recipe(
-    pipeline: Pipeline, stage: str, action: Action, settings: RunSettings, inputs: Mapping[str, str]
+    pipeline: Pipeline,
+    stage: str,
+    action: Action,
+    settings: RunSettings,
+    inputs: Mapping[str, str],
+    absent: Mapping[str, str] = MappingProxyType({}),
 ) -> Recipe:
-    """The recipe of a stage now; `inputs` are the content digests of its input artifacts."""
+    """The recipe of a stage now.
+
+    Args:
+        inputs: the content digests of its input artifacts.
+        absent: what to take as the digest of a read (by its name in `reads`) where its file does
+            not exist; WorkFailed for any other that does not.
+    """
     spec = pipeline.stages[stage]
     return Recipe(
         code=closure(pipeline.script(stage)),
         params=settings.of(spec.params),
         seed=settings.seed,
         inputs=dict(inputs),
-        reads={name: digest for kind in spec.reads for name, digest in _reads(kind, action)},
+        reads={
+            name: value if isinstance(value, str) else _digest_of(value, absent.get(name))
+            for kind in spec.reads
+            for name, value in _reads(kind, action)
+        },
     )
 
 
 def differences(before: Mapping[str, str], now: Recipe) -> list[str]:
     """In words, how a recipe differs from the stored one (`before`, a provenance)."""
+    lines = value_differences(before, now)
+    code = json.loads(before.get("code", "null")) or {}
+    return [*lines, *_changed_leaves("code", code, now.code)]
+
+
+def value_differences(before: Mapping[str, str], now: Recipe) -> list[str]:
+    """As `differences`, apart from the code: what has another input, file or parameter."""
     old = {name: json.loads(before.get(name, "null")) for name in asdict(now)}
     lines: list[str] = []
     if old["format"] != now.format:
@@ -70,17 +94,17 @@ def differences(before: Mapping[str, str], now: Recipe) -> list[str]:
         for name in sorted({*flat_old, *flat_now})
         if flat_old.get(name, "absent") != flat_now.get(name, "absent")
     ]
-    for title, former, present in (
-        ("code", old["code"] or {}, now.code),
-        ("input", old["inputs"] or {}, now.inputs),
-        ("read", old["reads"] or {}, now.reads),
-    ):
-        changed = [n for n in sorted({*former, *present}) if former.get(n) != present.get(n)]
-        lines += [f"{title}: {name} {_change(name, former, present)}" for name in changed]
-    return lines
+    lines += _changed_leaves("input", old["inputs"] or {}, now.inputs)
+    return lines + _changed_leaves("read", old["reads"] or {}, now.reads)
 
 
-def _reads(kind: Read, action: Action) -> Iterator[tuple[str, str]]:
+def _changed_leaves(title: str, former: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
+    changed = [n for n in sorted({*former, *now}) if former.get(n) != now.get(n)]
+    return [f"{title}: {name} {_change(name, former, now)}" for name in changed]
+
+
+def _reads(kind: Read, action: Action) -> Iterator[tuple[str, str | Path]]:
+    """What a kind of read stands for: each by a name, a digest or the file that is read."""
     if kind == "declarations":
         for video in action.videos:
             text = _canonical(video.model_dump(mode="json", by_alias=True))
@@ -97,14 +121,18 @@ def _reads(kind: Read, action: Action) -> Iterator[tuple[str, str]]:
         return
     if kind == "truth":
         for name in action.truth_files:
-            yield f"truth {name}", content_digest(action.folder / name)
+            yield f"truth {name}", action.folder / name
         return
     field = {"detections": "keypoints", "videos": "video", "initial": "initial"}[kind]
     for video in action.videos:
         given = getattr(video, field)
         path = action.detected.get(video.id) if given == DETECT else given
         if path is not None:
-            yield f"{kind} {video.id}", content_digest(action.folder / path)
+            yield f"{kind} {video.id}", action.folder / path
+
+
+def _digest_of(file: Path, absent: str | None) -> str:
+    return content_digest(file) if absent is None or file.exists() else absent
 
 
 def _canonical(value: Any) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TypeVar
@@ -76,10 +77,26 @@ class Artifacts:
         """A stage's artifact before decoding; None when the stage has not run."""
         if stage not in self._stored:
             try:
-                self._stored[stage] = self._read(stage)
+                stored = self._read(stage)
+                if stored is not None:
+                    self._must_be_of_one_run(stage, stored)
+                self._stored[stage] = stored
             except ArtifactCorrupt as error:
                 raise WorkFailed(self._damaged(stage, error)) from None
         return self._stored[stage]
+
+    def _must_be_of_one_run(self, stage: str, stored: Stored) -> None:
+        """WorkFailed when it was made from another than one read before, or that from another."""
+        for other, present in self._stored.items():
+            if present is None:
+                continue
+            pairs = ((stage, stored, other, present), (other, present, stage, stored))
+            for made, result, given, source in pairs:
+                if _inputs(result).get(given, source.digest) != source.digest:
+                    raise WorkFailed(
+                        f"{self.action}: {made} was made from another {given} than the one beside "
+                        f"it, so they are of different runs; {self.advice}"
+                    )
 
     def _damaged(self, stage: str, error: ArtifactCorrupt) -> str:
         return f"{stage} of {self.action}: {str(error).splitlines()[0]}; {self.advice}"
@@ -92,9 +109,11 @@ def artifacts_in_store(store: Store, action: str, folder: Path | None = None) ->
     return Artifacts(action, lambda stage: store.load(action, stage), advice)
 
 
-def artifacts_of_stages(action: str, stored: Mapping[str, Stored]) -> Artifacts:
-    """The artifacts of the stages that have just run (or were cached), by stage."""
-    return Artifacts(action, stored.get, f"run it with: imocap run {action}")
+def artifacts_of_stages(
+    action: str, stored: Mapping[str, Stored], advice: str | None = None
+) -> Artifacts:
+    """The artifacts of the stages of one run, by stage."""
+    return Artifacts(action, stored.get, advice or f"run it with: imocap run {action}")
 
 
 def given_artifacts(action: str, *artifacts: Artifact) -> Artifacts:
@@ -102,3 +121,8 @@ def given_artifacts(action: str, *artifacts: Artifact) -> Artifacts:
     values = Artifacts(action, lambda stage: None, f"run it with: imocap run {action}")
     values._decoded.update({type(artifact): artifact for artifact in artifacts})
     return values
+
+
+def _inputs(stored: Stored) -> dict[str, str]:
+    """Stage -> content digest of what a result was made from; empty where it does not say."""
+    return json.loads(stored.content.provenance.get("inputs", "{}"))

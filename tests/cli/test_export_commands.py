@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 import yaml
 
-from imocap_core.artifacts.schemas import CameraMotion
+from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync
 from imocap_core.cli import main
-from tests.pipeline.made_result import FPS, LENGTHS, Made, made_result, turned
+from imocap_core.params import RefineParams
+from tests.pipeline.made_result import FPS, LENGTHS, Made, made_result
+from tests.pipeline.stored import publish
 
 Capture = pytest.CaptureFixture[str]
 Said = tuple[int, str, str]
+KINDS = {"keypoints": Keypoints, "camera_motion": CameraMotion, "refine_sync": RefineSync}
 
 
 @pytest.fixture
@@ -22,7 +26,14 @@ def made(tmp_path: Path) -> Made:
     action.mkdir(parents=True)
     videos = [{"id": v, "keypoints": v, "fps": FPS[v], "size": [640, 360]} for v in LENGTHS]
     (action / "action.yaml").write_text(yaml.safe_dump({"name": "walk", "videos": videos}))
-    return made_result(tmp_path)
+    for v in LENGTHS:
+        (action / v).write_text("keypoints")
+    made = made_result(tmp_path)
+    for stage in ("keypoints", "camera_motion", "refine_sync"):  # now as a run makes them
+        stored = made.store.load("walk", stage)
+        assert stored is not None
+        publish(tmp_path, "walk", stage, stored.decode(KINDS[stage]))
+    return made
 
 
 @pytest.fixture
@@ -46,6 +57,30 @@ def test_export_names_its_files(imocap: Callable[..., Said], tmp_path: Path) -> 
     assert message.splitlines() == [str(out / name) for name in names]
 
 
+def test_an_export_names_the_run_that_it_is_of(
+    imocap: Callable[..., Said], made: Made, tmp_path: Path
+) -> None:
+    assert imocap("export", "walk", "--out", str(tmp_path / "there"))[0] == 0
+    run = json.loads((tmp_path / "there" / "export_npz.json").read_text())["run"]
+    motion = made.store.load("walk", "refine_sync")
+    assert motion is not None
+    assert run["stages"]["refine_sync"] == {"key": motion.key, "digest": motion.digest}
+    assert list(run["stages"]) == ["keypoints", "camera_motion", "refine_sync"]
+    assert run["seed"] == 7
+    assert run["params"]["refine"]["max_rounds"] == RefineParams().max_rounds
+
+
+def test_an_export_of_edited_keypoints_is_refused(
+    imocap: Callable[..., Said], tmp_path: Path
+) -> None:
+    (tmp_path / "actions" / "walk" / "a").write_text("edited")
+    code, _, message = imocap("export", "walk", "--out", str(tmp_path / "there"))
+    assert (code, message.count("\n")) == (1, 1)
+    assert "(keypoints: read: detections a has changed)" in message
+    assert message.endswith("Bring them up to date: imocap run walk\n")
+    assert not (tmp_path / "there").exists()
+
+
 def test_export_says_what_can_not_be(imocap: Callable[..., Said], tmp_path: Path) -> None:
     out = str(tmp_path / "there")
     code, _, message = imocap("export", "walk", "--format", "glb", "--up", "z", "--out", out)
@@ -61,8 +96,7 @@ def test_export_says_what_can_not_be(imocap: Callable[..., Said], tmp_path: Path
 def test_an_artifact_of_another_version_is_one_sentence(
     imocap: Callable[..., Said], made: Made, tmp_path: Path
 ) -> None:
-    made.publish("camera_motion", CameraMotion(videos=[turned(v) for v in LENGTHS]))
-    made.publish("hands", CameraMotion(videos=[]))  # not what its name says
+    publish(tmp_path, "walk", "hands", CameraMotion(videos=[]))  # not what its name says
     code, _, message = imocap("export", "walk", "--out", str(tmp_path / "there"))
     assert (code, message.count("\n")) == (1, 1)
     assert "hands of walk: expected a Hands, got a CameraMotion" in message

@@ -9,8 +9,8 @@ import pytest
 import yaml
 
 from imocap_core.artifacts.schemas import InitialSmpl, RefineSync, SyncSummary
-from imocap_core.artifacts.store import Store
 from imocap_core.cli import main
+from tests.pipeline.stored import publish
 from tests.report.made import FPS, LAYOUT, SIZE, Made
 
 Capture = pytest.CaptureFixture[str]
@@ -26,14 +26,15 @@ def folder(tmp_path: Path, made_small: Made) -> Path:
         for v in made_small.ids
     ]
     (action / "action.yaml").write_text(yaml.safe_dump({"name": "waving", "videos": videos}))
-    store = Store(tmp_path / "artifacts")
+    for v in made_small.ids:
+        (action / v).write_text("keypoints")
     for stage, artifact in (
         ("keypoints", made_small.keypoints),
         ("camera_motion", made_small.camera_motion),
         ("initial_smpl", made_small.initial),
         ("refine_sync", summarised(made_small.refined)),
     ):
-        store.publish("waving", stage, store.put(stage, f"key-{stage}", artifact, {}, {}))
+        publish(tmp_path, "waving", stage, artifact)
     return tmp_path
 
 
@@ -85,10 +86,16 @@ def test_it_is_written_anew_when_the_result_has_changed(
     folder: Path, imocap: Callable[..., tuple[int, str]], made_small: Made
 ) -> None:
     assert imocap("view", "waving")[0] == 0
-    store = Store(folder / "artifacts")
     other = made_small.initial.model_copy(update={"source": {"v1": "hmr2", "v2": "hmr2"}})
-    store.publish("waving", "initial_smpl", store.put("initial_smpl", "other", other, {}, {}))
-    assert "already" not in imocap("view", "waving")[1]
+    publish(folder, "waving", "initial_smpl", other)
+    code, message = imocap("view", "waving")  # the motion was made from another one
+    assert code == 1
+    assert "refine_sync: input: initial_smpl has changed" in message
+    assert message.endswith("Bring them up to date: imocap run waving\n")
+    publish(folder, "waving", "refine_sync", summarised(made_small.refined))
+    code, message = imocap("view", "waving")
+    assert code == 0
+    assert "already" not in message
 
 
 def test_out_says_where(folder: Path, imocap: Callable[..., tuple[int, str]]) -> None:
@@ -106,8 +113,8 @@ def test_artifacts_of_other_frames_are_refused(
     folder: Path, imocap: Callable[..., tuple[int, str]], made_small: Made
 ) -> None:
     initial: InitialSmpl = Made(count=2, frames=5).initial
-    store = Store(folder / "artifacts")
-    store.publish("waving", "initial_smpl", store.put("initial_smpl", "short", initial, {}, {}))
+    publish(folder, "waving", "initial_smpl", initial)
+    publish(folder, "waving", "refine_sync", summarised(made_small.refined))
     code, message = imocap("view", "waving")
     assert code == 1
     assert "waving: its artifacts are of different frames (initial_smpl of v1, v2); run" in message

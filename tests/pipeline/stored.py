@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,8 @@ import yaml
 from imocap_core.artifacts.schemas import Evaluate, Hands, Keypoints, Table
 from imocap_core.artifacts.schemas.base import Artifact
 from imocap_core.artifacts.schemas.sync import SyncSummary
-from imocap_core.artifacts.store import Store
 from imocap_core.io.video import write_h264
+from imocap_core.pipeline.keys import recipe
 from imocap_core.pipeline.runner import Job
 from imocap_core.report.files import CONTENTS
 from imocap_core.workspace import Workspace
@@ -26,6 +27,7 @@ def stored_job(root: Path, made: Made, *, filmed: tuple[str, ...] = ()) -> Job:
     folder = root / "actions" / NAME
     folder.mkdir(parents=True)
     videos = []
+    (folder / "k").write_text("keypoints")
     for seen in made.keypoints.videos:
         entry = {"id": seen.id, "keypoints": "k", "fps": FPS, "size": list(SIZE)}
         if seen.id in filmed:
@@ -38,9 +40,26 @@ def stored_job(root: Path, made: Made, *, filmed: tuple[str, ...] = ()) -> Job:
     return Workspace(root).job(NAME, [])
 
 
+def publish(
+    root: Path,
+    action: str,
+    stage: str,
+    artifact: Artifact,
+    files: dict[str, bytes] | None = None,
+    sets: Sequence[str] = (),
+) -> None:
+    """Store an artifact as a run would: made from the action's files, and from the results there
+    are."""
+    job = Workspace(root).job(action, list(sets))
+    done = {s: r for s in job.pipeline.stages if (r := job.store.load(action, s)) is not None}
+    inputs = {s: done[s].digest for s in job.pipeline.stages[stage].inputs if s in done}
+    made = recipe(job.pipeline, stage, job.action, job.settings, inputs)
+    stored = job.store.put(stage, made.key, artifact, made.provenance(), files or {})
+    job.store.publish(action, stage, stored)
+
+
 def put(root: Path, made: Made, filmed: tuple[str, ...] = ()) -> None:
-    """Every stage's artifact, made under the key `made`."""
-    store = Store(root / "artifacts")
+    """Every stage's artifact, as a run would have made them."""
     keypoints = Keypoints(
         videos=[
             v.model_copy(update={"video": f"{v.id}.mp4"}) if v.id in filmed else v
@@ -66,7 +85,7 @@ def put(root: Path, made: Made, filmed: tuple[str, ...] = ()) -> None:
         "evaluate": (Evaluate(tables=[pose], files=[CONTENTS]), {CONTENTS: _contents()}),
     }
     for stage, (artifact, files) in parts.items():
-        store.publish(NAME, stage, store.put(stage, "made", artifact, {}, files))
+        publish(root, NAME, stage, artifact, files)
 
 
 def _contents() -> bytes:

@@ -73,7 +73,7 @@ def test_an_artifact_of_another_version_is_named_in_one_line(made: Made, tmp_pat
     other = job.store.load(NAME, "keypoints")
     assert other is not None
     job.store.publish(NAME, "camera_motion", other)
-    with pytest.raises(WorkFailed, match=r"^camera_motion of waving: .*imocap run waving$") as said:
+    with pytest.raises(WorkFailed, match=r"another camera_motion .*imocap run waving$") as said:
         films_of(result_of(job), "both", mesh=True, motion="final", opacity=0.7)
     assert "\n" not in str(said.value)
 
@@ -101,7 +101,10 @@ def test_the_commands_say_where_things_are_or_what_is_wrong(
     capsys.readouterr()
     job.store.current(NAME, "sync").unlink()
     assert _imocap(["report", NAME, "--root", str(tmp_path)]) == 1
-    assert "the results of sync are missing; make them with: imocap run" in capsys.readouterr().err
+    assert (
+        "(smpl_ba: input: sync is gone). Bring them up to date: imocap run waving"
+        in capsys.readouterr().err
+    )
 
 
 def _imocap(words: list[str]) -> int:
