@@ -19,15 +19,18 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from imocap_core.whole_files import write_whole
+
 CACHE, USED = ".cache", ".used"
 SUFFIXES = (".mcap", ".npz")
 LEFTOVERS = (
-    f"{CACHE}/.*.part",
-    f"{CACHE}/.*.part",
-    f"{CACHE}/*/.*.part",
+    f"{CACHE}/.*.part*",
+    f"{CACHE}/*/.*.part*",
     f"{CACHE}/*/.detect-*",
-    "*/.*.part",
+    "*/.*.part*",
+    "*/*/.*.part*",
     "*/.report-*",
+    "*/.stage-*",
 )
 
 
@@ -133,7 +136,7 @@ def remove(store: Path, paths: Iterable[Path]) -> None:
     for record in (store / CACHE / USED).glob("*"):
         lines = [line for line in _lines(record) if (store / CACHE / f"{line}.mcap").is_file()]
         if lines:
-            record.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
+            write_whole(record, "".join(f"{line}\n" for line in lines))
         else:
             record.unlink(missing_ok=True)
 

@@ -13,6 +13,8 @@ import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from imocap_core.made_files import peoples_files, record_made
+
 PART = r"[A-Za-z0-9_][A-Za-z0-9_. -]{0,127}"  # of a path: no "..", no hidden file, no drive
 NAME = re.compile(rf"{PART}(?:/{PART}){{0,7}}")
 
@@ -34,15 +36,19 @@ def check_names(names: Iterable[str]) -> None:
         raise ValueError(f"two side files are named {doubled[0]!r:.80}")
 
 
-def same_files(folder: Path, files: Mapping[str, bytes], *, and_more: bool) -> bool:
-    """Whether a folder contains these files, and no others unless `and_more`."""
-    present = {p.relative_to(folder).as_posix(): p for p in folder.rglob("*") if p.is_file()}
-    complete = present.keys() >= files.keys() if and_more else present.keys() == files.keys()
-    return complete and all(present[name].read_bytes() == data for name, data in files.items())
+def has_files(folder: Path, files: Mapping[str, bytes]) -> bool:
+    """Whether a folder contains these files."""
+    return all(
+        (folder / name).is_file() and (folder / name).read_bytes() == data
+        for name, data in files.items()
+    )
 
 
 def replace_folder(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Make `folder` contain these files and no others, at once."""
+    """Make `folder` contain these files, at once, and of its former ones only people's.
+
+    Where a new file has the name of one of theirs, theirs gets a ~ at its end.
+    """
     check_names(files)
     fresh = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
     old = fresh.with_name(fresh.name + "-old")
@@ -51,9 +57,24 @@ def replace_folder(folder: Path, files: Mapping[str, bytes]) -> None:
         for name, data in files.items():
             (fresh / name).parent.mkdir(parents=True, exist_ok=True)
             (fresh / name).write_bytes(data)
+        record_made(fresh, files)
+        for name in sorted(peoples_files(folder), key=lambda name: name in files):
+            _copy(folder / name, _free(fresh / name))
         if folder.exists():
             os.replace(folder, old)
         os.replace(fresh, folder)
     finally:
         for leftover in (fresh, old):
             shutil.rmtree(leftover, ignore_errors=True)
+
+
+def _free(path: Path) -> Path:
+    """The path, or the first that does not exist with ~ added to its name."""
+    while path.exists() or path.is_symlink():
+        path = path.with_name(path.name + "~")
+    return path
+
+
+def _copy(source: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copy2(source, target, follow_symlinks=False)

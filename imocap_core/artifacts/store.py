@@ -26,7 +26,7 @@ from imocap_core.artifacts.cache import CACHE, mark_used
 from imocap_core.artifacts.file_memory import remembered
 from imocap_core.artifacts.links import refuse_links
 from imocap_core.artifacts.lock import exclusive
-from imocap_core.artifacts.side_files import check_names, replace_folder, same_files
+from imocap_core.artifacts.side_files import check_names, has_files, replace_folder
 from imocap_core.errors import ArtifactCorrupt
 from imocap_core.whole_files import appearing
 
@@ -141,15 +141,15 @@ class Store:
     def publish(self, action: str, stage: str, stored: Stored) -> None:
         """Make a result the current one of its stage, its side files the action's report.
 
-        Files that others added to the report stay until another result replaces this one: then
-        they were made from an older one.
+        What the program added to the report stays until another result replaces this one; then it
+        was made from an older one. What people added stays for good.
         """
         target = self.current(action, stage)
         again = stored.file == target
         if not again:
             _link(stored.file, target)
         files, report = stored.content.files, self.report(action)
-        if files and not same_files(report, files, and_more=again):
+        if files and not (again and has_files(report, files)):
             replace_folder(report, files)
         mark_used(self.folder, action, stage, stored.key)
 

@@ -10,6 +10,7 @@ from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.export.clips import camera_of, clip_of
 from imocap_core.export.mcap_view import write_mcap
 from imocap_core.export.notes import notes_of, write_notes
+from imocap_core.export.placing import digests_of, drafts_beside, place
 from imocap_core.export.tables import npz_values, write_cameras_and_sync
 from imocap_core.io.writers.bvh import write_bvh
 from imocap_core.io.writers.clip_body import skin_of
@@ -48,8 +49,8 @@ def export(
             the format (`DEFAULT_UP`), or as the result is.
         time: own: as the result is; common: all videos at the moments of one grid.
 
-    WrongUse for what a format cannot hold, WorkFailed when the result lacks something or `out`
-    cannot be written.
+    WrongUse for what a format cannot hold, WorkFailed when the result lacks something, `out` cannot
+    be written, or a file there must not be replaced (`placing`).
     """
     check_format(format, up)
     up = up or DEFAULT_UP.get(format)
@@ -57,10 +58,12 @@ def export(
     together = time == "common" and result.time != "common"
     written = placed.on_common_time() if together else placed
     try:
-        out.mkdir(parents=True, exist_ok=True)
-        files = WRITERS[format](out, written)
-        files += write_cameras_and_sync(out, placed)
-        files.append(write_notes(out, notes_of(written, format)))
+        with drafts_beside(out) as folder:
+            files = WRITERS[format](folder, written)
+            files += write_cameras_and_sync(folder, placed)
+            notes = notes_of(written, format) | {"files": digests_of(files)}
+            files.append(write_notes(folder, notes))
+            files = place(files, out, files[-1].name)
     except OSError as error:
         raise WorkFailed(f"cannot write to {out}: {error.strerror}") from None
     return Exported(files, _notes(written))

@@ -12,6 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from imocap_core.whole_files import draft_of
+
 INK = "#22262b"
 QUIET = "#868d96"
 GRID = "#e4e7ea"
@@ -78,10 +80,11 @@ def new_figure(width_in: float, height_in: float, *, arranged: bool = True) -> F
 
 def save(figure: Figure, path: Path) -> None:
     """Write a PNG or JPEG without metadata that differs between releases."""
-    if path.suffix == ".png":
-        figure.savefig(path, dpi=DPI, metadata={"Software": None})
-    else:
-        figure.savefig(path, dpi=DPI, pil_kwargs={"quality": 88})
+    with draft_of(path) as draft:
+        if path.suffix == ".png":
+            figure.savefig(draft, dpi=DPI, metadata={"Software": None})
+        else:
+            figure.savefig(draft, dpi=DPI, pil_kwargs={"quality": 88})
 
 
 def color_of(ids: Sequence[str], video: str) -> str:

@@ -13,6 +13,8 @@ import numpy as np
 from av.video.stream import VideoStream
 from jaxtyping import UInt8
 
+from imocap_core.whole_files import draft_of
+
 RgbPicture = UInt8[np.ndarray, "height width 3"]
 GrayPicture = UInt8[np.ndarray, "height width"]
 
@@ -84,7 +86,10 @@ def write_h264(
     """
     count = 0
     options = {"fflags": "+bitexact", **({"movflags": "+faststart"} if faststart else {})}
-    with av.open(str(path), "w", format="mp4", options=options) as container:
+    with (
+        draft_of(path) as draft,
+        av.open(str(draft), "w", format="mp4", options=options) as container,
+    ):
         stream: Any = container.add_stream("libx264", rate=Fraction(fps).limit_denominator(1001))
         stream.pix_fmt = "yuv420p"
         stream.options = {"crf": str(crf), "preset": preset, "threads": "1", "flags": "+bitexact"}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,14 +11,15 @@ from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.library.door import plain_errors
 from imocap_core.library.one_off import Params, one_off
 from imocap_core.library.result import Result, html_file
+from imocap_core.made_files import record_made
 from imocap_core.pipeline.generation import generation, run_command
 from imocap_core.pipeline.runner import Job
 from imocap_core.result.artifacts import artifacts_of_stages
-from imocap_core.result.read import read_result
 from imocap_core.result.result import Time
 from imocap_core.workspace import Workspace
 
 if TYPE_CHECKING:
+    from imocap_core.artifacts.store import Stored
     from imocap_core.compare.compare import Technique, TechniquePair
     from imocap_core.export.formats import Exported
     from imocap_core.film.action_films import Film, FilmKind, MotionKind
@@ -137,22 +138,31 @@ def view(
         raise WorkFailed(f"{action} has no report yet; make one with: imocap run {action}")
     if out is None and not possible:
         return Viewer(name, page, None, False)
-    written = write_viewer(_current(job, sets), file, progress)
+    if out is not None:
+        return Viewer(name, page, file, write_viewer(_current(job, sets), file, progress))
+    with job.store.lock(name, lambda: progress(0.0, "a run of this action is at work; waiting")):
+        written = write_viewer(_current(job, sets), file, progress)
+        record_made(file.parent, [file.name])
     return Viewer(name, page, file, written)
 
 
 @plain_errors
 def report(action: str | Path, *, root: str | Path = ".", params: Params = None) -> Path:
     """Make the page of an action from its results; its path."""
-    from imocap_core.report.action_report import NEEDED, bring_up_to_date, complete
-
     sets = one_off(params)
     job = _job(action, root, sets)
-    stored = generation(job, sets, scored=True)
+    with job.store.lock(job.action.name, lambda: None):
+        return _report(job, generation(job, sets, scored=True))
+
+
+def _report(job: Job, stored: Mapping[str, Stored]) -> Path:
+    from imocap_core.report.action_report import NEEDED, bring_up_to_date, complete
+
     if not complete(stored):
         missing = ", ".join(stage for stage in NEEDED if stage not in stored) or "its stages"
         raise WorkFailed(
-            f"{action}: the results of {missing} are missing; make them with: imocap run {action}"
+            f"{job.action.name}: the results of {missing} are missing; make them with: "
+            f"{run_command(job, [])}"
         )
     return bring_up_to_date(job, stored)
 
@@ -185,7 +195,8 @@ def compare(
     first = performances_of(result_of(action, root, params))
     if second is None:
         technique = describe(several(first))
-        return ActionComparison(technique, None, write_technique(folder, technique))
+        files = write_technique(folder, technique)
+        return _compared(job, ActionComparison(technique, None, files), out)
     other = _job(second, root, []).action.name
     if other == name:
         raise WrongUse(f"{name} and {second} are one action; leave the second out")
@@ -195,7 +206,16 @@ def compare(
         job.settings.params.sync,
         np.random.default_rng(job.settings.seed),
     )
-    return ActionComparison(None, pair, write_pair(folder if out else folder / other, pair))
+    files = write_pair(folder if out else folder / other, pair)
+    return _compared(job, ActionComparison(None, pair, files), out)
+
+
+def _compared(job: Job, made: ActionComparison, out: str | Path | None) -> ActionComparison:
+    """The same, its files recorded where they belong to the report."""
+    if out is None:
+        report = job.store.report(job.action.name)
+        record_made(report, (file.relative_to(report).as_posix() for file in made.files))
+    return made
 
 
 def report_page(job: Job) -> Path | None:
@@ -212,6 +232,8 @@ def _job(action: str | Path, root: str | Path, sets: list[str]) -> Job:
 
 
 def _current(job: Job, sets: list[str]) -> Result:
+    from imocap_core.result.read import read_result
+
     stored = generation(job, sets)
     artifacts = artifacts_of_stages(
         job.action.name, stored, f"run it with: {run_command(job, sets)}"

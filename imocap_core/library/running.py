@@ -105,10 +105,14 @@ def run_action(
         job, notes = job_in_parts(workspace, str(action), one_off(params), display)
         notes = [*notes, *repeated_files(job.action)]
         stages = list(job.pipeline.stages) if until is None else upstream(job, until)
-        outcomes = runner.run(job, display, stages, frozenset(stages if force else []))
-        finish(job, outcomes)
-        verdict = verdict_of_run(job, outcomes)
-    return Run(job, outcomes, notes, time.perf_counter() - began, verdict)
+        verdicts: list[Verdict | None] = []
+
+        def report(outcomes: Sequence[Outcome]) -> None:
+            finish(job, outcomes)
+            verdicts.append(verdict_of_run(job, outcomes))
+
+        outcomes = runner.run(job, display, stages, frozenset(stages if force else []), report)
+    return Run(job, outcomes, notes, time.perf_counter() - began, verdicts[0])
 
 
 @plain_errors
@@ -127,8 +131,10 @@ def run_stage(
     with displaying(progress) as display:
         began = time.perf_counter()
         job = Workspace(Path(root)).ready_job(str(action), one_off(params), display)
-        outcomes = runner.run(job, display, upstream(job, name), frozenset([name] * force))
-        finish(job, outcomes)
+        forced = frozenset([name] * force)
+        outcomes = runner.run(
+            job, display, upstream(job, name), forced, lambda made: finish(job, made)
+        )
     return Run(job, outcomes, [], time.perf_counter() - began)
 
 

@@ -84,12 +84,19 @@ class Job:
 
 
 def run(
-    job: Job, display: Display, stages: list[str], force: frozenset[str] = frozenset()
+    job: Job,
+    display: Display,
+    stages: list[str],
+    force: frozenset[str] = frozenset(),
+    ending: Callable[[list[Outcome]], object] = lambda outcomes: None,
 ) -> list[Outcome]:
     """Bring stages up to date, in the order given; those of `force` run even when cached.
 
-    stages: every one after its inputs. WorkFailed when a stage fails; results of the stages before
-    it stay.
+    Args:
+        stages: every one after its inputs.
+        ending: what else belongs to the run (its report), done before another run may begin.
+
+    WorkFailed when a stage fails; results of the stages before it stay.
     """
     outcomes: list[Outcome] = []
     done: dict[str, Stored] = {}
@@ -108,6 +115,7 @@ def run(
             done[stage] = stored
             outcomes.append(Outcome(stage, how, stored, time.perf_counter() - began))
             display.finished(outcomes[-1])
+        ending(outcomes)
     save_memory(job.store.folder)
     return outcomes
 
@@ -150,7 +158,8 @@ def _make(
     params = DeclaredParams(
         stage, {name: getattr(job.settings.params, name) for name in spec.params}
     )
-    with tempfile.TemporaryDirectory(prefix="imocap-") as folder:
+    place = job.store.folder / job.action.name  # leftovers of a killed run are swept there
+    with tempfile.TemporaryDirectory(prefix=".stage-", dir=place) as folder:
         report = Path(folder)
         context = Context(
             stage, job.settings.seed, frozenset(spec.reads), progress, report, job.action

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from imocap_core.artifacts.store import Store
 from imocap_core.pipeline.runner import Outcome
+from imocap_core.whole_files import write_whole
 
 if TYPE_CHECKING:
     from imocap_core.artifacts.schemas import Table
@@ -28,7 +29,7 @@ def record(store: Store, action: str, outcomes: Sequence[Outcome]) -> None:
     noted = _read(file)
     for stage, (digest, seconds) in made.items():
         noted[stage] = {**noted.get(stage, {}), digest: seconds}
-    file.write_text(json.dumps(noted, indent=1) + "\n", encoding="utf-8")
+    write_whole(file, json.dumps(noted, indent=1) + "\n")
 
 
 def seconds_of(store: Store, action: str, digests: Mapping[str, str]) -> dict[str, float | None]:

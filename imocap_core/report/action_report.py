@@ -17,6 +17,7 @@ from imocap_core.pipeline.timings import record, seconds_of
 from imocap_core.report.page_files import PAGE, TEXT
 from imocap_core.verdict.findings import Verdict
 from imocap_core.verdict.verdict_file import FILE, read_verdict
+from imocap_core.whole_files import is_whole_page
 
 MADE_BY = ("report/page_figures.py", "report/page.py", "verdict/action_verdict.py")
 BESIDE = ("viewer.html", "compare/report.md", "observability.md")
@@ -82,7 +83,7 @@ def bring_up_to_date(job: Job, stored: Mapping[str, Stored]) -> Path:
     beside = [name for name in BESIDE if (folder / name).is_file()]
     stamp = _stamp(stored, seconds, beside, single)
     there = all((folder / name).is_file() for name in (TEXT, PAGE, FILE))
-    if there and stamp in _head(page):
+    if there and is_whole_page(page) and stamp in _head(page):
         return page
     from imocap_core.report.write_page import write_page
 

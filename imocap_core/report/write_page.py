@@ -18,6 +18,7 @@ from imocap_core.artifacts.store import Stored
 from imocap_core.body import Model, load_free_body
 from imocap_core.figures.contact_sheets import SheetVideo, sheet_videos
 from imocap_core.figures.results_sheet import SheetResult
+from imocap_core.made_files import record_made
 from imocap_core.pipeline.runner import Job
 from imocap_core.pipeline.timings import timing_table
 from imocap_core.report.files import read_contents
@@ -28,6 +29,7 @@ from imocap_core.report.sections import sections
 from imocap_core.result.artifacts import artifacts_of_stages
 from imocap_core.result.verdict import verdict_of_artifacts
 from imocap_core.verdict.verdict_file import FILE, verdict_text
+from imocap_core.whole_files import write_whole
 from imocap_core.workspace import video_files
 
 
@@ -72,7 +74,8 @@ def write_page(
         PAGE: html_page(folder, contents, verdict, parts, beside, stamp),
     }
     for name, text in files.items():
-        (folder / name).write_text(text, encoding="utf-8", newline="\n")
+        write_whole(folder / name, text)
+    record_made(folder, [*files, *(picture.file for picture in pictures)])
 
 
 def sheet_videos_of(job: Job, stored: Mapping[str, Stored], model: Model) -> list[SheetVideo]:

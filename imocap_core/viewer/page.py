@@ -15,6 +15,7 @@ from imocap_core.result.video_body import body_model_of
 from imocap_core.viewer import html as viewer
 from imocap_core.viewer.block import Block
 from imocap_core.viewer.scene import scene
+from imocap_core.whole_files import is_whole_page, write_whole
 
 FILE_NAME = "viewer.html"
 NEEDED = ("keypoints", "camera_motion", "initial_smpl", "refine_sync")
@@ -44,8 +45,7 @@ def write_viewer(result: ActionResult, out: Path, progress: Callable[[float, str
         raise WorkFailed(f"{result.action}: {error}") from None
     progress(0.95, "writing")
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(viewer.page(header, block, stamp), encoding="utf-8", newline="\n")
+        write_whole(out, viewer.page(header, block, stamp))
     except OSError as error:
         raise WorkFailed(f"cannot write {out}: {error.strerror}") from None
     return True
@@ -64,7 +64,9 @@ def _stamp(result: ActionResult) -> str:
 
 
 def _made_from(file: Path) -> str | None:
-    """The stamp of a page; None when there is no such page."""
+    """The stamp of a page; None when there is no such page, or it breaks off."""
+    if not is_whole_page(file):
+        return None
     with suppress(OSError, UnicodeDecodeError), file.open(encoding="utf-8") as stream:
         head = stream.read(STAMP_WITHIN)
         _, stamped, rest = head.partition('<meta name="made-from" content="')

@@ -12,6 +12,7 @@ import pytest
 from imocap_core.artifacts.schemas import Sync
 from imocap_core.artifacts.store import Store, Stored
 from imocap_core.errors import ArtifactCorrupt
+from imocap_core.made_files import RECORD, record_made
 
 
 @pytest.fixture
@@ -85,32 +86,55 @@ def test_side_files_become_the_report(store: Store, put: Put) -> None:
     first = put("one", files={"index.html": b"1", "figures/a.png": b"22"})
     assert (report / "figures" / "a.png").read_bytes() == b"22"
     put("two", files={"index.html": b"new"})
-    assert [p.name for p in report.rglob("*")] == ["index.html"]
+    assert {p.name for p in report.rglob("*")} == {"index.html", RECORD}
     store.publish("yoga", "sync", first)
     (report / "index.html").unlink()
     store.publish("yoga", "sync", first)
     assert (report / "index.html").read_bytes() == b"1"
     put("three", files={"index.html": b"3"})
-    assert {p.name: p.read_bytes() for p in report.iterdir()} == {"index.html": b"3"}
+    assert {p.name for p in report.iterdir()} == {"index.html", RECORD}
+    assert (report / "index.html").read_bytes() == b"3"
     assert [p.name for p in report.parent.iterdir() if p.name.startswith(".report")] == []
 
 
-def test_what_others_put_into_the_report_stays_until_the_result_changes(
+def test_what_the_program_added_to_the_report_stays_until_the_result_changes(
     store: Store, put: Put
 ) -> None:
     report = store.folder / "yoga" / "report"
     put("one", files={"a.csv": b"1"})
     (report / "viewer.html").write_bytes(b"made from one")
+    record_made(report, ["viewer.html"])
     current = store.find("yoga", "sync", "one")
     assert current is not None
     store.publish("yoga", "sync", current)
-    assert {p.name for p in report.iterdir()} == {"a.csv", "viewer.html"}
-    (report / "a.csv").write_bytes(b"damaged")
+    assert {p.name for p in report.iterdir()} == {"a.csv", "viewer.html", RECORD}
+    (report / "a.csv").unlink()
     store.publish("yoga", "sync", current)
     assert (report / "a.csv").read_bytes() == b"1"
     (report / "viewer.html").write_bytes(b"made from one")
+    record_made(report, ["viewer.html"])
     put("two", files={"a.csv": b"1"})
-    assert {p.name for p in report.iterdir()} == {"a.csv"}
+    assert {p.name for p in report.iterdir()} == {"a.csv", RECORD}
+
+
+def test_what_people_put_into_the_report_or_change_there_is_never_lost(
+    store: Store, put: Put
+) -> None:
+    report = store.folder / "yoga" / "report"
+    put("one", files={"a.csv": b"1", "figures/b.png": b"1"})
+    (report / "notes.txt").write_text("mine")
+    (report / "figures" / "c.png").write_bytes(b"mine")
+    (report / "a.csv").write_bytes(b"changed")
+    put("two", files={"a.csv": b"2"})
+    content = {p.relative_to(report).as_posix(): p for p in report.rglob("*") if p.is_file()}
+    assert content.keys() == {RECORD, "a.csv", "a.csv~", "notes.txt", "figures/c.png"}
+    assert content["a.csv"].read_bytes() == b"2"
+    assert content["a.csv~"].read_bytes() == b"changed"
+    (report / "a.csv").write_bytes(b"changed again")
+    put("three", files={"a.csv": b"3"})
+    assert (report / "a.csv~").read_bytes() == b"changed"
+    assert (report / "a.csv~~").read_bytes() == b"changed again"
+    assert (report / "figures" / "c.png").read_bytes() == b"mine"
 
 
 HOLD = """

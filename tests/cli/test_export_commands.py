@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 
@@ -79,6 +80,34 @@ def test_an_export_of_edited_keypoints_is_refused(
     assert "(keypoints: read: detections a has changed)" in message
     assert message.endswith("Bring them up to date: imocap run walk\n")
     assert not (tmp_path / "there").exists()
+
+
+def test_an_export_replaces_nothing_but_an_older_one_of_its_kind(
+    imocap: Callable[..., Said], tmp_path: Path
+) -> None:
+    inputs = tmp_path / "actions" / "walk"
+    np.savez(inputs / "a.npz", keypoints=np.zeros(3))
+    before = {p.name: p.read_bytes() for p in inputs.iterdir()}
+    code, _, message = imocap("export", "walk", "--out", str(inputs))
+    assert (code, message.count("\n")) == (1, 1)
+    assert "a.npz exists, and was not written by an export" in message
+    assert {p.name: p.read_bytes() for p in inputs.iterdir()} == before
+
+    out = tmp_path / "there"
+    assert imocap("export", "walk", "--out", str(out))[0] == 0
+    cameras = (out / "cameras.json").read_bytes()
+    code, _, message = imocap("export", "walk", "--format", "bvh", "--out", str(out))  # y is up
+    assert code == 1
+    assert "cameras.json belongs to export_npz.json, an export of other axes" in message
+    assert (out / "cameras.json").read_bytes() == cameras
+    assert sorted(p.suffix for p in out.iterdir() if p.suffix == ".bvh") == []
+    assert imocap("export", "walk", "--up", "y", "--out", str(out))[0] == 0  # its own, again
+    assert (out / "cameras.json").read_bytes() != cameras
+    assert imocap("export", "walk", "--format", "bvh", "--out", str(out))[0] == 0
+    (out / "a.npz").write_bytes(b"edited")
+    assert imocap("export", "walk", "--up", "y", "--out", str(out))[0] == 1
+    assert (out / "a.npz").read_bytes() == b"edited"
+    assert not [p for p in out.iterdir() if p.name.startswith(".")]
 
 
 def test_export_says_what_can_not_be(imocap: Callable[..., Said], tmp_path: Path) -> None:

@@ -98,6 +98,19 @@ def test_it_is_written_anew_when_the_result_has_changed(
     assert "already" not in message
 
 
+def test_a_page_that_breaks_off_is_written_again(
+    folder: Path, imocap: Callable[..., tuple[int, str]]
+) -> None:
+    file = folder / "artifacts" / "waving" / "report" / "viewer.html"
+    assert imocap("view", "waving")[0] == 0
+    whole = file.read_bytes()
+    file.write_bytes(whole[:5000])
+    code, message = imocap("view", "waving")
+    assert code == 0
+    assert "already" not in message
+    assert file.read_bytes() == whole
+
+
 def test_out_says_where(folder: Path, imocap: Callable[..., tuple[int, str]]) -> None:
     file = folder / "shown" / "here.html"
     code, message = imocap("view", "waving", "--out", str(file))

@@ -52,6 +52,17 @@ def test_the_page_is_made_once_and_again_when_something_changed(made: Made, tmp_
     assert 'href="viewer.html"' in page.read_text()
 
 
+@pytest.mark.parametrize("left", [5000, 0])
+def test_a_page_that_breaks_off_is_made_again(made: Made, tmp_path: Path, left: int) -> None:
+    job = stored_job(tmp_path, made)
+    page = finish(job, _outcomes(job))
+    assert page is not None
+    whole = page.read_bytes()
+    page.write_bytes(whole[:left])  # as a full disk leaves it
+    finish(job, _outcomes(job))
+    assert page.read_bytes() == whole
+
+
 def test_the_report_begins_with_the_verdict_of_the_run(made: Made, tmp_path: Path) -> None:
     job = stored_job(tmp_path, made)
     page = finish(job, _outcomes(job))

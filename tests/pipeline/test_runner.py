@@ -13,6 +13,9 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.store import Store
+from imocap_core.library.progress import displaying
+from imocap_core.pipeline.runner import Outcome, run
+from imocap_core.workspace import Workspace
 
 if TYPE_CHECKING:
     from tests.pipeline.conftest import Toy
@@ -147,6 +150,25 @@ def test_two_runs_of_one_action_don_t_meet(toy: Toy) -> None:
     out, _ = second.communicate(timeout=60)
     assert "another run of this action is at work" in said
     assert "toy: 3 stages, 3 made" in out
+
+
+def test_a_run_has_its_action_until_its_report_is_written(toy: Toy) -> None:
+    job = Workspace(toy.root).job("toy", [])
+    waited = []
+
+    def second_run() -> None:
+        waited.append(True)
+        raise TimeoutError
+
+    def report(outcomes: list[Outcome]) -> None:
+        with pytest.raises(TimeoutError), job.store.lock("toy", second_run):
+            pass
+
+    with displaying(None) as display:
+        run(job, display, ALL, ending=report)
+    assert waited == [True]
+    with job.store.lock("toy", second_run):
+        pass
 
 
 @pytest.mark.parametrize(
