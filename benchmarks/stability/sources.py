@@ -8,7 +8,7 @@ from benchmarks.actions.captured import data_folder
 from benchmarks.actions.choice import Choice
 from benchmarks.actions.prepare import existing_job, ready_job
 from benchmarks.stability.perturbations import OF_FILES, OF_PIXELS, Perturbation
-from imocap_core.detect.environment import is_available
+from imocap_core.detect.setup import is_set_up
 from imocap_core.errors import WorkFailed
 from imocap_core.params import DetectParams
 from imocap_core.pipeline.runner import Display
@@ -68,5 +68,5 @@ def _trials(name: str) -> Choice:
 def _check_detector(root: Path) -> None:
     from imocap_core.detect.detectors import detector_of
 
-    if not is_available(detector_of(DetectParams(), root).packages):
+    if not is_set_up(detector_of(DetectParams(), root)):
         raise WorkFailed("the detector's environment is not installed (`imocap detect --setup`)")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from imocap_core.artifacts.store import Store
 from imocap_core.detect.detection import detect_video, detections_file
 from imocap_core.detect.detectors import Detector, detector_of
-from imocap_core.detect.environment import python_for
+from imocap_core.detect.setup import set_up
 from imocap_core.errors import WorkFailed
 from imocap_core.io.video import probe
 from imocap_core.params import DetectParams
@@ -45,7 +45,7 @@ def detect(action: Action, params: DetectParams, store: Store, display: Display)
         return
     _must_be_readable(action, waiting)
     display.started("detect", [f"{waiting[0].id} has no detections of {detector.version}"])
-    python = python_for(detector.packages, lambda what: display.progress(0.0, what))
+    python = set_up(detector, lambda what: display.progress(0.0, what))
     for number, declared in enumerate(waiting):
         if number:
             display.started("detect", [f"{declared.id} has no detections of {detector.version}"])

@@ -38,7 +38,7 @@ def detect_video(
     """
     count = max(probe(video).frame_count, 1)
     answers = []
-    with Worker(python, detector.worker, detector.settings) as worker:
+    with Worker(python, detector.worker, detector.arguments) as worker:
         for number, picture in read_rgb(video):
             answers.append(worker.detect(number, picture))
             progress(min((number + 1) / count, 1.0), f"{video.name}: frame {number + 1} of {count}")

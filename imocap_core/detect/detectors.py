@@ -4,17 +4,32 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from imocap_core.detect.network_files import NetworkFile
 from imocap_core.detect.results import Arrays, landmark_arrays, people_arrays
 from imocap_core.params import DetectParams
 from imocap_core.pipeline.format_names import DetectionFormat, InitialFormat, Layout
 from imocap_core.pipeline.source import SourceFile
 
 HERE = Path(__file__).parent
+BLAZEPOSE_PERSON = NetworkFile(
+    package="@mediapipe/pose",
+    version="0.5.1675469404",
+    member="package/pose_solution_packed_assets.data",
+    sha256="a63c614bef30d35947f13be361820b1e4e3bec9cfeebf4d11216a18373108e85",
+    size=2962288,
+)
+BLAZEPOSE_HEAVY = NetworkFile(
+    package="@mediapipe/pose",
+    version="0.5.1675469404",
+    member="package/pose_landmark_heavy.tflite",
+    sha256="59e42d71bcd44cbdbabc419f0ff76686595fd265419566bd4009ef703ea8e1fe",
+    size=27709200,
+)
 FORMAT = 1  # raise when the files written mean something else
 
 
@@ -22,8 +37,10 @@ FORMAT = 1  # raise when the files written mean something else
 class Detector:
     """A detector with its settings.
 
-    name: of its environment's list of packages. worker: its script. settings: the script's
-    argument. models: files that the user provides. arrays: its answers -> the arrays of its file.
+    name: of its environment's list of packages. package: the one of them that gives its version.
+    worker: its script. settings: the script's argument. models: files that the user provides.
+    networks: files that its environment needs, by the setting that names them. arrays: its answers
+    -> the arrays of its file.
     """
 
     name: str
@@ -34,6 +51,8 @@ class Detector:
     format: DetectionFormat
     layout: Layout
     initial_format: InitialFormat | None
+    package: str = ""
+    networks: Mapping[str, NetworkFile] = field(default_factory=dict)
 
     @property
     def packages(self) -> Path:
@@ -42,21 +61,30 @@ class Detector:
 
     @property
     def version(self) -> str:
-        """Name and version, as `mediapipe 0.10.21`."""
+        """Name and version, as `mediapipe 0.10.21` or `blazepose (ai-edge-litert 2.3.0)`."""
+        package = self.package or self.name
         lines = self.packages.read_text(encoding="utf-8").split()
-        return next(line for line in lines if line.startswith(f"{self.name}==")).replace("==", " ")
+        pinned = next(line for line in lines if line.startswith(f"{package}==")).replace("==", " ")
+        return f"{self.name} ({pinned})" if self.package else pinned
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The settings for its script, with the places of its networks."""
+        return self.settings | {name: str(model.file) for name, model in self.networks.items()}
 
     def key(self, content: str, models: Sequence[str]) -> str:
         """Digest of all that a video's detections depend on; `content` (the video's) and `models`
         are digests of files."""
         settings = {k: v for k, v in self.settings.items() if not k.endswith("_model")}
+        beside = sorted((self.worker.parent / self.name).glob("*.py"))
         parts = [
             FORMAT,
             self.version,
-            SourceFile("", self.worker).digest,
+            *(SourceFile("", file).digest for file in (self.worker, *beside)),
             settings,
             content,
             *models,
+            *(model.sha256 for model in self.networks.values()),
         ]
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
@@ -74,6 +102,22 @@ def detector_of(params: DetectParams, folder: Path) -> Detector:
                 "min_tracking_confidence": params.min_tracking_confidence,
             },
             models=(),
+            arrays=landmark_arrays,
+            format="mediapipe",
+            layout="mediapipe33",
+            initial_format="mediapipe_world" if params.world_landmarks else None,
+        )
+    if params.detector == "blazepose":
+        return Detector(
+            name="blazepose",
+            package="ai-edge-litert",
+            worker=HERE / "workers" / "blazepose_pose.py",
+            settings={
+                "min_detection_confidence": params.min_detection_confidence,
+                "min_tracking_confidence": params.min_tracking_confidence,
+            },
+            models=(),
+            networks={"person_model": BLAZEPOSE_PERSON, "landmark_model": BLAZEPOSE_HEAVY},
             arrays=landmark_arrays,
             format="mediapipe",
             layout="mediapipe33",

@@ -45,7 +45,7 @@ def set_up_detector(
 ) -> tuple[str, Path]:
     """Make the environment of the detector in force; its name and version, and its Python."""
     from imocap_core.detect.detectors import detector_of
-    from imocap_core.detect.environment import python_for
+    from imocap_core.detect.setup import set_up
     from imocap_core.pipeline.graph import settings
 
     workspace = Workspace(Path(root))
@@ -54,5 +54,5 @@ def set_up_detector(
     detector = detector_of(chosen.detect, workspace.root)
     with displaying(progress) as display:
         display.started("detect", [f"{detector.version} needs an environment of its own"])
-        python = python_for(detector.packages, lambda what: display.progress(0.0, what))
+        python = set_up(detector, lambda what: display.progress(0.0, what))
     return detector.version, Path(python)

@@ -12,29 +12,30 @@ from imocap_core.params.bounds import Count, Positive, Share, param
 class DetectParams:
     """2D keypoint detection, for videos with `keypoints: detect` in action.yaml (detection.md)."""
 
-    detector: Literal["mediapipe", "rtmlib"] = param(
+    detector: Literal["mediapipe", "blazepose", "rtmlib"] = param(
         "mediapipe",
-        "Detector to run. MediaPipe finds one person a picture; rtmlib finds everybody.",
+        "Detector to run. MediaPipe and BlazePose (its larger network) find one person a picture; "
+        "rtmlib finds everybody.",
     )
     hands: bool = param(
         False, "Detect the 2 x 21 points of both hands too, which the stage `hands` needs. Slower."
     )
     world_landmarks: bool = param(
         False,
-        "MediaPipe: its 3D landmarks start the monocular fits and are evidence in them, for videos "
-        "without an `initial` of their own.",
+        "MediaPipe, BlazePose: their 3D landmarks start the monocular fits and are evidence in "
+        "them, for videos without an `initial` of their own.",
     )
     follow: bool = param(
         False,
         "MediaPipe: search only near the person's last position. Faster, but it loses people.",
     )
     min_detection_confidence: Share = param(
-        0.5, "MediaPipe: detections of a person below this confidence are dropped."
+        0.5, "MediaPipe, BlazePose: detections of a person below this confidence are dropped."
     )
     min_tracking_confidence: Share = param(
         0.5,
-        "MediaPipe with `follow`: below this confidence the person is searched for in the whole "
-        "picture again.",
+        "MediaPipe with `follow`, BlazePose: below this confidence the person is lost, and "
+        "searched for in the whole picture.",
     )
     rtmlib_mode: Literal["lightweight", "balanced", "performance"] = param(
         "balanced", "rtmlib: which of its models it downloads, from fastest to most accurate."

@@ -1,0 +1,23 @@
+"""All that a detector needs before it runs: its environment and its networks' files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from imocap_core.detect.detectors import Detector
+from imocap_core.detect.environment import is_available, python_for
+from imocap_core.detect.network_files import fetch_networks, is_present
+
+
+def set_up(detector: Detector, announce: Callable[[str], None]) -> Path:
+    """The Python that the detector runs in; what is missing is made or fetched, and `announce` is
+    called before each slow step. WorkFailed when that fails."""
+    python = python_for(detector.packages, announce)
+    fetch_networks(list(detector.networks.values()), announce)
+    return python
+
+
+def is_set_up(detector: Detector) -> bool:
+    """Whether `set_up` would make and fetch nothing."""
+    return is_available(detector.packages) and all(map(is_present, detector.networks.values()))

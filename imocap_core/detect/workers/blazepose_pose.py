@@ -1,0 +1,87 @@
+"""BlazePose on the pictures of one video, in order: a person detector and a landmark network.
+
+Answers: `pose_landmarks`, `pose_world_landmarks` (33 of [x, y, z, visibility]; null where nobody
+was detected). Settings: the networks' files, and those of `blazepose.course`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import struct
+import sys
+from typing import Any, TextIO
+
+HEAD = struct.Struct("<III")
+MOST_THREADS = 4  # more hardly help one picture at a time
+
+
+def main() -> int:
+    """Read pictures, write landmarks; 1 after writing a fault."""
+    settings = json.loads(sys.argv[1])
+    pictures = sys.stdin.buffer
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # so that no library prints into the answers
+    try:
+        numpy = importlib.import_module("numpy")
+        course = importlib.import_module("blazepose.course").Course(
+            _network(settings["person_model"]),
+            _network(settings["landmark_model"]),
+            settings["min_detection_confidence"],
+            settings["min_tracking_confidence"],
+        )
+    except Exception as error:
+        _answer(answers, {"fault": f"{type(error).__name__}: {error}"})
+        return 1
+    _answer(answers, {"ready": True})
+    while len(head := pictures.read(HEAD.size)) == HEAD.size:
+        _, height, width = HEAD.unpack(head)
+        raw = pictures.read(3 * height * width)
+        picture = numpy.frombuffer(raw, numpy.uint8).reshape(height, width, 3)
+        _answer(answers, _landmarks(course.next_body(picture), width, height))
+    return 0
+
+
+def _network(file: str) -> Any:
+    """The network in a file, as a function of one picture."""
+    threads = int(os.environ.get("OMP_NUM_THREADS") or min(os.cpu_count() or 1, MOST_THREADS))
+    kind = importlib.import_module("ai_edge_litert.interpreter").Interpreter
+    model = kind(model_path=file, num_threads=threads)
+    model.allocate_tensors()
+    given = model.get_input_details()[0]["index"]
+    results = [tensor["index"] for tensor in model.get_output_details()]
+
+    def network(picture: Any) -> list[Any]:
+        model.set_tensor(given, picture[None])
+        model.invoke()
+        return [model.get_tensor(result)[0] for result in results]
+
+    return network
+
+
+def _landmarks(body: Any, width: int, height: int) -> dict[str, Any]:
+    """The answer: shares of the picture's sides (z: of its width), and metres."""
+    if body is None:
+        return {"pose_landmarks": None, "pose_world_landmarks": None}
+    xy, z, world = body.xy_px.tolist(), body.z_px.tolist(), body.world_m.tolist()
+    visibility = body.visibility.tolist()
+    picture = [
+        [x / width, y / height, depth / width, share]
+        for (x, y), depth, share in zip(xy, z, visibility, strict=True)
+    ]
+    metres = [[*xyz, share] for xyz, share in zip(world, visibility, strict=True)]
+    return {"pose_landmarks": _rounded(picture), "pose_world_landmarks": _rounded(metres)}
+
+
+def _rounded(rows: list[list[float]]) -> list[list[float]]:
+    return [[round(value, 6) for value in row] for row in rows]
+
+
+def _answer(answers: TextIO, message: dict[str, Any]) -> None:
+    answers.write(json.dumps(message) + "\n")
+    answers.flush()
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

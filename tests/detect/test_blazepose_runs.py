@@ -1,0 +1,115 @@
+"""BlazePose's script: with a stand-in for the networks' runtime, and itself where it is set up."""
+
+from __future__ import annotations
+
+import sys
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imocap_core.detect.detection import detect_video
+from imocap_core.detect.detectors import Detector, detector_of
+from imocap_core.detect.environment import python_for
+from imocap_core.detect.setup import is_set_up
+from imocap_core.errors import WorkFailed
+from imocap_core.io.detectors.mediapipe import read_mediapipe
+from imocap_core.io.video import write_h264
+from imocap_core.pipeline.make_demo import demo_body
+from imocap_core.synthetic.yoga_clip import SIZE, make_yoga_clip, pictures
+from tests.detect.conftest import SIZE as BAR_SIZE
+from tests.detect.conftest import clip
+from tests.detect.test_detection import params
+from tests.detect.test_mediapipe import FRAMES, JOINTS
+
+RUNTIME = """
+import numpy as np
+print("a library that talks")
+
+class Interpreter:
+    def __init__(self, model_path, num_threads):
+        self.person = "assets" in model_path
+    def allocate_tensors(self):
+        pass
+    def get_input_details(self):
+        return [{"index": 0}]
+    def get_output_details(self):
+        return [{"index": k} for k in range(2 if self.person else 5)]
+    def set_tensor(self, index, value):
+        assert value.dtype == np.float32
+        self.given = value[0]
+    def invoke(self):
+        bright = self.given.max() > 0.5
+        if self.person:
+            values = np.zeros((2254, 12), np.float32)
+            values[:, 2:4], values[:, 6:8] = 90, (0, -80)
+            logits = np.full((2254, 1), -9.0, np.float32)
+            logits[28 * 14 * 2 + 28] = 9 if bright else -9
+            self.results = [values, logits]
+        else:
+            points = np.zeros((39, 5), np.float32)
+            points[:, :2] = 128, 64
+            points[33, :2], points[34, :2] = (128, 128), (128, 26)
+            self.results = [points.ravel(), np.float32([bright]), np.zeros(1),
+                            np.full((64, 64, 39), -9, np.float32), np.zeros(117, np.float32)]
+    def get_tensor(self, index):
+        return self.results[index][None]
+"""
+REAL = detector_of(params(detector="blazepose"), Path())
+
+
+@pytest.fixture
+def made_runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """This Python, with a stand-in for ai-edge-litert."""
+    library = tmp_path / "library" / "ai_edge_litert"
+    library.mkdir(parents=True)
+    (library / "__init__.py").touch()
+    (library / "interpreter.py").write_text(RUNTIME)
+    monkeypatch.setenv("PYTHONPATH", str(library.parent))
+    return Path(sys.executable)
+
+
+def landmarks(tmp_path: Path, python: Path, detector: Detector) -> Path:
+    file = tmp_path / "out" / "detections.npz"
+    video = clip(tmp_path / "bar.mp4", [None, 20, 22, None])
+    detect_video(video, file, detector, python, lambda share, what: None)
+    return file
+
+
+def test_what_is_written_is_what_the_readers_read(tmp_path: Path, made_runtime: Path) -> None:
+    file = landmarks(tmp_path, made_runtime, REAL)
+    detections = read_mediapipe(file, "mediapipe33", BAR_SIZE)
+    assert [len(people) for people in detections.people] == [0, 1, 1, 0]
+    first = detections.people[1][0]
+    assert np.allclose(first[:, 2], 0.5)
+    assert np.ptp(first[:, :2], axis=0).max() == 0
+    assert (np.abs(first[0, :2] - np.array(BAR_SIZE) / 2) < np.array(BAR_SIZE) / 2).all()
+
+
+def test_a_runtime_that_is_missing_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(WorkFailed, match=r"blazepose_pose in .* failed: ModuleNotFoundError"):
+        landmarks(tmp_path, Path(sys.executable), REAL)
+
+
+def test_its_version_names_the_runtime_s() -> None:
+    assert REAL.version.startswith("blazepose (ai-edge-litert ")
+    assert set(REAL.arguments) - set(REAL.settings) == {"person_model", "landmark_model"}
+
+
+@pytest.mark.skipif(not is_set_up(REAL), reason="not set up: imocap detect --setup")
+def test_it_finds_the_rendered_body_where_it_is(tmp_path: Path) -> None:
+    shaped = demo_body(7)
+    take = make_yoga_clip(7, 0, shaped)
+    video, file = tmp_path / "v1.mp4", tmp_path / "detections.npz"
+    write_h264(video, islice(pictures(take, 7, 0, shaped), FRAMES), take.fps)
+    detect_video(video, file, REAL, python_for(REAL.packages, print), lambda share, what: None)
+    detections = read_mediapipe(file, "mediapipe33", SIZE)
+    assert [len(people) for people in detections.people] == [1] * FRAMES
+    height_px = np.ptp(take.xy_px[0, :, 1])
+    names = shaped.model.points("body25").names
+    for name, point in JOINTS.items():
+        true_px = take.xy_px[FRAMES - 1, names.index(name)]
+        point_px = detections.people[-1][0, point]
+        assert np.linalg.norm(point_px[:2] - true_px) < 0.05 * height_px, name
+        assert point_px[2] > 0.5, name
