@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+
 
 class ImocapError(Exception):
     """The work could not be done, or was not understood; the message is for the user."""
@@ -17,6 +19,26 @@ class WrongUse(ImocapError):
 
 class ArtifactCorrupt(Exception):
     """An artifact can't be read back whole; it must be computed again."""
+
+
+class Stopped(BaseException):
+    """The command was stopped by a signal (Ctrl-C or SIGTERM). Exit code 128 + its number."""
+
+    def __init__(self, signal_number: int) -> None:
+        super().__init__(f"stopped by signal {signal_number}")
+        self.exit_code = 128 + signal_number
+
+
+def system_fault(error: OSError | MemoryError) -> str:
+    """The sentence about a file that cannot be used, a full disk, or too little memory."""
+    if isinstance(error, MemoryError):
+        return f"not enough memory: {error or 'close other programs, or use fewer frames'}"
+    if error.errno == errno.ENOSPC:
+        where = f" ({error.filename})" if error.filename is not None else ""
+        return f"the disk is full{where}; finished stages are stored, run again with more space"
+    if error.filename is not None:
+        return f"cannot use {error.filename}: {error.strerror}"
+    return str(error)
 
 
 def program_fault(error: Exception) -> str:

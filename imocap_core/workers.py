@@ -1,10 +1,13 @@
-"""Map functions that run in sequence or on threads; the results are the same."""
+"""Map functions that run in sequence or on threads; the results are the same. And processes."""
 
 from __future__ import annotations
 
+import multiprocessing
 import os
-from collections.abc import Callable, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import Any
 
 Each = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]  # map
@@ -32,3 +35,18 @@ def at_once(work: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
     workers = max(1, min(len(items), cores()))
     with ThreadPoolExecutor(workers) as pool:
         return on(pool)(work, items)
+
+
+@contextmanager
+def processes(workers: int) -> Iterator[ProcessPoolExecutor]:
+    """A pool of fresh processes, which end at once when the body ends by an error or a signal."""
+    before = set(multiprocessing.active_children())
+    spawn = multiprocessing.get_context("spawn")
+    ignored = (signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all of them: this process ends them
+    with ProcessPoolExecutor(workers, spawn, signal.signal, ignored) as pool:
+        try:
+            yield pool
+        except BaseException:
+            for child in set(multiprocessing.active_children()) - before:
+                child.terminate()
+            raise

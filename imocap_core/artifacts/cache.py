@@ -22,7 +22,9 @@ from pathlib import Path
 from imocap_core.whole_files import write_whole
 
 CACHE, USED = ".cache", ".used"
+REPORT = "report"
 SUFFIXES = (".mcap", ".npz")
+SWEEP_S = 86400.0
 LEFTOVERS = (
     f"{CACHE}/.*.part*",
     f"{CACHE}/*/.*.part*",
@@ -123,22 +125,45 @@ def removable(
 
 def leftovers(store: Path) -> list[Path]:
     """Unfinished files and folders; those of a killed run, if no run is at work."""
-    return sorted(path for pattern in LEFTOVERS for path in store.glob(pattern))
+    return sorted({path for pattern in LEFTOVERS for path in store.glob(pattern)})
+
+
+def restore_reports(store: Path, action: str) -> None:
+    """Put back the report of a run that was killed while it replaced it: it may have files of
+    people."""
+    for old in sorted((store / action).glob(f".{REPORT}-*-old")):
+        report = store / action / REPORT
+        if not report.exists():
+            os.replace(old, report)
+
+
+def sweep(store: Path, action: str) -> None:
+    """Delete what killed runs of an action left behind; of the cache, where other actions may be
+    writing, what is older than a day. The action's lock is held."""
+    restore_reports(store, action)
+    for path in leftovers(store):
+        with suppress(OSError):
+            if store / action in path.parents or time.time() - path.stat().st_mtime > SWEEP_S:
+                _delete(path)
 
 
 def remove(store: Path, paths: Iterable[Path]) -> None:
     """Delete files and folders of a store, and what the records of use say of them."""
     for path in paths:
-        if path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path, ignore_errors=True)
-        else:
-            path.unlink(missing_ok=True)
+        _delete(path)
     for record in (store / CACHE / USED).glob("*"):
         lines = [line for line in _lines(record) if (store / CACHE / f"{line}.mcap").is_file()]
         if lines:
             write_whole(record, "".join(f"{line}\n" for line in lines))
         else:
             record.unlink(missing_ok=True)
+
+
+def _delete(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def size_of(path: Path) -> int:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
+
+UNWRITABLE = (errno.EROFS, errno.EACCES, errno.EPERM)
 
 if sys.platform == "win32":
     import msvcrt
@@ -33,9 +36,19 @@ else:
 
 @contextmanager
 def exclusive(file: Path, waiting: Callable[[], None], every_s: float = 0.1) -> Iterator[None]:
-    """Lock `file` while the body runs; if another process has it, call `waiting` and wait."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    with file.open("a+b") as stream:
+    """Lock `file` while the body runs; if another process has it, call `waiting` and wait.
+
+    On a disk that cannot be written to there is nothing to lock: the body runs all the same.
+    """
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        opened = file.open("a+b")
+    except OSError as error:
+        if error.errno not in UNWRITABLE:
+            raise
+        yield
+        return
+    with opened as stream:
         if not _try_lock(stream):
             waiting()
             while not _try_lock(stream):

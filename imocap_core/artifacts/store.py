@@ -22,7 +22,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from imocap_core.artifacts.cache import CACHE, mark_used
+from imocap_core.artifacts.cache import CACHE, REPORT, mark_used
 from imocap_core.artifacts.file_memory import remembered
 from imocap_core.artifacts.links import refuse_links
 from imocap_core.artifacts.lock import exclusive
@@ -36,7 +36,6 @@ if TYPE_CHECKING:  # numpy, MCAP and protobuf are imported only where an artifac
 
 Kind = TypeVar("Kind", bound="Artifact")
 KEY = "key"
-REPORT = "report"
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,14 @@ import sys
 import traceback
 from collections.abc import Sequence
 
-from imocap_core.errors import ImocapError, WrongUse, program_fault
+from imocap_core.cli.signals import stopped_by_signals
+from imocap_core.errors import ImocapError, Stopped, WrongUse, program_fault, system_fault
 
 GLOBAL_WITH_VALUE, GLOBAL_FLAGS = ("--root",), ("--traceback", "--allow-scripts")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command: exit code 0 done, 1 the work failed, 2 wrong use.
+    """Run one command: exit code 0 done, 1 the work failed, 2 wrong use, 130 stopped by Ctrl-C.
 
     An error is one sentence on the standard error, not a traceback. `arguments` (by default none)
     go before those of the process.
@@ -21,7 +22,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     words = hoisted([*(arguments or []), *sys.argv[1:]])
     try:
-        app(args=words, prog_name="imocap")
+        with stopped_by_signals():
+            app(args=words, prog_name="imocap")
+    except Stopped as stop:
+        sys.stderr.write("imocap: stopped; finished stages are stored, run again to continue\n")
+        return stop.exit_code
     except SystemExit as done:
         return done.code if isinstance(done.code, int) else 0
     except Exception as error:
@@ -40,8 +45,8 @@ def stage_main(stage: str) -> int:
 def _sentence(error: Exception) -> str:
     if isinstance(error, ImocapError):
         return str(error)
-    if isinstance(error, OSError) and error.filename is not None:
-        return f"cannot use {error.filename}: {error.strerror}"
+    if isinstance(error, (OSError, MemoryError)):
+        return system_fault(error)
     return program_fault(error)
 
 

@@ -16,6 +16,7 @@ from imocap_core.detect.results import frames_with_people
 from imocap_core.errors import WorkFailed
 from imocap_core.io.video import probe, read_rgb
 from imocap_core.pipeline.content import content_digest
+from imocap_core.pipeline.unchanged import unchanged
 
 FOLDER = "detections"
 Progress = Callable[[float, str], None]
@@ -38,7 +39,7 @@ def detect_video(
     """
     count = max(probe(video).frame_count, 1)
     answers = []
-    with Worker(python, detector.worker, detector.arguments) as worker:
+    with unchanged({"video": video}), Worker(python, detector.worker, detector.arguments) as worker:
         for number, picture in read_rgb(video):
             answers.append(worker.detect(number, picture))
             progress(min((number + 1) / count, 1.0), f"{video.name}: frame {number + 1} of {count}")

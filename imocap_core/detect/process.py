@@ -6,6 +6,7 @@ import json
 import struct
 import subprocess
 import tempfile
+import threading
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -16,6 +17,8 @@ from jaxtyping import UInt8
 
 from imocap_core.errors import WorkFailed
 
+ANSWER_S = 300.0  # the longest wait for one answer: loading a model on a busy machine takes 60
+END_S = 30.0
 HEAD = struct.Struct("<III")  # frame, height, width: the protocol of detect/workers
 
 
@@ -60,21 +63,40 @@ class Worker:
             assert stream is not None
             with suppress(OSError):
                 stream.close()
-        self._process.wait()
+        try:
+            self._process.wait(END_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
         self._errors.close()
 
     def detect(self, frame: int, picture: UInt8[np.ndarray, "H W 3"]) -> dict[str, Any]:
         """The answer to one picture, RGB; WorkFailed when the process fails or ends."""
-        assert self._process.stdin is not None
-        with suppress(OSError):  # it has ended: _answer says why
-            self._process.stdin.write(HEAD.pack(frame, *picture.shape[:2]))
-            self._process.stdin.write(np.ascontiguousarray(picture).tobytes())
-            self._process.stdin.flush()
-        return self._answer()
+        head = HEAD.pack(frame, *picture.shape[:2])
+        return self._answer(head, np.ascontiguousarray(picture).tobytes())
 
-    def _answer(self) -> dict[str, Any]:
+    def _answer(self, *question: bytes) -> dict[str, Any]:
+        """The answer to a question; WorkFailed when none comes in time."""
+        assert self._process.stdin is not None
         assert self._process.stdout is not None
-        line = self._process.stdout.readline()
+        hung = threading.Event()
+
+        def end() -> None:
+            hung.set()
+            self._process.kill()
+
+        watch = threading.Timer(ANSWER_S, end)
+        watch.start()
+        try:
+            with suppress(OSError):  # it has ended: below is said why
+                for part in question:
+                    self._process.stdin.write(part)
+                self._process.stdin.flush()
+            line = self._process.stdout.readline()
+        finally:
+            watch.cancel()
+        if hung.is_set():
+            raise WorkFailed(f"{self._name} gave no answer for {ANSWER_S:.0f} s and was ended")
         try:
             answer = json.loads(line)
         except ValueError:

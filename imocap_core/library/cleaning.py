@@ -15,6 +15,7 @@ from imocap_core.artifacts.cache import (
     leftovers,
     removable,
     remove,
+    restore_reports,
     size_of,
 )
 from imocap_core.errors import ImocapError, WorkFailed, WrongUse
@@ -99,6 +100,8 @@ def clean(
             older_s=None if older_days is None else older_days * DAY_S,
             max_bytes=max_bytes,
         )
+        for folder in store.glob("*"):
+            restore_reports(store, folder.name)
         unfinished = leftovers(store)
         cleaning = Cleaning(
             _rows(results, chosen), len(unfinished), sum(map(size_of, unfinished)), dry_run

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
-from imocap_core.errors import ArtifactCorrupt, ImocapError, WorkFailed, WrongUse
+from imocap_core.errors import ArtifactCorrupt, ImocapError, WorkFailed, WrongUse, system_fault
 
 Parameters = ParamSpec("Parameters")
 Value = TypeVar("Value")
@@ -25,7 +25,7 @@ def plain_errors(function: Callable[Parameters, Value]) -> Callable[Parameters, 
             return function(*arguments, **named)
         except ImocapError:
             raise
-        except (ArtifactCorrupt, OSError) as error:
+        except (ArtifactCorrupt, OSError, MemoryError) as error:
             raise WorkFailed(sentence_of(error)) from error
         except ValueError as error:
             raise WrongUse(str(error)) from error
@@ -35,6 +35,6 @@ def plain_errors(function: Callable[Parameters, Value]) -> Callable[Parameters, 
 
 def sentence_of(error: Exception) -> str:
     """One line about a file that cannot be used."""
-    if isinstance(error, OSError) and error.filename is not None:
-        return f"cannot use {error.filename}: {error.strerror}"
+    if isinstance(error, (OSError, MemoryError)):
+        return system_fault(error)
     return str(error).partition("\n")[0]

@@ -73,6 +73,12 @@ def recipe(
     )
 
 
+def read_files(pipeline: Pipeline, stage: str, action: Action) -> dict[str, Path]:
+    """The files and folders of the action that a stage reads, by their names in a recipe."""
+    reads = (pair for kind in pipeline.stages[stage].reads for pair in _reads(kind, action))
+    return {name: value for name, value in reads if isinstance(value, Path)}
+
+
 def differences(before: Mapping[str, str], now: Recipe) -> list[str]:
     """In words, how a recipe differs from the stored one (`before`, a provenance)."""
     lines = value_differences(before, now)

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import multiprocessing
 import tempfile
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ from jaxtyping import Float, UInt8
 from imocap_core.body import Shaped, load_free_body
 from imocap_core.body.conversions import pose_from_rotations
 from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.errors import WorkFailed
 from imocap_core.io.truth import model_text
 from imocap_core.io.video import read_rgb, write_h264
 from imocap_core.synthetic import taichi, yoga
@@ -40,6 +41,7 @@ from imocap_core.synthetic.yoga_clip import (
     make_yoga_clip,
     pictures,
 )
+from imocap_core.workers import processes
 
 DEMOS = ("yoga", "taichi")
 _COUNT = {"yoga": len(YOGA_SPANS), "taichi": len(TAICHI_SPANS)}
@@ -97,13 +99,18 @@ def _write_videos(
     """Write all videos and keypoints below `draft`; return the arrays of truth.npz."""
     count = _COUNT[name]
     truths: dict[int, dict[str, Float[np.ndarray, "..."]]] = {}
-    spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(_WORKERS, mp_context=spawn) as pool:
+    with processes(_WORKERS) as pool:
         jobs = {
             pool.submit(_write_video, name, seed, index, draft): index for index in range(count)
         }
         for done, job in enumerate(as_completed(jobs), start=1):
-            truths[jobs[job]] = job.result()
+            try:
+                truths[jobs[job]] = job.result()
+            except BrokenProcessPool:
+                raise WorkFailed(
+                    "the demo: a process that made a video was ended from outside; the machine "
+                    "may be short of memory. Run again"
+                ) from None
             if progress is not None:
                 progress(f"made {video_id(jobs[job])} ({done} of {count} videos)")
     body = load_free_body()

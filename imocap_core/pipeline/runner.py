@@ -11,15 +11,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol, cast, runtime_checkable
 
+from imocap_core.artifacts.cache import sweep
 from imocap_core.artifacts.file_memory import save_memory
 from imocap_core.artifacts.store import Store, Stored
 from imocap_core.errors import ArtifactCorrupt, WorkFailed, program_fault
 from imocap_core.pipeline.action import Action
 from imocap_core.pipeline.allowed_scripts import must_be_allowed
 from imocap_core.pipeline.graph import Pipeline, RunSettings
-from imocap_core.pipeline.keys import Recipe, differences, recipe
+from imocap_core.pipeline.keys import Recipe, differences, read_files, recipe
 from imocap_core.pipeline.source import module_name
 from imocap_core.pipeline.stage import Context, Inputs, Progress
+from imocap_core.pipeline.unchanged import unchanged
 from imocap_core.process import configure_process
 
 if TYPE_CHECKING:
@@ -101,6 +103,7 @@ def run(
     outcomes: list[Outcome] = []
     done: dict[str, Stored] = {}
     with job.store.lock(job.action.name, display.waiting):
+        sweep(job.store.folder, job.action.name)
         for stage in stages:
             began = time.perf_counter()
             needed = job.recipe(stage, done)
@@ -164,7 +167,10 @@ def _make(
         context = Context(
             stage, job.settings.seed, frozenset(spec.reads), progress, report, job.action
         )
-        artifact = _call(job.pipeline.script(stage), context, inputs, params)
+        with unchanged(read_files(job.pipeline, stage, job.action)):
+            artifact = _call(job.pipeline.script(stage), context, inputs, params)
+        if job.recipe(stage, done).key != needed.key:
+            raise WorkFailed(f"{stage}: what it reads was changed as it began; run again")
         paths = sorted(p for p in report.rglob("*") if p.is_file())
         files = {path.relative_to(report).as_posix(): path.read_bytes() for path in paths}
     return job.store.put(stage, needed.key, artifact, needed.provenance(), files)
@@ -179,8 +185,6 @@ def _call(script: Path, context: Context, inputs: Inputs, params: DeclaredParams
         assert isinstance(artifact, Artifact), f"returned a {type(artifact).__name__}"
     except (ValueError, OSError, ArtifactCorrupt) as error:
         raise WorkFailed(f"{context.stage}: {error}") from error
-    except KeyboardInterrupt:
-        raise WorkFailed("stopped; finished stages are stored, run again to continue") from None
     except Exception as error:
         raise WorkFailed(f"{context.stage} broke: {program_fault(error)}") from error
     return artifact

@@ -17,7 +17,7 @@ from imocap_core.io.video import write_h264
 SIZE = (64, 48)
 MEDIAPIPE = """
 from types import SimpleNamespace as Bunch
-import os
+import os, time
 import numpy as np
 
 print("a library that talks")
@@ -38,6 +38,8 @@ class Model:
         pass
     def process(self, picture):
         if HALF and self.calls == int(HALF):
+            if os.environ.get("FAKE_HANGS"):
+                time.sleep(3600)
             raise SystemExit("the model died")
         self.calls += 1
         if picture.max() < 40:

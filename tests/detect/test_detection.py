@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.store import Store
+from imocap_core.detect import process
 from imocap_core.detect.detection import detect_video, detections_file
 from imocap_core.detect.detectors import detector_of
 from imocap_core.errors import WorkFailed
@@ -101,6 +102,19 @@ def test_a_worker_that_dies_is_one_sentence(
     video = clip(tmp_path / "bar.mp4", COLUMNS)
     detector = detector_of(params(), tmp_path)
     with pytest.raises(WorkFailed, match=r"_pose in .* ended without an answer: the model"):
+        detect_video(video, tmp_path / "f.npz", detector, detector_python, lambda s, w: None)
+    assert not (tmp_path / "f.npz").exists()
+
+
+def test_a_detector_that_hangs_is_ended(
+    tmp_path: Path, detector_python: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FAKE_DIES_AT", "2")
+    monkeypatch.setenv("FAKE_HANGS", "1")
+    monkeypatch.setattr(process, "ANSWER_S", 6.0)  # long enough for it to start
+    video = clip(tmp_path / "bar.mp4", COLUMNS)
+    detector = detector_of(params(), tmp_path)
+    with pytest.raises(WorkFailed, match=r"gave no answer for 6 s and was ended"):
         detect_video(video, tmp_path / "f.npz", detector, detector_python, lambda s, w: None)
     assert not (tmp_path / "f.npz").exists()
 

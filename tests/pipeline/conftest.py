@@ -37,6 +37,14 @@ def came(stage):
     how = os.environ.get("TOY_" + stage.upper())
     if how == "kill":
         os.kill(os.getpid(), signal.SIGKILL)
+    if how and how.startswith("signal"):
+        os.kill(os.getpid(), int(how.split()[1]))
+    if how in ("changed", "restored"):
+        file = root / "actions" / "toy" / "v1.txt"
+        before = file.read_text()
+        file.write_text("9")
+        if how == "restored":
+            file.write_text(before)
     if how == "bad":
         raise ValueError("keypoints/v1: expected numbers, got [nonsense]")
     if how == "bug":

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -150,6 +152,85 @@ def test_two_runs_of_one_action_don_t_meet(toy: Toy) -> None:
     out, _ = second.communicate(timeout=60)
     assert "another run of this action is at work" in said
     assert "toy: 3 stages, 3 made" in out
+
+
+@pytest.mark.parametrize("restored", [True, False])
+def test_an_input_that_changes_while_it_is_read_gives_no_result(
+    toy: Toy, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], restored: bool
+) -> None:
+    monkeypatch.setenv("TOY_GATHER", "restored" if restored else "changed")
+    assert toy.imocap(["run", "toy"]) == 1
+    error = capsys.readouterr().err
+    assert f"{toy.action / 'v1.txt'} (detections v1) was changed while it was read" in error
+    assert toy.digests() == {}
+    (toy.action / "v1.txt").write_text("1.5")
+    monkeypatch.delenv("TOY_GATHER")
+    assert toy.imocap(["run", "toy"]) == 0
+    undisturbed = toy.digests()
+    shutil.rmtree(toy.root / "artifacts")
+    assert toy.imocap(["run", "toy"]) == 0
+    assert toy.digests() == undisturbed
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_a_signal_ends_a_run_with_its_exit_code_and_leaves_nothing(
+    toy: Toy, number: signal.Signals, code: int
+) -> None:
+    done = toy.apart("run", "toy", TOY_SCALE=f"signal {number.value}")
+    assert done.returncode == code
+    assert done.stderr == ("imocap: stopped; finished stages are stored, run again to continue\n")
+    folder = toy.root / "artifacts"
+    hidden = {p.name for p in folder.rglob(".*")} - {".cache", ".lock", ".used"}
+    assert hidden == set()
+    assert set(toy.digests()) == {"gather"}
+
+
+def test_a_run_sweeps_what_a_killed_one_left(toy: Toy) -> None:
+    folder = toy.root / "artifacts" / "toy"
+    assert toy.apart("run", "toy", TOY_SCALE="kill").returncode == -signal.SIGKILL
+    assert [p.name[:7] for p in folder.glob(".stage-*")] == [".stage-"]
+    assert toy.imocap(["run", "toy"]) == 0
+    assert list(folder.glob(".stage-*")) == []
+
+
+def test_a_report_that_was_being_replaced_is_put_back_with_what_people_put_there(
+    toy: Toy,
+) -> None:
+    toy.imocap(["run", "toy"])
+    folder = toy.root / "artifacts" / "toy"
+    (folder / "report" / "notes.txt").write_text("mine")
+    (folder / "report").rename(folder / ".report-x-old")  # killed between two renames
+    (folder / ".report-x").mkdir()
+    assert toy.imocap(["run", "toy"]) == 0
+    assert (folder / "report" / "notes.txt").read_text() == "mine"
+    assert [p.name for p in folder.glob(".report*")] == []
+
+
+def test_what_is_cached_can_be_read_on_a_disk_that_can_not_be_written(
+    toy: Toy, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert toy.imocap(["run", "toy"]) == 0
+    before = toy.digests()
+    really_open, folder = Path.open, toy.root / "artifacts"
+
+    def read_only(path: Path, mode: str = "r", *rest: object, **named: object) -> object:
+        if path.is_relative_to(folder) and mode.strip("rb"):
+            raise OSError(errno.EROFS, "Read-only file system", str(path))
+        return really_open(path, mode, *rest, **named)  # type: ignore[arg-type,call-overload]
+
+    def no_draft(*words: object, **named: object) -> object:
+        raise OSError(errno.EROFS, "Read-only file system", str(folder))
+
+    monkeypatch.setattr(Path, "open", read_only)
+    monkeypatch.setattr("tempfile.mkstemp", no_draft)
+    monkeypatch.setattr("tempfile.mkdtemp", no_draft)
+    capsys.readouterr()
+    assert toy.imocap(["run", "toy"]) == 0
+    assert "all cached" in capsys.readouterr().out
+    assert toy.digests() == before
+    assert toy.imocap(["run", "toy", "--force"]) == 1
+    assert "cannot use" in (error := capsys.readouterr().err)
+    assert "Read-only file system" in error
 
 
 def test_a_run_has_its_action_until_its_report_is_written(toy: Toy) -> None:
