@@ -64,7 +64,9 @@ class ActionRows:
     hypotheses: list[HypothesisRow]
 
 
-def measure_action(workspace: Workspace, choice: Choice, name: str, display: Display) -> ActionRows:
+def measured_action(
+    display: Display, workspace: Workspace, choice: Choice, name: str
+) -> ActionRows:
     """One result for each disturbance of an action, of views drawn at random."""
     job = keypoints_alone(ready_job(workspace, choice, name, (), display))
     folder = choice.folder(workspace.root) / "wrong_start"

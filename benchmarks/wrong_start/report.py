@@ -6,23 +6,45 @@ from rich.table import Table
 
 from benchmarks.actions.choice import Choice
 from benchmarks.actions.prepare import chosen_names
+from benchmarks.docs import check_marks, docs_sentences
 from benchmarks.names import BenchmarkOptions, table_of_rows
-from benchmarks.wrong_start import hypotheses
-from benchmarks.wrong_start.measure import measure_action, summary
+from benchmarks.parallel import each
+from benchmarks.tables import write_rows, write_texts
+from benchmarks.wrong_start.measure import ActionRows, measured_action
+from benchmarks.wrong_start.tables import markdown
+from imocap_core.errors import WorkFailed
 from imocap_core.pipeline.runner import Display
 from imocap_core.workspace import Workspace
 
+NAME = "wrong_start"
+
 
 def report(options: BenchmarkOptions, workspace: Workspace, display: Display) -> list[Table | str]:
-    """Results of all actions with how many were recovered, and each video's motions."""
+    """Results of all actions with how many were recovered, and each video's motions.
+
+    Everything is written after every action; WorkFailed when no action could be measured.
+    """
+    if options.docs:
+        check_marks(workspace.root, NAME)
     choice = Choice("trials", options.detector, videos=options.videos, only=options.only)
-    actions = [
-        measure_action(workspace, choice, name, display)
-        for name in chosen_names(workspace.root, choice)
-    ]
-    rows = [row for action in actions for row in action.results]
-    motions = [row for action in actions for row in action.hypotheses]
-    return [
-        *(table_of_rows(rows), summary(rows)),
-        *(table_of_rows(motions), hypotheses.summary(motions)),
-    ]
+    names = chosen_names(workspace.root, choice)
+    folder = choice.folder(workspace.root) / NAME
+    done: dict[str, ActionRows] = {}
+    faults, text = [], ""
+    tasks = [(name, (workspace, choice, name)) for name in names]
+    for end in each(measured_action, tasks, options.jobs, display):
+        if end.result is None:
+            faults.append(f"{end.name}: {end.fault}")
+            continue
+        done[end.name] = end.result
+        ordered = [done[name] for name in names if name in done]
+        rows = [row for action in ordered for row in action.results]
+        motions = [row for action in ordered for row in action.hypotheses]
+        text = markdown(rows, motions, [name for name in names if name not in done])
+        write_rows(folder, "results", rows)
+        write_rows(folder, "motions", motions)
+        write_texts(folder, {"table.md": text})
+    if not done:
+        raise WorkFailed("\n".join(faults))
+    written = docs_sentences(workspace.root, NAME, text, text) if options.docs else []
+    return [text, table_of_rows(motions), *faults, f"Written to {folder}", *written]

@@ -1,0 +1,48 @@
+"""The tables of `imocap benchmark wrong_start`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from benchmarks.tables import markdown_table, missing_sentence
+from benchmarks.wrong_start.hypotheses import HypothesisRow
+from benchmarks.wrong_start.hypotheses import summary as hypothesis_summary
+from benchmarks.wrong_start.measure import WrongStartRow, summary
+
+
+def markdown(
+    rows: Sequence[WrongStartRow], motions: Sequence[HypothesisRow], missing: Sequence[str]
+) -> str:
+    """The whole report; missing: actions that were to be run and are not in it."""
+    if not rows:
+        return missing_sentence(missing).strip() + "\n"
+    actions = len({row.action for row in rows})
+    parts = [
+        f"{actions} actions. {summary(rows).capitalize()}; "
+        f"{hypothesis_summary(motions)}.{missing_sentence(missing)}",
+        _results(rows),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _results(rows: Sequence[WrongStartRow]) -> str:
+    body = [
+        [
+            row.action,
+            row.views,
+            row.starts,
+            *(
+                f"{mm:.1f}"
+                for mm in (row.monocular_mm, row.wrong_mm, row.view_mm)
+                + (row.undisturbed_mm, row.result_mm)
+            ),
+            f"{100 * (row.result_mm / row.undisturbed_mm - 1):+.1f}",
+            row.excluded or "none",
+            row.flipped or "none",
+            "yes" if row.recovered else "no",
+        ]
+        for row in rows
+    ]
+    head = ["action", "views", "started wrong", "monocular (mm)", "wrong", "after the loop"]
+    head += ["all views undisturbed", "all views", "change %", "excluded", "flipped", "recovered"]
+    return markdown_table(head, body)
