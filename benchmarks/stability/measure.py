@@ -7,8 +7,9 @@ from pathlib import Path
 
 from benchmarks.actions.action_folder import is_made
 from benchmarks.parallel import ActionDisplay, LineDisplay, each, in_process, other_thread_count
-from benchmarks.scoring.score import cached_score, score_action
+from benchmarks.scoring.score import cached_score, score_action, truth_of
 from benchmarks.scoring.score_file import LAST, ActionScore
+from benchmarks.stability.pair_errors import pair_errors
 from benchmarks.stability.perturbations import Perturbation
 from benchmarks.stability.sources import (
     ACTIONS,
@@ -20,7 +21,7 @@ from benchmarks.stability.sources import (
 from benchmarks.stability.tables import ActionStability, VariantScore, markdown
 from benchmarks.stability.variants import make_variant, variant_key
 from benchmarks.tables import write_texts
-from imocap_core.artifacts.schemas import RefineSync
+from imocap_core.artifacts.schemas import Keypoints, RefineSync
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.pipeline.runner import Display, Job
 from imocap_core.workspace import Workspace
@@ -139,12 +140,15 @@ def _stored(workspace: Workspace, name: str, variants: list[PerturbedAction]) ->
 
 
 def _variant_score(variant: PerturbedAction, job: Job, score: ActionScore) -> VariantScore:
-    stored = job.store.load(job.action.name, LAST)
-    assert stored is not None, "a scored action has its artifacts"
-    sync = stored.decode(RefineSync).sync
+    stored = [job.store.load(job.action.name, stage) for stage in ("keypoints", LAST)]
+    assert stored[0] is not None, "a scored action has its artifacts"
+    assert stored[1] is not None
+    keypoints, refined = stored[0].decode(Keypoints), stored[1].decode(RefineSync)
+    sync, truth = refined.sync, truth_of(job, keypoints)
+    pairs = pair_errors(refined.motion.cameras, sync, keypoints, truth)
     return VariantScore(
         variant.perturbation.title,
-        score.numbers["after loop"],
+        score.numbers["after loop"] | pairs,
         sync.reference,
         tuple(sync.excluded),
         tuple(sync.mirrored),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from benchmarks.stability import pair_errors
 from benchmarks.tables import CAMERA, PA, SCALED, cell, markdown_table
 
 MPJPE, FRAMES = "mpjpe_mm", "sync_error_frames"
@@ -15,8 +16,10 @@ COLUMNS = (
     (MPJPE, 1, "MPJPE (mm)"),
     (SCALED, 1, "scaled"),
     (PA, 1, "P-MPJPE"),
-    (CAMERA, 2, "cameras °"),
-    (FRAMES, 2, "sync, frames"),
+    (pair_errors.CAMERA, 2, "cameras °"),
+    (pair_errors.FRAMES, 2, "sync, frames"),
+    (CAMERA, 2, "cameras to the reference °"),
+    (FRAMES, 2, "sync to the reference, frames"),
 )
 LIMIT_PCT, LIMIT_DEG, LIMIT_FRAMES = 10.0, 1.0, 0.2
 
@@ -89,8 +92,8 @@ def movement(scores: Sequence[VariantScore]) -> Movement:
         median,
         worst,
         100.0 * (worst / median - 1.0),
-        _farthest(scores, CAMERA),
-        _farthest(scores, FRAMES),
+        _farthest(scores, pair_errors.CAMERA),
+        _farthest(scores, pair_errors.FRAMES),
         len([s for s in differing if not s.fault]),
         sum(bool(score.fault) for score in scores),
     )
@@ -103,7 +106,9 @@ def markdown(actions: Sequence[ActionStability]) -> str:
         "# Stability: harmless perturbations",
         "Made by `imocap benchmark stability`. Every variant runs at the defaults; numbers are "
         "those after the loop, means over its videos. *worst* is the highest MPJPE, cameras and "
-        f"sync the largest distance from the median. Limits: {LIMIT_PCT:.0f} % of the median, "
+        "sync the largest distance from the median; their errors are means over all pairs of "
+        "videos, as variants may differ in the reference. Limits: "
+        f"{LIMIT_PCT:.0f} % of the median, "
         f"{LIMIT_DEG:.0f}°, {LIMIT_FRAMES:.1f} frames.",
         _movements(measured),
     ]

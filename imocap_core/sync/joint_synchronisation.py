@@ -1,7 +1,7 @@
 """Joint synchronisation of videos that all show the action: from poses to warps (section 3.1).
 
 Distances of all pairs of frames -> soft maps -> reference -> cycle consistency -> maps to the
-reference -> common time axis.
+reference, averaged over several axes -> common time axis.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Float32
 
 from imocap_core.params import SyncParams
 from imocap_core.sync.anchors import Hints, anchored_distances
+from imocap_core.sync.axis_refinement import AxisChoice, refined_over_axes
 from imocap_core.sync.confidence import Route, calibrated_confidence
 from imocap_core.sync.cycle.methods import relax
 from imocap_core.sync.cycle.report import CycleReport
@@ -28,13 +29,8 @@ from imocap_core.sync.pairwise.affinity import gaussian_affinity, reciprocal_aff
 from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix, distance_matrix
 from imocap_core.sync.phase import WeightedMap, common_phase, inside
 from imocap_core.sync.reference import centrality, most_central
-from imocap_core.sync.reference_anchors import (
-    anchor_penalty,
-    anchors_to_reference,
-    hard_anchor_maps,
-    through_hard_anchors,
-)
-from imocap_core.sync.refinement import ReferenceAxis, refined_warps
+from imocap_core.sync.reference_anchors import hard_anchor_maps, through_hard_anchors
+from imocap_core.sync.refinement import ReferenceAxis
 from imocap_core.sync.warp.clocks import Clocks
 from imocap_core.sync.warp.dtw_paths import dtw_warps
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
@@ -117,11 +113,10 @@ def synchronise_jointly(
     relaxed, report = relax(params.method, evidence, blocks, rounds=params.rounds, rng=rng)
     pairs = pair_maps(soft_maps, matched, blocks, clock, params.confidence_reach_s)
     if params.warp == "posterior":
-        points = anchors_to_reference(hints, pairs, len(poses), chosen)
-        penalty = anchor_penalty(points, clock, chosen, params.positions_per_frame)
-        reach_frames = params.confidence_reach_s * fps[chosen]
-        axis = ReferenceAxis(chosen, clocks, reach_frames, distances.change, penalty)
-        frames, masses = refined_warps(distances, relaxed, matched, axis, params, reprojection)
+        choice = AxisChoice(clocks, hints, pairs, chosen, centralities)
+        frames, masses, axis = refined_over_axes(
+            choice, distances, relaxed, matched, params, reprojection
+        )
         certainty = _confidences(frames, masses, axis, distances, pairs)
     else:
         frames, certainty = dtw_warps(relaxed, soft_maps, blocks, chosen, fps, params)

@@ -204,7 +204,7 @@ def test_a_variant_is_made_once_and_again_when_the_action_changes(action: Path) 
 
 
 def result(mm: float, camera: float = 2.0, frames: float = 0.5, **more: Any) -> VariantScore:
-    metrics = ("mpjpe_mm", "camera_rotation_error_deg", "sync_error_frames")
+    metrics = ("mpjpe_mm", "camera_pair_error_deg", "sync_pair_error_frames")
     return VariantScore("p", dict(zip(metrics, (mm, camera, frames), strict=True)), "v1", **more)
 
 
@@ -225,7 +225,7 @@ def test_equal_results_are_stable_and_a_better_one_is_no_worse() -> None:
 def test_failed_and_unscored_runs_are_not_stable() -> None:
     failed = VariantScore("p", {}, fault="stage sync failed")
     assert movement([result(50.0), result(50.0), failed]).broken_limits == ["a run failed"]
-    unscored = VariantScore("p", {"mpjpe_mm": 50.0, "sync_error_frames": 0.5})
+    unscored = VariantScore("p", {"mpjpe_mm": 50.0, "sync_pair_error_frames": 0.5})
     assert movement([result(50.0), unscored]).broken_limits == ["cameras"]
 
 

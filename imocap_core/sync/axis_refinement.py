@@ -1,0 +1,58 @@
+"""Maps to the reference, refined on several time axes and averaged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from imocap_core.params import SyncParams
+from imocap_core.sync.anchors import Hints
+from imocap_core.sync.axis_average import averaged_over_axes, axes_of
+from imocap_core.sync.map_consistency import PairMaps
+from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
+from imocap_core.sync.reference_anchors import anchor_penalty, anchors_to_reference
+from imocap_core.sync.refinement import ReferenceAxis, refined_warps
+from imocap_core.sync.warp.clocks import Clocks
+from imocap_core.sync.warp.reprojection import ReprojectionEvidence
+from imocap_core.workers import at_once
+
+
+@dataclass(frozen=True)
+class AxisChoice:
+    """The videos whose time may serve as axis: the reference, then others by centrality."""
+
+    clocks: Clocks
+    hints: Hints
+    pairs: PairMaps
+    reference: int
+    centralities: Float[np.ndarray, " M"]
+
+    def axis(self, v: int, distances: DistanceMatrix, params: SyncParams) -> ReferenceAxis:
+        """The axis of one video, with the user's anchors on it."""
+        points = anchors_to_reference(self.hints, self.pairs, len(self.centralities), v)
+        fps = self.clocks.action_fps
+        penalty = anchor_penalty(points, fps, v, params.positions_per_frame)
+        reach_frames = params.confidence_reach_s * self.clocks.fps[v]
+        return ReferenceAxis(v, self.clocks, reach_frames, distances.change, penalty)
+
+
+def refined_over_axes(
+    choice: AxisChoice,
+    distances: DistanceMatrix,
+    relaxed: Float[np.ndarray, "N_a N_a"],
+    matched: Float[np.ndarray, "N_a M"],
+    params: SyncParams,
+    reprojection: ReprojectionEvidence | None,
+) -> tuple[list[Float[np.ndarray, "_T"]], list[Float[np.ndarray, "_T"]], ReferenceAxis]:
+    """Positions of all videos' frames in the reference, averaged over axes (`averaged_over_axes`);
+    the mass of their soft maps to the reference alone, and its axis."""
+    videos = axes_of(choice.reference, choice.centralities)
+    axes = [choice.axis(v, distances, params) for v in videos]
+    refined = at_once(
+        lambda axis: refined_warps(distances, relaxed, matched, axis, params, reprojection), axes
+    )
+    maps = {v: positions for v, (positions, _) in zip(videos, refined, strict=True)}
+    lengths = [len(x) for x in distances.poses]
+    return averaged_over_axes(maps, choice.reference, lengths), refined[0][1], axes[0]
