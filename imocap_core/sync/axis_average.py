@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
+from imocap_core.robust import geman_mcclure_weight
 from imocap_core.sync.phase import inside
 from imocap_core.sync.warp.positions import isotonic
 
@@ -31,6 +32,7 @@ def averaged_over_axes(
     maps_to_axes: Mapping[int, Sequence[Float[np.ndarray, "_T"]]],
     reference: int,
     lengths: Sequence[int],
+    reach_frames: float,
 ) -> list[Float[np.ndarray, "_T"]]:
     """Per video the mean position in the reference over all axes; non-decreasing.
 
@@ -41,6 +43,8 @@ def averaged_over_axes(
         maps_to_axes: per axis, the reference among them, positions of all videos' frames in it,
             NaN unmatched.
         lengths: frames of the videos.
+        reach_frames: of the reference; a position farther than this from that of the map to the
+            reference counts less and less: it may be of another repetition.
     """
     direct = maps_to_axes[reference]
     averaged = []
@@ -55,7 +59,7 @@ def averaged_over_axes(
                 usable = v == axis or inside(on_axis, lengths[axis])
                 through = inverted(maps[reference], on_axis)
                 rows.append(np.where(usable, through, np.nan))
-        averaged.append(_mean(np.stack(rows)))
+        averaged.append(_mean(np.stack(rows), reach_frames))
     return averaged
 
 
@@ -80,8 +84,9 @@ def _means_of_groups(
     return np.bincount(group, values, count) / np.bincount(group, minlength=count)
 
 
-def _mean(rows: Float[np.ndarray, "A T"]) -> Float[np.ndarray, " T"]:
-    """Mean of the finite rows where the first one is finite, made non-decreasing; else NaN."""
-    count = np.isfinite(rows).sum(axis=0)
-    mean = np.nansum(rows, axis=0) / np.maximum(count, 1)
-    return isotonic(np.where(np.isfinite(rows[0]), mean, np.nan), count.astype(float))
+def _mean(rows: Float[np.ndarray, "A T"], reach_frames: float) -> Float[np.ndarray, " T"]:
+    """Robust mean about the first row where that is finite, made non-decreasing; else NaN."""
+    weight = np.nan_to_num(geman_mcclure_weight(np.abs(rows - rows[0]), reach_frames))
+    total = weight.sum(axis=0)
+    mean = (weight * np.nan_to_num(rows)).sum(axis=0) / np.maximum(total, 1e-12)
+    return isotonic(np.where(np.isfinite(rows[0]), mean, np.nan), total)

@@ -18,6 +18,9 @@ from imocap_core.sync.warp.clocks import Clocks
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
 from imocap_core.workers import at_once
 
+# On training clips anything from 0.2 s on gives the same error; steps and dribbles last longer.
+REACH_S = 0.3
+
 
 @dataclass(frozen=True)
 class AxisChoice:
@@ -55,4 +58,6 @@ def refined_over_axes(
     )
     maps = {v: positions for v, (positions, _) in zip(videos, refined, strict=True)}
     lengths = [len(x) for x in distances.poses]
-    return averaged_over_axes(maps, choice.reference, lengths), refined[0][1], axes[0]
+    reach_frames = REACH_S * choice.clocks.fps[choice.reference]
+    averaged = averaged_over_axes(maps, choice.reference, lengths, reach_frames)
+    return averaged, refined[0][1], axes[0]

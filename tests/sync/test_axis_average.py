@@ -8,6 +8,7 @@ import pytest
 from imocap_core.sync.axis_average import averaged_over_axes, axes_of, inverted
 
 LENGTHS = [60, 50, 70, 55]
+REACH = 9.0
 
 
 def warp(video: int, frames: np.ndarray) -> np.ndarray:
@@ -34,7 +35,7 @@ def maps_to(axis: int, error: float = 0.0) -> list[np.ndarray]:
 @pytest.mark.parametrize("reference", range(4))
 def test_axes_that_agree_change_nothing(reference: int) -> None:
     exact = {axis: maps_to(axis) for axis in range(4)}
-    averaged = averaged_over_axes(exact, reference, LENGTHS)
+    averaged = averaged_over_axes(exact, reference, LENGTHS, REACH)
     for before, after in zip(exact[reference], averaged, strict=True):
         np.testing.assert_allclose(after, before, atol=1e-9)
 
@@ -42,10 +43,20 @@ def test_axes_that_agree_change_nothing(reference: int) -> None:
 def test_an_error_of_the_reference_counts_as_one_of_the_axes() -> None:
     """All videos are placed 2 frames off in the reference, and rightly in each other."""
     maps = {0: maps_to(0, error=2.0), **{axis: maps_to(axis) for axis in (1, 2, 3)}}
-    averaged = averaged_over_axes(maps, 0, LENGTHS)
+    averaged = averaged_over_axes(maps, 0, LENGTHS, 1e6)
     within = slice(15, 30)  # away from the ends of all videos
     for v in (1, 2, 3):
         np.testing.assert_allclose((averaged[v] - maps_to(0)[v])[within], 2.0 / 4, atol=1e-9)
+
+
+def test_an_axis_that_matches_another_repetition_hardly_counts() -> None:
+    """Through the axis 1 everything lies 40 frames late."""
+    exact = {axis: maps_to(axis) for axis in range(4)}
+    late = [x + 40.0 * (v not in (0, 1)) for v, x in enumerate(maps_to(1))]
+    averaged = averaged_over_axes({**exact, 1: late}, 0, LENGTHS, REACH)
+    for v in (2, 3):
+        error = np.abs(averaged[v] - maps_to(0)[v])[15:30]
+        assert np.nanmax(error) < 0.05
 
 
 def test_unmatched_frames_stay_so_and_no_axis_moves_time_backwards() -> None:
@@ -54,7 +65,7 @@ def test_unmatched_frames_stay_so_and_no_axis_moves_time_backwards() -> None:
         axis: [np.maximum.accumulate(x + rng.normal(0, 0.7, len(x))) for x in maps_to(axis)]
         for axis in range(4)
     }
-    averaged = averaged_over_axes(maps, 2, LENGTHS)
+    averaged = averaged_over_axes(maps, 2, LENGTHS, REACH)
     for v in (0, 1, 3):
         matched = np.isfinite(averaged[v])
         np.testing.assert_array_equal(matched, np.isfinite(maps[2][v]))
