@@ -28,8 +28,9 @@ from benchmarks.stability.perturbations import (
     scaled_size,
 )
 from imocap_core.io.video import probe, read_rgb, write_h264
-from imocap_core.pipeline.action import DETECT, FILE_NAME, load_yaml
+from imocap_core.pipeline.action import DETECT, FILE_NAME
 from imocap_core.pipeline.source import closure
+from imocap_core.pipeline.yaml_file import load_yaml
 
 CRF = 6  # H.264 quality of changed pictures: what is coded again differs by less than the change
 TRUTHS = "*.npz"  # beside action.yaml: the truth, or a calibrated rig's files

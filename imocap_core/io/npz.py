@@ -6,10 +6,13 @@ import tokenize
 import zipfile
 import zlib
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Int, Shaped
+
+from imocap_core.limits import must_unpack_to_little
 
 # RuntimeError: raised by zipfile for encrypted files and for unknown kinds of compression.
 _UNREADABLE = (
@@ -25,10 +28,17 @@ def load_arrays(path: Path) -> dict[str, Shaped[np.ndarray, "..."]]:
     if not zipfile.is_zipfile(path):
         raise ValueError(f"{path}: is not a readable npz file; write it again with numpy.savez")
     try:
+        must_unpack_to_little(unpacked_size(path))
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             return {name: np.asarray(archive[name]) for name in archive.files}
     except _UNREADABLE as error:
         raise ValueError(f"{path}: is not a readable npz file ({error}); write it again") from None
+
+
+def unpacked_size(file: Path | BytesIO) -> int:
+    """Bytes that the members of a zip file say they unpack to; no more of them is ever read."""
+    with zipfile.ZipFile(file) as archive:
+        return sum(member.file_size for member in archive.infolist())
 
 
 def array_names(path: Path) -> set[str]:

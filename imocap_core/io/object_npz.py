@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.lib import format as npy
 
+from imocap_core.io.npz import unpacked_size
+from imocap_core.limits import must_unpack_to_little
 from imocap_core.unpickle import UNREADABLE, load_pickle
 
 
@@ -22,6 +24,7 @@ def read_object(path: Path, name: str) -> Any:
     if not path.is_file():
         raise ValueError(f"{path}: no such file")
     try:
+        must_unpack_to_little(unpacked_size(path))
         with zipfile.ZipFile(path) as archive:
             members = archive.namelist()
             if f"{name}.npy" not in members:

@@ -20,15 +20,17 @@ import torch
 from numpy.lib import format as npy
 
 from imocap_core.io.detectors.people import must_be_file
+from imocap_core.io.npz import unpacked_size
+from imocap_core.limits import MAX_UNPACKED_BYTES, must_be_small_enough, must_unpack_to_little
 from imocap_core.unpickle import UNREADABLE, build, load_pickle
 
-_DECOMPRESS: tuple[tuple[bytes, Callable[[bytes], bytes]], ...] = (
-    (b"\x78", zlib.decompress),
-    (b"\x1f\x8b", gzip.decompress),
-    (b"BZh", bz2.decompress),
-    (b"\xfd7zXZ", lzma.decompress),
-    (b"\x5d\x00", lzma.decompress),
-)
+_PACKED: dict[bytes, Callable[[io.BytesIO], Any]] = {
+    b"\x1f\x8b": lambda stream: gzip.GzipFile(fileobj=stream),
+    b"BZh": bz2.BZ2File,
+    b"\xfd7zXZ": lzma.LZMAFile,
+    b"\x5d\x00": lzma.LZMAFile,
+}
+_ZLIB = b"\x78"
 _TORCH_MAGIC = 0x1950A86A20F9469CFC6C  # what .pt files of before torch 1.6 begin with
 
 
@@ -39,6 +41,7 @@ def read_results(path: Path) -> Any:
         ValueError: the file is missing or damaged, or would run code.
     """
     must_be_file(path, "initial")
+    must_be_small_enough(path)
     try:
         return _load(path.read_bytes())
     except UNREADABLE as error:
@@ -55,13 +58,24 @@ def _load(content: bytes) -> Any:
     if content.startswith(npy.MAGIC_PREFIX):
         return _load_npy(content)
     if content.startswith(b"PK"):
+        must_unpack_to_little(unpacked_size(io.BytesIO(content)))
         return _load_torch(content)
-    for magic, decompress in _DECOMPRESS:
-        if content.startswith(magic):
-            content = decompress(content)
-            break
-    value = load_pickle(content)
+    value = load_pickle(_unpacked(content))
     return _load_torch(content) if isinstance(value, int) and value == _TORCH_MAGIC else value
+
+
+def _unpacked(content: bytes) -> bytes:
+    """The content of a compressed file, or the content itself; ValueError when it is too large."""
+    if content.startswith(_ZLIB):
+        unpacked = zlib.decompressobj().decompress(content, MAX_UNPACKED_BYTES + 1)
+    else:
+        reader = next((r for magic, r in _PACKED.items() if content.startswith(magic)), None)
+        if reader is None:
+            return content
+        with reader(io.BytesIO(content)) as packed:
+            unpacked = packed.read(MAX_UNPACKED_BYTES + 1)
+    must_unpack_to_little(len(unpacked))
+    return unpacked
 
 
 def _load_torch(content: bytes) -> Any:

@@ -13,6 +13,7 @@ import numpy as np
 from av.video.stream import VideoStream
 from jaxtyping import UInt8
 
+from imocap_core.limits import MAX_FPS, MAX_PIXELS, MAX_SIDE_PX, MIN_FPS
 from imocap_core.whole_files import draft_of
 
 RgbPicture = UInt8[np.ndarray, "height width 3"]
@@ -35,9 +36,16 @@ def probe(path: Path) -> VideoInfo:
         rate = stream.average_rate or stream.guessed_rate
         if not rate:
             raise ValueError(f"{path}: no frame rate; convert it to a constant frame rate first")
+        if not MIN_FPS <= rate <= MAX_FPS:
+            raise ValueError(
+                f"{path}: expected {MIN_FPS} to {MAX_FPS:,.0f} frames a second, it says "
+                f"{float(rate):g}; convert it to a constant frame rate first"
+            )
         size = _shown_size(next(_decoded(container, stream, path), None), path)
         count = stream.frames
-    return VideoInfo(float(rate), size, count or sum(1 for _ in read_gray(path, scale=0.05)))
+    if not 0 < count <= path.stat().st_size:  # a frame takes at least a byte: the header is wrong
+        count = sum(1 for _ in read_gray(path, scale=0.05))
+    return VideoInfo(float(rate), size, count)
 
 
 def read_rgb(
@@ -121,6 +129,12 @@ def _video_stream(container: Any, path: Path) -> VideoStream:
         raise ValueError(f"{path}: no video stream; expected a video, got audio or data only")
     stream: VideoStream = container.streams.video[0]
     stream.thread_type = "AUTO"
+    width, height = stream.width, stream.height
+    if max(width, height) > MAX_SIDE_PX or width * height > MAX_PIXELS:
+        raise ValueError(
+            f"{path}: expected pictures of at most {MAX_PIXELS:,} pixels, it says "
+            f"{width} x {height}; re-encode it"
+        )
     return stream
 
 

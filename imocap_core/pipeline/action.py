@@ -11,15 +11,20 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.io.pose2sim_files import FILES, has_pose2sim_truth
+from imocap_core.limits import LAST_FRAME, MAX_FPS, MAX_SIDE_PX, MIN_FPS
 from imocap_core.pipeline.format_names import DetectionFormat, InitialFormat, Layout
 from imocap_core.pipeline.hints import AnchorEntry, ForbiddenEntry, hint_faults
 from imocap_core.pipeline.person import Person
+from imocap_core.pipeline.yaml_file import load_yaml
 
 FILE_NAME = "action.yaml"
 DETECT = "detect"
 
 Id = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")]
-Positive = Annotated[float, Field(gt=0)]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+Fps = Annotated[float, Field(ge=MIN_FPS, le=MAX_FPS, allow_inf_nan=False)]
+Side = Annotated[int, Field(gt=0, le=MAX_SIDE_PX)]
+Frame = Annotated[int, Field(ge=0, le=LAST_FRAME)]
 Model = TypeVar("Model", bound=BaseModel)
 
 
@@ -33,9 +38,9 @@ class Declaration(BaseModel):
     keypoints: str | None = None
     format: DetectionFormat | None = None
     layout: Layout | None = None
-    fps: Positive | None = None
-    size: tuple[Annotated[int, Field(gt=0)], Annotated[int, Field(gt=0)]] | None = None
-    frames: tuple[Annotated[int, Field(ge=0)], int] | None = None
+    fps: Fps | None = None
+    size: tuple[Side, Side] | None = None
+    frames: tuple[Frame, Frame] | None = None
     focal_px: Positive | None = None
     initial: str | None = None
     initial_format: InitialFormat | None = None
@@ -147,18 +152,6 @@ def read_action(folder: Path) -> Action:
         anchors=tuple(parsed.anchors),
         forbidden=tuple(parsed.forbidden),
     )
-
-
-def load_yaml(file: Path) -> Any:
-    """The content of a YAML file; WorkFailed with the line when it is not YAML."""
-    import yaml
-
-    try:
-        return yaml.safe_load(file.read_text(encoding="utf-8"))
-    except yaml.YAMLError as error:
-        raise WorkFailed(f"{file} is not YAML: {' '.join(str(error).split())}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise WorkFailed(f"cannot read {file}: {error}") from None
 
 
 def parse(model: type[Model], data: Any, file: str) -> Model:

@@ -14,6 +14,8 @@ def content_digest(path: Path) -> str:
 
     Computed again only where something has changed. WorkFailed when it can't be read.
     """
+    if path.exists() and not path.is_dir() and not path.is_file():
+        raise WorkFailed(f"{path}: expected a file or a folder, got something else (a pipe?)")
     try:
         return remembered("content", path, _digest)
     except OSError as error:

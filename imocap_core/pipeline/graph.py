@@ -15,9 +15,10 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError,
 
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.params import Params
-from imocap_core.pipeline.action import explain_faults, load_yaml, parse
+from imocap_core.pipeline.action import explain_faults, parse
 from imocap_core.pipeline.source import PROJECT
 from imocap_core.pipeline.stage import Read
+from imocap_core.pipeline.yaml_file import load_yaml
 
 FILE_NAME = "pipeline.yaml"
 SCORING_STAGE = "evaluate"  # the only one that may read the truth

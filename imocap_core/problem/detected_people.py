@@ -11,6 +11,7 @@ from jaxtyping import Int64
 from imocap_core.io.detectors.by_name import format_and_layout, read_detections
 from imocap_core.io.detectors.people import DetectedPeople
 from imocap_core.io.video import VideoInfo, probe
+from imocap_core.limits import MAX_FRAMES
 from imocap_core.pipeline.action import Declaration
 from imocap_core.problem.tracked_people import TrackedVideo
 
@@ -68,5 +69,11 @@ def _used_frames(declared: Declaration, count: int, file: Path) -> Int64[np.ndar
         raise ValueError(
             f"{file}: videos.{declared.id}.frames: expected at most [0, {count}], as the clip has "
             f"{count} frames, got [{first}, {stop}]"
+        )
+    if stop - first > MAX_FRAMES:
+        raise ValueError(
+            f"{file}: videos.{declared.id}.frames: expected at most {MAX_FRAMES:,} frames, got "
+            f"{stop - first:,}; if the detections are numbered by milliseconds, number them by "
+            f"frames; of a long clip, use a part: frames: [first, one past last]"
         )
     return np.arange(first, stop, dtype=np.int64)

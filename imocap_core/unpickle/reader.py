@@ -13,10 +13,10 @@ import struct
 import tokenize
 import zipfile
 import zlib
-from collections import OrderedDict, defaultdict
 from lzma import LZMAError
 from typing import Any, ClassVar
 
+from imocap_core.unpickle.containers import CONTAINERS, check_keys, check_size, defaultdict_of
 from imocap_core.unpickle.records import (
     ArrayRecord,
     DtypeRecord,
@@ -47,7 +47,9 @@ def load_pickle(content: bytes, inert_modules: tuple[str, ...] = ()) -> Any:
 
     Raises one of `UNREADABLE` when the pickle is damaged or would run something.
     """
-    return build(RestrictedUnpickler(io.BytesIO(content), inert_modules).load())
+    value = RestrictedUnpickler(io.BytesIO(content), inert_modules).load()
+    check_size(value)
+    return build(value)
 
 
 def _encode(text: Any, encoding: Any) -> bytes:
@@ -76,8 +78,8 @@ _ALLOWED: dict[tuple[str, str], Any] = {
     ("numpy", "dtype"): DtypeRecord,
     ("_codecs", "encode"): _encode,
     ("joblib.numpy_pickle", "NumpyArrayWrapper"): JoblibRecord,
-    ("collections", "OrderedDict"): OrderedDict,
-    ("collections", "defaultdict"): defaultdict,
+    ("collections", "OrderedDict"): CONTAINERS["dict"],
+    ("collections", "defaultdict"): defaultdict_of,
     ("torch._utils", "_rebuild_tensor_v2"): tensor,
     ("torch.storage", "_load_from_bytes"): storage,
     ("copyreg", "_reconstructor"): _inert,
@@ -89,8 +91,17 @@ for _core in ("numpy.core", "numpy._core"):
     _ALLOWED[f"{_core}.numeric", "_frombuffer"] = from_buffer
 for _module in ("builtins", "__builtin__"):
     _ALLOWED[_module, "bytes"] = _no_bytes
-    for _kind in (dict, list, tuple, set, bytearray, object):
+    for _kind in (list, tuple, object):
         _ALLOWED[_module, _kind.__name__] = _kind
+    _ALLOWED |= {(_module, name): make for name, make in CONTAINERS.items()}
+
+
+def _must_be(container: Any, kind: type) -> None:
+    if not isinstance(container, kind):
+        raise pickle.UnpicklingError(f"it would set items of a {type(container).__name__}")
+
+
+_LOAD: dict[int, Any] = pickle._Unpickler.dispatch  # Python's way with each code of a pickle
 
 
 class RestrictedUnpickler(pickle._Unpickler):
@@ -129,7 +140,50 @@ class RestrictedUnpickler(pickle._Unpickler):
         count = math.prod(shape) if isinstance(shape, tuple) else 0
         record.content = self._raw.read(max(0, count) * dtype.itemsize)
 
+    def load_bytearray8(self) -> None:
+        """As many bytes as it states, if they are there: room is made for no others."""
+        size = int.from_bytes(self.read(8), "little")  # type: ignore[attr-defined]
+        if size > self._raw.getbuffer().nbytes:
+            raise pickle.UnpicklingError(f"it contains {size} bytes, which are not there")
+        self.append(bytearray(self.read(size)))  # type: ignore[attr-defined]
+
+    def load_setitems(self) -> None:
+        """Into a dictionary, by keys that are cheap to compare."""
+        marked: list[list[Any]] = self.metastack  # type: ignore[attr-defined]
+        items: list[Any] = self.stack  # type: ignore[attr-defined]
+        check_keys(items[::2])
+        _must_be(marked[-1][-1], dict)
+        _LOAD[pickle.SETITEMS[0]](self)
+
+    def load_setitem(self) -> None:
+        """The same for one key."""
+        stack: list[Any] = self.stack  # type: ignore[attr-defined]
+        check_keys(stack[-2:-1])
+        _must_be(stack[-3], dict)
+        _LOAD[pickle.SETITEM[0]](self)
+
+    def load_dict(self) -> None:
+        """A dictionary of protocol 0."""
+        check_keys(self.stack[::2])  # type: ignore[attr-defined]
+        _LOAD[pickle.DICT[0]](self)
+
+    def load_additems(self) -> None:
+        """Into a set."""
+        check_keys(self.stack)  # type: ignore[attr-defined]
+        _LOAD[pickle.ADDITEMS[0]](self)
+
+    def load_frozenset(self) -> None:
+        """A set that does not change."""
+        check_keys(self.stack)  # type: ignore[attr-defined]
+        _LOAD[pickle.FROZENSET[0]](self)
+
     dispatch: ClassVar[dict[int, Any]] = {
         **pickle._Unpickler.dispatch,
         pickle.BUILD[0]: load_build,
+        pickle.BYTEARRAY8[0]: load_bytearray8,
+        pickle.SETITEMS[0]: load_setitems,
+        pickle.SETITEM[0]: load_setitem,
+        pickle.DICT[0]: load_dict,
+        pickle.ADDITEMS[0]: load_additems,
+        pickle.FROZENSET[0]: load_frozenset,
     }

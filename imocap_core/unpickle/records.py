@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 import torch
 
+from imocap_core.limits import MAX_ELEMENTS
+
 _CODE = re.compile(r"[biufcSUO]\d{0,9}|\?")
 
 
@@ -116,6 +118,8 @@ def tensor(numbers: Any, offset: Any, size: Any, stride: Any, *_unused: object) 
     flat = torch.tensor([], dtype=numbers.dtype).set_(numbers)
     steps = [_count(step) for step in stride]
     last = _count(offset) + sum(max(_count(n) - 1, 0) * s for n, s in zip(size, steps, strict=True))
+    if math.prod(map(_count, size)) > MAX_ELEMENTS:
+        raise pickle.UnpicklingError(f"it contains a tensor {tuple(size)}, which is too large")
     if math.prod(size) and last >= len(flat):
         raise pickle.UnpicklingError("it contains a tensor larger than its numbers")
     return flat.as_strided(tuple(size), steps, offset).detach().numpy().copy()
@@ -159,6 +163,8 @@ def _from_bytes(content: Any, dtype: Any, shape: Any, fortran: bool) -> np.ndarr
     """An array of some bytes, which must be as many as its form needs."""
     if isinstance(content, str):  # Python 2's bytes
         content = content.encode("latin1")
+    if isinstance(dtype, DtypeRecord) and not dtype.dtype.itemsize:
+        raise pickle.UnpicklingError("it contains an array of empty words")
     if not isinstance(dtype, DtypeRecord) or not isinstance(content, (bytes, bytearray)):
         raise pickle.UnpicklingError("it contains an array without numbers")
     kind = dtype.dtype

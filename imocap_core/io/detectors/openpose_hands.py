@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
+
+from imocap_core.io.detectors.people import read_json
 
 FIELDS = ("hand_left_keypoints_2d", "hand_right_keypoints_2d")
 POINTS = 21
@@ -35,7 +36,7 @@ def read_openpose_hands(
     for t, frame in enumerate(frames.tolist()):
         if frame not in files or not np.isfinite(body_xy_px[t]).any():
             continue
-        people = json.loads(files[frame].read_text(encoding="utf-8"))["people"]
+        people = read_json(files[frame])["people"]
         k = _nearest(people, body_xy_px[t])
         if k is not None:
             hands[t] = [_hand(files[frame], k, people[k], field) for field in FIELDS]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int, Shaped
 
 from imocap_core.body.layouts import layout_names
+from imocap_core.limits import LAST_FRAME, must_be_small_enough
 
 # Layout by number of points, in formats with one list of points per person.
 LAYOUT_OF_COUNT = {
@@ -25,7 +27,6 @@ LAYOUT_OF_COUNT = {
     136: "halpe136",
 }
 
-LAST_FRAME = 10_000_000
 LARGEST = 1e7  # pixels: no picture is larger, and squares do not overflow
 
 
@@ -44,10 +45,16 @@ class DetectedPeople:
 def read_json(path: Path) -> Any:
     """The content of a JSON file. ValueError when it is missing or not JSON."""
     must_be_file(path)
+    must_be_small_enough(path)
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+        return json.loads(path.read_text(encoding="utf-8"), parse_int=_integer)
+    except (ValueError, RecursionError) as error:  # ValueError: JSON's and UTF-8's
         raise ValueError(f"{path}: is not JSON ({error}); run the detector again") from None
+
+
+def _integer(digits: str) -> int | float:
+    """A number without a point; infinite, and so missing, where no float is as large."""
+    return int(digits) if len(digits) < 300 else math.copysign(math.inf, -(digits[0] == "-"))
 
 
 def must_be_file(path: Path, field: str = "keypoints") -> None:
