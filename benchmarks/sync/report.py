@@ -1,6 +1,7 @@
-"""`imocap benchmark sync`: accuracy by method and warp, calibration, events, slow motion, speed.
+"""`imocap benchmark sync`: accuracy by method and warp, calibration, events, slow motion, freeze
+frames, speed.
 
-`--variants slow_motion` and `--variants calibration` measure one of these tables alone.
+`--variants slow_motion`, `freeze_frames` and `calibration` measure one of these tables alone.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from rich.table import Table
 from benchmarks.actions.captured import data_folder
 from benchmarks.names import BenchmarkOptions
 from benchmarks.sync.accuracy import METHODS, accuracy, calibrated, events
+from benchmarks.sync.freeze_frames import freeze_frames
 from benchmarks.sync.reliability import reliability
 from benchmarks.sync.slow_motion import FACTORS, slow_motion
 from benchmarks.sync.speed import speed
@@ -21,19 +23,20 @@ from imocap_core.errors import WrongUse
 from imocap_core.pipeline.runner import Display
 from imocap_core.workspace import Workspace
 
-SLOW, CALIBRATION = "slow_motion", "calibration"
+SLOW, FREEZE, CALIBRATION = "slow_motion", "freeze_frames", "calibration"
+TABLES = (SLOW, FREEZE, CALIBRATION)
 SEED = 8  # of the scenes; the weights of the confidence were fitted on scenes of smaller seeds
 
 
 def report(options: BenchmarkOptions, workspace: Workspace, display: Display) -> list[Table | str]:
     """The tables as Markdown, and where they were written."""
     variants, only, sampling = (
-        options.variants or (*METHODS, SLOW, CALIBRATION),
+        options.variants or (*METHODS, *TABLES),
         options.only,
         options.sampling,
     )
-    if unknown := set(variants) - {*METHODS, SLOW, CALIBRATION}:
-        names = ", ".join((*METHODS, SLOW, CALIBRATION))
+    if unknown := set(variants) - {*METHODS, *TABLES}:
+        names = ", ".join((*METHODS, *TABLES))
         raise WrongUse(f"--variants: expected some of {names}, got {unknown.pop()}")
     methods = [name for name in variants if name in METHODS]
     settings = workspace.pipeline().params.sync
@@ -48,6 +51,8 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
         }
     if SLOW in variants:
         tables["slow-motion"] = slow_motion(trials, settings, FACTORS, only)
+    if FREEZE in variants:
+        tables["freeze-frames"] = freeze_frames(trials, settings, only)
     if CALIBRATION in variants:
         train = data_folder(workspace.root, "train") / "cmu_train.npz"
         tables["calibration-training"] = reliability(train, settings, SEED)

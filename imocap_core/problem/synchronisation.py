@@ -21,6 +21,7 @@ from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.params import SyncParams
 from imocap_core.sync import Hints, SyncResult, estimated_rates, synchronise
+from imocap_core.sync.frozen_pictures import DistinctFrames, distinct_frames, frozen_runs
 from imocap_core.sync.screening.messages import sentences
 from imocap_core.sync.screening.registration import Keypoints2D
 from imocap_core.sync.screening.screening import Screening
@@ -71,7 +72,7 @@ def synchronise_motions(
     )
     sync = sync_artifact(result, ids, fps)
     if decided is None:
-        return sync
+        return sync.model_copy(update={"notes": [*sync.notes, *freeze_notes(keypoints)]})
     unchanged = {"notes": decided.notes, "alternatives": decided.alternatives}
     return sync.model_copy(update=unchanged)
 
@@ -90,7 +91,25 @@ def rates_of_motions(
         confidence=_detected(joints, keypoints),
         joint_weights=joint_weights_of(params),
         hints=hints,
+        keypoints=[keypoints_of_joints(video) for video in keypoints.videos],
     )
+
+
+def freeze_notes(keypoints: Keypoints) -> list[str]:
+    """A sentence for every freeze frame of every video."""
+    return [
+        f"{video.id} shows one picture for {(b - a + 1) / video.fps:.1f} s (frames "
+        f"{video.frames[a]} to {video.frames[b]}): all of them are matched to one moment"
+        for video in keypoints.videos
+        for a, b in distinct_pictures(video).runs
+    ]
+
+
+def distinct_pictures(video: VideoKeypoints) -> DistinctFrames:
+    """The distinct pictures of a video, by its keypoints."""
+    points = keypoints_of_joints(video)
+    frozen = frozen_runs(points.xy_px, points.weight > 0, video.fps)
+    return distinct_frames(frozen, len(video.frames))
 
 
 def _detected(

@@ -16,6 +16,13 @@ from jaxtyping import Float
 from imocap_core.params import SyncParams
 from imocap_core.sync.anchors import Hints, check_hints
 from imocap_core.sync.blocks import Blocks
+from imocap_core.sync.distinct_videos import (
+    distinct_videos,
+    evidence_of_pictures,
+    hints_of_pictures,
+    of_all_frames,
+    of_pictures,
+)
 from imocap_core.sync.joint_synchronisation import JointResult, synchronise_jointly
 from imocap_core.sync.pairwise.poses import body_scales, check_poses, joint_weights_of
 from imocap_core.sync.screening.mirror import mirrored_poses
@@ -59,6 +66,8 @@ def synchronise(
 ) -> SyncResult:
     """Find the counterpart in the reference video of every frame of every video.
 
+    Frames that show one picture again (freeze frames) are one frame: one match, one observation.
+
     Args:
         poses: per video, one unit for all, any axes and origin (each pose is aligned rigidly),
             NaN = missing.
@@ -88,6 +97,16 @@ def synchronise(
     lengths = [len(x) for x in poses]
     hints = hints or Hints()
     check_hints(hints, lengths)
+    pictures = distinct_videos(poses, fps, keypoints)
+    frozen = [d.repeated for d in pictures]
+    if any(frozen):
+        if reprojection is not None:
+            left_out = () if screening is None else screening.excluded
+            among = [d for v, d in enumerate(pictures) if v not in left_out]
+            reprojection = evidence_of_pictures(reprojection, among)
+        poses, confidence, keypoints = of_pictures(pictures, poses, confidence, keypoints)
+        hints = hints_of_pictures(hints, pictures)
+        lengths = [len(x) for x in poses]
     confidence = _without_forbidden(poses, confidence, hints)
     scaled = [x / s for x, s in zip(poses, body_scales(poses), strict=True)]
     weights = joint_weights_of(poses, confidence, joint_weights)
@@ -114,11 +133,14 @@ def synchronise(
         confidence=None if confidence is None else [c for _, c in upright if c is not None],
         joint_weights=joint_weights,
         reference=None if reference is None else used.index(reference),
-        eligible=[v not in screening.flipped and bool(rates[v] == 1.0) for v in used],
+        eligible=[
+            v not in screening.flipped and bool(rates[v] == 1.0) and not frozen[v] for v in used
+        ],
         hints=hints.among(used),
         reprojection=reprojection,
     )
-    return _of_all_videos(joint, used, lengths, screening)
+    result = _of_all_videos(joint, used, lengths, screening)
+    return of_all_frames(result, pictures) if any(frozen) else result
 
 
 def estimated_rates(
@@ -129,10 +151,14 @@ def estimated_rates(
     confidence: Sequence[Float[np.ndarray, "_T J"]] | None = None,
     joint_weights: Float[np.ndarray, " J"] | None = None,
     hints: Hints | None = None,
+    keypoints: Sequence[Keypoints2D] | None = None,
 ) -> Float[np.ndarray, " M"]:
     """Seconds of the action per second of each video (`playback_rates`); arguments as of
     `synchronise`."""
-    confidence = _without_forbidden(poses, confidence, hints or Hints())
+    pictures = distinct_videos(poses, fps, keypoints)
+    hints = hints_of_pictures(hints or Hints(), pictures)
+    poses, confidence, _ = of_pictures(pictures, poses, confidence, None)
+    confidence = _without_forbidden(poses, confidence, hints)
     scaled = [x / s for x, s in zip(poses, body_scales(poses), strict=True)]
     weights = joint_weights_of(poses, confidence, joint_weights)
     return playback_rates(scaled, weights, fps, params.max_rate)

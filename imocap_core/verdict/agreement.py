@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from imocap_core.artifacts.schemas import SyncMap, SyncSummary, VideoKeypoints, VideoTrust
+from imocap_core.problem.synchronisation import distinct_pictures
 from imocap_core.runs import runs
 from imocap_core.verdict.findings import Finding, listed
 
@@ -100,7 +101,9 @@ def _of_spans(sync_map: SyncMap, video: VideoKeypoints) -> list[Finding]:
     """Spans without a counterpart, and spans of low confidence."""
     least, gap = max(2, round(LEAST_S * video.fps)), round(0.1 * video.fps)
     matched = np.isfinite(sync_map.reference_frame)
-    uncertain = matched & (sync_map.confidence < UNCERTAIN)
+    # frames of one picture share the confidence of one observation
+    confidence = sync_map.confidence * distinct_pictures(video).times_shown
+    uncertain = matched & (confidence < UNCERTAIN)
     findings = []
     for a, b in runs(~matched, least):
         findings.append(
@@ -115,7 +118,7 @@ def _of_spans(sync_map: SyncMap, video: VideoKeypoints) -> list[Finding]:
             )
         )
     for a, b in runs(uncertain, least, gap):
-        mean = float(sync_map.confidence[a : b + 1].mean())
+        mean = float(confidence[a : b + 1].mean())
         findings.append(
             Finding(
                 "time",

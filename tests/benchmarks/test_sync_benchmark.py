@@ -10,6 +10,7 @@ import pytest
 from benchmarks.sync.accuracy import EventRow
 from benchmarks.sync.calibration import calibration, confidences_and_errors
 from benchmarks.sync.calibration_scenes import CHANGED, standing_before, with_inserted
+from benchmarks.sync.freeze_frames import FROZEN, frozen_scene
 from benchmarks.sync.map_scores import event_errors_frames, pair_error_pct, score_maps
 from benchmarks.sync.perturbed_scenes import half_wrong, leg_occluded, person_swapped
 from benchmarks.sync.reliability import reliability_row
@@ -111,6 +112,22 @@ def test_slow_motion_shows_more_frames_of_the_same_phases() -> None:
     assert len(slow) == len(scene.poses[SLOWED]) == 157
     np.testing.assert_allclose(slow, np.arange(157) / 4)
     assert scene.fps == [30.0, 30.0]
+
+
+def test_freeze_frames_repeat_pictures_and_their_phases() -> None:
+    made = three_videos()
+    identical, frozen = frozen_scene(made, "identical")
+    phases, poses = identical.phases[FROZEN], identical.poses[FROZEN]
+    assert len(poses) == len(phases) == len(frozen) == 60 + 2 * 29
+    np.testing.assert_array_equal(np.unique(phases), np.arange(60.0))
+    values, counts = np.unique(phases[frozen], return_counts=True)
+    assert counts.tolist() == [30, 30]
+    assert values[1] == 59.0
+    for value in values:
+        assert np.ptp(poses[phases == value], axis=0).max() == 0.0
+    recoded = frozen_scene(made, "re-coded")[0].poses[FROZEN]
+    assert 0 < np.abs(recoded - poses)[frozen].max() < 0.02
+    np.testing.assert_array_equal(recoded[~frozen], poses[~frozen])
 
 
 def test_calibration_scenes_keep_the_phases_that_videos_share() -> None:

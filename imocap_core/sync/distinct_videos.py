@@ -1,0 +1,115 @@
+"""Videos with freeze frames as videos of distinct pictures, and results of these for all frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+from jaxtyping import Float
+
+from imocap_core.sync.anchors import Hints
+from imocap_core.sync.frozen_pictures import DistinctFrames, distinct_frames, frozen_runs
+from imocap_core.sync.joint_synchronisation import JointResult
+from imocap_core.sync.screening.registration import Keypoints2D
+from imocap_core.sync.warp.reprojection import ReprojectionEvidence
+
+Result = TypeVar("Result", bound=JointResult)
+
+
+def distinct_videos(
+    poses: Sequence[Float[np.ndarray, "_T J 3"]],
+    fps: Sequence[float],
+    keypoints: Sequence[Keypoints2D] | None,
+) -> list[DistinctFrames]:
+    """Per video its distinct pictures, by the keypoints where they are given, else by the poses."""
+    if keypoints is None:
+        points = [(x, np.isfinite(x).all(axis=-1)) for x in poses]
+    else:
+        points = [(k.xy_px, k.weight > 0) for k in keypoints]
+    return [
+        distinct_frames(frozen_runs(x, visible, f), len(x))
+        for (x, visible), f in zip(points, fps, strict=True)
+    ]
+
+
+def of_pictures(
+    videos: Sequence[DistinctFrames],
+    poses: Sequence[Float[np.ndarray, "_T J 3"]],
+    confidence: Sequence[Float[np.ndarray, "_T J"]] | None,
+    keypoints: Sequence[Keypoints2D] | None,
+) -> tuple[list[np.ndarray], list[np.ndarray] | None, list[Keypoints2D] | None]:
+    """Poses, confidences and keypoints of the distinct pictures."""
+    first = [d.first for d in videos]
+    return (
+        [x[f] for x, f in zip(poses, first, strict=True)],
+        None if confidence is None else [c[f] for c, f in zip(confidence, first, strict=True)],
+        None
+        if keypoints is None
+        else [Keypoints2D(k.xy_px[f], k.weight[f]) for k, f in zip(keypoints, first, strict=True)],
+    )
+
+
+def hints_of_pictures(hints: Hints, videos: Sequence[DistinctFrames]) -> Hints:
+    """The hints with frames as pictures. A span is forbidden up to its last picture."""
+
+    def picture(video: int, frame: float) -> float:
+        frames = videos[video].picture
+        return float(np.interp(frame, np.arange(len(frames)), frames))
+
+    return Hints(
+        tuple(
+            replace(
+                x,
+                frame_a=round(picture(x.a, x.frame_a)),
+                frame_b=picture(x.b, x.frame_b),
+            )
+            for x in hints.anchors
+        ),
+        tuple(
+            (v, int(videos[v].picture[first]), int(videos[v].picture[stop - 1]) + 1)
+            for v, first, stop in hints.forbidden
+        ),
+    )
+
+
+def evidence_of_pictures(
+    evidence: ReprojectionEvidence, videos: Sequence[DistinctFrames]
+) -> ReprojectionEvidence:
+    """Keypoints and motions of the distinct pictures; `videos` in the evidence's order."""
+    rows = zip(evidence.videos, videos, strict=True)
+    parts = [
+        replace(v, xyz_m=v.xyz_m[d.first], xy_px=v.xy_px[d.first], weight=v.weight[d.first])
+        for v, d in rows
+    ]
+    return replace(evidence, videos=parts)
+
+
+def of_all_frames(result: Result, videos: Sequence[DistinctFrames]) -> Result:
+    """A result of the distinct pictures for all frames: those of one picture share its match, its
+    phase and its confidence, as one observation."""
+    rows = np.concatenate(
+        [d.picture + begin for d, begin in zip(videos, _begins(videos), strict=True)]
+    )
+    reference = videos[result.reference]
+    frames = [
+        reference.in_frames(x)[d.picture]
+        for x, d in zip(result.reference_frame, videos, strict=True)
+    ]
+    frames[result.reference] = np.arange(float(len(reference.picture)))
+    return replace(
+        result,
+        reference_frame=frames,
+        confidence=[
+            c[d.picture] / d.times_shown for c, d in zip(result.confidence, videos, strict=True)
+        ],
+        phase=[p[d.picture] for p, d in zip(result.phase, videos, strict=True)],
+        affinity=result.affinity[np.ix_(rows, rows)],
+        relaxed=result.relaxed[np.ix_(rows, rows)],
+    )
+
+
+def _begins(videos: Sequence[DistinctFrames]) -> list[int]:
+    """First row of each video among the pictures of all."""
+    return [0, *np.cumsum([len(d.first) for d in videos])[:-1].tolist()]
