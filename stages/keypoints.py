@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
-
-import numpy as np
-from jaxtyping import Float
 
 from imocap_core.artifacts.schemas import HandKeypoints, Keypoints, VideoKeypoints
 from imocap_core.body.layouts import body_layout, hand_columns, layout_names
@@ -18,6 +14,7 @@ from imocap_core.people.performer import PerformerKeypoints
 from imocap_core.pipeline.action import Declaration
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.cuts import advice, cuts_of
+from imocap_core.problem.declarations import check_fits_picture
 from imocap_core.problem.detected_people import DetectedVideo, read_people
 from imocap_core.problem.tracked_people import choose_performers, track_people
 
@@ -71,7 +68,8 @@ def _keypoints_of(
     video: DetectedVideo, performer: PerformerKeypoints, params: KeypointsParams
 ) -> VideoKeypoints:
     declared, people = video.declared, video.people
-    _check_fits_picture(performer.xy_px, people.size, video.folder)
+    probed = video.video is not None
+    check_fits_picture(performer.xy_px, people.size, video.folder, probed=probed)
     body = slice(len(layout_names(body_layout(people.layout))))  # without faces and hands
     return VideoKeypoints(
         id=declared.id,
@@ -118,19 +116,6 @@ def _hands_of(video: DetectedVideo, performer: PerformerKeypoints) -> HandKeypoi
     else:
         return None
     return None if hands is None else HandKeypoints(xy_px=hands[0], confidence=hands[1])
-
-
-def _check_fits_picture(
-    xy_px: Float[np.ndarray, "T K 2"], size: tuple[int, int], folder: Path
-) -> None:
-    """ValueError when many points are far outside the picture, as pixels of another size are."""
-    share = xy_px[np.isfinite(xy_px).all(axis=-1)] / np.array(size)
-    if ((share < -0.1) | (share > 1.1)).any(axis=-1).mean() > 0.3:
-        x, y = (share.max(axis=0) * size).round().astype(int)
-        raise ValueError(
-            f"{folder}: expected pixels of a picture of {size[0]} x {size[1]}, got points out "
-            f"to ({x}, {y}); run the detector on this very video, or correct `size` in action.yaml"
-        )
 
 
 if __name__ == "__main__":

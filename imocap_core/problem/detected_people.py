@@ -13,6 +13,7 @@ from imocap_core.io.detectors.people import DetectedPeople
 from imocap_core.io.video import VideoInfo, probe
 from imocap_core.limits import MAX_FRAMES
 from imocap_core.pipeline.action import Declaration
+from imocap_core.problem.declarations import check_declared
 from imocap_core.problem.tracked_people import TrackedVideo
 
 
@@ -32,6 +33,7 @@ def read_people(
 ) -> DetectedVideo:
     """Read a video's detections in its used frames; `file`: the action.yaml, for messages."""
     probed = None if video is None else probe(video)
+    check_declared(declared, probed, file)
     kind, layout = format_and_layout(folder, declared.format, declared.layout)
     size = declared.size if probed is None else probed.size
     assert size is not None

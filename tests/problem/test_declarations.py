@@ -1,0 +1,63 @@
+"""A wrong declaration is refused with its field, what was expected and what was got."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from imocap_core.io.video import VideoInfo
+from imocap_core.pipeline.action import Declaration
+from imocap_core.problem.declarations import check_declared, check_fits_picture
+
+FILE = Path("action.yaml")
+VIDEO = VideoInfo(29.97, (640, 360), 100)
+
+
+def declared(**fields: Any) -> Declaration:
+    return Declaration(id="v1", **{"keypoints": "k", "video": "a.mp4", **fields})
+
+
+@pytest.mark.parametrize(
+    ("fields", "wrong"),
+    [
+        ({"size": (3840, 2160)}, r"v1\.size: expected \[640, 360\], as a\.mp4 has, got \[3840"),
+        ({"fps": 25.0}, r"v1\.fps: expected 29\.97, as a\.mp4 has, got 25"),
+        ({"focal_px": 1e9}, r"v1\.focal_px: expected 128 to 32000 pixels .* 640 x 360, got 1e\+09"),
+        ({"focal_px": 0.5}, r"v1\.focal_px: expected 128"),
+    ],
+)
+def test_a_declaration_that_the_file_contradicts(fields: dict[str, Any], wrong: str) -> None:
+    with pytest.raises(ValueError, match=wrong):
+        check_declared(declared(**fields), VIDEO, FILE)
+
+
+def test_true_declarations_and_none_are_fine() -> None:
+    check_declared(declared(size=(640, 360), fps=30.0, focal_px=600.0), VIDEO, FILE)
+    check_declared(declared(), VIDEO, FILE)
+    alone = declared(video=None, size=(640, 360), fps=12.0)
+    check_declared(alone, None, FILE)
+    with pytest.raises(ValueError, match=r"focal_px: expected 128"):
+        check_declared(declared(video=None, size=(640, 360), fps=9, focal_px=1e9), None, FILE)
+
+
+@pytest.mark.parametrize("fps", [1e-9, float("inf"), float("nan"), 1e9])
+def test_frame_rates_that_no_camera_has(fps: float) -> None:
+    with pytest.raises(ValueError, match="fps"):
+        declared(video=None, size=(640, 360), fps=fps)
+
+
+def test_pixels_of_another_picture() -> None:
+    rng = np.random.default_rng(0)
+    xy = rng.uniform(0.2, 0.9, size=(20, 17, 2)) * (640, 360)
+    xy[0, 0] = np.nan
+    for probed in (True, False):
+        check_fits_picture(xy, (640, 360), Path("k"), probed=probed)
+        with pytest.raises(ValueError, match=r"k: expected pixels of a picture of 320 x 180, got"):
+            check_fits_picture(xy, (320, 180), Path("k"), probed=probed)
+    with pytest.raises(ValueError, match="a picture of 3840 x 2160, got points that reach"):
+        check_fits_picture(xy, (3840, 2160), Path("k"), probed=False)
+    check_fits_picture(xy, (3840, 2160), Path("k"), probed=True)
+    check_fits_picture(np.full((2, 17, 2), np.nan), (640, 360), Path("k"), probed=False)
