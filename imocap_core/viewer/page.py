@@ -19,6 +19,7 @@ from imocap_core.whole_files import is_whole_page, write_whole
 
 FILE_NAME = "viewer.html"
 NEEDED = ("keypoints", "camera_motion", "initial_smpl", "refine_sync")
+STAMPED = '<meta name="made-from" content="'
 STAMP_WITHIN = 4096  # characters from the beginning of a page
 
 
@@ -37,6 +38,8 @@ def write_viewer(result: ActionResult, out: Path, progress: Callable[[float, str
     stamp = _stamp(result)
     if _made_from(out) == stamp:
         return False
+    if out.exists() and out.stat().st_size and not _is_viewer(out):
+        raise WorkFailed(f"{out} exists and is no viewer; choose another name with --out")
     block = Block()
     try:
         hands = any(video.hands is not None for video in result)
@@ -63,12 +66,19 @@ def _stamp(result: ActionResult) -> str:
     return total.hexdigest()
 
 
+def _is_viewer(file: Path) -> bool:
+    """Whether a file begins as this program's viewers do, complete or not."""
+    with suppress(OSError, UnicodeDecodeError), file.open(encoding="utf-8") as stream:
+        return STAMPED in stream.read(STAMP_WITHIN)
+    return False
+
+
 def _made_from(file: Path) -> str | None:
     """The stamp of a page; None when there is no such page, or it breaks off."""
     if not is_whole_page(file):
         return None
     with suppress(OSError, UnicodeDecodeError), file.open(encoding="utf-8") as stream:
         head = stream.read(STAMP_WITHIN)
-        _, stamped, rest = head.partition('<meta name="made-from" content="')
+        _, stamped, rest = head.partition(STAMPED)
         return rest.partition('"')[0] if stamped else None
     return None

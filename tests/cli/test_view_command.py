@@ -117,6 +117,11 @@ def test_out_says_where(folder: Path, imocap: Callable[..., tuple[int, str]]) ->
     assert code == 0
     assert str(file) in message
     assert file.read_text(encoding="utf-8").startswith("<!doctype html>")
+    file.write_text("<!doctype html>mine</html>")
+    code, message = imocap("view", "waving", "--out", str(file))
+    assert code == 1
+    assert "here.html exists and is no viewer; choose another name with --out" in message
+    assert file.read_text() == "<!doctype html>mine</html>"
     code, message = imocap("view", "waving", "--out", str(folder))
     assert code == 2
     assert "expected the name of an .html file" in message

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -57,3 +59,27 @@ def test_an_own_action_stays(tmp_path: Path, makes: list[int], display: SimpleNa
     (folder / "action.yaml").write_text("name: mine")
     demos.ensure("yoga", folder, 7, display)
     assert makes == []
+
+
+@pytest.mark.parametrize("place", ["action.yaml", "videos/v1.mp4", "notes.txt"])
+@pytest.mark.parametrize("record", ["as it is", "without digests", "damaged"])
+def test_a_changed_demo_is_its_user_s(
+    tmp_path: Path, makes: list[int], display: SimpleNamespace, place: str, record: str
+) -> None:
+    folder = tmp_path / "yoga"
+    demos.ensure("yoga", folder, 7, display)
+    file = folder / demos.RECORD
+    if record == "damaged":
+        file.write_text("{")
+    if record == "without digests":  # as older code wrote it
+        content = json.loads(file.read_text())
+        file.write_text(json.dumps({"key": content["key"], "files": list(content["files"])}))
+    for name in ("action.yaml", "videos/v1.mp4", demos.RECORD):
+        os.utime(folder / name, (1_600_000_000, 1_600_000_000))
+    (folder / place).write_text("mine")
+    reasons: list[str] = []
+    display.started = lambda stage, why: reasons.extend(why)
+    demos.ensure("yoga", folder, 8, display)
+    assert makes == [7]
+    assert (folder / place).read_text() == "mine"
+    assert f"{place} in {folder} is yours, so it stays" in reasons[-1]
