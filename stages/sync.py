@@ -11,7 +11,7 @@ from imocap_core.problem.hints import hints_of
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Sync:
-    """Synchronise the monocular motions; the reference is the most central video."""
+    """Synchronise the monocular motions; the reference is a central video."""
     keypoints, initial = inputs.get(Keypoints), inputs.get(InitialSmpl)
     hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))
     ctx.progress(0.1, "comparing all pairs of frames")

@@ -36,7 +36,7 @@ def sync_command(
     ] = None,
     reference: Annotated[
         str | None,
-        typer.Option(help="Video whose time axis is used (default: the most central one)."),
+        typer.Option(help="Video whose time axis is used (default: a central one)."),
     ] = None,
     repetitions: Annotated[
         bool, typer.Option("--repetitions", help="Cut one long clip into its repetitions first.")

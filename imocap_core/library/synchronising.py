@@ -46,7 +46,7 @@ def synchronise(
         fps: frames per second; of a video it is read from the file.
         layout: the K keypoints of 2D arrays (body25, coco17, ...), or of files that do not say it.
         size: width and height of the pictures in pixels, for 2D keypoints without a video.
-        reference: id of the clip whose time axis is used; else the most central one. Arrays are
+        reference: id of the clip whose time axis is used; else a central one. Arrays are
             called v1, v2, ...; files by their names.
         params: one-off parameters, as {"sync.max_rate": 8}.
         root: for files, a working folder in whose artifacts/ the estimated poses are stored for

@@ -77,7 +77,7 @@ def synchronise_action(
         words: an action, or videos and keypoints, each as `sources_of` reads it.
         declared: what is known of all sources where their files do not say it.
         name: of the results below artifacts/.
-        reference: id of the video whose time axis is used; else the most central one.
+        reference: id of the video whose time axis is used; else a central one.
         repetitions: cut one long clip into its repetitions first.
     """
     action = _action_of(workspace, words, declared, name)
@@ -153,7 +153,7 @@ def _cut(
 def _about(
     reference: str, job: Job, keypoints: Keypoints, initial: InitialSmpl, display: Display
 ) -> Sync:
-    """The synchronisation with another reference than the most central video."""
+    """The synchronisation with another reference than the one that is chosen."""
     from imocap_core.problem.first_sync import synchronise_monocular
     from imocap_core.problem.hints import hints_of
 

@@ -28,7 +28,7 @@ from imocap_core.sync.map_consistency import (
 from imocap_core.sync.pairwise.affinity import gaussian_affinity, reciprocal_affinity
 from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix, distance_matrix
 from imocap_core.sync.phase import WeightedMap, common_phase, inside
-from imocap_core.sync.reference import centrality, most_central
+from imocap_core.sync.reference import central_and_covering, centrality, coverage
 from imocap_core.sync.reference_anchors import hard_anchor_maps, through_hard_anchors
 from imocap_core.sync.refinement import ReferenceAxis
 from imocap_core.sync.warp.clocks import Clocks
@@ -54,7 +54,7 @@ class JointResult:
         phase: per video, seconds of the reference on the common time axis.
         affinity: Eq. 1, all frames of all videos.
         relaxed: after cycle consistency (Eq. 2), row-stochastic per block.
-        centrality: the reference has the largest unless it was given.
+        centrality: of each video; by it and by coverage the reference was chosen, unless given.
         matched_square: squared distance typical of matching frames.
         cycle: outcome of the cycle-consistency method.
         cycle_residuals: of the pairwise maps, for every three videos.
@@ -107,7 +107,9 @@ def synchronise_jointly(
     affinity = _affinity(distances, params)
     soft_maps, matched = pairwise_soft_maps(distances, clocks, params)
     centralities = centrality(distances, soft_maps, matched)
-    chosen = most_central(centralities, eligible) if reference is None else reference
+    chosen = reference
+    if chosen is None:
+        chosen = central_and_covering(centralities, coverage(matched, blocks), eligible)
 
     evidence = soft_maps if params.warp == "posterior" else affinity
     relaxed, report = relax(params.method, evidence, blocks, rounds=params.rounds, rng=rng)

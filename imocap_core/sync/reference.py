@@ -1,4 +1,10 @@
-"""The reference video: the medoid, to which the frames of the others are most similar."""
+"""The reference video: of the central ones, to which the frames of the others are most similar, the
+one that shows most of them.
+
+Centralities of good videos lie close together, and noise decides between them; how much of the
+others a video shows it leaves alone. Which of them is the reference makes no difference to accuracy
+(docs/sync.md).
+"""
 
 from __future__ import annotations
 
@@ -7,7 +13,11 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
+from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
+
+NEAR = 0.8  # of the largest centrality: harmless changes move one against another by a tenth
+EQUAL = 0.01  # difference of coverages that are the same
 
 
 def centrality(
@@ -39,7 +49,30 @@ def centrality(
     return out
 
 
-def most_central(centralities: Float[np.ndarray, " M"], eligible: Sequence[bool]) -> int:
-    """Index of the eligible video of the largest centrality (of any video, if none is eligible)."""
-    able = np.where(eligible, centralities, -1.0) if any(eligible) else centralities
-    return int(np.argmax(able))
+def coverage(matched: Float[np.ndarray, "N_a M"], blocks: Blocks) -> Float[np.ndarray, " M"]:
+    """Share of the other videos' frames that have a counterpart in each video, mean over videos.
+
+    Args:
+        matched: P(frame has a counterpart in a video).
+    """
+    M = len(blocks.lengths)
+    share = np.array([matched[blocks.rows(u)].mean(axis=0) for u in range(M)])
+    np.fill_diagonal(share, 0.0)
+    return np.asarray(share.sum(axis=0) / max(M - 1, 1))
+
+
+def central_and_covering(
+    centralities: Float[np.ndarray, " M"],
+    coverages: Float[np.ndarray, " M"],
+    eligible: Sequence[bool],
+) -> int:
+    """Index of the video that shows most of the others, among those whose centrality is within NEAR
+    of the largest; of several, the most central.
+
+    Args:
+        eligible: the videos to choose from; all, if none is.
+    """
+    able = np.array(eligible) if any(eligible) else np.ones(len(centralities), dtype=bool)
+    central = able & (centralities >= NEAR * centralities[able].max())
+    covering = central & (coverages >= coverages[central].max() - EQUAL)
+    return int(np.argmax(np.where(covering, centralities, -1.0)))

@@ -171,7 +171,7 @@ def test_any_number_of_videos(count: int) -> None:
     phases = [np.linspace(0.1 * v, 4.0 + 0.1 * v, 60 + 5 * v) for v in range(count)]
     result = run([estimated(p, rng) for p in phases])
     assert len(result.centrality) == count
-    assert result.reference == int(np.argmax(result.centrality))
+    assert result.centrality[result.reference] >= 0.8 * result.centrality.max()
     assert result.status
     if count > 1:
         assert error_s(phases, result.reference_frame, result.reference).mean() < 0.04
