@@ -21,6 +21,7 @@ from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.ground import with_ground, with_hands_on_ground
 from imocap_core.problem.hints import hints_of
 from imocap_core.problem.joint import JointProblem, problem_of
+from imocap_core.problem.loop_confidence import with_independent_confidence
 from imocap_core.problem.synchronisation import rates_of_motions, synchronise_motions
 
 
@@ -74,7 +75,8 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     result = _as_artifact(loop, problem, single_pass)
     motion = with_ground(result.motion, keypoints, cameras, result.sync.excluded, params.fit)
     motion = with_hands_on_ground(motion, problem.scene.body.model, result.sync)
-    return result.model_copy(update={"motion": motion})
+    matches = with_independent_confidence(result.sync, first_sync, motion.common)
+    return result.model_copy(update={"motion": motion, "sync": matches})
 
 
 def _as_artifact(

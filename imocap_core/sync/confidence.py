@@ -4,7 +4,8 @@ The mass of a soft map around its median is a posterior under the model's assump
 fail: errors of estimates persist, and a monotone warp has to place every frame somewhere. What
 reveals such failures enters a logistic regression beside the mass: the disagreement of the routes
 through the other videos, the pose distance of the match, time that stalls while the performer
-moves. Its weights were fitted on scenes of training clips (tools/fit_sync_confidence.py).
+moves, a map that fits a repetition later as well. Its weights were fitted on scenes of training
+clips (tools/fit_sync_confidence.py).
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from scipy.special import expit, logit
 
 from imocap_core.sync.map_consistency import PairMaps, composed
 from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
+from imocap_core.sync.repeated_motion import repetition_evidence
 
 WINDOW_S = 0.5  # over which rates and distances are averaged
 LEAST_RATE = 0.05
@@ -32,6 +34,7 @@ WEIGHTS = {
     "stall": -2.153,
     "slowness": -0.553,
     "stillness": -0.448,
+    "repetition": -0.75,  # fitted alone, on walks that start in any cycle
 }
 
 
@@ -94,6 +97,7 @@ def confidence_features(
             slowness * novelty,
             slowness,
             1.0 - novelty,
+            np.full(T, repetition_evidence(square, filled, matched, route.fps_to)),
         ]
     )
 

@@ -1,0 +1,54 @@
+"""Confidence of the loop's correspondences, where performances differ.
+
+In the loop every pose has been drawn towards those that it is matched with, rightly or wrongly, and
+confirms its match ever after. Where all videos show one motion the keypoints contradict a wrong
+match, because nothing but time could explain them. Where performances differ, the difference
+explains a wrong match as well: there a match is no surer than the monocular motions made it, which
+knew nothing of each other.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from imocap_core.artifacts.schemas import CommonMotion, Sync, SyncMap, SyncSummary
+
+# Deviations of one motion, in metres (training clips resampled: up to 0.005 and 0.005; captured and
+# made performances of training clips: 0.015 or more, or 0.02 or more in their paths)
+ONE_MOTION_M, ONE_PATH_M = 0.01, 0.015
+
+
+def is_one_motion(common: CommonMotion) -> bool:
+    """Whether the videos' deviations from their common motion are those of one performance."""
+    deviation = common.keypoint_sd_m.mean(axis=(1, 2)).max(initial=0.0)
+    path = common.rigid_offset_sd[:, 3:].max(initial=0.0)
+    return bool(deviation <= ONE_MOTION_M and path <= ONE_PATH_M)
+
+
+def with_independent_confidence(
+    sync: Sync, first: SyncSummary, common: CommonMotion | None
+) -> Sync:
+    """The loop's correspondences, of differing performances no surer than `first`, those of the
+    monocular motions. Frames that these left unmatched are as sure as their neighbours."""
+    if common is None or is_one_motion(common):
+        return sync
+    monocular = {m.id: m for m in first.maps}
+    maps = [
+        m
+        if m.id == sync.reference
+        else m.model_copy(
+            update={"confidence": np.minimum(m.confidence, _everywhere(monocular[m.id]))}
+        )
+        for m in sync.maps
+    ]
+    return sync.model_copy(update={"maps": maps})
+
+
+def _everywhere(sync_map: SyncMap) -> Float[np.ndarray, " T"]:
+    """Confidence of every frame, of unmatched ones that of their matched neighbours."""
+    matched = np.flatnonzero(np.isfinite(sync_map.reference_frame))
+    every = np.arange(len(sync_map.confidence))
+    if not len(matched):
+        return np.zeros(len(every))
+    return np.asarray(np.interp(every, matched, sync_map.confidence[matched]))
