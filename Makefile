@@ -3,6 +3,8 @@
 #   make all ACTION=yoga   from nothing to the motion and its report (installs first, when needed)
 #   make test              the whole test suite
 #   make check             lint, format, types, import order, tests
+#   make fuzz              damage files of every format for five minutes (SECONDS=300); record in build/fuzz
+#   make chaos             kill, starve and disturb runs of a small action; the same results after
 #   make detect-env         the environment that `keypoints: detect` runs in (a run makes it when needed)
 #   make docs               the documentation as a site in build/site (its tools in .venv-docs)
 #   make baseline          accept today's numbers as those that tests/regression holds
@@ -24,7 +26,7 @@ PYTHON ?= $(shell for p in python3 python3.11 python3.12 python3.13 python3.14 p
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help setup all test check baseline lint format clean detect-env docs
+.PHONY: help setup all test check baseline lint format clean detect-env docs fuzz chaos
 
 help:
 	@sed -n 's/^#   \{0,1\}//p' Makefile
@@ -53,6 +55,14 @@ lint: $(STAMP)
 	@$(BIN)/mypy
 
 check: lint test
+
+SECONDS ?= 300
+fuzz: $(STAMP)
+	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.fuzz.run --seconds $(SECONDS)
+
+KILLS ?= 100
+chaos: $(STAMP)
+	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.chaos.run --kills $(KILLS)
 
 detect-env: $(STAMP)
 	@$(BIN)/imocap detect --setup

@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 LAST_FRAME = 10_000_000  # a frame's number in its source
+LEAST_FRAMES = 3  # used frames of one video: accelerations are of three
 MAX_FRAMES = 200_000  # used frames of one video: more than an hour at 50 frames a second
 MAX_SIDE_PX, MAX_PIXELS = 2**16, 2**27  # of one picture: 16k x 8k
 MIN_FPS, MAX_FPS = 0.1, 10_000.0

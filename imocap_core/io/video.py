@@ -129,6 +129,8 @@ def _video_stream(container: Any, path: Path) -> VideoStream:
         raise ValueError(f"{path}: no video stream; expected a video, got audio or data only")
     stream: VideoStream = container.streams.video[0]
     stream.thread_type = "AUTO"
+    if stream.codec_context is None:
+        raise ValueError(f"{path}: its kind of compression cannot be decoded; re-encode it")
     width, height = stream.width, stream.height
     if max(width, height) > MAX_SIDE_PX or width * height > MAX_PIXELS:
         raise ValueError(

@@ -17,6 +17,7 @@ from imocap_core.pipeline.action import Declaration
 
 FPS_TOLERANCE = 0.02  # 29.97 may be declared as 30
 OUTSIDE, OUTSIDE_SHARE = 0.1, 0.3  # of the picture; of the points
+LEAST_EXTENT_PX = 2.0  # of a person, in the frame where they are largest
 LEAST_REACH = 0.25  # of the picture's width and height that all people of a clip reach
 
 
@@ -62,6 +63,13 @@ def check_fits_picture(
     outside = ((share < -OUTSIDE) | (share > 1 + OUTSIDE)).any(axis=-1)
     if not len(share):
         return
+    present = xy_px[np.isfinite(xy_px).all(axis=-1).any(axis=1)]
+    extent = np.nanmax(present, axis=1) - np.nanmin(present, axis=1)
+    if extent.max() < LEAST_EXTENT_PX:
+        raise ValueError(
+            f"{folder}: expected a person, got points that lie on one spot in every frame; check "
+            f"the detections"
+        )
     in_corner = not probed and share.max() < LEAST_REACH
     if outside.mean() <= OUTSIDE_SHARE and not in_corner:
         return

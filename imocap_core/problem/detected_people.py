@@ -11,7 +11,7 @@ from jaxtyping import Int64
 from imocap_core.io.detectors.by_name import format_and_layout, read_detections
 from imocap_core.io.detectors.people import DetectedPeople
 from imocap_core.io.video import VideoInfo, probe
-from imocap_core.limits import MAX_FRAMES
+from imocap_core.limits import LEAST_FRAMES, MAX_FRAMES
 from imocap_core.pipeline.action import Declaration
 from imocap_core.problem.declarations import check_declared
 from imocap_core.problem.tracked_people import TrackedVideo
@@ -71,6 +71,11 @@ def _used_frames(declared: Declaration, count: int, file: Path) -> Int64[np.ndar
         raise ValueError(
             f"{file}: videos.{declared.id}.frames: expected at most [0, {count}], as the clip has "
             f"{count} frames, got [{first}, {stop}]"
+        )
+    if stop - first < LEAST_FRAMES:
+        raise ValueError(
+            f"{file}: videos.{declared.id}.frames: expected at least {LEAST_FRAMES} frames, as "
+            f"fewer have no motion, got {stop - first}; remove {declared.id}, or use more of it"
         )
     if stop - first > MAX_FRAMES:
         raise ValueError(

@@ -11,6 +11,7 @@ import pytest
 from imocap_core.io.video import VideoInfo
 from imocap_core.pipeline.action import Declaration
 from imocap_core.problem.declarations import check_declared, check_fits_picture
+from imocap_core.problem.detected_people import _used_frames
 
 FILE = Path("action.yaml")
 VIDEO = VideoInfo(29.97, (640, 360), 100)
@@ -61,3 +62,17 @@ def test_pixels_of_another_picture() -> None:
         check_fits_picture(xy, (3840, 2160), Path("k"), probed=False)
     check_fits_picture(xy, (3840, 2160), Path("k"), probed=True)
     check_fits_picture(np.full((2, 17, 2), np.nan), (640, 360), Path("k"), probed=False)
+
+
+def test_points_on_one_spot_are_nobody() -> None:
+    xy = np.full((5, 17, 2), 200.0) + np.arange(5)[:, None, None]
+    xy[0] = np.nan
+    with pytest.raises(ValueError, match="points that lie on one spot in every frame"):
+        check_fits_picture(xy, (640, 360), Path("k"), probed=True)
+
+
+@pytest.mark.parametrize(("frames", "count"), [((4, 5), 100), (None, 2), (None, 200_001)])
+def test_too_few_and_too_many_frames(frames: tuple[int, int] | None, count: int) -> None:
+    with pytest.raises(ValueError, match=r"v1\.frames: expected at (least 3|most 200,000) frames"):
+        _used_frames(declared(frames=frames), count, FILE)
+    assert len(_used_frames(declared(), 3, FILE)) == 3

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Shaped
+from jaxtyping import Float
 
 from imocap_core.io.detectors.deeplabcut import body_parts, read_csv
 from imocap_core.io.detectors.mediapipe import PICTURE
@@ -64,7 +64,7 @@ def _coco(entries: list[Any]) -> Iterator[Person]:
     for entry in entries[:PEOPLE_LOOKED_AT]:
         values = entry.get("keypoints") if isinstance(entry, dict) else None
         if isinstance(values, list) and values and len(values) % 3 == 0:
-            yield from _detected(np.reshape(values, (-1, 3)))
+            yield from _detected(values)
 
 
 def _mmpose(entries: Any) -> Iterator[Person]:
@@ -73,13 +73,13 @@ def _mmpose(entries: Any) -> Iterator[Person]:
         for person in people if isinstance(people, list) else []:
             xy = person.get("keypoints") if isinstance(person, dict) else None
             if isinstance(xy, list) and all(isinstance(p, list) and len(p) >= 2 for p in xy):
-                yield from _detected(np.array([[*p[:2], 1.0] for p in xy], dtype=object))
+                yield from _detected([[*p[:2], 1.0] for p in xy])
 
 
-def _detected(person: Shaped[np.ndarray, "K 3"]) -> Iterator[Person]:
+def _detected(values: list[Any]) -> Iterator[Person]:
     """The person as floats, if the entries are numbers and a point was detected."""
     try:
-        body = person.astype(np.float64)
+        body = np.array(values, dtype=np.float64).reshape(-1, 3)
     except (TypeError, ValueError):
         return
     if body.size and (body[:, 2] > 0).any():
