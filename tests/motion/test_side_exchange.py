@@ -4,11 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
+from scipy.spatial.transform import Rotation
 
 from imocap_core.conventions import mirror_indices
 from imocap_core.motion.multiview.scene import Scene
-from imocap_core.motion.multiview.side_exchange import exchanged, with_sides_of_others
+from imocap_core.motion.multiview.side_exchange import (
+    exchanged,
+    turning_frames,
+    with_sides_of_others,
+)
 from imocap_core.motion.multiview.smpl_ba import recover_motion
+from imocap_core.rotations import exp
 from tests.motion.made import Made, mpjpe_mm, scene
 from tests.motion.test_smpl_ba import FRAMES, OPTIONS, TURNS_DEG, disturbed, in_own_axes, whole
 
@@ -41,6 +48,28 @@ def test_the_exchanged_stretch_is_put_right_and_nothing_else(made: Made) -> None
     for before, after in zip(plain.observations, put_right.observations, strict=True):
         np.testing.assert_array_equal(after.xy_px, before.xy_px)
         np.testing.assert_array_equal(after.confidence, before.confidence)
+
+
+@pytest.mark.parametrize(("turn_deg", "turns"), [(0, False), (90, True), (180, False)])
+def test_only_a_body_turned_by_a_quarter_is_turning(turn_deg: float, turns: bool) -> None:
+    others = np.random.default_rng(2).normal(size=(FRAMES, 12, 3))
+    own = others @ Rotation.from_euler("y", turn_deg, degrees=True).as_matrix().T
+    turning = turning_frames(own, others, STRETCH)
+    np.testing.assert_array_equal(turning, STRETCH if turns else False)
+
+
+def test_a_performer_who_turns_away_keeps_the_sides(made: Made) -> None:
+    state = disturbed(in_own_axes(made), 0.03)
+    R_local = state.R_local.clone()
+    half = torch.pi * torch.linspace(0, 1, FRAMES, dtype=torch.float64)
+    around = exp(half[:, None] * torch.tensor([0.0, 1.0, 0.0], dtype=torch.float64))
+    R_local[VIDEO, :, 0] = around @ R_local[VIDEO, :, 0]
+    turned = replace(state, R_local=R_local)
+    frames = np.ones(FRAMES, dtype=bool)
+    poses = [
+        made.body.positions(made.body.keypoints, s).xyz[VIDEO].numpy() for s in (turned, state)
+    ]
+    assert turning_frames(poses[0], poses[1], frames).all()
 
 
 def test_smpl_ba_with_exchanged_sides_ends_like_the_undisturbed_one(made: Made) -> None:

@@ -4,6 +4,11 @@ Exchanged sides of the whole body look, to one view, like a performer who faces 
 from the video's camera, the other videos' motion decides: each frame's keypoints are as detected or
 exchanged, whichever that motion explains better, and the cheapest sequence of the two states, where
 every change costs something, is the estimate (Viterbi).
+
+A performer who really turns away looks alike, too. Then the video's own motion turns against the
+others' little by little, and for a while faces a quarter another way; one whose sides were
+exchanged faces as the others do (it was held by the frames around) or the opposite way, and nothing
+between.
 """
 
 from __future__ import annotations
@@ -13,7 +18,9 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.spatial.transform import Rotation
 
+from imocap_core.alignment import rigid
 from imocap_core.conventions import mirror_indices
 from imocap_core.motion.multiview.cameras import Cameras
 from imocap_core.motion.multiview.keypoint_evidence import (
@@ -25,8 +32,11 @@ from imocap_core.motion.multiview.keypoint_evidence import (
 from imocap_core.motion.multiview.scene import Scene
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.state import MotionState
+from imocap_core.runs import runs
 from imocap_core.viterbi import cheapest_states
 
+QUARTER_RAD = (np.pi / 4, 3 * np.pi / 4)  # that no exchange of sides turns a body by
+TURNING_SHARE = 0.4  # of a stretch, from which on the performer turns
 RATE_PER_S = 15.0  # frames of which each is a piece of evidence by itself
 CHANGE = 0.5  # of a change of state
 
@@ -42,12 +52,14 @@ def with_sides_of_others(scene: Scene, state: MotionState, cameras: Cameras) -> 
     evidence = keypoint_evidence(scene, state)
     R = cameras.R.cpu().numpy()
     twins = mirror_indices(scene.body.keypoints.names)
+    own = scene.body.positions(scene.body.keypoints, state).xyz.cpu().numpy()
     observations = []
     for v, observation in enumerate(scene.observations):
         position = scene.timeline.to_reference[v]
         pose = mean_of_others(evidence, R, v)[evidence.nearest_moment(position)]
         weight = np.where(np.isfinite(position)[:, None], observation.confidence, 0.0)
         frames = exchanged_frames(pose, observation.xy_px, weight, R[v], twins, observation.fps)
+        frames &= ~turning_frames(own[v, : len(frames)], pose @ R[v].T, frames)
         observations.append(exchanged(observation, frames, twins))
     return replace(scene, observations=observations)
 
@@ -74,6 +86,26 @@ def exchanged_frames(
     costs = share * np.stack([plain, other + EXCHANGED], axis=1)
     steps = CHANGE * (1.0 - np.eye(2)) + costs[1:, None]
     return cheapest_states(costs[0], steps).astype(bool)
+
+
+def turning_frames(
+    own: Float[np.ndarray, "T K 3"],
+    others: Float[np.ndarray, "T K 3"],
+    frames: Bool[np.ndarray, " T"],
+) -> Bool[np.ndarray, " T"]:
+    """Those of some frames, by whole stretches, in which the performer turns against the others.
+
+    Args:
+        own, others: poses in the axes of the video's camera.
+    """
+    turning = np.zeros_like(frames)
+    for first, last in runs(frames):
+        stretch = slice(first, last + 1)
+        R = rigid(own[stretch], others[stretch]).R_target_from_source
+        angle = Rotation.from_matrix(R).magnitude()
+        quarter = (angle > QUARTER_RAD[0]) & (angle < QUARTER_RAD[1])
+        turning[stretch] = quarter.mean() > TURNING_SHARE
+    return turning
 
 
 def exchanged(
