@@ -32,17 +32,19 @@ class FitParams:
     )
     pose_prior: NonNegative = param(0.2, "Weight of the pose prior (a Gaussian mixture).")
     shape_prior: NonNegative = param(
-        10.0, "Weight of the squared shape coefficients, where they do not change a body's size."
+        10.0,
+        "Weight of the squared shape coefficients along the proportions that keypoints tell: "
+        "limbs, hips, shoulders, trunk.",
     )
     shape_prior_of: dict[str, Positive] = param(
         {"mediapipe33": 100.0},
         "The same by keypoint layout, for detectors whose points are off at the same places in "
         "every frame: such errors look like another body.",
     )
-    size_prior: NonNegative = param(
+    hidden_shape_prior: NonNegative = param(
         100.0,
-        "Weight of the squared shape coefficient along which a body's size changes: images tell "
-        "proportions, not size.",
+        "Weight of the squared shape coefficients along which keypoints tell nothing: size, and "
+        "the form of a torso between hips and shoulders.",
     )
     limits: NonNegative = param(
         100.0, "Weight of the squared angle by which a knee or elbow bends backwards."

@@ -36,7 +36,7 @@ class Noise:
             scene.fit,
             pose_prior=min(prior, scene.fit.pose_prior),
             shape_prior=POPULATION / videos,
-            size_prior=POPULATION / videos,
+            hidden_shape_prior=POPULATION / videos,
         )
         return replace(scene, fit=fit)
 

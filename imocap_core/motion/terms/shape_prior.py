@@ -1,8 +1,9 @@
 """The shape prior: beta ~ N(0, 1). Every fitter needs one; the paper does not print it.
 
 Images tell proportions, not size: a small person near the camera looks like a tall one far away.
-Errors of the keypoints would leak into the size through the proportions that go with it in the
-population, so the direction in which a body's size changes has a weight of its own.
+Nor do they tell a torso's form: bodies with the same limbs, hips, shoulders and height of the trunk
+differ in where the spine runs. Errors of keypoints and poses would leak into both, so the
+directions of shape that no keypoint tells have a weight of their own.
 """
 
 from __future__ import annotations
@@ -14,8 +15,12 @@ from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.body import Model
+from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import MotionState
+
+LIMBS = (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
+SIDES = ("left", "right")
 
 
 @dataclass(frozen=True)
@@ -25,11 +30,11 @@ class ShapePrior:
     precision: Float[Tensor, "n n"]
 
     @classmethod
-    def of_body(cls, model: Model, weight: float, size_weight: float) -> ShapePrior:
-        """``weight`` in every direction but that of size, which has ``size_weight``."""
-        size = size_direction(model)
-        other = torch.eye(len(size)).to(size) - torch.outer(size, size)
-        return cls(weight * other + size_weight * torch.outer(size, size))
+    def of_body(cls, model: Model, weight: float, hidden_weight: float) -> ShapePrior:
+        """``weight`` along the proportions that keypoints tell, ``hidden_weight`` elsewhere."""
+        hidden = hidden_directions(model)
+        identity = torch.eye(model.num_betas).to(hidden)
+        return cls(weight * identity + (hidden_weight - weight) * hidden @ hidden.T)
 
     def of(self, v: int, frames: int) -> ShapePrior:
         """The same for every motion."""
@@ -50,6 +55,16 @@ class ShapePrior:
         return self.precision.to(state.betas)
 
 
+def hidden_directions(model: Model) -> Float[Tensor, "n k"]:
+    """Orthonormal directions of shape that pictures do not tell: size, and what leaves the lengths
+    between the twelve joints as they are."""
+    rates = length_rates(model)
+    _, singular, rows = torch.linalg.svd(rates)
+    told = int((singular > 1e-6 * singular[0]).sum())
+    directions = torch.cat([rows[told:], size_direction(model)[None]])
+    return torch.linalg.qr(directions.T)[0]
+
+
 def size_direction(model: Model) -> Float[Tensor, " n"]:
     """Unit vector of shape coefficients along which the body's bones grow most, all together."""
     parents = torch.as_tensor(model.parents[1:], device=model.device)
@@ -58,3 +73,24 @@ def size_direction(model: Model) -> Float[Tensor, " n"]:
     lengths = torch.linalg.vector_norm(bones, dim=-1, keepdim=True)
     longer = torch.einsum("jc,jcb->b", bones / lengths, growth)[: model.num_betas]
     return longer / torch.linalg.vector_norm(longer)
+
+
+def length_rates(model: Model) -> Float[Tensor, "7 n"]:
+    """Metres per unit of each coefficient of what the twelve joints tell of a shape: limbs, both
+    sides alike, the widths of hips and shoulders, the trunk between them."""
+    points = {
+        name: (model.joints_template[k], model.joints_shapedirs[k, :, : model.num_betas])
+        for k, name in enumerate(SMPL_JOINTS)
+    }
+    for part in ("hip", "shoulder"):
+        left, right = (points[f"{side}_{part}"] for side in SIDES)
+        points[part] = ((left[0] + right[0]) / 2, (left[1] + right[1]) / 2)
+
+    def rate(start: str, end: str) -> Float[Tensor, " n"]:
+        bone = points[end][0] - points[start][0]
+        growth = points[end][1] - points[start][1]
+        return (bone / torch.linalg.vector_norm(bone)) @ growth
+
+    limbs = [torch.stack([rate(f"{s}_{a}", f"{s}_{b}") for s in SIDES]).mean(0) for a, b in LIMBS]
+    widths = [rate(f"right_{part}", f"left_{part}") for part in ("hip", "shoulder")]
+    return torch.stack([*limbs, *widths, rate("hip", "shoulder")])
