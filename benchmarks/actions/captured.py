@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 from imocap_core.conventions import EVAL_14
 from imocap_core.errors import WorkFailed
 from imocap_core.synthetic.captured import CAMERA_PLACEMENTS, FURTHER_PLACEMENTS, to_scene
-from imocap_core.synthetic.captured_rotations import rotations_from_stance
+from imocap_core.synthetic.captured_rotations import rotations_from_stance, trunk_bone_rotations
 from imocap_core.synthetic.captured_stance import (
     CapturedSkeleton,
     NeutralStance,
@@ -69,7 +69,7 @@ class CapturedVideo:
     truth_joints_m: Float[np.ndarray, "T J 3"] | None = None
     truth_names: tuple[str, ...] = EVAL_14
     skeleton_m: Float[np.ndarray, "T S 3"] | None = None
-    segments: Float[np.ndarray, "T 3 3 3"] | None = None
+    segments: Float[np.ndarray, "T 6 3 3"] | None = None
 
     def truth(
         self,
@@ -163,9 +163,11 @@ def _on_stage(
     ]
 
 
-def _segments(file: Path, skeleton_m: Float[np.ndarray, "T S 3"]) -> Float[np.ndarray, "T 3 3 3"]:
-    """Rotations of pelvis, chest and head from the neutral stance to the stage."""
-    rotations = rotations_from_stance(*trial_stance(file), skeleton_m)
+def _segments(file: Path, skeleton_m: Float[np.ndarray, "T S 3"]) -> Float[np.ndarray, "T 6 3 3"]:
+    """Rotations of pelvis, chest, head, neck and collars from the neutral stance to the stage."""
+    stance = trial_stance(file)
+    parts = (rotations_from_stance, trunk_bone_rotations)
+    rotations = np.concatenate([part(*stance, skeleton_m) for part in parts])
     return np.ascontiguousarray(rotations.swapaxes(0, 1))
 
 

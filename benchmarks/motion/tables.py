@@ -40,10 +40,14 @@ BODY = (  # the same
     ("pelvis_rotation_error_deg", 1, "pelvis °"),
     ("chest_rotation_error_deg", 1, "chest °"),
     ("head_rotation_error_deg", 1, "head °"),
+    ("neck_direction_error_deg", 1, "neck °"),
+    ("collars_direction_error_deg", 1, "collars °"),
     ("stretched_edges_pct", 1, "stretched edges %"),
     ("acceleration_error_m_s2", 1, "acceleration m/s²"),
+    ("smoothed_truth_acceleration_error_m_s2", 1, "of the smoothed truth"),
     ("jitter_10m_s3", 1, "jitter 10 m/s³"),
-    ("foot_sliding_mm_s", 0, "foot sliding mm/s"),
+    ("planted_foot_speed_mm_s", 0, "planted feet mm/s"),
+    ("true_planted_foot_speed_mm_s", 0, "of the truth"),
 )
 
 # The paper's Tables 1 and 2 (Human3.6M, one motion resampled, four videos, fine-tuned 2D unless

@@ -17,7 +17,7 @@ from imocap_core.metrics.calibration import (
     normalised_error,
     probability_content,
 )
-from imocap_core.metrics.joints import missing_joints, root_relative
+from imocap_core.metrics.joints import HIPS, missing_joints, root_relative
 from imocap_core.metrics.scoring import ScoreRow
 
 NORMALISED = ("normalised_error", "normalised_depth_error", "normalised_across_error")
@@ -72,13 +72,16 @@ def normalised_camera_rows(rows: Sequence[ScoreRow], claimed: Uncertainty) -> li
     return normalised
 
 
-def joint_errors_mm(motion: VideoMotion, truth: Truth | None) -> Float[np.ndarray, "T 12 3"] | None:
-    """Errors of 12 joints relative to the hips' middle, camera axes; None without truth."""
+def joint_errors_mm(
+    motion: VideoMotion, truth: Truth | None, joints: Sequence[str] = EVAL_12
+) -> Float[np.ndarray, "T J 3"] | None:
+    """Errors of joints relative to the hips' middle, camera axes; None where the truth has not all
+    of them."""
     true = true_joints(video_truth(truth, motion.id), motion.frames)
-    if true is None or missing_joints(true.names, EVAL_12):
+    if true is None or missing_joints(true.names, (*joints, *HIPS)):
         return None
-    predicted = root_relative(motion.joints, SMPL_JOINTS, EVAL_12)
-    return np.asarray(1000 * (predicted - root_relative(true.joints_m, true.names, EVAL_12)))
+    predicted = root_relative(motion.joints, SMPL_JOINTS, joints)
+    return np.asarray(1000 * (predicted - root_relative(true.joints_m, true.names, joints)))
 
 
 def _line_of_sight(motion: VideoMotion) -> Float[np.ndarray, "T 3"]:

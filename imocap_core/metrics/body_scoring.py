@@ -10,6 +10,8 @@ from jaxtyping import Float
 from imocap_core.conventions import EVAL_12, SMPL_JOINTS
 from imocap_core.metrics import world
 from imocap_core.metrics.joint_rotations import (
+    BONE_AT_REST,
+    direction_errors_deg,
     joint_rotation_errors_deg,
     mpjae_deg,
     rotation_errors_deg,
@@ -35,6 +37,10 @@ SEGMENT_METRICS = {
     "chest_rotation_error_deg": "spine3",
     "head_rotation_error_deg": "head",
 }
+BONE_METRICS = {
+    "neck_direction_error_deg": ("neck",),
+    "collars_direction_error_deg": ("left_collar", "right_collar"),
+}
 SURFACE_METRICS = ("pve_mm", "pve_without_hands_mm", "pa_pve_mm", "foot_sliding_mm")
 STRETCH_METRICS = (
     "stretched_edges_pct",
@@ -47,6 +53,7 @@ BODY_METRICS = (
     *JOINT_GROUPS,
     *ROTATION_METRICS,
     *SEGMENT_METRICS,
+    *BONE_METRICS,
     *SURFACE_METRICS,
     *WORLD_METRICS,
     JITTER,
@@ -130,12 +137,22 @@ def segment_rows(
     predicted: Mapping[str, Float[np.ndarray, "T 3 3"]],
     true: Mapping[str, Float[np.ndarray, "T 3 3"]],
 ) -> list[ScoreRow]:
-    """Errors of the rotations of pelvis, chest and head in the camera's axes."""
+    """Errors of pelvis, chest and head, and of where neck and collars point, in camera axes."""
     rows = []
     for metric, joint in SEGMENT_METRICS.items():
         value, note = np.nan, f"the truth has no rotation of {joint}"
         if joint in true:
             value = float(np.nanmean(rotation_errors_deg(predicted[joint], true[joint])))
+        rows.append(scored_row(result, video, metric, value, note))
+    for metric, joints in BONE_METRICS.items():
+        absent = [joint for joint in joints if joint not in true]
+        value, note = np.nan, f"the truth has no direction of {', '.join(absent)}"
+        if not absent:
+            errors = [
+                direction_errors_deg(predicted[joint], true[joint], BONE_AT_REST[joint])
+                for joint in joints
+            ]
+            value = float(np.nanmean(errors))
         rows.append(scored_row(result, video, metric, value, note))
     return rows
 

@@ -9,7 +9,13 @@ from jaxtyping import Float
 from imocap_core.body.kinematics import world_rotations
 from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
 
-SEGMENTS = ("pelvis", "spine3", "head")
+SEGMENTS = ("pelvis", "spine3", "head", "neck", "left_collar", "right_collar")
+"""The trunk's: first what turns as a whole, then bones of which only the direction counts."""
+BONE_AT_REST = {
+    "neck": np.array([0.0, 1.0, 0.0]),
+    "left_collar": np.array([1.0, 0.0, 0.0]),
+    "right_collar": np.array([-1.0, 0.0, 0.0]),
+}
 _FROBENIUS_AT_PI = 2.0 * np.sqrt(2.0)
 
 
@@ -37,9 +43,20 @@ def segment_rotations(
     R_local: Float[np.ndarray, "T 24 3 3"],
 ) -> dict[str, Float[np.ndarray, "T 3 3"]]:
     """SMPL joint -> rotation of its segment from rest to the root's parent axes (a camera's), for
-    the rigid `SEGMENTS` of a trunk: pelvis, chest and head."""
+    the `SEGMENTS` of a trunk."""
     R_world = world_rotations(torch.from_numpy(R_local), SMPL_PARENTS).numpy()
     return {name: R_world[:, SMPL_JOINTS.index(name)] for name in SEGMENTS}
+
+
+def direction_errors_deg(
+    predicted: Float[np.ndarray, "T 3 3"],
+    true: Float[np.ndarray, "T 3 3"],
+    bone: Float[np.ndarray, "3"],
+) -> Float[np.ndarray, " T"]:
+    """Angles in degrees between a bone turned by two rotations: turns about it do not count."""
+    a, b = predicted @ bone, true @ bone
+    sine = np.linalg.norm(np.cross(a, b), axis=-1)
+    return np.asarray(np.degrees(np.arctan2(sine, (a * b).sum(-1))))
 
 
 def mpjae_deg(predicted: Float[np.ndarray, "T J 3 3"], true: Float[np.ndarray, "T J 3 3"]) -> float:

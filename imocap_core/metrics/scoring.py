@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int, Real
+from scipy.ndimage import gaussian_filter1d
 
 from imocap_core.conventions import EVAL_12, EVAL_14, EVAL_17, SMPL_JOINTS
 from imocap_core.metrics import camera, position, sync, trajectory
@@ -27,10 +28,12 @@ POSITION_METRICS = {
 }
 MOTION_METRICS = (
     "acceleration_error_m_s2",
+    "smoothed_truth_acceleration_error_m_s2",
     "root_path_error_mm",
     "root_path_aligned_error_mm",
     "foot_sliding_mm_s",
     "planted_foot_speed_mm_s",
+    "true_planted_foot_speed_mm_s",
 )
 POSE_METRICS = (
     *(
@@ -115,16 +118,22 @@ def _motion_rows(
     contact = trajectory.foot_contacts(true_feet, fps)
     values = (
         position.acceleration_error_m_s2(relative[0], relative[1], true.frames, fps),
+        position.acceleration_error_m_s2(
+            gaussian_filter1d(relative[1], 1.0, axis=0), relative[1], true.frames, fps
+        ),
         trajectory.root_path_error_mm(*roots),
         trajectory.root_path_aligned_error_mm(*roots),
         trajectory.foot_sliding_mm_s(feet, contact, fps, true_feet_m=true_feet),
         trajectory.planted_foot_speed_mm_s(feet, contact, fps),
+        trajectory.planted_foot_speed_mm_s(true_feet, contact, fps),
     )
     feet_note = "no foot stands"
     notes = (
         "no three frames in a row",
+        "no three frames in a row",
         "no frame has both",
         "too few frames",
+        feet_note,
         feet_note,
         feet_note,
     )

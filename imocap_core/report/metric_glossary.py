@@ -26,6 +26,9 @@ GLOSSARY = {
     "pelvis_rotation_error_deg": "Mean angle of the pelvis to the truth, in camera axes.",
     "chest_rotation_error_deg": "The same of the chest.",
     "head_rotation_error_deg": "The same of the head.",
+    "neck_direction_error_deg": "Mean angle between where the neck points and the truth, in camera "
+    "axes.",
+    "collars_direction_error_deg": "The same of both collar bones.",
     "pve_mm": "Mean distance of the surface's vertices to the truth, relative to the hips' middle.",
     "pve_without_hands_mm": "The same without hands, of which a body's keypoints say nothing.",
     "pa_pve_mm": "pve_mm after a similarity Procrustes alignment of each frame.",
@@ -41,11 +44,13 @@ GLOSSARY = {
     "needs no truth.",
     "torso_volume_change_worst_pct": "The same in the worst frame.",
     "acceleration_error_m_s2": "Mean difference of the joints' accelerations to the true ones.",
+    "smoothed_truth_acceleration_error_m_s2": "The same of the true motion, smoothed over a frame.",
     "root_path_error_mm": "Mean distance of the hips' middle to its true path, centroids aligned.",
     "root_path_aligned_error_mm": "The same after one similarity alignment of the whole path.",
     "foot_sliding_mm_s": "Mean speed of the ankles relative to their true motion, during true "
     "foot contact.",
     "planted_foot_speed_mm_s": "Median speed of the ankles during true foot contact.",
+    "true_planted_foot_speed_mm_s": "The same of the true ankles.",
     "reprojection_px": "Mean distance of the body's keypoints to the detections, weighted by "
     "confidence.",
     "reprojection_pct": "The same in percent of the person's height in the picture.",

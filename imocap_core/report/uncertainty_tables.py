@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from imocap_core.artifacts.schemas import Table, Uncertainty, VideoMotion
 from imocap_core.artifacts.schemas.evaluate import Cell
-from imocap_core.conventions import EVAL_12
+from imocap_core.conventions import EVAL_12, SMPL_JOINTS
 from imocap_core.evaluate.calibration import (
     EVAL_INDICES,
     METRICS,
@@ -71,17 +71,21 @@ def _by_video(claimed: Uncertainty, rows: Sequence[ScoreRow]) -> Table:
 
 
 def _by_joint(claimed: Uncertainty, motions: Sequence[VideoMotion], truth: Truth | None) -> Table:
+    """All 24 joints where the truth of every video has them, else the twelve."""
+    all_known = all(joint_errors_mm(m, truth, SMPL_JOINTS) is not None for m in motions)
+    joints = SMPL_JOINTS if all_known else EVAL_12
+    index = [SMPL_JOINTS.index(name) for name in joints]
     sigma, error = [], []
     for video, motion in zip(claimed.videos, motions, strict=True):
-        errors = joint_errors_mm(motion, truth)
-        sigma.append(video.sigma_mm[:, EVAL_INDICES])
+        errors = joint_errors_mm(motion, truth, joints)
+        sigma.append(video.sigma_mm[:, index])
         vectors = errors if errors is not None else np.full((*sigma[-1].shape, 3), np.nan)
         error.append(np.linalg.norm(vectors, axis=-1))
     claims, true = np.concatenate(sigma), np.concatenate(error)
     ratio = normalised_errors(true, claims)
     rows: list[list[Cell]] = [
         [name, _rms(claims[:, j]), _rms(true[:, j]), _finite(ratio[j])]
-        for j, name in enumerate(EVAL_12)
+        for j, name in enumerate(joints)
     ]
     return Table(
         name="uncertainty_joints",

@@ -47,6 +47,23 @@ class CapturedSkeleton:
         unit: np.ndarray = along / np.linalg.norm(along, axis=-1, keepdims=True)
         return unit
 
+    @property
+    def trunk_bones(self) -> Mapping[str, tuple[str, str]]:
+        """The captured joints at both ends of the neck's and the collars' bones."""
+        bones = {"neck": (self.neck, self.head)}
+        for side in ("left", "right"):
+            shoulder = self.bones[f"{side}_elbow"][0]
+            collar = self.names[self.parents[self.names.index(shoulder)]]
+            bones[f"{side}_collar"] = (collar, shoulder)
+        return bones
+
+    def trunk_bone(self, xyz: Float[np.ndarray, "T J 3"], name: str) -> Float[np.ndarray, "T 3"]:
+        """Unit vector along one of `trunk_bones`."""
+        start, end = self.trunk_bones[name]
+        along = self.place(xyz, end) - self.place(xyz, start)
+        unit: np.ndarray = along / np.linalg.norm(along, axis=-1, keepdims=True)
+        return unit
+
     def hip_line(self, xyz: Float[np.ndarray, "T J 3"]) -> Float[np.ndarray, "T 3"]:
         """From the right to the left hip."""
         left, right = (self.bones[f"{side}_knee"][0] for side in ("left", "right"))
@@ -79,10 +96,12 @@ class NeutralStance:
         bend_rad: per SMPL joint at a bone's far end ("ankle": knee, "wrist": elbow, "hand":
             wrist) the angle between the captured bones of a straight limb: joint centres off the
             limb's axis make it differ from 0.
+        trunk_bones: unit vectors along the neck and both collars.
     """
 
     vectors: Mapping[str, Float[np.ndarray, "_ 3"]]
     bend_rad: Mapping[str, float]
+    trunk_bones: Mapping[str, Float[np.ndarray, "3"]]
 
 
 def captured_skeleton(names: Sequence[str], parents: Sequence[int]) -> CapturedSkeleton:
@@ -148,7 +167,24 @@ def neutral_stance(
         for far in ("ankle", "wrist")
     }
     bends["hand"] = float(np.median(_bends(skeleton, upright, "hand")))  # hands hang relaxed
-    return NeutralStance(vectors, bends)
+    return NeutralStance(vectors, bends, _trunk_bones(skeleton, upright, body_from_world))
+
+
+def _trunk_bones(
+    skeleton: CapturedSkeleton, xyz: np.ndarray, body_from_world: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Median directions of the neck and both collars in body axes, symmetric left and right."""
+    medians = {
+        name: np.median(
+            np.einsum("tij,tj->ti", body_from_world, skeleton.trunk_bone(xyz, name)), axis=0
+        )
+        for name in skeleton.trunk_bones
+    }
+    mirrored = {name: vector * MIRROR for name, vector in medians.items()}
+    even = {
+        name: vector + mirrored[_twin(name, tuple(medians))] for name, vector in medians.items()
+    }
+    return {name: vector / np.linalg.norm(vector) for name, vector in even.items()}
 
 
 def standing_frames(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from imocap_core.conventions import EVAL_12, SMPL_JOINTS
 from imocap_core.metrics.body_scoring import (
@@ -83,7 +84,21 @@ def test_segment_rows_are_angles_and_name_what_is_missing() -> None:
     assert values["pelvis_rotation_error_deg"] == pytest.approx(0.0)
     assert values["chest_rotation_error_deg"] == pytest.approx(180.0)
     assert values["head_rotation_error_deg"] is None
-    assert "head" in rows[-1].note
+    assert "head" in {row.metric: row.note for row in rows}["head_rotation_error_deg"]
+
+
+def test_directions_of_neck_and_collars_ignore_turns_about_the_bone() -> None:
+    upright = np.tile(np.eye(3), (4, 1, 1))
+    about_x = np.tile(Rotation.from_euler("x", 40, degrees=True).as_matrix(), (4, 1, 1))
+    predicted = {"neck": about_x, "left_collar": about_x, "right_collar": about_x}
+    true = dict.fromkeys(predicted, upright)
+    values = _values(segment_rows("final", "v1", predicted, true))
+    assert values["neck_direction_error_deg"] == pytest.approx(40.0)
+    assert values["collars_direction_error_deg"] == pytest.approx(0.0, abs=1e-9)
+    del true["right_collar"]
+    rows = segment_rows("final", "v1", predicted, true)
+    assert _values(rows)["collars_direction_error_deg"] is None
+    assert "right_collar" in rows[-1].note
 
 
 def test_stretch_rows_are_per_cent_mean_and_worst() -> None:
