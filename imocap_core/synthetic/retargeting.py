@@ -3,7 +3,8 @@
 Pelvis, chest and head turn as the captured ones do against the neutral stance. The turn from pelvis
 to chest is shared by the three joints of the spine, the turn from chest to head by neck and head.
 Limbs point where the captured bones point, straightened by what a straight captured limb is bent
-more than the body's at rest.
+more than the body's at rest. Elbows and knees are hinges, so a bent one tells how the upper arm or
+the thigh is turned about itself; of a straight arm it is what bent arms of that elevation tell.
 
 The shares of the spine and the rise of the collars are rounded choices. They follow what is
 reported of lumbar and thoracic ranges (White & Panjabi, Clinical Biomechanics of the Spine, 1990)
@@ -36,6 +37,7 @@ from imocap_core.motion.terms import (
     Term,
 )
 from imocap_core.rotations import exp, log
+from imocap_core.synthetic.arm_twist import natural_arm
 from imocap_core.synthetic.captured_rotations import rotations_from_stance
 from imocap_core.synthetic.captured_stance import (
     NEAR_END,
@@ -53,6 +55,11 @@ TRUNK_SPREAD_RAD = 0.01
 LIMB_SPREAD_M, END_SPREAD_M = 0.01, 0.02
 ENDS = ("foot", "hand")
 TWIST_SPREAD_RAD, END_TWIST_SPREAD_RAD = 0.8, 0.3  # about rest, of what bones alone do not tell
+THIGH_TWIST_SPREAD_RAD = 0.4
+SIDEWAYS_SPREAD_RAD = {"elbow": 0.1, "knee": 0.15}  # of a hinge
+ARM_TWIST_WEIGHT = 0.5
+TWIST_AXIS = {"elbow": 0, "knee": 1}  # along the limb in the T-pose
+FREE_RAD = 10.0
 ROBUST_SIGMA = 10.0
 MAX_STEPS = 25
 
@@ -62,7 +69,7 @@ class TrunkAndJoints:
     """What a capture says of a body: the trunk's local rotations and where every joint belongs.
 
     Attributes:
-        R_local: (T, 24, 3, 3), the identity for limbs.
+        R_local: (T, 24, 3, 3): the trunk's, and where straight arms turn; the identity elsewhere.
         joints: (T, 24, 3) metres, with the body's own bone lengths.
     """
 
@@ -88,7 +95,12 @@ def trunk_and_joints(
         bone, name = rest[joint] - rest[parent], SMPL_JOINTS[joint]
         if name in skeleton.bones:
             back = _excess_bend(rest, parents, stance, joint)
-            offset = np.linalg.norm(bone) * _direction(skeleton, xyz, name, back)
+            direction = _direction(skeleton, xyz, name, back)
+            offset = np.linalg.norm(bone) * direction
+            if name.endswith("elbow"):
+                chest = R_world[:, SMPL_JOINTS.index("spine3")]
+                arm = chest @ natural_arm(bone, np.einsum("tji,tj->ti", chest, direction))
+                R_local[:, parent] = R_world[:, parent].swapaxes(1, 2) @ arm
         else:
             offset = R_world[:, parent] @ bone
         joints[:, joint] = joints[:, parent] + offset
@@ -107,18 +119,17 @@ def fit_to_trunk_and_joints(
     R_local, joints = eye.clone(), torch.zeros(count, longest, 24, 3, dtype=torch.float64)
     hold = torch.zeros(count, longest, 24, dtype=torch.float64)
     weight, valid = torch.zeros_like(hold), torch.zeros(count, longest, dtype=torch.bool)
-    held = [SMPL_JOINTS.index(name) for name in TRUNK]
     for row, motion in enumerate(motions):
         frames = slice(0, len(motion.joints))
         R_local[row, frames] = torch.as_tensor(motion.R_local)
         joints[row, frames] = torch.as_tensor(motion.joints)
-        hold[row, frames] = hold.new_zeros(24).index_fill(0, torch.tensor(held), 1.0)
+        hold[row, frames] = _hold_weights()
         weight[row, frames] = _limb_weights()
         valid[row, frames] = True
     ones = torch.ones(24, dtype=torch.float64)
     terms: list[Term] = [
         JointEvidence(body, joints, weight, ROBUST_SIGMA),
-        PoseCoupling(R_local, hold / TRUNK_SPREAD_RAD**2),
+        PoseCoupling(R_local, hold),
         PosePriorTerm(_twist_prior(), 0.05),
         HingeLimits(100.0),
         PoseSmoothness(10.0 * ones, 0.0 * ones, 1.0),
@@ -184,6 +195,17 @@ def _direction(
     return turned
 
 
+def _hold_weights() -> Tensor:
+    """(24,) 1/rad^2 of local rotations that are given: the trunk's, loosely the upper arms'."""
+    weights = torch.zeros(24, dtype=torch.float64)
+    for joint, name in enumerate(SMPL_JOINTS):
+        if name in TRUNK:
+            weights[joint] = TRUNK_SPREAD_RAD**-2
+        elif name.endswith("shoulder"):
+            weights[joint] = ARM_TWIST_WEIGHT
+    return weights
+
+
 def _limb_weights() -> Tensor:
     """(24,) 1/m^2 of the joints that place the limbs."""
     weights = torch.zeros(24, dtype=torch.float64)
@@ -197,13 +219,22 @@ def _limb_weights() -> Tensor:
 
 
 def _twist_prior() -> PosePrior:
-    """A wide Gaussian about the rest pose: holds what bones alone do not tell (twists)."""
-    spread = np.full(69, TWIST_SPREAD_RAD)
+    """A wide Gaussian about the rest pose: holds what bones alone do not tell (twists), and
+    elbows and knees to their hinges."""
+    spread = np.full((23, 3), TWIST_SPREAD_RAD)
     for joint, name in enumerate(SMPL_JOINTS[1:]):
-        if name.rpartition("_")[2] in ("ankle", *ENDS):
-            spread[3 * joint : 3 * joint + 3] = END_TWIST_SPREAD_RAD
+        end = name.rpartition("_")[2]
+        if end in ("ankle", *ENDS):
+            spread[joint] = END_TWIST_SPREAD_RAD
+        elif end == "shoulder":
+            spread[joint] = FREE_RAD
+        elif end == "hip":
+            spread[joint, 1] = THIGH_TWIST_SPREAD_RAD
+        elif end in SIDEWAYS_SPREAD_RAD:
+            spread[joint, TWIST_AXIS[end]] = END_TWIST_SPREAD_RAD
+            spread[joint, 2] = SIDEWAYS_SPREAD_RAD[end]
     ones = np.ones(24)
-    return mixture(np.zeros((1, 69)), np.diag(spread**2)[None], np.ones(1), ones, ones)
+    return mixture(np.zeros((1, 69)), np.diag(spread.ravel() ** 2)[None], np.ones(1), ones, ones)
 
 
 def _exp(vectors: np.ndarray) -> np.ndarray:
