@@ -55,7 +55,7 @@ def quick(clips, shaped, first_pictures, monkeypatch):
         def result(self):
             return self.value
 
-    monkeypatch.setattr(demo, "ProcessPoolExecutor", Here)
+    monkeypatch.setattr(demo, "processes", Here)
     monkeypatch.setattr(demo, "as_completed", list)
     monkeypatch.setattr(demo, "make_yoga_clip", lambda seed, index, body: clips[index])
     monkeypatch.setattr(demo, "demo_body", lambda seed: shaped)

@@ -52,14 +52,14 @@ def with_sides_of_others(scene: Scene, state: MotionState, cameras: Cameras) -> 
     evidence = keypoint_evidence(scene, state)
     R = cameras.R.cpu().numpy()
     twins = mirror_indices(scene.body.keypoints.names)
-    own = scene.body.positions(scene.body.keypoints, state).xyz.cpu().numpy()
+    poses = scene.body.positions(scene.body.keypoints, state).xyz.cpu().numpy()
     observations = []
     for v, observation in enumerate(scene.observations):
         position = scene.timeline.to_reference[v]
         pose = mean_of_others(evidence, R, v)[evidence.nearest_moment(position)]
         weight = np.where(np.isfinite(position)[:, None], observation.confidence, 0.0)
         frames = exchanged_frames(pose, observation.xy_px, weight, R[v], twins, observation.fps)
-        frames &= ~turning_frames(own[v, : len(frames)], pose @ R[v].T, frames)
+        frames &= ~turning_frames(poses[v, : len(frames)], pose @ R[v].T, frames)
         observations.append(exchanged(observation, frames, twins))
     return replace(scene, observations=observations)
 
@@ -89,19 +89,19 @@ def exchanged_frames(
 
 
 def turning_frames(
-    own: Float[np.ndarray, "T K 3"],
+    pose: Float[np.ndarray, "T K 3"],
     others: Float[np.ndarray, "T K 3"],
     frames: Bool[np.ndarray, " T"],
 ) -> Bool[np.ndarray, " T"]:
     """Those of some frames, by whole stretches, in which the performer turns against the others.
 
     Args:
-        own, others: poses in the axes of the video's camera.
+        pose, others: of the video and of the others, in the axes of the video's camera.
     """
     turning = np.zeros_like(frames)
     for first, last in runs(frames):
         stretch = slice(first, last + 1)
-        R = rigid(own[stretch], others[stretch]).R_target_from_source
+        R = rigid(pose[stretch], others[stretch]).R_target_from_source
         angle = Rotation.from_matrix(R).magnitude()
         quarter = (angle > QUARTER_RAD[0]) & (angle < QUARTER_RAD[1])
         turning[stretch] = quarter.mean() > TURNING_SHARE

@@ -60,8 +60,8 @@ def hidden_directions(model: Model) -> Float[Tensor, "n k"]:
     between the twelve joints as they are."""
     rates = length_rates(model)
     _, singular, rows = torch.linalg.svd(rates)
-    told = int((singular > 1e-6 * singular[0]).sum())
-    directions = torch.cat([rows[told:], size_direction(model)[None]])
+    rank = int((singular > 1e-6 * singular[0]).sum())
+    directions = torch.cat([rows[rank:], size_direction(model)[None]])
     return torch.linalg.qr(directions.T)[0]
 
 
