@@ -1,6 +1,6 @@
-"""MediaPipe's errors on rendered videos:
+"""A detector's errors on rendered videos:
 
-    python tools/measure_detector.py DATA/train/cmu_train.npz --work FOLDER
+    python tools/measure_detector.py DATA/train/cmu_train.npz --work FOLDER [--detector NAME]
 
 Two seconds of training clips on the free body, rendered from four cameras as `imocap benchmark
 rendered` does with `trials`, and detected. Prints the detector's errors, and below each the same of
@@ -21,8 +21,8 @@ from benchmarks.sync.training_scenes import CAPTURED_FPS
 from imocap_core.body import load_free_body
 from imocap_core.conventions import OTHER
 from imocap_core.detect.detection import detect_video
-from imocap_core.detect.detectors import detector_of
-from imocap_core.detect.environment import python_for
+from imocap_core.detect.detectors import Detector, detector_of
+from imocap_core.detect.setup import set_up
 from imocap_core.io.video import write_h264
 from imocap_core.metrics.detections import DetectedClip, exchanged_share
 from imocap_core.metrics.detector_bias import detector_bias, exchanged_body_share
@@ -46,7 +46,7 @@ DRAWS = 4  # of the simulated detector
 ROOT = Path(__file__).parents[1]
 
 
-def measure(train: Path, clip: str, view: int, python: Path) -> dict[str, np.ndarray]:
+def measure(train: Path, clip: str, view: int, detector: Detector) -> dict[str, np.ndarray]:
     """One video: its ground truth (`true_points`), the detected points (T, 33, 2), NaN where nobody
     was detected, and the detector's confidence (T, 33)."""
     with np.load(train) as stored:
@@ -60,7 +60,7 @@ def measure(train: Path, clip: str, view: int, python: Path) -> dict[str, np.nda
     betas, motions = perform(model, skeleton, stance, [joints[first : first + FRAMES]])
     shaped = model.shape(torch.as_tensor(betas))
     filmed = film_motion(motions[0], shaped, CAMERA_PLACEMENTS[view], SIZE)
-    detector = detector_of(DetectParams(), ROOT)
+    python = set_up(detector, print)
     with tempfile.TemporaryDirectory() as folder:
         video, detections = Path(folder) / "film.mp4", Path(folder) / "detections.npz"
         pictures = render_frames(filmed, shaped, view, SEED + CLIPS.index(clip))
@@ -73,15 +73,15 @@ def measure(train: Path, clip: str, view: int, python: Path) -> dict[str, np.nda
     return true | {"detected_px": detected_px, "trust": landmarks[:, true["columns"], 3]}
 
 
-def films(train: Path, work: Path, python: Path) -> list[dict[str, np.ndarray]]:
+def films(train: Path, work: Path, detector: Detector) -> list[dict[str, np.ndarray]]:
     """All videos; those in the folder `work` are not made again."""
     work.mkdir(parents=True, exist_ok=True)
     every = []
     for clip in CLIPS:
         for view in range(len(CAMERA_PLACEMENTS)):
-            file = work / f"{clip}_{view}.npz"
+            file = work / f"{clip}_{view}_{detector.name}.npz"
             if not file.exists():
-                np.savez(file, **measure(train, clip, view, python))
+                np.savez(file, **measure(train, clip, view, detector))
                 print(f"{clip}, camera {view + 1}", flush=True)
             with np.load(file) as stored:
                 every.append(dict(stored))
@@ -131,13 +131,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("train", type=Path, help="npz with clip_<id> (T, 27, 3) at 30 frames/s")
     parser.add_argument("--work", type=Path, required=True, help="films that were measured")
+    parser.add_argument("--detector", choices=("mediapipe", "blazepose"), default="mediapipe")
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     cv2.setNumThreads(1)
-    environments = Path(__file__).parents[1] / "imocap_core" / "detect" / "environments"
-    environment = environments / "mediapipe.txt"
-    python = python_for(environment, print)
-    report(films(arguments.train, arguments.work, python))
+    detector = detector_of(DetectParams(detector=arguments.detector), ROOT)
+    report(films(arguments.train, arguments.work, detector))
 
 
 if __name__ == "__main__":

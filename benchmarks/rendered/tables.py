@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -20,7 +21,9 @@ from benchmarks.tables import (
     mean_cell,
     missing_sentence,
 )
+from imocap_core.detect.detectors import detector_of
 from imocap_core.metrics.detections import DetectedClip, PointErrors, exchanged_share, point_errors
+from imocap_core.params import DetectParams
 
 BODY = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 SIDES = ("front", "side", "back")
@@ -39,7 +42,7 @@ def markdown(
     parts = [
         "# From pixels: captured performances rendered, detected by a real detector",
         f"Made by `{command}`: performances of `trials` on the free body, each in its own scene "
-        "and before its own camera, detected by MediaPipe Pose 0.10.21. "
+        f"and before its own camera, detected by {detector_name()}. "
         f"{cost_sentence([s.costs for s in scores])} `estimator` is the detector's 3D alone."
         + missing_sentence(missing),
         motion_table(scores),
@@ -54,6 +57,11 @@ def markdown(
         proposal(films, errors, names),
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def detector_name() -> str:
+    """The detector of `keypoints: detect` that nobody chose another for, with its version."""
+    return detector_of(DetectParams(), Path()).version
 
 
 def motion_table(scores: Sequence[ActionScore]) -> str:

@@ -23,5 +23,5 @@ def init_command(
         speaker(markup=False).print(note)
     speaker(markup=False).print(
         f"Wrote {file}. Next: imocap run {name} (or make all ACTION={name}). The first run makes "
-        "an environment for the detector, MediaPipe, which needs the network once."
+        "an environment for the detector, BlazePose, which needs the network once."
     )

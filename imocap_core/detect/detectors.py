@@ -11,6 +11,7 @@ from typing import Any
 
 from imocap_core.detect.network_files import NetworkFile
 from imocap_core.detect.results import Arrays, landmark_arrays, people_arrays
+from imocap_core.errors import WorkFailed
 from imocap_core.params import DetectParams
 from imocap_core.pipeline.format_names import DetectionFormat, InitialFormat, Layout
 from imocap_core.pipeline.source import SourceFile
@@ -91,7 +92,7 @@ class Detector:
 
 def detector_of(params: DetectParams, folder: Path) -> Detector:
     """The detector that the parameters choose; paths of models are relative to `folder`."""
-    if params.detector == "mediapipe":
+    if params.detector == "mediapipe" or (params.detector == "auto" and params.hands):
         return Detector(
             name="mediapipe",
             worker=HERE / "workers" / "mediapipe_pose.py",
@@ -107,7 +108,12 @@ def detector_of(params: DetectParams, folder: Path) -> Detector:
             layout="mediapipe33",
             initial_format="mediapipe_world" if params.world_landmarks else None,
         )
-    if params.detector == "blazepose":
+    if params.detector in ("auto", "blazepose"):
+        if params.hands:
+            raise WorkFailed(
+                "params.detect: blazepose detects no hands; expected detector: auto, mediapipe or "
+                "rtmlib with hands: true"
+            )
         return Detector(
             name="blazepose",
             package="ai-edge-litert",

@@ -17,7 +17,7 @@ from imocap_core.standalone_sync.sources import VideoSource, labels
 
 HEAD = """\
 # One performer, one action, one to many videos. Paths are relative to this folder.
-# keypoints: detect finds people with MediaPipe (docs/detection.md). Or name what another detector
+# keypoints: detect finds people with BlazePose (docs/detection.md). Or name what another detector
 #   wrote: a folder of per-frame JSON files, or one file; it tells its format and layout itself.
 # More fields (frames, focal_px, initial, truth, params): see docs/actions.md.
 """

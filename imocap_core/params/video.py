@@ -12,10 +12,10 @@ from imocap_core.params.bounds import Count, Positive, Share, param
 class DetectParams:
     """2D keypoint detection, for videos with `keypoints: detect` in action.yaml (detection.md)."""
 
-    detector: Literal["mediapipe", "blazepose", "rtmlib"] = param(
-        "mediapipe",
-        "Detector to run. MediaPipe and BlazePose (its larger network) find one person a picture; "
-        "rtmlib finds everybody.",
+    detector: Literal["auto", "blazepose", "mediapipe", "rtmlib"] = param(
+        "auto",
+        "Detector to run. BlazePose and MediaPipe (a smaller network of the same family) find one "
+        "person a picture; rtmlib finds everybody. `auto`: BlazePose, or MediaPipe with `hands`.",
     )
     hands: bool = param(
         False, "Detect the 2 x 21 points of both hands too, which the stage `hands` needs. Slower."

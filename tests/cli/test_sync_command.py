@@ -168,7 +168,7 @@ def test_videos_alone_go_to_the_detector(
     clips = [_video(tmp_path / f"{name}.mp4", 2) for name in ("a", "b")]
     assert run(*clips) == 1
     shown = capsys.readouterr()
-    assert "a has no detections of mediapipe 0.10.21" in shown.out
+    assert "a has no detections of blazepose" in shown.out
     assert "IMOCAP_DETECT_PYTHON: the program" in shown.err
     assert shown.err.count("\n") == 1
 

@@ -16,6 +16,7 @@ from imocap_core.detect.setup import is_set_up
 from imocap_core.errors import WorkFailed
 from imocap_core.io.detectors.mediapipe import read_mediapipe
 from imocap_core.io.video import write_h264
+from imocap_core.params import DetectParams
 from imocap_core.pipeline.make_demo import demo_body
 from imocap_core.synthetic.yoga_clip import SIZE, make_yoga_clip, pictures
 from tests.detect.conftest import SIZE as BAR_SIZE
@@ -113,3 +114,10 @@ def test_it_finds_the_rendered_body_where_it_is(tmp_path: Path) -> None:
         point_px = detections.people[-1][0, point]
         assert np.linalg.norm(point_px[:2] - true_px) < 0.05 * height_px, name
         assert point_px[2] > 0.5, name
+
+
+def test_hands_choose_another_detector_or_are_refused() -> None:
+    assert detector_of(DetectParams(), Path()) == REAL
+    assert detector_of(DetectParams(hands=True), Path()).name == "mediapipe"
+    with pytest.raises(WorkFailed, match="blazepose detects no hands"):
+        detector_of(params(detector="blazepose", hands=True), Path())

@@ -26,7 +26,7 @@ COLUMNS = [20, 22, None, 30, 40]
 
 
 def params(**changes: object) -> DetectParams:
-    return replace(DetectParams(), **changes)  # type: ignore[arg-type]
+    return replace(DetectParams(), **({"detector": "mediapipe"} | changes))  # type: ignore[arg-type]
 
 
 def detected(tmp_path: Path, python: Path, **changes: object) -> Path:

@@ -15,6 +15,7 @@ from imocap_core.errors import WorkFailed
 from imocap_core.pipeline.action import read_action
 from tests.detect.conftest import clip
 
+STAND_IN = ("--set", "detect.detector=mediapipe")
 Capture = pytest.CaptureFixture[str]
 
 
@@ -28,12 +29,14 @@ class Place:
         clip(self.folder / "b.mp4", [30, 32, 34])
         self.declare({"keypoints": "detect"}, {"keypoints": "detect"})
 
-    def declare(self, *videos: dict[str, object], **others: object) -> None:
+    def declare(self, *videos: dict[str, object], **settings: object) -> None:
+        """Two videos, and settings of detection."""
         named = [
             {"id": name, "video": f"{name}.mp4", **declared}
             for name, declared in zip("ab", videos, strict=False)
         ]
-        content = {"name": "mine", "videos": named, **others}
+        params = {"detect": {"detector": "mediapipe"} | settings}
+        content = {"name": "mine", "videos": named, "params": params}
         (self.folder / "action.yaml").write_text(yaml.safe_dump(content))
 
     def run(self, *words: str) -> int:
@@ -109,7 +112,7 @@ def test_world_landmarks_start_fits_where_asked_for_and_nothing_else_does(place:
 
 
 def test_hands_are_found_when_the_action_wants_them(place: Place) -> None:
-    place.declare({"keypoints": "detect"}, params={"detect": {"hands": True}})
+    place.declare({"keypoints": "detect"}, hands=True)
     assert place.run("run", "mine", "--until", "keypoints") == 0
     hands = place.keypoints().videos[0].hands
     assert hands is not None
@@ -129,13 +132,13 @@ def test_init_writes_an_action_that_runs(place: Place) -> None:
     assert place.run("init", "fresh", *clips) == 0
     action = read_action(place.root / "actions" / "fresh")
     assert [v.keypoints for v in action.videos] == ["detect", "detect"]
-    assert place.run("run", "fresh", "--until", "keypoints") == 0
+    assert place.run("run", "fresh", "--until", "keypoints", *STAND_IN) == 0
 
 
 def test_detect_needs_an_action_or_setup(place: Place, capsys: Capture) -> None:
     assert place.run("detect") == 2
     assert "imocap detect ACTION" in capsys.readouterr().err
-    assert place.run("detect", "--setup") == 0
+    assert place.run("detect", "--setup", *STAND_IN) == 0
     assert "mediapipe 0.10.21 runs in" in capsys.readouterr().out
 
 
