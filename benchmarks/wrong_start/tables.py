@@ -16,9 +16,9 @@ def markdown(
     """The whole report; missing: actions that were to be run and are not in it."""
     if not rows:
         return missing_sentence(missing).strip() + "\n"
-    actions = len({row.action for row in rows})
+    count = len({row.action for row in rows})
     parts = [
-        f"{actions} actions. {summary(rows).capitalize()}; "
+        f"{count} {'action' if count == 1 else 'actions'}. {summary(rows).capitalize()}; "
         f"{hypothesis_summary(motions)}.{missing_sentence(missing)}",
         _results(rows),
     ]
