@@ -1,9 +1,8 @@
-"""BlazePose's script: with a stand-in for the networks' runtime, and itself where it is set up."""
+"""BlazePose's script, with a stand-in for the networks' runtime."""
 
 from __future__ import annotations
 
 import sys
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -11,18 +10,12 @@ import pytest
 
 from imocap_core.detect.detection import detect_video
 from imocap_core.detect.detectors import Detector, detector_of
-from imocap_core.detect.environment import python_for
-from imocap_core.detect.setup import is_set_up
 from imocap_core.errors import WorkFailed
 from imocap_core.io.detectors.mediapipe import read_mediapipe
-from imocap_core.io.video import write_h264
 from imocap_core.params import DetectParams
-from imocap_core.pipeline.make_demo import demo_body
-from imocap_core.synthetic.yoga_clip import SIZE, make_yoga_clip, pictures
 from tests.detect.conftest import SIZE as BAR_SIZE
 from tests.detect.conftest import clip
 from tests.detect.test_detection import params
-from tests.detect.test_mediapipe import FRAMES, JOINTS
 
 RUNTIME = """
 import numpy as np
@@ -96,24 +89,6 @@ def test_a_runtime_that_is_missing_is_one_sentence(tmp_path: Path) -> None:
 def test_its_version_names_the_runtime_s() -> None:
     assert REAL.version.startswith("blazepose (ai-edge-litert ")
     assert set(REAL.arguments) - set(REAL.settings) == {"person_model", "landmark_model"}
-
-
-@pytest.mark.skipif(not is_set_up(REAL), reason="not set up: imocap detect --setup")
-def test_it_finds_the_rendered_body_where_it_is(tmp_path: Path) -> None:
-    shaped = demo_body(7)
-    take = make_yoga_clip(7, 0, shaped)
-    video, file = tmp_path / "v1.mp4", tmp_path / "detections.npz"
-    write_h264(video, islice(pictures(take, 7, 0, shaped), FRAMES), take.fps)
-    detect_video(video, file, REAL, python_for(REAL.packages, print), lambda share, what: None)
-    detections = read_mediapipe(file, "mediapipe33", SIZE)
-    assert [len(people) for people in detections.people] == [1] * FRAMES
-    height_px = np.ptp(take.xy_px[0, :, 1])
-    names = shaped.model.points("body25").names
-    for name, point in JOINTS.items():
-        true_px = take.xy_px[FRAMES - 1, names.index(name)]
-        point_px = detections.people[-1][0, point]
-        assert np.linalg.norm(point_px[:2] - true_px) < 0.05 * height_px, name
-        assert point_px[2] > 0.5, name
 
 
 def test_hands_choose_another_detector_or_are_refused() -> None:

@@ -1,4 +1,4 @@
-"""MediaPipe itself, where its environment has been made: it finds the rendered free body."""
+"""The detectors themselves, where they have been set up: they find the rendered free body."""
 
 from __future__ import annotations
 
@@ -10,26 +10,29 @@ import pytest
 
 from imocap_core.detect.detection import detect_video
 from imocap_core.detect.detectors import detector_of
-from imocap_core.detect.environment import FOLDER
+from imocap_core.detect.environment import python_for
+from imocap_core.detect.setup import is_set_up
 from imocap_core.io.detectors.mediapipe import read_mediapipe
 from imocap_core.io.video import write_h264
 from imocap_core.pipeline.make_demo import demo_body
-from imocap_core.pipeline.source import PROJECT
 from imocap_core.synthetic.yoga_clip import SIZE, make_yoga_clip, pictures
 from tests.detect.test_detection import params
 
-PYTHON = PROJECT / FOLDER / "bin" / "python"
 FRAMES = 6
 JOINTS = {"left_shoulder": 11, "right_shoulder": 12, "left_hip": 23, "left_knee": 25}
 
 
-@pytest.mark.skipif(not PYTHON.exists(), reason="no .venv-detect: make detect-env")
-def test_it_finds_the_rendered_body_where_it_is(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["mediapipe", "blazepose"])
+def test_it_finds_the_rendered_body_where_it_is(tmp_path: Path, name: str) -> None:
+    detector = detector_of(params(detector=name), tmp_path)
+    if not is_set_up(detector):
+        pytest.skip(f"not set up: imocap detect --setup --set detect.detector={name}")
+    python = python_for(detector.packages, print)
     shaped = demo_body(7)
     take = make_yoga_clip(7, 0, shaped)
     video, file = tmp_path / "v1.mp4", tmp_path / "detections.npz"
     write_h264(video, islice(pictures(take, 7, 0, shaped), FRAMES), take.fps)
-    detect_video(video, file, detector_of(params(), tmp_path), PYTHON, lambda share, what: None)
+    detect_video(video, file, detector, python, lambda share, what: None)
     detections = read_mediapipe(file, "mediapipe33", SIZE)
     assert [len(people) for people in detections.people] == [1] * FRAMES
     height_px = np.ptp(take.xy_px[0, :, 1])
