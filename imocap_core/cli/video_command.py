@@ -40,6 +40,7 @@ def video_command(
     sets: ResultSets = [],  # noqa: B006
 ) -> None:
     """Write overlay and side-by-side films of an action (H.264)."""
+    from imocap_core.library.folders import output_folder
     from imocap_core.library.outputs import films, write_films
 
     console = speaker(markup=False)
@@ -59,7 +60,7 @@ def video_command(
         def advance(film: Film, done: int) -> None:
             bars.update(tasks[film.name], completed=done)
 
-        files = write_films(planned, out or folder, advance)
+        files = write_films(planned, folder if out is None else output_folder(out), advance)
     for file in files:
         console.print(str(file))
     seconds = time.perf_counter() - began

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.library.door import plain_errors
+from imocap_core.library.folders import output_folder
 from imocap_core.library.one_off import Params, one_off
 from imocap_core.library.result import Result, html_file
 from imocap_core.made_files import record_made
@@ -78,7 +79,7 @@ def export(
     from imocap_core.export.formats import export as write
 
     check_format(format, up)
-    return write(result_of(action, root, params), format, Path(out), up, time)
+    return write(result_of(action, root, params), format, output_folder(out), up, time)
 
 
 @plain_errors
@@ -191,7 +192,7 @@ def compare(
 
     job = _job(action, root, one_off(params))
     name = job.action.name
-    folder = job.store.report(name) / COMPARE if out is None else Path(out)
+    folder = job.store.report(name) / COMPARE if out is None else output_folder(out)
     first = performances_of(result_of(action, root, params))
     if second is None:
         technique = describe(several(first))

@@ -11,6 +11,7 @@ import numpy as np
 
 from imocap_core.errors import WrongUse
 from imocap_core.library.door import plain_errors
+from imocap_core.library.folders import output_folder
 from imocap_core.library.one_off import Params, one_off
 from imocap_core.library.progress import Progress, displaying
 from imocap_core.pipeline.format_names import DetectionFormat, Layout
@@ -111,6 +112,7 @@ def synchronise_videos(
     """
     from imocap_core.standalone_sync.run import synchronise_action, write_synchronised
 
+    folder = None if out is None else output_folder(out)
     with displaying(progress) as display:
         solved = synchronise_action(
             Workspace(Path(root)),
@@ -122,7 +124,7 @@ def synchronise_videos(
             sets=one_off(params),
             display=display,
         )
-        return write_synchronised(solved, None if out is None else Path(out), display)
+        return write_synchronised(solved, folder, display)
 
 
 def _of_sources(

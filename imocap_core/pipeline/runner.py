@@ -169,7 +169,7 @@ def _make(
         )
         with unchanged(read_files(job.pipeline, stage, job.action)):
             artifact = _call(job.pipeline.script(stage), context, inputs, params)
-        if job.recipe(stage, done).key != needed.key:
+        if job.recipe(stage, done).reads != needed.reads:
             raise WorkFailed(f"{stage}: what it reads was changed as it began; run again")
         paths = sorted(p for p in report.rglob("*") if p.is_file())
         files = {path.relative_to(report).as_posix(): path.read_bytes() for path in paths}

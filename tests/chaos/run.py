@@ -2,7 +2,8 @@
 
 Runs, exports, viewers and reports are killed at random moments and begun again until they end.
 Each time: the results of an undisturbed run, nothing left behind, the action's files untouched.
-Then a run that may write no large file. The record is build/chaos.json; exit code 0 when nothing
+Then runs with other numbers of threads and every stage alone, and a run that may write no large
+file. The record is build/chaos.json; exit code 0 when nothing
 was lost.
 """
 
@@ -98,6 +99,20 @@ def disturb_outputs(action: SmallAction, kills: int, rng: random.Random) -> dict
     return {"tried": done, "rounds": rounds, "lost": lost}
 
 
+def vary_threads(action: SmallAction) -> dict[str, object]:
+    """Runs with 1, 2 and 4 threads, and every stage forced alone."""
+    tried, lost = 0, 0
+    expected = action.results(STAGES)
+    for threads in (1, 2, 4):
+        shutil.rmtree(action.root / "artifacts")
+        action.finish("run", threads=threads)
+        tried, lost = tried + 1, lost + (action.results(STAGES) != expected)
+    for stage in STAGES:
+        action.finish(f"stage {stage}", "--force", threads=3)
+        tried, lost = tried + 1, lost + (action.results(STAGES) != expected)
+    return {"tried": tried, "lost": lost}
+
+
 def starve(action: SmallAction) -> dict[str, object]:
     """A run that may write no file of more than 20 kB, then one that may."""
     expected = action.results(STAGES)
@@ -128,6 +143,7 @@ def main() -> int:
         record = {
             "kills of runs": disturb_runs(action, arguments.kills, rng),
             "kills of outputs": disturb_outputs(action, arguments.kills // 2, rng),
+            "threads and order": vary_threads(action),
             "no large files": starve(action),
         }
     out = Path("build/chaos.json")

@@ -30,6 +30,7 @@ QUICK = {
     "evaluate.figures": "false",
 }
 SETS = [word for path, value in QUICK.items() for word in ("--set", f"{path}={value}")]
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 STAYS = (".lock", ".cache", ".used", ".made.json")  # hidden files and folders that belong there
 
 
@@ -59,10 +60,10 @@ class SmallAction:
         (folder / "action.yaml").write_text(yaml.safe_dump({"name": NAME, "videos": videos}))
         return cls(root)
 
-    def start(self, command: str, *words: str) -> subprocess.Popen[bytes]:
+    def start(self, command: str, *words: str, threads: int = 1) -> subprocess.Popen[bytes]:
         """`imocap COMMAND serve WORDS`, with the parameters that make it quick."""
-        line = [sys.executable, "-m", "stages", "--root", str(self.root), command, NAME]
-        environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+        line = [sys.executable, "-m", "stages", "--root", str(self.root), *command.split(), NAME]
+        environment = {**os.environ, **dict.fromkeys(THREADS, str(threads))}
         return subprocess.Popen(
             [*line, *words, *SETS],
             cwd=PROJECT,
@@ -71,9 +72,9 @@ class SmallAction:
             stderr=subprocess.PIPE,
         )
 
-    def finish(self, command: str, *words: str) -> None:
+    def finish(self, command: str, *words: str, threads: int = 1) -> None:
         """The same to its end; AssertionError when it fails."""
-        process = self.start(command, *words)
+        process = self.start(command, *words, threads=threads)
         _, errors = process.communicate()
         assert process.returncode == 0, errors.decode(errors="replace")[-500:]
 

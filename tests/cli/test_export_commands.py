@@ -88,12 +88,21 @@ def test_an_export_replaces_nothing_but_an_older_one_of_its_kind(
     inputs = tmp_path / "actions" / "walk"
     np.savez(inputs / "a.npz", keypoints=np.zeros(3))
     before = {p.name: p.read_bytes() for p in inputs.iterdir()}
-    code, _, message = imocap("export", "walk", "--out", str(inputs))
-    assert (code, message.count("\n")) == (1, 1)
-    assert "a.npz exists, and was not written by an export" in message
+    for words in (("export",), ("compare",), ("export", "--format", "bvh")):
+        for place in (inputs, inputs / "videos"):
+            code, _, message = imocap(words[0], "walk", *words[1:], "--out", str(place))
+            assert (code, message.count("\n")) == (2, 1)
+            assert "walk is an action, whose files might be replaced" in message
     assert {p.name: p.read_bytes() for p in inputs.iterdir()} == before
 
     out = tmp_path / "there"
+    out.mkdir()
+    (out / "a.npz").write_bytes(b"mine")
+    code, _, message = imocap("export", "walk", "--out", str(out))
+    assert (code, message.count("\n")) == (1, 1)
+    assert "a.npz exists, and was not written by an export" in message
+    assert [p.name for p in out.iterdir()] == ["a.npz"]
+    (out / "a.npz").unlink()
     assert imocap("export", "walk", "--out", str(out))[0] == 0
     cameras = (out / "cameras.json").read_bytes()
     code, _, message = imocap("export", "walk", "--format", "bvh", "--out", str(out))  # y is up
