@@ -38,7 +38,7 @@ def system_fault(error: OSError | MemoryError) -> str:
         return f"the disk is full{where}; finished stages are stored, run again with more space"
     if error.filename is not None:
         return f"cannot use {error.filename}: {error.strerror}"
-    return str(error)
+    return f"a file could not be read or written: {error.strerror or error}"
 
 
 def program_fault(error: Exception) -> str:
