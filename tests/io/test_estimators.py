@@ -116,13 +116,16 @@ def test_a_truncated_file_is_refused(kind: str, share: float, tmp_path: Path) ->
 
 
 @ALL
-@pytest.mark.parametrize("content", [7, "text", [1, 2], {}, [[]], {"a": {}}, None, [{}]])
+@pytest.mark.parametrize(
+    "content", [7, "text", [1, 2], {}, [[]], {"a": {}}, None, [{}], np.zeros((2, 3))]
+)
 def test_a_file_of_something_else_is_refused(kind: str, content: Any, tmp_path: Path) -> None:
     import json
 
     path = WRITERS[kind](tmp_path)
     if path.suffix == ".json":
-        path.write_text(json.dumps(content))
+        plain = content.tolist() if isinstance(content, np.ndarray) else content
+        path.write_text(json.dumps(plain))
     elif path.suffix == ".pt":
         torch.save(content, path)
     else:

@@ -172,6 +172,6 @@ def frame_ids(values: Float[np.ndarray, " N"], where: str) -> Int[np.ndarray, " 
 def people_of(content: Any, path: Path) -> dict[str, Any]:
     """Person -> fields, as VIBE and WHAM write them. ValueError for other content."""
     if not isinstance(content, dict) or not content:
-        got = "an empty one" if content == {} else type_name(content)
+        got = "an empty one" if isinstance(content, dict) else type_name(content)
         raise ValueError(f"{path}: expected a dictionary of people, got {got}")
     return {str(name): fields for name, fields in content.items()}

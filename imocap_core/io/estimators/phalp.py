@@ -36,7 +36,7 @@ def read_phalp(path: Path, performer: PerformerBoxes) -> Float[np.ndarray, "T 24
     """
     content = read_results(path)
     if not isinstance(content, dict) or not content:
-        got = "an empty one" if content == {} else type_name(content)
+        got = "an empty one" if isinstance(content, dict) else type_name(content)
         raise ValueError(f"{path}: expected a dictionary with one entry per frame, got {got}")
     frames, track, middle, poses = [], [], [], []
     for n, name in enumerate(sorted(content, key=str)):

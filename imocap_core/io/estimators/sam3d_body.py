@@ -56,7 +56,7 @@ def read_sam3d_body(path: Path, performer: PerformerBoxes) -> JointsEstimate:
 def _of_frames(content: Any, performer: PerformerBoxes, path: Path) -> Float[np.ndarray, "T 70 3"]:
     listed = list(content) if isinstance(content, np.ndarray) else content
     if not isinstance(listed, list) or not listed:
-        got = "an empty one" if listed == [] else type_name(listed)
+        got = "an empty one" if isinstance(listed, list) else type_name(listed)
         raise ValueError(f"{path}: expected a list with one entry per frame, got {got}")
     frames, middle, joints = [], [], []
     for n, entry in enumerate(listed):
