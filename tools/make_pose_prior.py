@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from scipy.special import logsumexp
 
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
@@ -24,6 +25,7 @@ from imocap_core.synthetic.retargeting import fit_to_trunk_and_joints, trunk_and
 
 TARGET = Path(__file__).parents[1] / "imocap_core" / "motion" / "data" / "pose_prior.npz"
 COMPONENTS = 12
+RESTARTS = 10  # of expectation maximisation, whose optima are local: the likeliest is kept
 FLOOR_RAD = 0.08  # spread added to every direction of every component
 # One performer's skeleton was captured, and people's trunks differ: standard deviations of lumbar
 # lordosis and thoracic kyphosis among adults are 9.5 and 10.1 degrees (Boulay et al., Eur. Spine J.
@@ -87,8 +89,9 @@ def in_a_mirror(theta: np.ndarray) -> np.ndarray:
 
 def expectation_maximisation(
     x: np.ndarray, components: int, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Means (C, D), covariances (C, D, D), weights (C,) of a mixture, from k-means++ seeds."""
+) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+    """Mean log likelihood, means (C, D), covariances (C, D, D), weights (C,) of a mixture, from
+    k-means++ seeds."""
     means = x[rng.integers(len(x))][None]
     while len(means) < components:
         away = ((x[:, None] - means) ** 2).sum(-1).min(1)
@@ -96,12 +99,14 @@ def expectation_maximisation(
     floor = FLOOR_RAD**2 * np.eye(x.shape[1])
     covariances = np.repeat((np.cov(x.T) + floor)[None], components, 0)
     weights = np.full(components, 1 / components)
+    likelihood = -np.inf
     for _ in range(60):
         log_p = np.empty((len(x), components))
         for c in range(components):
             factor = np.linalg.cholesky(covariances[c])
             white = np.linalg.solve(factor, (x - means[c]).T)
             log_p[:, c] = np.log(weights[c]) - np.log(np.diag(factor)).sum() - (white**2).sum(0) / 2
+        likelihood = float(logsumexp(log_p, axis=1).mean())
         share = np.exp(log_p - log_p.max(1, keepdims=True))
         share /= share.sum(1, keepdims=True)
         mass = share.sum(0) + 1e-9
@@ -110,7 +115,7 @@ def expectation_maximisation(
         for c in range(components):
             centred = x - means[c]
             covariances[c] = (share[:, c, None] * centred).T @ centred / mass[c] + floor
-    return means, covariances, weights
+    return likelihood, means, covariances, weights
 
 
 def with_room(covariance: np.ndarray) -> np.ndarray:
@@ -156,8 +161,12 @@ def main() -> None:
     articulations = [theta[:, 1:] for theta in motions]
     both = articulations + [mirrored(a) for a in articulations]
     x = np.concatenate(both).reshape(-1, 69)[::2]
-    rng = np.random.default_rng(0)
-    mean, covariance, weight = expectation_maximisation(x, COMPONENTS, rng)
+    fits = [
+        expectation_maximisation(x, COMPONENTS, np.random.default_rng(seed))
+        for seed in range(RESTARTS)
+    ]
+    print("mean log likelihoods:", *(f"{likelihood:.2f}" for likelihood, *_ in fits))
+    _, mean, covariance, weight = max(fits, key=lambda fit: fit[0])
     velocity, acceleration = speeds([*motions, *map(in_a_mirror, motions)])
     TARGET.parent.mkdir(parents=True, exist_ok=True)
     np.savez_compressed(
