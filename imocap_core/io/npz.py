@@ -32,7 +32,9 @@ def load_arrays(path: Path) -> dict[str, Shaped[np.ndarray, "..."]]:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             return {name: np.asarray(archive[name]) for name in archive.files}
     except _UNREADABLE as error:
-        raise ValueError(f"{path}: is not a readable npz file ({error}); write it again") from None
+        raise ValueError(
+            f"{path}: is not a readable npz file ({str(error)[:200]}); write it again"
+        ) from None
 
 
 def unpacked_size(file: Path | BytesIO) -> int:
@@ -49,7 +51,9 @@ def array_names(path: Path) -> set[str]:
         with zipfile.ZipFile(path) as archive:
             return {name.removesuffix(".npy") for name in archive.namelist()}
     except _UNREADABLE as error:
-        raise ValueError(f"{path}: is not a readable npz file ({error}); write it again") from None
+        raise ValueError(
+            f"{path}: is not a readable npz file ({str(error)[:200]}); write it again"
+        ) from None
 
 
 def numbers(

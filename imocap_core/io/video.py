@@ -117,7 +117,7 @@ def _open(path: Path) -> Any:
     if not path.is_file():
         raise ValueError(f"{path}: no such video file; check `video` in action.yaml")
     try:
-        return av.open(str(path))
+        return av.open(str(path), metadata_errors="replace")
     except (av.FFmpegError, OSError) as error:
         raise ValueError(
             f"{path}: is not a readable video ({error.strerror}); re-encode it"
