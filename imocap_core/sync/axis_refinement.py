@@ -1,4 +1,8 @@
-"""Maps to the reference, refined on several time axes and averaged."""
+"""Maps to the reference, refined on several time axes and averaged.
+
+In the loop one axis is enough, the reference's: each video's own keypoints tell its time there. On
+another video's time its wrong poses would speak too.
+"""
 
 from __future__ import annotations
 
@@ -52,6 +56,8 @@ def refined_over_axes(
     """Positions of all videos' frames in the reference, averaged over axes (`averaged_over_axes`);
     the mass of their soft maps to the reference alone, and its axis."""
     videos = axes_of(choice.reference, choice.centralities)
+    if reprojection is not None:
+        videos = [choice.reference]
     axes = [choice.axis(v, distances, params) for v in videos]
     refined = at_once(
         lambda axis: refined_warps(distances, relaxed, matched, axis, params, reprojection), axes
