@@ -36,7 +36,7 @@ from imocap_core.runs import runs
 from imocap_core.viterbi import cheapest_states
 
 QUARTER_RAD = (np.pi / 4, 3 * np.pi / 4)  # that no exchange of sides turns a body by
-TURNING_SHARE = 0.4  # of a stretch, from which on the performer turns
+TURNING_SHARE, TURNING_FRAMES = 0.2, 8  # of a stretch: fewer are a fit's own turn at its two ends
 RATE_PER_S = 15.0  # frames of which each is a piece of evidence by itself
 CHANGE = 0.5  # of a change of state
 
@@ -104,7 +104,7 @@ def turning_frames(
         R = rigid(pose[stretch], others[stretch]).R_target_from_source
         angle = Rotation.from_matrix(R).magnitude()
         quarter = (angle > QUARTER_RAD[0]) & (angle < QUARTER_RAD[1])
-        turning[stretch] = quarter.mean() > TURNING_SHARE
+        turning[stretch] = quarter.sum() >= max(TURNING_FRAMES, TURNING_SHARE * len(quarter))
     return turning
 
 
