@@ -104,7 +104,7 @@ def turning_frames(
         R = rigid(pose[stretch], others[stretch]).R_target_from_source
         angle = Rotation.from_matrix(R).magnitude()
         quarter = (angle > QUARTER_RAD[0]) & (angle < QUARTER_RAD[1])
-        turning[stretch] = quarter.sum() >= max(TURNING_FRAMES, TURNING_SHARE * len(quarter))
+        turning[stretch] = quarter.sum() >= max(TURNING_FRAMES, TURNING_SHARE * (last + 1 - first))
     return turning
 
 
