@@ -54,7 +54,7 @@ def test_the_exchanged_stretch_is_put_right_and_nothing_else(made: Made) -> None
 def test_only_a_body_turned_by_a_quarter_is_turning(turn_deg: float, turns: bool) -> None:
     others = np.random.default_rng(2).normal(size=(FRAMES, 12, 3))
     own = others @ Rotation.from_euler("y", turn_deg, degrees=True).as_matrix().T
-    turning = turning_frames(own, others, STRETCH)
+    turning = turning_frames(own, others, STRETCH, 30.0)
     np.testing.assert_array_equal(turning, STRETCH if turns else False)
 
 
@@ -69,7 +69,7 @@ def test_a_performer_who_turns_away_keeps_the_sides(made: Made) -> None:
     poses = [
         made.body.positions(made.body.keypoints, s).xyz[VIDEO].numpy() for s in (turned, state)
     ]
-    assert turning_frames(poses[0], poses[1], frames).all()
+    assert turning_frames(poses[0], poses[1], frames, 30.0).all()
 
 
 def test_smpl_ba_with_exchanged_sides_ends_like_the_undisturbed_one(made: Made) -> None:

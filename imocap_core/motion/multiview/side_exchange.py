@@ -36,7 +36,7 @@ from imocap_core.runs import runs
 from imocap_core.viterbi import cheapest_states
 
 QUARTER_RAD = (np.pi / 4, 3 * np.pi / 4)  # that no exchange of sides turns a body by
-TURNING_SHARE, TURNING_FRAMES = 0.2, 8  # of a stretch: fewer are a fit's own turn at its two ends
+TURNING_SHARE, TURNING_S = 0.2, 0.27  # of a stretch: less is a fit's own turn at its two ends
 RATE_PER_S = 15.0  # frames of which each is a piece of evidence by itself
 CHANGE = 0.5  # of a change of state
 
@@ -59,7 +59,7 @@ def with_sides_of_others(scene: Scene, state: MotionState, cameras: Cameras) -> 
         pose = mean_of_others(evidence, R, v)[evidence.nearest_moment(position)]
         weight = np.where(np.isfinite(position)[:, None], observation.confidence, 0.0)
         frames = exchanged_frames(pose, observation.xy_px, weight, R[v], twins, observation.fps)
-        frames &= ~turning_frames(poses[v, : len(frames)], pose @ R[v].T, frames)
+        frames &= ~turning_frames(poses[v, : len(frames)], pose @ R[v].T, frames, observation.fps)
         observations.append(exchanged(observation, frames, twins))
     return replace(scene, observations=observations)
 
@@ -92,6 +92,7 @@ def turning_frames(
     pose: Float[np.ndarray, "T K 3"],
     others: Float[np.ndarray, "T K 3"],
     frames: Bool[np.ndarray, " T"],
+    fps: float,
 ) -> Bool[np.ndarray, " T"]:
     """Those of some frames, by whole stretches, in which the performer turns against the others.
 
@@ -104,7 +105,8 @@ def turning_frames(
         R = rigid(pose[stretch], others[stretch]).R_target_from_source
         angle = Rotation.from_matrix(R).magnitude()
         quarter = (angle > QUARTER_RAD[0]) & (angle < QUARTER_RAD[1])
-        turning[stretch] = quarter.sum() >= max(TURNING_FRAMES, TURNING_SHARE * (last + 1 - first))
+        least = max(TURNING_S * fps, TURNING_SHARE * (last + 1 - first))
+        turning[stretch] = round(least) <= quarter.sum()
     return turning
 
 
