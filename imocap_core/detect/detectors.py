@@ -77,11 +77,12 @@ class Detector:
         """Digest of all that a video's detections depend on; `content` (the video's) and `models`
         are digests of files."""
         settings = {k: v for k, v in self.settings.items() if not k.endswith("_model")}
-        beside = sorted((self.worker.parent / self.name).glob("*.py"))
+        folder = self.worker.parent
+        exchange, beside = folder / "exchange.py", sorted((folder / self.name).glob("*.py"))
         parts = [
             FORMAT,
             self.version,
-            *(SourceFile("", file).digest for file in (self.worker, *beside)),
+            *(SourceFile("", file).digest for file in (self.worker, exchange, *beside)),
             settings,
             content,
             *models,

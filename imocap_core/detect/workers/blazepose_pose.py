@@ -7,40 +7,27 @@ was detected). Settings: the networks' files, and those of `blazepose.course`.
 from __future__ import annotations
 
 import importlib
-import json
 import os
-import struct
-import sys
-from typing import Any, TextIO
+from collections.abc import Callable
+from typing import Any
 
-HEAD = struct.Struct("<III")
 MOST_THREADS = 4  # more hardly help one picture at a time
 
 
-def main() -> int:
-    """Read pictures, write landmarks; 1 after writing a fault."""
-    settings = json.loads(sys.argv[1])
-    pictures = sys.stdin.buffer
-    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # so that no library prints into the answers
-    try:
-        numpy = importlib.import_module("numpy")
-        course = importlib.import_module("blazepose.course").Course(
-            _network(settings["person_model"]),
-            _network(settings["landmark_model"]),
-            settings["min_detection_confidence"],
-            settings["min_tracking_confidence"],
-        )
-    except Exception as error:
-        _answer(answers, {"fault": f"{type(error).__name__}: {error}"})
-        return 1
-    _answer(answers, {"ready": True})
-    while len(head := pictures.read(HEAD.size)) == HEAD.size:
-        _, height, width = HEAD.unpack(head)
-        raw = pictures.read(3 * height * width)
-        picture = numpy.frombuffer(raw, numpy.uint8).reshape(height, width, 3)
-        _answer(answers, _landmarks(course.next_body(picture), width, height))
-    return 0
+def landmark_detector(settings: dict[str, Any]) -> Callable[[Any], dict[str, Any]]:
+    """The course of one person through the pictures, as a function of the next."""
+    course = importlib.import_module("blazepose.course").Course(
+        _network(settings["person_model"]),
+        _network(settings["landmark_model"]),
+        settings["min_detection_confidence"],
+        settings["min_tracking_confidence"],
+    )
+
+    def detect(picture: Any) -> dict[str, Any]:
+        height, width = picture.shape[:2]
+        return _landmarks(course.next_body(picture), width, height)
+
+    return detect
 
 
 def _network(file: str) -> Any:
@@ -78,10 +65,5 @@ def _rounded(rows: list[list[float]]) -> list[list[float]]:
     return [[round(value, 6) for value in row] for row in rows]
 
 
-def _answer(answers: TextIO, message: dict[str, Any]) -> None:
-    answers.write(json.dumps(message) + "\n")
-    answers.flush()
-
-
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(importlib.import_module("exchange").serve(landmark_detector))

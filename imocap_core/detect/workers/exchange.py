@@ -1,0 +1,47 @@
+"""How a worker talks with the program: pictures come in, one answer a picture goes out.
+
+A worker is a script in an environment of its own, where imocap is not installed; this file lies
+beside it.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import struct
+import sys
+from collections.abc import Callable
+from typing import Any
+
+HEAD = struct.Struct("<III")  # frame, height, width; then the picture's bytes, 3 a pixel
+Detect = Callable[[Any], dict[str, Any]]
+
+
+def serve(make: Callable[[dict[str, Any]], Detect]) -> int:
+    """Answer every picture; 1 after writing why the detector can't be made.
+
+    Args:
+        make: the detector of some settings, a function of one picture (H, W, 3).
+    """
+    settings = json.loads(sys.argv[1])
+    pictures = sys.stdin.buffer
+    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # so that no library prints into the answers
+
+    def answer(message: dict[str, Any]) -> None:
+        answers.write(json.dumps(message) + "\n")
+        answers.flush()
+
+    try:
+        numpy = importlib.import_module("numpy")
+        detect = make(settings)
+    except Exception as error:
+        answer({"fault": f"{type(error).__name__}: {error}"})
+        return 1
+    answer({"ready": True})
+    while len(head := pictures.read(HEAD.size)) == HEAD.size:
+        _, height, width = HEAD.unpack(head)
+        raw = pictures.read(3 * height * width)
+        answer(detect(numpy.frombuffer(raw, numpy.uint8).reshape(height, width, 3)))
+    return 0
