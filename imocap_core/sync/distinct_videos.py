@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -34,21 +34,39 @@ def distinct_videos(
     ]
 
 
-def of_pictures(
-    videos: Sequence[DistinctFrames],
-    poses: Sequence[Float[np.ndarray, "_T J 3"]],
-    confidence: Sequence[Float[np.ndarray, "_T J"]] | None,
-    keypoints: Sequence[Keypoints2D] | None,
-) -> tuple[list[np.ndarray], list[np.ndarray] | None, list[Keypoints2D] | None]:
-    """Poses, confidences and keypoints of the distinct pictures."""
-    first = [d.first for d in videos]
-    return (
-        [x[f] for x, f in zip(poses, first, strict=True)],
-        None if confidence is None else [c[f] for c, f in zip(confidence, first, strict=True)],
-        None
-        if keypoints is None
-        else [Keypoints2D(k.xy_px[f], k.weight[f]) for k, f in zip(keypoints, first, strict=True)],
-    )
+@dataclass(frozen=True)
+class SyncEvidence:
+    """What synchronisation goes by; arguments of `synchronise`."""
+
+    poses: Sequence[Float[np.ndarray, "_T J 3"]]
+    confidence: Sequence[Float[np.ndarray, "_T J"]] | None
+    hints: Hints
+    keypoints: Sequence[Keypoints2D] | None = None
+    reprojection: ReprojectionEvidence | None = None
+
+    def of_pictures(
+        self, videos: Sequence[DistinctFrames], excluded: Sequence[int] = ()
+    ) -> SyncEvidence:
+        """The same with one frame a picture; `excluded`: videos without reprojection."""
+        if not any(d.repeated for d in videos):
+            return self
+        first = [d.first for d in videos]
+        confidence, keypoints, reprojection = self.confidence, self.keypoints, self.reprojection
+        if confidence is not None:
+            confidence = [c[f] for c, f in zip(confidence, first, strict=True)]
+        if keypoints is not None:
+            rows = zip(keypoints, first, strict=True)
+            keypoints = [Keypoints2D(k.xy_px[f], k.weight[f]) for k, f in rows]
+        if reprojection is not None:
+            among = [d for v, d in enumerate(videos) if v not in excluded]
+            reprojection = _reprojection_of_pictures(reprojection, among)
+        return SyncEvidence(
+            [x[f] for x, f in zip(self.poses, first, strict=True)],
+            confidence,
+            hints_of_pictures(self.hints, videos),
+            keypoints,
+            reprojection,
+        )
 
 
 def hints_of_pictures(hints: Hints, videos: Sequence[DistinctFrames]) -> Hints:
@@ -74,7 +92,7 @@ def hints_of_pictures(hints: Hints, videos: Sequence[DistinctFrames]) -> Hints:
     )
 
 
-def evidence_of_pictures(
+def _reprojection_of_pictures(
     evidence: ReprojectionEvidence, videos: Sequence[DistinctFrames]
 ) -> ReprojectionEvidence:
     """Keypoints and motions of the distinct pictures; `videos` in the evidence's order."""
@@ -89,6 +107,8 @@ def evidence_of_pictures(
 def of_all_frames(result: Result, videos: Sequence[DistinctFrames]) -> Result:
     """A result of the distinct pictures for all frames: those of one picture share its match, its
     phase and its confidence, as one observation."""
+    if not any(d.repeated for d in videos):
+        return result
     rows = np.concatenate(
         [d.picture + begin for d, begin in zip(videos, _begins(videos), strict=True)]
     )

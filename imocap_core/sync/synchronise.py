@@ -16,13 +16,7 @@ from jaxtyping import Float
 from imocap_core.params import SyncParams
 from imocap_core.sync.anchors import Hints, check_hints
 from imocap_core.sync.blocks import Blocks
-from imocap_core.sync.distinct_videos import (
-    distinct_videos,
-    evidence_of_pictures,
-    hints_of_pictures,
-    of_all_frames,
-    of_pictures,
-)
+from imocap_core.sync.distinct_videos import SyncEvidence, distinct_videos, of_all_frames
 from imocap_core.sync.joint_synchronisation import JointResult, synchronise_jointly
 from imocap_core.sync.pairwise.poses import body_scales, check_poses, joint_weights_of
 from imocap_core.sync.screening.mirror import mirrored_poses
@@ -94,22 +88,13 @@ def synchronise(
     M = len(poses)
     if reference is not None and not 0 <= reference < M:
         raise ValueError(f"reference: expected 0 to {M - 1}, got {reference}")
-    lengths = [len(x) for x in poses]
     hints = hints or Hints()
-    check_hints(hints, lengths)
+    check_hints(hints, [len(x) for x in poses])
     pictures = distinct_videos(poses, fps, keypoints)
-    frozen = [d.repeated for d in pictures]
-    if any(frozen):
-        if reprojection is not None:
-            left_out = () if screening is None else screening.excluded
-            among = [d for v, d in enumerate(pictures) if v not in left_out]
-            reprojection = evidence_of_pictures(reprojection, among)
-        poses, confidence, keypoints = of_pictures(pictures, poses, confidence, keypoints)
-        hints = hints_of_pictures(hints, pictures)
-        lengths = [len(x) for x in poses]
-    confidence = _without_forbidden(poses, confidence, hints)
-    scaled = [x / s for x, s in zip(poses, body_scales(poses), strict=True)]
-    weights = joint_weights_of(poses, confidence, joint_weights)
+    given = SyncEvidence(poses, confidence, hints, keypoints, reprojection)
+    evidence = given.of_pictures(pictures, () if screening is None else screening.excluded)
+    poses, confidence = evidence.poses, _without_forbidden(evidence)
+    scaled, weights = _scaled(poses, confidence, joint_weights)
     if rates is None:
         rates = playback_rates(scaled, weights, fps, params.max_rate)
     screening = screening or screen(
@@ -120,7 +105,7 @@ def synchronise(
         twins=twins,
         declared=mirrored or [None] * M,
         never_outliers=[v == reference for v in range(M)],
-        keypoints=keypoints,
+        keypoints=evidence.keypoints,
     )
     used = [v for v in range(M) if v not in screening.excluded]
     upright = [_reflected(v, poses, confidence, screening, twins) for v in used]
@@ -134,13 +119,14 @@ def synchronise(
         joint_weights=joint_weights,
         reference=None if reference is None else used.index(reference),
         eligible=[
-            v not in screening.flipped and bool(rates[v] == 1.0) and not frozen[v] for v in used
+            v not in screening.flipped and bool(rates[v] == 1.0) and not pictures[v].repeated
+            for v in used
         ],
-        hints=hints.among(used),
-        reprojection=reprojection,
+        hints=evidence.hints.among(used),
+        reprojection=evidence.reprojection,
     )
-    result = _of_all_videos(joint, used, lengths, screening)
-    return of_all_frames(result, pictures) if any(frozen) else result
+    result = _of_all_videos(joint, used, [len(x) for x in poses], screening)
+    return of_all_frames(result, pictures)
 
 
 def estimated_rates(
@@ -156,22 +142,28 @@ def estimated_rates(
     """Seconds of the action per second of each video (`playback_rates`); arguments as of
     `synchronise`."""
     pictures = distinct_videos(poses, fps, keypoints)
-    hints = hints_of_pictures(hints or Hints(), pictures)
-    poses, confidence, _ = of_pictures(pictures, poses, confidence, None)
-    confidence = _without_forbidden(poses, confidence, hints)
-    scaled = [x / s for x, s in zip(poses, body_scales(poses), strict=True)]
-    weights = joint_weights_of(poses, confidence, joint_weights)
+    evidence = SyncEvidence(poses, confidence, hints or Hints()).of_pictures(pictures)
+    scaled, weights = _scaled(evidence.poses, _without_forbidden(evidence), joint_weights)
     return playback_rates(scaled, weights, fps, params.max_rate)
 
 
-def _without_forbidden(
-    poses: Sequence[np.ndarray], confidence: Sequence[np.ndarray] | None, hints: Hints
-) -> list[np.ndarray] | None:
+def _scaled(
+    poses: Sequence[np.ndarray],
+    confidence: Sequence[np.ndarray] | None,
+    joint_weights: np.ndarray | None,
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Poses (T_v, J, 3) in body sizes, and the weights of their joints."""
+    scaled = [x / s for x, s in zip(poses, body_scales(poses), strict=True)]
+    return scaled, joint_weights_of(poses, confidence, joint_weights)
+
+
+def _without_forbidden(evidence: SyncEvidence) -> list[np.ndarray] | None:
     """Confidences (T_v, J), 0 in forbidden frames."""
-    if not hints.forbidden:
+    poses, confidence = evidence.poses, evidence.confidence
+    if not evidence.hints.forbidden:
         return None if confidence is None else list(confidence)
     given = confidence or [np.ones(x.shape[:2]) for x in poses]
-    forbidden = hints.forbidden_frames([len(x) for x in poses])
+    forbidden = evidence.hints.forbidden_frames([len(x) for x in poses])
     return [np.where(f[:, None], 0.0, c) for f, c in zip(forbidden, given, strict=True)]
 
 
