@@ -21,7 +21,7 @@ from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.ground import with_ground, with_hands_on_ground
 from imocap_core.problem.hints import hints_of
 from imocap_core.problem.joint import JointProblem, problem_of
-from imocap_core.problem.loop_confidence import with_independent_confidence
+from imocap_core.problem.loop_confidence import with_first_repetitions, with_independent_confidence
 from imocap_core.problem.synchronisation import rates_of_motions, synchronise_motions
 
 
@@ -76,6 +76,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     motion = with_ground(result.motion, keypoints, cameras, result.sync.excluded, params.fit)
     motion = with_hands_on_ground(motion, problem.scene.body.model, result.sync)
     matches = with_independent_confidence(result.sync, first_sync, motion.common)
+    matches = with_first_repetitions(matches, first_sync)
     return result.model_copy(update={"motion": motion, "sync": matches})
 
 

@@ -4,7 +4,8 @@ In the loop every pose has been drawn towards those that it is matched with, rig
 confirms its match ever after. Where all videos show one motion the keypoints contradict a wrong
 match, because nothing but time could explain them. Where performances differ, the difference
 explains a wrong match as well: there a match is no surer than the monocular motions made it, which
-knew nothing of each other.
+knew nothing of each other. Nor would poses that were drawn together at the matches fit as well a
+repetition later: that too is told by the monocular motions.
 """
 
 from __future__ import annotations
@@ -43,6 +44,17 @@ def with_independent_confidence(
         for m in sync.maps
     ]
     return sync.model_copy(update={"maps": maps})
+
+
+def with_first_repetitions(sync: Sync, first: SyncSummary) -> Sync:
+    """The loop's correspondences with what `first`, those of the monocular motions, say of maps
+    shifted by a repetition; the same video must be the reference of both."""
+    if sync.trust is None or first.trust is None or sync.reference != first.reference:
+        return sync
+    names = ("repetition_s", "repetition_ratio")
+    by_id = {v.id: {name: getattr(v, name) for name in names} for v in first.trust.videos}
+    videos = [v.model_copy(update=by_id.get(v.id, {})) for v in sync.trust.videos]
+    return sync.model_copy(update={"trust": sync.trust.model_copy(update={"videos": videos})})
 
 
 def _everywhere(sync_map: SyncMap) -> Float[np.ndarray, " T"]:

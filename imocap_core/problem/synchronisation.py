@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import nan
 
 import numpy as np
 from jaxtyping import Float
@@ -220,8 +221,10 @@ def _trust(result: SyncResult, ids: Sequence[str], fps: Sequence[float]) -> Sync
                 left_out_frames=float(result.left_out_frames[v]),
                 left_out_s=float(result.left_out_frames[v]) / fps[result.reference],
                 left_out_share=float(result.left_out_share[v]),
+                repetition_s=nan if other is None else other.shift_frames / fps[result.reference],
+                repetition_ratio=nan if other is None else other.ratio,
             )
-            for v, name in enumerate(ids)
+            for v, (name, other) in enumerate(zip(ids, result.repetitions, strict=True))
         ],
         triples=[
             CycleTriple(

@@ -89,6 +89,9 @@ GLOSSARY = {
     "the other videos.",
     "left_out_s": "The same in seconds.",
     "left_out_share": "Share of the frames that both ways match.",
+    "repetition_s": "How much later in the reference the video fits nearly as well, where the "
+    "action repeats.",
+    "repetition_ratio": "Squared distances of the poses there, over those of the match.",
     "residual_frames": "Distance of a frame's end from its start after a round trip over these "
     "videos.",
     "residual_s": "The same in seconds.",

@@ -21,6 +21,8 @@ def trust_tables(sync: SyncSummary) -> list[Table]:
             _finite(v.left_out_frames),
             _finite(v.left_out_s),
             _finite(v.left_out_share),
+            _finite(v.repetition_s),
+            _finite(v.repetition_ratio),
         ]
         for v in sync.trust.videos
     ]
@@ -30,6 +32,7 @@ def trust_tables(sync: SyncSummary) -> list[Table]:
     ]
     columns = ["video", "treated", "outlier_score", "mirror_margin"]
     columns += ["left_out_frames", "left_out_s", "left_out_share"]
+    columns += ["repetition_s", "repetition_ratio"]
     tables = [
         Table(
             name="trust",

@@ -19,7 +19,7 @@ from scipy.special import expit, logit
 
 from imocap_core.sync.map_consistency import PairMaps, composed
 from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
-from imocap_core.sync.repeated_motion import repetition_evidence
+from imocap_core.sync.repeated_motion import next_repetition
 
 WINDOW_S = 0.5  # over which rates and distances are averaged
 LEAST_RATE = 0.05
@@ -86,6 +86,7 @@ def confidence_features(
     mass = logit(np.clip(route.mass, 0.01, 0.99))
     novelty = -np.expm1(-distances.change[route.v] / distances.matched_square)
     slowness = np.maximum(0.0, -np.log(rate + LEAST_RATE))
+    repetition = next_repetition(square, filled, matched, route.fps_to)
     return np.column_stack(
         [
             np.ones(T),
@@ -97,7 +98,7 @@ def confidence_features(
             slowness * novelty,
             slowness,
             1.0 - novelty,
-            np.full(T, repetition_evidence(square, filled, matched, route.fps_to)),
+            np.full(T, 0.0 if repetition is None else repetition.evidence),
         ]
     )
 

@@ -31,6 +31,7 @@ from imocap_core.sync.phase import WeightedMap, common_phase, inside
 from imocap_core.sync.reference import central_and_covering, centrality, coverage
 from imocap_core.sync.reference_anchors import hard_anchor_maps, through_hard_anchors
 from imocap_core.sync.refinement import ReferenceAxis
+from imocap_core.sync.repeated_motion import Repetition, next_repetition
 from imocap_core.sync.warp.clocks import Clocks
 from imocap_core.sync.warp.dtw_paths import dtw_warps
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
@@ -61,6 +62,8 @@ class JointResult:
         left_out_frames: distance of each video's map to the reference from the maps through the
             others.
         left_out_share: of the frames that both match.
+        repetitions: per video, of its map to the reference the one shifted by a repetition that
+            fits best; None where the motion does not repeat.
     """
 
     reference: int
@@ -75,6 +78,7 @@ class JointResult:
     cycle_residuals: list[CycleResidual]
     left_out_frames: Float[np.ndarray, " M"]
     left_out_share: Float[np.ndarray, " M"]
+    repetitions: list[Repetition | None]
 
 
 def synchronise_jointly(
@@ -146,7 +150,20 @@ def synchronise_jointly(
         cycle_residuals=cycle_residuals(pairs, lengths, fps),
         left_out_frames=left_out,
         left_out_share=share,
+        repetitions=_repetitions(frames, distances, chosen, clock[chosen]),
     )
+
+
+def _repetitions(
+    frames: Sequence[np.ndarray], distances: DistanceMatrix, reference: int, fps: float
+) -> list[Repetition | None]:
+    """Of every video; fps: of the reference, in the action's time."""
+    out: list[Repetition | None] = []
+    for v, position in enumerate(frames):
+        matched = np.isfinite(position) & (v != reference)
+        square = distances.block(v, reference)
+        out.append(next_repetition(square, np.nan_to_num(position), matched, fps))
+    return out
 
 
 def _confidences(

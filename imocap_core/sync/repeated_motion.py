@@ -6,6 +6,8 @@ frame's own evidence reveals it, and the errors of monocular estimates decide be
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import minimum_filter1d
@@ -15,14 +17,31 @@ LEAST_S, SLACK_S = 0.4, 0.1  # of a repetition; a shifted match may lie this muc
 OVERLAP = 0.6  # of the matched frames, that a shifted map must still match
 
 
-def repetition_evidence(
+@dataclass(frozen=True)
+class Repetition:
+    """The map shifted by a repetition that fits best.
+
+    Attributes:
+        shift_frames: of the other video, signed.
+        ratio: its mean squared distance over that of the map; below DISTINCT.
+    """
+
+    shift_frames: float
+    ratio: float
+
+    @property
+    def evidence(self) -> float:
+        """Logarithm of DISTINCT over the ratio."""
+        return float(np.log(DISTINCT / self.ratio))
+
+
+def next_repetition(
     squares: Float[np.ndarray, "T S"],
     positions: Float[np.ndarray, " T"],
     matched: Bool[np.ndarray, " T"],
     fps_to: float,
-) -> float:
-    """Logarithm of DISTINCT over the distance of the best map shifted by a repetition, in units of
-    the map's own; 0 where the motion does not repeat.
+) -> Repetition | None:
+    """The best map shifted by a repetition; None where the motion does not repeat.
 
     Shifted maps count where the distance has first risen to DISTINCT times that of the match: a
     performer who stands still repeats nothing.
@@ -34,28 +53,38 @@ def repetition_evidence(
     """
     rows = np.flatnonzero(matched)
     if not len(rows):
-        return 0.0
-    slack = 2 * round(SLACK_S * fps_to) + 1
-    near = minimum_filter1d(np.where(np.isfinite(squares), squares, np.inf), slack, axis=1)
+        return None
+    slack = round(SLACK_S * fps_to)
+    distance = np.where(np.isfinite(squares), squares, np.inf)
+    near = minimum_filter1d(distance, 2 * slack + 1, axis=1)
     columns = np.rint(positions[rows]).astype(int)
-    evidence = 0.0
+    ratios: dict[int, float] = {}
     for direction in (1, -1):
         rise = 1.0
         for shift in range(1, squares.shape[1]):
-            shifted = columns + direction * shift
-            inside = (shifted >= 0) & (shifted < squares.shape[1])
-            if inside.mean() < OVERLAP:
+            ratio = _ratio(near, rows, columns, direction * shift)
+            if ratio is None:
                 break
-            ratio = _ratio(near, rows[inside], columns[inside], shifted[inside])
             if rise >= DISTINCT and shift >= LEAST_S * fps_to:
-                evidence = max(evidence, float(np.log(DISTINCT / ratio)))
+                ratios[direction * shift] = ratio
             rise = max(rise, ratio)
-    return evidence
+    best = min(ratios, key=lambda shift: ratios[shift], default=0)
+    if not ratios or ratios[best] >= DISTINCT:
+        return None
+    beside = [shift for shift in ratios if abs(shift - best) <= 2 * slack]
+    exact = min(beside, key=lambda shift: _ratio(distance, rows, columns, shift) or np.inf)
+    return Repetition(float(exact), ratios[best])
 
 
-def _ratio(near: np.ndarray, rows: np.ndarray, columns: np.ndarray, shifted: np.ndarray) -> float:
-    """Mean distance of the shifted map over that of the map, both where both are known."""
-    here, there = near[rows, columns], near[rows, shifted]
+def _ratio(squares: np.ndarray, rows: np.ndarray, columns: np.ndarray, shift: int) -> float | None:
+    """Mean distance of the shifted map over that of the map, both where both are known; None
+    where the shifted map leaves the other video."""
+    shifted = columns + shift
+    inside = (shifted >= 0) & (shifted < squares.shape[1])
+    if inside.mean() < OVERLAP:
+        return None
+    here = squares[rows[inside], columns[inside]]
+    there = squares[rows[inside], shifted[inside]]
     valid = np.isfinite(here) & np.isfinite(there)
     if not valid.any():
         return 1.0

@@ -193,6 +193,7 @@ def _of_all_videos(
         confidence[v] = joint.confidence[k]
     centrality[used], left_out[used] = joint.centrality, joint.left_out_frames
     share[used] = joint.left_out_share
+    repetitions = dict(zip(used, joint.repetitions, strict=True))
     return SyncResult(
         reference=used[joint.reference],
         reference_frame=frames,
@@ -209,6 +210,7 @@ def _of_all_videos(
         ],
         left_out_frames=left_out,
         left_out_share=share,
+        repetitions=[repetitions.get(v) for v in range(len(lengths))],
         screening=screening,
         status=_status(joint),
     )

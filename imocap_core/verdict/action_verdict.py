@@ -10,6 +10,7 @@ from imocap_core.verdict.decisions import decision_findings
 from imocap_core.verdict.detections import camera_findings, detection_findings
 from imocap_core.verdict.findings import Verdict
 from imocap_core.verdict.further_view import further_view
+from imocap_core.verdict.repetition_findings import repetition_findings
 from imocap_core.verdict.summary import summary_of
 from imocap_core.verdict.take_findings import take_findings
 from imocap_core.verdict.weak_joints import least_certain, weak_findings
@@ -38,6 +39,7 @@ def verdict_of(
         *take_findings(keypoints.videos),
         *collapse_findings(sync, videos),
         *timing_findings(sync, keypoints.videos),
+        *repetition_findings(sync),
         *body_findings(motion, sync, videos),
         *picture_findings(motion.videos, videos),
         *detection_findings(keypoints.videos),

@@ -9,7 +9,9 @@ import numpy as np
 from imocap_core.artifacts.schemas import SyncMap, SyncSummary, VideoKeypoints, VideoTrust
 from imocap_core.problem.synchronisation import distinct_pictures
 from imocap_core.runs import runs
+from imocap_core.verdict.advice import anchor_advice
 from imocap_core.verdict.findings import Finding, listed
+from imocap_core.verdict.repetition_findings import repetition_clause
 
 DOUBTFUL_S = 0.1  # of disagreement
 LEAST_MATCHED = 0.5  # of a video's frames
@@ -40,8 +42,8 @@ def timing_sentence(sync: SyncSummary, fps: float) -> str:
     matched = float(np.isfinite(every).mean())
     if len(used) == 2:
         return (
-            f"{listed(used)} are matched in {matched:.0%} of their frames; with two videos nothing "
-            "checks the timing."
+            f"{listed(used)} are matched in {matched:.0%} of their frames"
+            f"{repetition_clause(sync)}; with two videos nothing checks the timing."
         )
     count = f"{len(used)} videos" if not sync.excluded else f"{len(used)} of {len(sync.ids)} videos"
     apart_s = disagreement_s(sync)
@@ -52,7 +54,7 @@ def timing_sentence(sync: SyncSummary, fps: float) -> str:
         return f"The timing is doubtful: the matches of {count} contradict each other by {size}."
     return (
         f"{count} are synchronised: their matches agree with one another within {size}, and "
-        f"{matched:.0%} of the frames have a counterpart."
+        f"{matched:.0%} of the frames have a counterpart{repetition_clause(sync)}."
     )
 
 
@@ -131,20 +133,6 @@ def _of_spans(sync_map: SyncMap, video: VideoKeypoints) -> list[Finding]:
             )
         )
     return findings
-
-
-def anchor_advice(video: str, reference: str) -> str:
-    """How to tell the program which frames belong together."""
-    return (
-        "name frames that show the same moment in action.yaml, as in "
-        f"`anchors: [{{{reference}: FRAME, {video}: FRAME}}]`"
-    )
-
-
-def forbidden_advice(video: str, first_frame: int, last_frame: int) -> str:
-    """How to leave frames out of the matching."""
-    span = f"[{first_frame}, {last_frame + 1}]"
-    return f"leave these out with `forbidden: [{{video: {video}, frames: {span}}}]`"
 
 
 def _finite(values: Sequence[float]) -> list[float]:

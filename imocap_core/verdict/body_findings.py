@@ -19,7 +19,7 @@ from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.mirror import mirrored_joints
 from imocap_core.runs import runs
-from imocap_core.verdict.agreement import forbidden_advice
+from imocap_core.verdict.advice import forbidden_advice
 from imocap_core.verdict.findings import Finding
 from imocap_core.verdict.limbs import limbs_px
 from imocap_core.verdict.outlying_body import PlacedBody, outlying_bodies

@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.artifacts.schemas import SyncSummary, VideoKeypoints
-from imocap_core.verdict.agreement import anchor_advice, forbidden_advice, maps_of_others
+from imocap_core.verdict.advice import anchor_advice, forbidden_advice
+from imocap_core.verdict.agreement import maps_of_others
 from imocap_core.verdict.collapsed_time import Collapse, collapses
 from imocap_core.verdict.findings import Finding
 from imocap_core.verdict.limbs import limbs_px

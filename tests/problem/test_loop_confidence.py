@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
-from imocap_core.artifacts.schemas import CommonMotion, Sync, SyncMap
-from imocap_core.problem.loop_confidence import is_one_motion, with_independent_confidence
+from imocap_core.artifacts.schemas import CommonMotion, Sync, SyncMap, SyncTrust, VideoTrust
+from imocap_core.problem.loop_confidence import (
+    is_one_motion,
+    with_first_repetitions,
+    with_independent_confidence,
+)
 
 
 def common(deviation_m: float, path_m: float) -> CommonMotion:
@@ -58,3 +62,32 @@ def test_a_video_without_any_match_before_is_not_sure() -> None:
     nowhere = sync([np.nan] * 4, [0.0] * 4)
     result = with_independent_confidence(LOOP, nowhere, common(0.03, 0.05))
     np.testing.assert_array_equal(result.maps[1].confidence, np.zeros(4))
+
+
+def with_repetition(of: Sync, ratio: float) -> Sync:
+    """The second video fits 1.1 s later, its squared distances so many times as large."""
+    first, second = (
+        VideoTrust(
+            id=name,
+            phase_s=np.arange(4.0),
+            outlier_score=0.5,
+            mirror_margin=0.2,
+            left_out_frames=1.0,
+            left_out_s=0.1,
+            left_out_share=1.0,
+        )
+        for name in of.ids
+    )
+    second = second.model_copy(update={"repetition_s": 1.1, "repetition_ratio": ratio})
+    return of.model_copy(update={"trust": SyncTrust(videos=[first, second], triples=[])})
+
+
+def test_what_repeats_the_monocular_motions_tell() -> None:
+    before, after = with_repetition(FIRST, 1.05), with_repetition(LOOP, 1.5)
+    result = with_first_repetitions(after, before)
+    assert result.trust is not None
+    assert result.trust.videos[1].repetition_ratio == 1.05
+    assert np.isnan(result.trust.videos[0].repetition_ratio)
+    elsewhere = before.model_copy(update={"reference": "b"})
+    assert with_first_repetitions(after, elsewhere) == after
+    assert with_first_repetitions(LOOP, before) == LOOP

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imocap_core.sync.repeated_motion import DISTINCT, repetition_evidence
+from imocap_core.sync.repeated_motion import DISTINCT, next_repetition
 
 FPS = 30.0
 FRAMES = np.arange(120.0)
@@ -19,11 +19,19 @@ def cycle(period: float) -> np.ndarray:
 
 def evidence(points: np.ndarray, positions: np.ndarray = FRAMES) -> float:
     matched = np.isfinite(positions)
-    return repetition_evidence(squares(points, points), np.nan_to_num(positions), matched, FPS)
+    best = next_repetition(squares(points, points), np.nan_to_num(positions), matched, FPS)
+    return 0.0 if best is None else best.evidence
 
 
 def test_a_cycle_fits_a_period_later_as_well() -> None:
     np.testing.assert_allclose(evidence(cycle(30.0)), np.log(DISTINCT), atol=1e-6)
+
+
+def test_the_shift_is_a_period() -> None:
+    points = np.column_stack([cycle(40.0), 0.004 * FRAMES])
+    best = next_repetition(squares(points, points), FRAMES, np.ones(120, dtype=bool), FPS)
+    assert best is not None
+    assert abs(best.shift_frames) == 40.0
 
 
 def test_a_path_and_a_stand_repeat_nothing() -> None:
@@ -45,4 +53,4 @@ def test_a_repetition_that_the_clip_does_not_show_twice_is_none() -> None:
 def test_nothing_matched_and_nothing_known() -> None:
     assert evidence(cycle(30.0), np.full(120, np.nan)) == 0.0
     unknown = np.full((120, 120), np.nan)
-    assert repetition_evidence(unknown, FRAMES, np.ones(120, dtype=bool), FPS) == 0.0
+    assert next_repetition(unknown, FRAMES, np.ones(120, dtype=bool), FPS) is None

@@ -91,6 +91,25 @@ def test_contradicting_times_are_doubted(made: Made) -> None:
     assert "200 ms" in verdict.summary[0]
 
 
+def repeating(made: Made, ratio: float) -> SyncTrust:
+    """The second video fits 1.1 s later, its squared distances so many times as large."""
+    trust = trusted(made)
+    shifted = {"repetition_s": 1.1, "repetition_ratio": ratio}
+    videos = [v.model_copy(update=shifted if k == 1 else {}) for k, v in enumerate(trust.videos)]
+    return trust.model_copy(update={"videos": videos})
+
+
+def test_a_video_that_fits_a_repetition_later_as_well_is_named(made: Made) -> None:
+    verdict = judged(made, trust=repeating(made, 1.05))
+    name = made.ids[1]
+    assert verdict.trusted
+    assert f"the action repeats, and {name} may be matched 1.1 s off" in verdict.summary[0]
+    (finding,) = (f for f in verdict.findings if "repeats" in f.text)
+    assert finding.video == name
+    assert "anchors:" in finding.remedy
+    assert "repeats" not in judged(made, trust=repeating(made, 1.5)).summary[0]
+
+
 @pytest.mark.parametrize("count", [1, 2])
 def test_few_videos_are_not_called_checked(count: int) -> None:
     verdict = judged(Made(count))

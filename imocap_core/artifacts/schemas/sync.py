@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import nan
 from typing import Annotated
 
 from pydantic import Field, model_validator
@@ -28,6 +29,10 @@ class VideoTrust(Value):
     left_out_frames: float  # direct map to the reference against that through the others
     left_out_s: float
     left_out_share: float  # of its frames that both ways match
+    # the map shifted by a repetition that fits best: later in the reference by this, and its
+    # squared distance over the map's; NaN where the motion does not repeat
+    repetition_s: float = nan
+    repetition_ratio: float = nan
 
 
 class CycleTriple(Value):
