@@ -2,45 +2,64 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
-from imocap_core.artifacts.schemas import HandKeypoints, Keypoints, VideoKeypoints
-from imocap_core.body.layouts import body_layout, hand_columns, layout_names
+from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
 from imocap_core.cli import stage_main
-from imocap_core.io.detectors.mediapipe_hands import read_mediapipe_hands
-from imocap_core.io.detectors.openpose_hands import read_openpose_hands
+from imocap_core.io.video import read_gray
 from imocap_core.params import KeypointsParams, Params
-from imocap_core.people.performer import PerformerKeypoints
 from imocap_core.pipeline.action import Declaration
 from imocap_core.pipeline.stage import Context, Inputs
-from imocap_core.problem.cuts import advice, cuts_of
-from imocap_core.problem.declarations import check_fits_picture
 from imocap_core.problem.detected_people import DetectedVideo, read_people
-from imocap_core.problem.tracked_people import choose_performers, track_people
+from imocap_core.problem.performer_keypoints import performer_keypoints
+from imocap_core.problem.tracked_people import choose_performers, declared_row, track_people
+from imocap_core.problem.usable_videos import Faults, left_out_videos, of_usable
+from imocap_core.problem.video_survey import survey_video
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Keypoints:
-    """Read the detections, track everybody, choose the performer."""
-    declarations = ctx.declarations()
-    _check_all_have_keypoints(declarations, ctx)
-    videos = []
-    for number, declared in enumerate(declarations):
-        ctx.progress(number / len(declarations), f"tracking people in {declared.id}")
-        videos.append(_tracked(declared, ctx, params.keypoints))
-    performers = choose_performers(
-        [video.people for video in videos], ctx.action_file(), params.keypoints
-    )
-    return Keypoints(
-        videos=[
-            _keypoints_of(video, performer, params.keypoints)
-            for video, performer in zip(videos, performers, strict=True)
-        ]
-    )
+    """Read the detections, track everybody, choose the performer; videos whose declaration or
+    files are wrong are left out."""
+    _check_all_have_keypoints(ctx)
+    faults: Faults = {}
+    declared = {video.id: video for video in ctx.declarations()}
+    videos = of_usable(declared, lambda i: _tracked(declared[i], ctx, params.keypoints), faults)
+    solved: dict[str, VideoKeypoints] = {}
+    while len(solved) < len(videos):  # again without those whose performer is not in the picture
+        videos = {i: video for i, video in videos.items() if i not in faults}
+        solved = of_usable(videos, _keypoints_by_id(videos, ctx, params.keypoints), faults)
+    return Keypoints(videos=list(solved.values()), left_out=left_out_videos(faults, _names(ctx)))
 
 
-def _check_all_have_keypoints(declarations: tuple[Declaration, ...], ctx: Context) -> None:
+def _keypoints_by_id(
+    videos: dict[str, DetectedVideo], ctx: Context, params: KeypointsParams
+) -> Callable[[str], VideoKeypoints]:
+    """A function from a video's id to the keypoints of its performer, chosen among these videos."""
+    people = [video.people for video in videos.values()]
+    performers = choose_performers(people, ctx.action_file(), params)
+    performer_of = dict(zip(videos, performers, strict=True))
+    return lambda video: performer_keypoints(videos[video], performer_of[video], params)
+
+
+def _names(ctx: Context) -> dict[Path, str]:
+    """How action.yaml calls the files and folders that messages name."""
+    names = {ctx.action_file(): ctx.action_file().name}
+    for declared in ctx.declarations():
+        for path, name in (
+            (ctx.detections(declared.id), declared.keypoints),
+            (ctx.video(declared.id), declared.video),
+        ):
+            if path is not None and name is not None:
+                names[path] = f"detections of {declared.id}" if declared.detected else name
+    return names
+
+
+def _check_all_have_keypoints(ctx: Context) -> None:
     """ValueError naming every video without keypoints."""
-    without = [v.id for v in declarations if ctx.detections(v.id) is None]
+    given = [v for v in ctx.declarations() if not v.detected]
+    without = [v.id for v in given if ctx.detections(v.id) is None]
     if without:
         raise ValueError(
             f"{ctx.action_file()}: no 2D keypoints for {', '.join(without)}: write `keypoints: "
@@ -50,72 +69,34 @@ def _check_all_have_keypoints(declarations: tuple[Declaration, ...], ctx: Contex
 
 
 def _tracked(declared: Declaration, ctx: Context, params: KeypointsParams) -> DetectedVideo:
+    order = [video.id for video in ctx.declarations()]
+    ctx.progress(order.index(declared.id) / len(order), f"tracking people in {declared.id}")
     folder, video = ctx.detections(declared.id), ctx.video(declared.id)
-    assert folder is not None
+    if folder is None:
+        raise ValueError(_why_not_detected(video))
     detected = read_people(declared, folder, video, ctx.action_file())
+    frames, size, fps = detected.people.frames, detected.people.size, detected.people.fps
+    survey = None if video is None else survey_video(video, frames, size, fps)
     people = track_people(detected.people, video, params)
     if not people.ranked:
-        frames = people.frames
         raise ValueError(
             f"{folder}: expected a person in frames {frames[0]} to {frames[-1]}, found nobody with "
             f"joints above confidence {params.min_confidence}; check the detections of "
             f"{declared.id} and its `frames` in action.yaml"
         )
-    return replace(detected, people=people)
+    declared_row(people, ctx.action_file())
+    return replace(detected, people=people, survey=survey)
 
 
-def _keypoints_of(
-    video: DetectedVideo, performer: PerformerKeypoints, params: KeypointsParams
-) -> VideoKeypoints:
-    declared, people = video.declared, video.people
-    probed = video.video is not None
-    check_fits_picture(performer.xy_px, people.size, video.folder, probed=probed)
-    body = slice(len(layout_names(body_layout(people.layout))))  # without faces and hands
-    return VideoKeypoints(
-        id=declared.id,
-        fps=people.fps,
-        size=people.size,
-        layout=body_layout(people.layout),
-        video=declared.video,
-        focal_px=declared.focal_px,
-        initial=declared.initial,
-        initial_format=declared.initial_format,
-        frames=people.frames,
-        xy_px=performer.xy_px[:, body],
-        confidence=performer.confidence[:, body],
-        person_box_px=performer.box_px,
-        tracks_found=performer.tracks_found,
-        presence=performer.presence,
-        note=_note_of(video, performer, params),
-        hands=_hands_of(video, performer),
-    )
-
-
-def _note_of(video: DetectedVideo, performer: PerformerKeypoints, params: KeypointsParams) -> str:
-    """The note on a video's people, and advice about its cuts."""
-    if video.video is None or not params.cuts:
-        return performer.note
-    frames = video.people.frames
-    sentence = advice(cuts_of(video.video, frames, video.people.size), frames)
-    return f"{performer.note}; {sentence}" if sentence else performer.note
-
-
-def _hands_of(video: DetectedVideo, performer: PerformerKeypoints) -> HandKeypoints | None:
-    """The performer's hands, where the detector found any."""
-    columns = hand_columns(video.people.layout)
-    if columns is not None:
-        confidence = performer.confidence[:, columns]
-        if not (confidence > 0).any():
-            return None
-        return HandKeypoints(xy_px=performer.xy_px[:, columns], confidence=confidence)
-    frames = video.people.frames
-    if video.kind == "mediapipe":
-        hands = read_mediapipe_hands(video.folder, frames, video.people.size)
-    elif video.kind == "openpose":
-        hands = read_openpose_hands(video.folder, frames, performer.xy_px)
-    else:
-        return None
-    return None if hands is None else HandKeypoints(xy_px=hands[0], confidence=hands[1])
+def _why_not_detected(video: Path | None) -> str:
+    """Why the detector passed a video over."""
+    assert video is not None
+    try:
+        for _ in read_gray(video, scale=0.05):
+            pass
+    except ValueError as error:
+        return str(error)
+    return f"{video}: it has no detections; run again"
 
 
 if __name__ == "__main__":

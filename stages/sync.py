@@ -15,8 +15,9 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Sync:
     keypoints, initial = inputs.get(Keypoints), inputs.get(InitialSmpl)
     hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))
     ctx.progress(0.1, "comparing all pairs of frames")
+    mirrored = [ctx.mirrored()[video.id] for video in keypoints.videos]
     return synchronise_monocular(
-        initial, keypoints, params.sync, ctx.rng(), mirrored=ctx.mirrored(), hints=hints
+        initial, keypoints, params.sync, ctx.rng(), mirrored=mirrored, hints=hints
     )
 
 

@@ -20,9 +20,10 @@ def status_command(
     as_json: Json = False,
 ) -> None:
     """Show which stages are cached, and why others would run."""
-    from imocap_core.library.status import status, verdict
+    from imocap_core.library.status import left_out, status, verdict
 
     stages = status(action, root=root_of(context), params=sets)
+    missing = left_out(action, root=root_of(context), params=sets)
     if as_json:
         rows = [
             {
@@ -34,7 +35,8 @@ def status_command(
             for stage in stages
         ]
         judged = verdict(action, root=root_of(context), params=sets)
-        print_json({"action": action, "stages": rows, "verdict": judged})
+        names = [{"video": video.id, "reason": video.reason} for video in missing]
+        print_json({"action": action, "stages": rows, "left_out": names, "verdict": judged})
         return
     from rich.markup import escape
 
@@ -47,6 +49,8 @@ def status_command(
         else:
             state = f"would run  {escape(reasons(stage.why))}"
         console.print(f"{stage.stage:<14} {state}")
+    for video in missing:
+        console.print(f"{video.id} is left out: {escape(video.reason)}")
 
 
 def explain_command(

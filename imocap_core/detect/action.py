@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,9 +12,12 @@ from imocap_core.detect.detection import detect_video, detections_file
 from imocap_core.detect.detectors import Detector, detector_of
 from imocap_core.detect.setup import set_up
 from imocap_core.errors import WorkFailed
-from imocap_core.io.video import probe
+from imocap_core.io.video import read_gray
 from imocap_core.params import DetectParams
 from imocap_core.pipeline.action import DETECT, Action, Declaration
+from imocap_core.problem.usable_videos import LEAST_VIDEOS
+
+LOOK_SCALE = 0.05  # of the pictures, which are decoded to see whether they can be
 
 if TYPE_CHECKING:
     from imocap_core.pipeline.runner import Display
@@ -33,17 +37,19 @@ def with_detections(action: Action, params: DetectParams, store: Store) -> Actio
 def detect(action: Action, params: DetectParams, store: Store, display: Display) -> None:
     """Run the detector on every video that has no detections yet.
 
-    Detections are stored video by video, so an interrupted run goes on where it stopped.
-    WorkFailed when a model is missing, a video cannot be read, or the detector fails.
+    Detections are stored video by video, so an interrupted run goes on where it stopped. A video
+    that cannot be decoded is passed over where others remain: the stage keypoints names it.
+    WorkFailed when a model is missing, too few videos can be read, or the detector fails.
     """
     detector = detector_of(params, action.folder)
     missing = [str(model) for model in detector.models if not model.is_file()]
     if missing:
         raise WorkFailed(f"{action.file}: params.detect: {missing[0]} does not exist")
-    waiting = [v for v in action.videos if v.detected and v.id not in action.detected]
+    waiting = _readable(
+        action, [v for v in action.videos if v.detected and v.id not in action.detected]
+    )
     if not waiting:
         return
-    _must_be_readable(action, waiting)
     display.started("detect", [f"{waiting[0].id} has no detections of {detector.version}"])
     python = set_up(detector, lambda what: display.progress(0.0, what))
     for number, declared in enumerate(waiting):
@@ -54,19 +60,24 @@ def detect(action: Action, params: DetectParams, store: Store, display: Display)
         assert declared.video is not None
         if file.is_file():  # the same video under another name
             continue
+        detect_video(action.folder / declared.video, file, detector, python, display.progress)
+
+
+def _readable(action: Action, waiting: Sequence[Declaration]) -> list[Declaration]:
+    """The videos that can be decoded to their end; WorkFailed, before the detector takes its time,
+    when fewer than two of the action remain."""
+    readable: list[Declaration] = []
+    faults: list[str] = []
+    for declared in waiting:
         try:
-            detect_video(action.folder / declared.video, file, detector, python, display.progress)
-        except ValueError as error:  # the video breaks off
-            raise WorkFailed(f"detect: {error}") from error
-
-
-def _must_be_readable(action: Action, waiting: list[Declaration]) -> None:
-    """WorkFailed, before anything takes time, for a file that is no video."""
-    try:
-        for declared in waiting:
-            probe(action.folder / str(declared.video))
-    except ValueError as error:
-        raise WorkFailed(f"{action.file}: {error}") from None
+            for _ in read_gray(action.folder / str(declared.video), scale=LOOK_SCALE):
+                pass
+            readable.append(declared)
+        except ValueError as error:
+            faults.append(f"{action.file}: {error}")
+    if faults and len(action.videos) - len(faults) < LEAST_VIDEOS:
+        raise WorkFailed("\n".join(faults))
+    return readable
 
 
 def _file(action: Action, declared: Declaration, detector: Detector, store: Store) -> Path | None:

@@ -67,6 +67,15 @@ def read_gray(
     The picture is (round(scale * height), round(scale * width)). ValueError when the file cannot
     be read.
     """
+    for number, picture, _ in read_checked_gray(path, first, stop, scale=scale):
+        yield number, picture
+
+
+def read_checked_gray(
+    path: Path, first: int = 0, stop: int | None = None, *, scale: float = 1.0
+) -> Iterator[tuple[int, GrayPicture, bool]]:
+    """As `read_gray`, with whether the decoder met no error in the frame: what it could not decode
+    it fills in from the frames before."""
     for number, frame in _frames(path, first, stop):
         small = frame.reformat(
             width=max(1, round(scale * frame.width)),
@@ -74,7 +83,8 @@ def read_gray(
             format="gray",
             interpolation="AREA",
         )
-        yield number, _upright(np.asarray(small.to_ndarray(), np.uint8), frame)
+        picture = _upright(np.asarray(small.to_ndarray(), np.uint8), frame)
+        yield number, picture, not frame.is_corrupt
 
 
 def write_h264(
@@ -141,10 +151,15 @@ def _video_stream(container: Any, path: Path) -> VideoStream:
 
 
 def _decoded(container: Any, stream: VideoStream, path: Path) -> Iterator[av.VideoFrame]:
+    count = 0
     try:
-        yield from container.decode(stream)
+        for frame in container.decode(stream):
+            count += 1
+            yield frame
     except (av.FFmpegError, OSError) as error:
-        raise ValueError(f"{path}: broken, decoding failed ({error}); re-encode it") from None
+        raise ValueError(
+            f"{path}: broken, decoding failed after {count} frames ({error.strerror}); re-encode it"
+        ) from None
 
 
 def _frames(path: Path, first: int, stop: int | None) -> Iterator[tuple[int, av.VideoFrame]]:

@@ -59,6 +59,7 @@ def run_document(done: Run) -> dict[str, Any]:
         "summary": [] if verdict is None else list(verdict.summary),
         "warnings": [f.sentence for f in findings if f.kind != "joints"],
         "notes": done.notes,
+        "left_out": None if keypoints is None else left_out_document(keypoints),
         "excluded": None if sync is None else sync.excluded,
         "mirrored": None if sync is None else sync.mirrored,
         "sync": None if sync is None or keypoints is None else sync_document(keypoints, sync),
@@ -68,6 +69,11 @@ def run_document(done: Run) -> dict[str, Any]:
         "report": report_page(done.job),
         "artifacts": done.job.store.folder / done.job.action.name,
     }
+
+
+def left_out_document(keypoints: Keypoints) -> list[dict[str, str]]:
+    """The videos that could not be used, each with its reason."""
+    return [{"video": video.id, "reason": video.reason} for video in keypoints.left_out or ()]
 
 
 def sync_document(keypoints: Keypoints, sync: SyncSummary) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from imocap_core.library.new_action import action_of_videos
 from imocap_core.library.one_off import Params, one_off
 from imocap_core.library.progress import Progress, displaying
 from imocap_core.library.result import MotionStage, Result
-from imocap_core.library.status import upstream
+from imocap_core.library.status import left_out_of, upstream
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.repeated_files import repeated_files
 from imocap_core.pipeline.runner import Job, Outcome
@@ -112,6 +112,7 @@ def run_action(
             verdicts.append(verdict_of_run(job, outcomes))
 
         outcomes = runner.run(job, display, stages, frozenset(stages if force else []), report)
+    notes = [*notes, *(_left_out_notes(outcomes) if verdicts[0] is None else [])]
     return Run(job, outcomes, notes, time.perf_counter() - began, verdicts[0])
 
 
@@ -135,7 +136,13 @@ def run_stage(
         outcomes = runner.run(
             job, display, upstream(job, name), forced, lambda made: finish(job, made)
         )
-    return Run(job, outcomes, [], time.perf_counter() - began)
+    return Run(job, outcomes, _left_out_notes(outcomes), time.perf_counter() - began)
+
+
+def _left_out_notes(outcomes: Sequence[Outcome]) -> list[str]:
+    """Sentences on videos that could not be used, for runs without a verdict."""
+    stored = {outcome.stage: outcome.stored for outcome in outcomes}
+    return [f"{video.id} is left out: {video.reason}" for video in left_out_of(stored)]
 
 
 def _motion_stage(workspace: Workspace, until: str | None) -> MotionStage:

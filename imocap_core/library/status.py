@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from imocap_core.errors import WrongUse
 from imocap_core.library.door import plain_errors
@@ -13,6 +14,10 @@ from imocap_core.pipeline import runner
 from imocap_core.pipeline.keys import Recipe
 from imocap_core.pipeline.runner import Job, StageStatus
 from imocap_core.workspace import Workspace
+
+if TYPE_CHECKING:
+    from imocap_core.artifacts.schemas import LeftOutVideo
+    from imocap_core.artifacts.store import Stored
 
 
 @dataclass(frozen=True)
@@ -67,6 +72,26 @@ def verdict(
 
     judged = verdict_of_artifacts(artifacts_of_stages(job.action.name, stored))
     return None if judged is None else verdict_document(judged)
+
+
+@plain_errors
+def left_out(
+    action: str | Path, *, root: str | Path = ".", params: Params = None
+) -> list[LeftOutVideo]:
+    """The videos that the present keypoints leave out, because they cannot be used."""
+    job = Workspace(Path(root)).job(str(action), one_off(params))
+    stored = {s.stage: s.stored for s in runner.stage_statuses(job) if s.stored is not None}
+    return left_out_of(stored)
+
+
+def left_out_of(stored: Mapping[str, Stored]) -> list[LeftOutVideo]:
+    """The same of the results of stages."""
+    result = stored.get("keypoints")
+    if result is None or result.schema != "Keypoints":
+        return []
+    from imocap_core.artifacts.schemas import Keypoints
+
+    return result.decode(Keypoints).left_out or []
 
 
 def upstream(job: Job, stage: str) -> list[str]:

@@ -9,9 +9,10 @@ from imocap_core.library.person_summary import PersonSummary, VideoPeople
 from imocap_core.params import KeypointsParams
 from imocap_core.people.tracking import PersonTrack, box_of
 from imocap_core.pipeline.action import Action
-from imocap_core.problem.cuts import advice, cuts_of
+from imocap_core.problem.cuts import advice
 from imocap_core.problem.detected_people import read_people
 from imocap_core.problem.tracked_people import TrackedVideo, choose_performers, track_people
+from imocap_core.problem.video_survey import survey_video
 
 
 def people_of(action: Action, params: KeypointsParams) -> list[VideoPeople]:
@@ -31,7 +32,7 @@ def people_of(action: Action, params: KeypointsParams) -> list[VideoPeople]:
     for video, performer in zip(detected, performers, strict=True):
         notes, people = [performer.note], video.people
         if video.video is not None and params.cuts:
-            cuts = cuts_of(video.video, people.frames, people.size)
+            cuts = survey_video(video.video, people.frames, people.size, people.fps).cuts
             notes.append(advice(cuts, people.frames))
         tracks = [
             _summary(number, score, track, people)

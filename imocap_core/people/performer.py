@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from imocap_core.people.tracking import (
     PersonTrack,
@@ -38,6 +38,18 @@ class PerformerKeypoints:
     tracks_found: int
     presence: float
     note: str
+
+
+def without_frames(
+    performer: PerformerKeypoints, out: Bool[np.ndarray, " T"]
+) -> PerformerKeypoints:
+    """The performer's keypoints with those of some frames missing."""
+    return replace(
+        performer,
+        xy_px=np.where(out[:, None, None], np.nan, performer.xy_px),
+        confidence=np.where(out[:, None], 0.0, performer.confidence),
+        box_px=np.where(out[:, None], np.nan, performer.box_px),
+    )
 
 
 def choose_performer(

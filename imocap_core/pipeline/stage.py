@@ -115,10 +115,10 @@ class Context:
         self._must_read("hints")
         return self._action.anchors, self._action.forbidden
 
-    def mirrored(self) -> tuple[bool | None, ...]:
+    def mirrored(self) -> dict[str, bool | None]:
         """`mirrored` of each video in action.yaml, None where not given (reads: hints)."""
         self._must_read("hints")
-        return tuple(video.mirrored for video in self._action.videos)
+        return {video.id: video.mirrored for video in self._action.videos}
 
     def truth(self) -> Path | None:
         """truth.npz, for scoring only (reads: truth, which only evaluate may)."""

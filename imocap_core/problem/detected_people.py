@@ -15,17 +15,27 @@ from imocap_core.limits import LEAST_FRAMES, MAX_FRAMES
 from imocap_core.pipeline.action import Declaration
 from imocap_core.problem.declarations import check_declared
 from imocap_core.problem.tracked_people import TrackedVideo
+from imocap_core.problem.video_survey import VideoSurvey
 
 
 @dataclass(frozen=True)
 class DetectedVideo:
-    """One video's declaration, files and people: `kind` is the format of the detections."""
+    """One video's declaration, files and people: `kind` is the format of the detections.
+
+    survey: of the pictures, where there is a video and they have been looked through.
+    """
 
     declared: Declaration
     folder: Path
     video: Path | None
     kind: str
     people: TrackedVideo  # without tracks until `track_people`
+    survey: VideoSurvey | None = None
+
+    @property
+    def id(self) -> str:
+        """The video's id."""
+        return self.declared.id
 
 
 def read_people(

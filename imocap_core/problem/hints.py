@@ -18,6 +18,8 @@ def hints_of(
 ) -> Hints:
     """Hints by index of video and used frame; `file` names action.yaml in messages.
 
+    What is declared of a video that was left out is not used.
+
     Raises:
         ValueError: names every anchor on a frame that is not used, and every span without any.
     """
@@ -26,7 +28,7 @@ def hints_of(
     faults: list[str] = []
     ties: list[Anchor] = []
     for n, anchor in enumerate(anchors):
-        indices = {v: _used_index(videos[v], frame) for v, frame in anchor.frames.items()}
+        indices = {v: _used_index(videos[v], f) for v, f in anchor.frames.items() if v in videos}
         faults += [
             f"anchors.{n}: expected a used frame of {v}, {_range(videos[v])}, got "
             f"{anchor.frames[v]}"
@@ -37,6 +39,8 @@ def hints_of(
         ties += [Anchor(a, t, b, float(s), anchor.hard) for (a, t), (b, s) in combinations(ends, 2)]
     spans = []
     for n, entry in enumerate(forbidden):
+        if entry.video not in videos:
+            continue
         video = videos[entry.video]
         first, stop = (f - int(video.frames[0]) for f in entry.frames)
         first, stop = max(first, 0), min(stop, len(video.frames))

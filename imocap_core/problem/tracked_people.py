@@ -97,7 +97,7 @@ def choose_performers(
 
     file: the action.yaml, for messages.
     """
-    declared = [_declared_row(video, file) for video in videos]
+    declared = [declared_row(video, file) for video in videos]
     rows = [0 if row is None else row for row in declared]
     remarks = ["" for _ in videos]
     if params.performer == "agreement":
@@ -115,8 +115,9 @@ def _performer(video: TrackedVideo, row: int, is_declared: bool, remark: str) ->
     return replace(performer, note=performer.note + remark) if remark else performer
 
 
-def _declared_row(video: TrackedVideo, file: Path) -> int | None:
-    """Row of the track that action.yaml declares; None when it declares none."""
+def declared_row(video: TrackedVideo, file: Path) -> int | None:
+    """Row of the track that action.yaml declares; None when it declares none. ValueError when
+    nobody is where it says."""
     person = video.person
     if person is None:
         return None

@@ -167,7 +167,7 @@ def _about(
             job.settings.params.sync,
             ctx.rng(),
             reference=reference,
-            mirrored=ctx.mirrored(),
+            mirrored=[ctx.mirrored()[video.id] for video in keypoints.videos],
             hints=hints_of(*ctx.hints(), keypoints, str(ctx.action_file())),
         )
     except ValueError as error:

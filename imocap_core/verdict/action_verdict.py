@@ -10,6 +10,7 @@ from imocap_core.verdict.decisions import decision_findings
 from imocap_core.verdict.detections import camera_findings, detection_findings
 from imocap_core.verdict.findings import Verdict
 from imocap_core.verdict.further_view import further_view
+from imocap_core.verdict.left_out_findings import damage_findings, left_out_findings
 from imocap_core.verdict.repetition_findings import repetition_findings
 from imocap_core.verdict.summary import summary_of
 from imocap_core.verdict.take_findings import take_findings
@@ -35,6 +36,7 @@ def verdict_of(
     videos = {video.id: video for video in keypoints.videos}
     cameras = [] if camera_motion is None else camera_motion.videos
     findings = [
+        *left_out_findings(keypoints),
         *decision_findings(sync),
         *take_findings(keypoints.videos),
         *collapse_findings(sync, videos),
@@ -42,6 +44,7 @@ def verdict_of(
         *repetition_findings(sync),
         *body_findings(motion, sync, videos),
         *picture_findings(motion.videos, videos),
+        *damage_findings(keypoints),
         *detection_findings(keypoints.videos),
         *feet_findings(motion.videos, videos, cameras),
         *camera_findings(cameras),
@@ -50,7 +53,7 @@ def verdict_of(
     findings.sort(key=lambda f: ORDER.index(f.kind))
     return Verdict(
         summary_of(
-            timing_sentence(sync, videos[sync.reference].fps),
+            timing_sentence(sync, videos[sync.reference].fps, len(keypoints.left_out or ())),
             findings,
             "" if claimed is None else least_certain(claimed),
             "" if claimed is None else further_view(claimed, sync),

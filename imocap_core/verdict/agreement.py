@@ -29,8 +29,9 @@ def disagreement_s(sync: SyncSummary) -> float | None:
     return float(max(medians)) if medians else None
 
 
-def timing_sentence(sync: SyncSummary, fps: float) -> str:
-    """How well the videos are synchronised; fps: of the reference."""
+def timing_sentence(sync: SyncSummary, fps: float, left_out: int = 0) -> str:
+    """How well the videos are synchronised; fps: of the reference; left_out: the number of videos
+    that could not be used."""
     used = [i for i in sync.ids if i not in sync.excluded]
     if len(used) == 1:
         alone = "One video" if len(sync.ids) == 1 else f"Only {used[0]} is used"
@@ -45,7 +46,8 @@ def timing_sentence(sync: SyncSummary, fps: float) -> str:
             f"{listed(used)} are matched in {matched:.0%} of their frames"
             f"{repetition_clause(sync)}; with two videos nothing checks the timing."
         )
-    count = f"{len(used)} videos" if not sync.excluded else f"{len(used)} of {len(sync.ids)} videos"
+    declared = len(sync.ids) + left_out
+    count = f"{len(used)} videos" if len(used) == declared else f"{len(used)} of {declared} videos"
     apart_s = disagreement_s(sync)
     if apart_s is None:
         return f"{count} are matched in {matched:.0%} of their frames; nothing checks the timing."

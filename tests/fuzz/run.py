@@ -22,7 +22,7 @@ from pathlib import Path
 from types import FrameType
 
 from tests.fuzz.mutations import damaged
-from tests.fuzz.readers import READERS, file_of, try_to_read
+from tests.fuzz.readers import READERS, Read, file_of, try_to_read
 
 LIMIT_S, ROOM_BYTES = 10, 2**30
 OUT = Path("build/fuzz")
@@ -40,26 +40,29 @@ def one(name: str, seed: int, keep: Path | None) -> str:
         file = file_of(path)
         content = damaged(file.read_bytes(), file.name, random.Random(f"{name} {seed}"))
         file.write_bytes(content)
-        signal.alarm(LIMIT_S)
-        try:
-            return "read" if try_to_read(read, path) else "refused"
-        except (Exception, Hung) as error:
-            where = traceback.extract_tb(error.__traceback__)[-1]
-            if keep is not None:
-                keep.mkdir(parents=True, exist_ok=True)
-                (keep / f"{name.replace(' ', '-')}-{seed}{file.suffix}").write_bytes(content)
-            at = f"{Path(where.filename).name}:{where.lineno}"
-            return f"{type(error).__name__} at {at}: {str(error)[:160]}"
-        finally:
-            signal.alarm(0)
+        what = outcome(read, path)
+        if what not in ("read", "refused") and keep is not None:
+            keep.mkdir(parents=True, exist_ok=True)
+            (keep / f"{name.replace(' ', '-')}-{seed}{file.suffix}").write_bytes(content)
+        return what
 
 
-def _hang(number: int, frame: FrameType | None) -> None:
+def outcome(read: Read, path: Path) -> str:
+    """What becomes of a file within the time limit, where SIGALRM calls `hang`."""
+    signal.alarm(LIMIT_S)
+    try:
+        return "read" if try_to_read(read, path) else "refused"
+    except (Exception, Hung) as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        at = f"{Path(where.filename).name}:{where.lineno}"
+        return f"{type(error).__name__} at {at}: {str(error)[:160]}"
+    finally:
+        signal.alarm(0)
+
+
+def hang(number: int, frame: FrameType | None) -> None:
+    """The handler of SIGALRM."""
     raise Hung(f"took longer than {LIMIT_S} s")
-
-
-def _wrong(became: Counter[str]) -> dict[str, int]:
-    return {what: n for what, n in became.items() if what not in ("read", "refused")}
 
 
 def main() -> int:
@@ -70,7 +73,7 @@ def main() -> int:
     parser.add_argument("--only", help="a reader, as the record names it")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
-    signal.signal(signal.SIGALRM, _hang)
+    signal.signal(signal.SIGALRM, hang)
     in_use = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (in_use + 3 * ROOM_BYTES, resource.RLIM_INFINITY))
     names = [arguments.only] if arguments.only else list(READERS)

@@ -4,7 +4,12 @@ from imocap_core.artifacts.schemas.base import Artifact, Floats, Floats32, Ints,
 from imocap_core.artifacts.schemas.camera_motion import CameraMotion, VideoCameraMotion
 from imocap_core.artifacts.schemas.evaluate import Evaluate, Table
 from imocap_core.artifacts.schemas.hands import Hands, VideoHands
-from imocap_core.artifacts.schemas.keypoints import HandKeypoints, Keypoints, VideoKeypoints
+from imocap_core.artifacts.schemas.keypoints import (
+    HandKeypoints,
+    Keypoints,
+    LeftOutVideo,
+    VideoKeypoints,
+)
 from imocap_core.artifacts.schemas.motion import (
     AlternativeMotion,
     Camera,
@@ -49,6 +54,7 @@ __all__ = [
     "InitialSmpl",
     "Ints",
     "Keypoints",
+    "LeftOutVideo",
     "NearPair",
     "RefineSync",
     "Round",

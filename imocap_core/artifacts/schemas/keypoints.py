@@ -19,7 +19,7 @@ class HandKeypoints(Value):
 class VideoKeypoints(Value):
     """One video's detections. A joint that was not detected is NaN with confidence 0."""
 
-    OPTIONAL: ClassVar[frozenset[str]] = frozenset({"hands"})
+    OPTIONAL: ClassVar[frozenset[str]] = frozenset({"hands", "damaged"})
 
     id: str
     fps: float
@@ -37,14 +37,25 @@ class VideoKeypoints(Value):
     presence: float  # share of frames in which the performer was found
     note: str
     hands: HandKeypoints | None = None  # None when no frame has any
+    damaged: list[tuple[int, int]] | None = None  # source frames, first and last: undecodable
+
+
+class LeftOutVideo(Value):
+    """A declared video that cannot be used: its declaration or its files are wrong."""
+
+    id: str
+    reason: str
 
 
 class Keypoints(Artifact):
     """2D joints, one entry per video, in the order of action.yaml."""
 
+    OPTIONAL: ClassVar[frozenset[str]] = frozenset({"left_out"})
+
     videos: list[VideoKeypoints]
+    left_out: list[LeftOutVideo] | None = None  # None when every declared video takes part
 
     @model_validator(mode="after")
     def _ids(self) -> Keypoints:
-        unique([v.id for v in self.videos])
+        unique([v.id for v in (*self.videos, *(self.left_out or ()))])
         return self
