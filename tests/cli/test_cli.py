@@ -87,7 +87,7 @@ def test_init_then_run_says_what_is_missing(toy: Toy, capsys: Capture, tmp_path:
     message = capsys.readouterr().err
     assert f"{action.folder / str(action.videos[0].video)}: is not a readable video" in message
     assert "fault of the program" not in message
-    assert message.count("\n") == 1
+    assert message.count("\n") == 2  # a line for each of the two
     assert toy.imocap(["init", "mine", str(clips[0])]) == 2
     assert "exists already" in capsys.readouterr().err
 
