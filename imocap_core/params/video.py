@@ -14,8 +14,8 @@ class DetectParams:
 
     detector: Literal["auto", "blazepose", "mediapipe", "rtmlib"] = param(
         "auto",
-        "Detector to run. BlazePose and MediaPipe (a smaller network of the same family) find one "
-        "person a picture; rtmlib finds everybody. `auto`: BlazePose, or MediaPipe with `hands`.",
+        "Detector to run. BlazePose and rtmlib find everybody in the picture, MediaPipe (a smaller "
+        "network of BlazePose's family) one person. `auto`: BlazePose, or MediaPipe with `hands`.",
     )
     hands: bool = param(
         False, "Detect the 2 x 21 points of both hands too, which the stage `hands` needs. Slower."
@@ -30,7 +30,13 @@ class DetectParams:
         "MediaPipe: search only near the person's last position. Faster, but it loses people.",
     )
     min_detection_confidence: Share = param(
-        0.5, "MediaPipe, BlazePose: detections of a person below this confidence are dropped."
+        0.5, "MediaPipe: detections of a person below this confidence are dropped."
+    )
+    min_person_confidence: Share = param(
+        0.3, "BlazePose: boxes of people below this confidence are dropped."
+    )
+    most_people: Count = param(
+        5, "BlazePose: at most so many people are followed in a picture; each takes time."
     )
     min_tracking_confidence: Share = param(
         0.5,

@@ -8,10 +8,17 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from imocap_core.detect.workers.blazepose.course import Course, is_same
-from imocap_core.detect.workers.blazepose.crops import MARGIN, Crop, about, pixels, whole
+from imocap_core.detect.workers.blazepose.boxes import box_anchors, detect_boxes
+from imocap_core.detect.workers.blazepose.crops import (
+    MARGIN,
+    Crop,
+    about,
+    pixels,
+    upright_about,
+    whole,
+)
 from imocap_core.detect.workers.blazepose.landmarks import POINTS, detect_landmarks, refined
-from imocap_core.detect.workers.blazepose.person import anchors, detect_people
+from tests.detect.made_people import box_network, picture
 
 Network = Callable[[np.ndarray], list[np.ndarray]]
 BLACK = np.zeros((300, 200, 3), np.uint8)
@@ -43,32 +50,27 @@ def test_a_body_stands_upright_in_its_crop() -> None:
     assert whole(300, 200) == Crop(100.0, 150.0, 300.0, 0.0)
 
 
-def people_at(*places: tuple[float, float, float]) -> Network:
-    """Detects people standing at x, y (shares of the square), each by two boxes; with a logit."""
-
-    def network(given: np.ndarray) -> list[np.ndarray]:
-        assert given.shape == (224, 224, 3)
-        assert given.min() >= -1
-        values, logits = np.zeros((len(anchors()), 12), np.float32), np.full((2254, 1), -100.0)
-        for x, y, logit in places:
-            for anchor in np.argsort(np.linalg.norm(anchors() - [x, y], axis=1))[:2]:
-                dx, dy = 224 * (np.array([x, y]) - anchors()[anchor])
-                values[anchor] = [dx, dy, 40, 60, dx, dy, dx, dy - 50, dx, dy, dx, dy]
-                logits[anchor] = logit
-        return [values, logits]
-
-    return network
+def test_a_box_s_crop_is_the_square_about_it_with_a_margin() -> None:
+    crop = upright_about(np.array([[10.0, 20.0], [50.0, 100.0]]))
+    assert crop == Crop(30.0, 60.0, 80 * MARGIN, 0.0)
 
 
-def test_everybody_is_detected_once_the_most_confident_first() -> None:
-    people = detect_people(
-        BLACK, people_at((0.4, 0.5, 1.0), (0.6, 0.5, 3.0), (0.2, 0.2, -3.0)), 0.5
-    )
-    assert [round(person.confidence, 3) for person in people] == [0.953, 0.731]
-    crop = people[0].crop  # the square of 300 pixels begins 50 pixels left of the picture
-    assert np.allclose([crop.x, crop.y, crop.angle], [0.6 * 300 - 50, 150, 0], atol=1e-4)
-    assert np.isclose(crop.side, 2 * MARGIN * 50 / 224 * 300)
-    assert detect_people(BLACK, people_at(), 0.5) == []
+def test_everybody_is_in_one_box_the_most_confident_first() -> None:
+    made = picture((100, 120), (400, 250))
+    people = detect_boxes(made, box_network([0.6, 0.9]), 0.5)
+    assert [round(person.confidence, 3) for person in people] == [0.9, 0.6]
+    assert np.allclose(people[0].corners, [[380, 190], [420, 310]], atol=3)
+    assert np.allclose(people[1].corners, [[80, 60], [120, 180]], atol=3)
+    assert len(detect_boxes(made, box_network([0.6, 0.4]), 0.5)) == 1
+    assert detect_boxes(BLACK, box_network(), 0.5) == []
+
+
+def test_anchors_lie_in_the_picture_and_have_the_area_of_their_layer() -> None:
+    anchors = box_anchors()
+    assert anchors.shape == (1917, 4)
+    assert ((anchors[:, :2] > 0) & (anchors[:, :2] < 1)).all()
+    area = np.sqrt(anchors[:, 2] * anchors[:, 3])
+    assert np.all(np.diff(area[[0, 1, 19 * 19 * 3, -1]]) > 0)
 
 
 def body(presence: float = 1.0, visibility: float = 5.0, dx: float = 0.0) -> Network:
@@ -81,7 +83,7 @@ def body(presence: float = 1.0, visibility: float = 5.0, dx: float = 0.0) -> Net
         rows[:, 1] += np.arange(POINTS)
         rows[33, 1], rows[34, 1] = 128, 128 - 256 * 0.5 / MARGIN
         world = np.tile(np.float32([0.1, 0.2, 0.3]), POINTS)
-        return [rows.ravel(), np.float32([presence]), np.zeros(1), COLD, world]
+        return [rows.ravel(), np.float32([presence]), np.zeros((256, 256, 1)), COLD, world]
 
     return network
 
@@ -94,7 +96,9 @@ def test_landmarks_turn_with_the_crop() -> None:
     assert np.allclose(answer.z_px, 16 / 256 * 128)
     assert np.allclose(answer.world_m, [-0.2, 0.1, 0.3])
     assert np.allclose(answer.visibility, 1 / (1 + math.exp(-5)))
-    assert is_same(answer.next_crop, crop)
+    following = answer.next_crop
+    assert np.allclose([following.x, following.y], [crop.x, crop.y])
+    assert np.allclose([following.side, following.angle], [crop.side, crop.angle])
 
 
 def test_a_point_moves_to_the_heat_near_it() -> None:
@@ -105,40 +109,3 @@ def test_a_point_moves_to_the_heat_near_it() -> None:
     moved = refined(points, heat)
     assert np.allclose(moved[0], [41.5 / 64, 30 / 64], atol=1e-6)
     assert np.allclose(moved[1:], points[1:])
-
-
-def test_a_person_is_followed_while_the_detector_sees_nobody() -> None:
-    people = [people_at((0.5, 0.5, 3.0)), people_at(), people_at()]
-    course = Course(lambda given: people.pop(0)(given), body(dx=4.0), 0.5, 0.5)
-    places = [answer.xy_px[0, 0] for _ in range(3) if (answer := course.next_body(BLACK))]
-    assert np.allclose(np.diff(places), np.diff(places)[0], rtol=1e-3)
-    assert places[1] > places[0]
-
-
-def test_nobody_is_nobody_and_a_lost_person_is_searched_for() -> None:
-    assert Course(people_at(), body(), 0.5, 0.5).next_body(BLACK) is None
-    presences = [0.9, 0.2, 0.9]
-    people = [people_at((0.5, 0.5, 3.0)), people_at(), people_at((0.3, 0.5, 3.0))]
-    course = Course(
-        lambda given: people.pop(0)(given), lambda given: body(presences.pop(0))(given), 0.5, 0.5
-    )
-    answers = [course.next_body(BLACK) for _ in range(3)]
-    assert answers[1] is None
-    assert answers[0] is not None
-    assert answers[2] is not None
-    assert answers[2].xy_px[0, 0] == pytest.approx(answers[0].xy_px[0, 0] - 60, abs=0.1)
-
-
-def test_where_two_crops_differ_the_better_body_is_taken() -> None:
-    people = [people_at((0.3, 0.5, 3.0)), people_at((0.7, 0.5, 3.0))]
-    visibilities = [5.0, -1.0, 5.0]
-    course = Course(
-        lambda given: people.pop(0)(given),
-        lambda given: body(visibility=visibilities.pop(0))(given),
-        0.5,
-        0.5,
-    )
-    first, second = course.next_body(BLACK), course.next_body(BLACK)
-    assert first is not None
-    assert second is not None
-    assert second.xy_px[0, 0] == pytest.approx(first.xy_px[0, 0] + 120, abs=0.1)

@@ -23,29 +23,27 @@ print("a library that talks")
 
 class Interpreter:
     def __init__(self, model_path, num_threads):
-        self.person = "assets" in model_path
+        self.boxes = "assets" in model_path
     def allocate_tensors(self):
         pass
     def get_input_details(self):
         return [{"index": 0}]
     def get_output_details(self):
-        return [{"index": k} for k in range(2 if self.person else 5)]
+        return [{"index": k} for k in range(2 if self.boxes else 5)]
     def set_tensor(self, index, value):
         assert value.dtype == np.float32
         self.given = value[0]
     def invoke(self):
         bright = self.given.max() > 0.5
-        if self.person:
-            values = np.zeros((2254, 12), np.float32)
-            values[:, 2:4], values[:, 6:8] = 90, (0, -80)
-            logits = np.full((2254, 1), -9.0, np.float32)
-            logits[28 * 14 * 2 + 28] = 9 if bright else -9
-            self.results = [values, logits]
+        if self.boxes:
+            logits = np.full((1917, 24), -9.0, np.float32)
+            logits[1900, 4] = 9 if bright else -9
+            self.results = [np.zeros((1917, 4), np.float32), logits]
         else:
             points = np.zeros((39, 5), np.float32)
             points[:, :2] = 128, 64
             points[33, :2], points[34, :2] = (128, 128), (128, 26)
-            self.results = [points.ravel(), np.float32([bright]), np.zeros(1),
+            self.results = [points.ravel(), np.float32([bright]), np.zeros((256, 256, 1)),
                             np.full((64, 64, 39), -9, np.float32), np.zeros(117, np.float32)]
     def get_tensor(self, index):
         return self.results[index][None]
@@ -88,7 +86,7 @@ def test_a_runtime_that_is_missing_is_one_sentence(tmp_path: Path) -> None:
 
 def test_its_version_names_the_runtime_s() -> None:
     assert REAL.version.startswith("blazepose (ai-edge-litert ")
-    assert set(REAL.arguments) - set(REAL.settings) == {"person_model", "landmark_model"}
+    assert set(REAL.arguments) - set(REAL.settings) == {"box_model", "landmark_model"}
 
 
 def test_hands_choose_another_detector_or_are_refused() -> None:

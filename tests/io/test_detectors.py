@@ -76,6 +76,20 @@ def test_mediapipe_in_pixels_and_as_npz(tmp_path: Path) -> None:
     np.testing.assert_allclose(read(path, "mediapipe", "mediapipe33").people[2][0], people[2][0])
 
 
+def test_mediapipe_of_several_people_as_npz(tmp_path: Path) -> None:
+    people = made.people("mediapipe33", persons=2)
+    table = np.full((len(people), 3, 33, 4), np.nan)
+    for row, in_frame in zip(table, people.values(), strict=True):
+        for p, person in enumerate(in_frame):
+            row[p + 1] = np.column_stack([person[:, :2], 0 * person[:, 0], person[:, 2]])
+    path = tmp_path / "landmarks.npz"
+    np.savez(path, pose_landmarks=table)
+    read_people = read(path, "mediapipe", "mediapipe33").people[2]
+    assert len(read_people) == 2
+    for got, person in zip(read_people, people[2], strict=True):
+        np.testing.assert_allclose(got, person)
+
+
 def test_names_of_layouts_are_formats_of_any_file(tmp_path: Path) -> None:
     path = made.write_npz(tmp_path, made.people("halpe26"))
     assert format_and_layout(path, "halpe26", None) == ("npz", "halpe26")

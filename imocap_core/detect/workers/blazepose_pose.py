@@ -1,7 +1,8 @@
 """BlazePose on the pictures of one video, in order: a person detector and a landmark network.
 
-Answers: `pose_landmarks`, `pose_world_landmarks` (33 of [x, y, z, visibility]; null where nobody
-was detected). Settings: the networks' files, and those of `blazepose.course`.
+Answers: `people`, each with `pose_landmarks`, `pose_world_landmarks` (33 of [x, y, z, visibility]);
+`earlier`: people in former pictures, each also with `ago`, the number of frames. Settings: the
+networks' files, and those of `blazepose.course`.
 """
 
 from __future__ import annotations
@@ -14,18 +15,23 @@ from typing import Any
 MOST_THREADS = 4  # more hardly help one picture at a time
 
 
-def landmark_detector(settings: dict[str, Any]) -> Callable[[Any], dict[str, Any]]:
-    """The course of one person through the pictures, as a function of the next."""
+def people_detector(settings: dict[str, Any]) -> Callable[[Any], dict[str, Any]]:
+    """The courses of everybody through the pictures, as a function of the next."""
     course = importlib.import_module("blazepose.course").Course(
-        _network(settings["person_model"]),
+        _network(settings["box_model"]),
         _network(settings["landmark_model"]),
-        settings["min_detection_confidence"],
+        settings["min_person_confidence"],
         settings["min_tracking_confidence"],
+        settings["most_people"],
     )
 
     def detect(picture: Any) -> dict[str, Any]:
         height, width = picture.shape[:2]
-        return _landmarks(course.next_body(picture), width, height)
+        people, earlier = course.next_people(picture)
+        return {
+            "people": [_landmarks(body, width, height) for body in people],
+            "earlier": [{"ago": ago} | _landmarks(body, width, height) for ago, body in earlier],
+        }
 
     return detect
 
@@ -48,9 +54,7 @@ def _network(file: str) -> Any:
 
 
 def _landmarks(body: Any, width: int, height: int) -> dict[str, Any]:
-    """The answer: shares of the picture's sides (z: of its width), and metres."""
-    if body is None:
-        return {"pose_landmarks": None, "pose_world_landmarks": None}
+    """One person: shares of the picture's sides (z: of its width), and metres."""
     xy, z, world = body.xy_px.tolist(), body.z_px.tolist(), body.world_m.tolist()
     visibility = body.visibility.tolist()
     picture = [
@@ -66,4 +70,4 @@ def _rounded(rows: list[list[float]]) -> list[list[float]]:
 
 
 if __name__ == "__main__":
-    raise SystemExit(importlib.import_module("exchange").serve(landmark_detector))
+    raise SystemExit(importlib.import_module("exchange").serve(people_detector))

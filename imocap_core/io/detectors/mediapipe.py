@@ -5,7 +5,8 @@ list) with one entry per frame, in the names of its results: ``pose_landmarks`` 
 ``poseLandmarks``) and ``pose_world_landmarks`` (``world_landmarks``, ``worldLandmarks``), each a
 list of 33 {x, y, z, visibility}, or a list of people with such a list each (as its newer tasks
 return); ``frame`` is the frame number, without which frames count from 0. Or an npz with arrays
-of these names (T, 33, 3 to 5: x, y, z, visibility) and, optionally, ``frames`` (T,).
+of these names (T, 33, 3 to 5: x, y, z, visibility), of several people (T, P, 33, 3 to 5), and,
+optionally, ``frames`` (T,).
 
 As its guide says, landmarks are shares of the picture's width and height (numbers well above 1 are
 taken as pixels), world landmarks are metres from the middle of the hips, x to the right, y down, z
@@ -158,12 +159,16 @@ def _person(landmarks: list[Any], where: str) -> Landmarks:
 def _frames_of_npz(path: Path, names: tuple[str, ...]) -> Iterator[tuple[int, list[Landmarks]]]:
     arrays = load_arrays(path)
     name = next((n for n in names if n in arrays), names[0])
-    table = numbers(arrays, name, ("T", POINTS, "3 to 5"), path)
-    if not 3 <= table.shape[2] <= 5:
-        raise ValueError(f"{path}: {name}: expected 3 to 5 numbers, got {table.shape[2]}")
-    if table.shape[2] == 3:
-        table = np.concatenate([table, np.ones((*table.shape[:2], 1))], axis=2)
+    several = name in arrays and arrays[name].ndim == 4
+    dims = ("T", "P", POINTS, "3 to 5") if several else ("T", POINTS, "3 to 5")
+    table = numbers(arrays, name, dims, path)
+    if not 3 <= table.shape[-1] <= 5:
+        raise ValueError(f"{path}: {name}: expected 3 to 5 numbers, got {table.shape[-1]}")
+    if table.shape[-1] == 3:
+        table = np.concatenate([table, np.ones((*table.shape[:-1], 1))], axis=-1)
+    table = table if several else table[:, None]
     rows = np.arange(len(table))
     frames = numbers(arrays, "frames", (len(table),), path) if "frames" in arrays else rows
-    for frame, person in zip(frames, table, strict=True):
-        yield int(frame), [person[:, :4].copy()] if np.isfinite(person).any() else []
+    for frame, people in zip(frames, table, strict=True):
+        present = np.isfinite(people).any(axis=(1, 2))
+        yield int(frame), [person[:, :4].copy() for person in people[present]]

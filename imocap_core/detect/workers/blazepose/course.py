@@ -1,57 +1,153 @@
-"""One person through a video: where each picture is looked at.
+"""Everybody through a video: where each picture is looked at.
 
-The next crop follows from the last landmarks. The person detector looks at the whole picture too:
-where its crop is another one, both are tried and the better answer is taken.
+Each person's next crop follows from the last landmarks. The person detector looks at the whole
+picture every few frames and whenever somebody was lost; a box in which nobody is followed is a new
+person, who is also followed backward through the last pictures.
 """
 
 from __future__ import annotations
 
-import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .boxes import PersonBox, detect_boxes, overlap
 from .crops import Crop
 from .landmarks import Landmarks, detect_landmarks
-from .person import Network, detect_people
+from .networks import Network
+from .overlap import corners_of, distinct, is_duplicate, shared, step
 
-SAME_PLACE = 0.15  # of the side
-SAME_SIDE = 1.25
-SAME_ANGLE = math.radians(25)
+EVERY = 5  # frames from one look at the whole picture to the next
+FOLLOWED = 0.5  # intersection over union of the box of a person who is followed and the detector's
+CONTESTED = 0.25  # share of joints at those of others, beyond which they are painted over
+MOST_BYTES = 200_000_000  # of the last pictures
+Earlier = list[tuple[int, Landmarks]]  # so many frames ago
+
+
+@dataclass(frozen=True)
+class FollowedPerson:
+    """A followed person: the landmarks now and those of the first frame, `age` frames ago."""
+
+    body: Landmarks
+    first: Landmarks
+    age: int = 0
 
 
 class Course:
-    """The course of one person: pictures in order in, landmarks out."""
+    """The courses of everybody: pictures in order in, landmarks out."""
 
     def __init__(
-        self, person: Network, landmarks: Network, least_person: float, least_presence: float
+        self,
+        boxes: Network,
+        landmarks: Network,
+        least_person: float,
+        least_presence: float,
+        most_people: int,
     ) -> None:
-        self._person, self._landmarks = person, landmarks
+        self._boxes, self._landmarks = boxes, landmarks
         self._least_person, self._least_presence = least_person, least_presence
-        self._crop: Crop | None = None
+        self._most_people = most_people
+        self._people: list[FollowedPerson] = []
+        self._last: deque[tuple[np.ndarray, list[Landmarks]]] = deque()
+        self._until_boxes = 0
 
-    def next_body(self, picture: np.ndarray) -> Landmarks | None:
-        """The body in the next picture (H, W, 3), RGB; None where nobody is detected."""
-        crops = [self._crop] if self._crop else []
-        people = detect_people(picture, self._person, self._least_person)
-        if people and not any(is_same(people[0].crop, crop) for crop in crops):
-            crops.append(people[0].crop)
-        bodies = [detect_landmarks(picture, crop, self._landmarks) for crop in crops]
-        best = max(bodies, key=quality, default=None)
-        if best is None or best.presence < self._least_presence:
-            self._crop = None
-            return None
-        self._crop = best.next_crop
-        return best
+    def next_people(self, picture: np.ndarray) -> tuple[list[Landmarks], Earlier]:
+        """Everybody in the next picture (H, W, 3), RGB, and the people overlooked in the last."""
+        followed = self._followed(picture)
+        people = merged(followed, [])
+        self._until_boxes -= 1
+        if self._until_boxes < 0 or not people or len(people) < len(self._people):
+            people = merged(followed, self._fresh(picture, [person.body for person in people]))
+            self._until_boxes = EVERY - 1
+        self._people = people[: self._most_people]
+        new = [person for person in self._people if person.age == EVERY]
+        earlier = [past for person in new for past in self._backward(person)]
+        self._remember(picture, [person.body for person in self._people])
+        return [person.body for person in self._people], earlier
+
+    def _followed(self, picture: np.ndarray) -> list[FollowedPerson]:
+        """The people of the last picture in this one: who moved least first, the others then
+        without them, where they took their place."""
+        answers = [(p, self._look(picture, p.body.next_crop)) for p in self._people]
+        present = [(p, body) for p, body in answers if body]
+        present.sort(key=lambda answer: step(answer[1], answer[0].body))
+        people: list[FollowedPerson] = []
+        for person, body in present:
+            others = [other.body for other in people]
+            best = self._apart(picture, person.body.next_crop, body, others)
+            people.append(replace(person, body=best, age=person.age + 1))
+        return people
+
+    def _look(
+        self, picture: np.ndarray, crop: Crop, others: Sequence[Landmarks] = ()
+    ) -> Landmarks | None:
+        """The body in a crop, None where nobody is."""
+        body = detect_landmarks(picture, crop, self._landmarks, others)
+        return body if body.presence >= self._least_presence else None
+
+    def _apart(
+        self, picture: np.ndarray, crop: Crop, body: Landmarks, others: Sequence[Landmarks]
+    ) -> Landmarks:
+        """The body in a crop, looked at again with the people painted over whose joints it has."""
+        rivals = [other for other in others if shared(body, [other]) >= CONTESTED]
+        again = self._look(picture, crop, rivals) if rivals else None
+        return again if again and shared(again, rivals) < shared(body, rivals) else body
+
+    def _fresh(self, picture: np.ndarray, bodies: Sequence[Landmarks]) -> list[Landmarks]:
+        """People in boxes in which nobody is followed, each looked at twice."""
+        fresh: list[Landmarks] = []
+        for box in detect_boxes(picture, self._boxes, self._least_person)[: self._most_people]:
+            if is_followed(box, [*bodies, *fresh]):
+                continue
+            others = [*bodies, *fresh]
+            first = self._look(picture, box.crop)
+            if first:
+                first = self._apart(picture, box.crop, first, others)
+                second = self._look(picture, first.next_crop)
+                if second:
+                    fresh.append(self._apart(picture, first.next_crop, second, others))
+        return fresh
+
+    def _backward(self, person: FollowedPerson) -> Earlier:
+        """A person in the last pictures before the first frame, until they are lost or another."""
+        earlier: Earlier = []
+        body = person.first
+        for ago in range(person.age + 1, len(self._last) + 1):
+            picture, others = self._last[-ago]
+            crop = body.next_crop
+            body = self._look(picture, crop)
+            if body:
+                body = self._apart(picture, crop, body, others)
+            if body is None or len(others) >= self._most_people or is_duplicate(body, others):
+                break
+            others.append(body)
+            earlier.append((ago, body))
+        return earlier
+
+    def _remember(self, picture: np.ndarray, bodies: list[Landmarks]) -> None:
+        """Add a picture to the last ones, as many as there is room for."""
+        self._last.append((picture, bodies))
+        while len(self._last) > 1 and len(self._last) * picture.nbytes > MOST_BYTES:
+            self._last.popleft()
 
 
-def is_same(a: Crop, b: Crop) -> bool:
-    """Whether two crops show the same body in nearly the same way."""
-    near = math.hypot(a.x - b.x, a.y - b.y) < SAME_PLACE * max(a.side, b.side)
-    turned = abs(math.remainder(a.angle - b.angle, 2 * math.pi))
-    ratio = max(a.side, b.side) / max(min(a.side, b.side), 1e-9)
-    return near and ratio < SAME_SIDE and turned < SAME_ANGLE
+def merged(followed: Sequence[FollowedPerson], fresh: Sequence[Landmarks]) -> list[FollowedPerson]:
+    """Different people, the best seen first; who is better seen in a fresh crop keeps the age."""
+    every = [*followed, *(FollowedPerson(body, body) for body in fresh)]
+    rows = distinct([person.body for person in every])
+    replaced = [every[row] for row in range(len(followed)) if row not in rows]
+    people = []
+    for row in rows:
+        person = every[row]
+        if row >= len(followed):
+            same = [old for old in replaced if is_duplicate(person.body, [old.body])]
+            person = replace(same[0], body=person.body) if same else person
+        people.append(person)
+    return people
 
 
-def quality(body: Landmarks) -> float:
-    """How well a body is seen: the probability of a person, times the mean visibility."""
-    return body.presence * float(body.visibility.mean())
+def is_followed(box: PersonBox, bodies: Sequence[Landmarks]) -> bool:
+    """Whether one of the bodies fills a box."""
+    return any(overlap(corners_of(body), box.corners) > FOLLOWED for body in bodies)

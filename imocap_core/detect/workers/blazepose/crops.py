@@ -53,6 +53,12 @@ def about(centre: np.ndarray, rim: np.ndarray) -> Crop:
     return Crop(float(centre[0]), float(centre[1]), side, math.atan2(dy, dx) + math.pi / 2)
 
 
+def upright_about(corners: np.ndarray) -> Crop:
+    """The upright crop about a box: its corners (2, 2) in pixels."""
+    x, y = corners.mean(axis=0)
+    return Crop(float(x), float(y), MARGIN * float((corners[1] - corners[0]).max()), 0.0)
+
+
 def pixels(picture: np.ndarray, crop: Crop, size: int) -> Any:
     """The crop's pixels, (size, size, 3), black outside the picture; reduced by area, so that
     fine patterns do not become coarse ones."""

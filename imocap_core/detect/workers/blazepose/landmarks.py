@@ -5,18 +5,21 @@ MediaPipe's graph `pose_landmark_by_roi`: points from a regression, each refined
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from .crops import Crop, about, pixels
-from .person import Network, sigmoid
+from .networks import Network, sigmoid
 
 SIZE = 256  # pixels of the network's input
 POINTS, BODY = 39, 33
 CENTRE, RIM = 33, 34  # between the hips; on the circle about the whole body, beyond the head
 REACH = 3  # cells of the heatmap about a point
 LEAST_HEAT = 0.5
+GROWN, SPREAD = 9, 12.0  # pixels: of another person's mask, and of the colours that fill it
 
 
 @dataclass(frozen=True)
@@ -25,7 +28,8 @@ class Landmarks:
 
     xy_px: (33, 2) pixels of the picture. z_px: (33,) towards the camera negative, from the middle
     of the hips. visibility: (33,). world_m: (33, 3) metres from the middle of the hips. presence:
-    probability of a person in the crop. next_crop: about these landmarks.
+    probability of a person in the crop. next_crop: about these landmarks. mask: (256, 256) share
+    of the person in the pixels of `crop`.
     """
 
     xy_px: np.ndarray
@@ -34,12 +38,18 @@ class Landmarks:
     world_m: np.ndarray
     presence: float
     next_crop: Crop
+    crop: Crop
+    mask: np.ndarray
 
 
-def detect_landmarks(picture: np.ndarray, crop: Crop, network: Network) -> Landmarks:
-    """The body in a crop of a picture (H, W, 3), RGB."""
+def detect_landmarks(
+    picture: np.ndarray, crop: Crop, network: Network, others: Sequence[Landmarks] = ()
+) -> Landmarks:
+    """The body in a crop of a picture (H, W, 3), RGB, with other people painted over."""
     given = pixels(picture, crop, SIZE).astype(np.float32) / 255
-    values, presence, _, heat, world = network(given)
+    for other in others:
+        given = painted_over(given, crop, other)
+    values, presence, mask, heat, world = network(given)
     rows = values.astype(float).reshape(POINTS, 5)
     xy = crop.in_picture(refined(rows[:, :2] / SIZE, heat))
     turn = crop.axes / crop.side
@@ -51,7 +61,32 @@ def detect_landmarks(picture: np.ndarray, crop: Crop, network: Network) -> Landm
         world_m=np.column_stack([metres[:, :2] @ turn.T, metres[:, 2]]),
         presence=float(presence[0]),
         next_crop=about(xy[CENTRE], xy[RIM]),
+        crop=crop,
+        mask=sigmoid(mask.reshape(SIZE, SIZE)).astype(np.float32),
     )
+
+
+def mask_in(crop: Crop, body: Landmarks) -> np.ndarray:
+    """A body's mask (256, 256) in another crop's pixels."""
+    axes = np.linalg.solve(body.crop.axes, crop.axes)
+    origin = np.zeros(2)
+    corner = np.linalg.solve(body.crop.axes, crop.in_picture(origin) - body.crop.in_picture(origin))
+    first = corner * SIZE + axes @ np.full(2, 0.5) - 0.5
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    return np.asarray(
+        cv2.warpAffine(body.mask, np.column_stack([axes, first]), (SIZE, SIZE), flags=flags)
+    )
+
+
+def painted_over(pixels_in_crop: np.ndarray, crop: Crop, other: Landmarks) -> np.ndarray:
+    """A crop's pixels (256, 256, 3) with another person's filled with the colours
+    around them."""
+    hole = cv2.dilate(mask_in(crop, other), np.ones((GROWN, GROWN), np.uint8))
+    rest = (1 - hole)[..., None]
+    colours = np.concatenate([pixels_in_crop * rest, rest + 1e-6], axis=2)
+    spread = cv2.GaussianBlur(colours, (0, 0), SPREAD)
+    fill = spread[..., :3] / spread[..., 3:]
+    return np.asarray(pixels_in_crop * rest + fill * (1 - rest), np.float32)
 
 
 def refined(points: np.ndarray, heat: np.ndarray) -> np.ndarray:

@@ -1,0 +1,126 @@
+"""Everybody through a video: laws on pictures of bars (`made_people`)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+from imocap_core.detect.workers.blazepose.course import EVERY, Course
+from imocap_core.detect.workers.blazepose.crops import Crop
+from imocap_core.detect.workers.blazepose.landmarks import Landmarks, detect_landmarks, mask_in
+from imocap_core.detect.workers.blazepose.overlap import distinct, is_duplicate, shared
+from tests.detect.made_people import (
+    HEIGHT,
+    WIDTH,
+    Network,
+    blind_network,
+    box_network,
+    landmark_network,
+    picture,
+)
+
+
+def places(
+    pictures: Iterable[np.ndarray],
+    boxes: Callable[[int], Network] = lambda frame: box_network(),
+    most_people: int = 5,
+) -> list[list[tuple[int, int]]]:
+    """Middles of the people in each picture, from left to right; `boxes`: the network by frame."""
+    frame = 0
+
+    def network(given: np.ndarray) -> list[np.ndarray]:
+        return boxes(frame)(given)
+
+    course = Course(network, landmark_network, 0.5, 0.5, most_people)
+    bodies: list[list[Landmarks]] = []
+    for frame, made in enumerate(pictures):
+        people, earlier = course.next_people(made)
+        bodies.append(list(people))
+        for ago, body in earlier:
+            bodies[frame - ago].append(body)
+    return [sorted(map(middle, in_frame)) for in_frame in bodies]
+
+
+def middle(body: Landmarks) -> tuple[int, int]:
+    x, y = body.xy_px.min(axis=0) / 2 + body.xy_px.max(axis=0) / 2
+    return round(float(x)), round(float(y))
+
+
+def test_everybody_is_followed() -> None:
+    walk = [picture((100 + 4 * t, 150), (450 - 3 * t, 250)) for t in range(12)]
+    for t, people in enumerate(places(walk)):
+        assert np.allclose(people, [(100 + 4 * t, 150), (450 - 3 * t, 250)], atol=8)
+
+
+def test_people_are_followed_while_the_detector_is_blind() -> None:
+    walk = [picture((100 + 4 * t, 150)) for t in range(3 * EVERY)]
+    people = places(walk, lambda frame: blind_network if frame else box_network())
+    assert [len(in_frame) for in_frame in people] == [1] * len(walk)
+
+
+def test_somebody_detected_late_is_followed_backward_too() -> None:
+    walk = [picture((300, 150 + 4 * t)) for t in range(4 * EVERY)]
+    late = places(walk, lambda frame: box_network() if frame >= 2 * EVERY else blind_network)
+    assert [len(in_frame) for in_frame in late] == [1] * len(walk)
+    assert np.allclose([in_frame[0] for in_frame in late], [(300, 150 + 4 * t) for t in range(20)],
+                       atol=8)  # fmt: skip
+
+
+def test_somebody_who_left_and_came_back_is_nobody_between() -> None:
+    present = [t < 8 or t >= 12 for t in range(24)]
+    walk = [picture((300, 150)) if here else picture() for here in present]
+    assert [len(in_frame) for in_frame in places(walk)] == [int(here) for here in present]
+
+
+def test_two_people_who_cross_stay_two() -> None:
+    steps = range(0, 33)
+    walk = [picture((200 + 6 * t, 200), (400 - 6 * t, 200)) for t in steps]
+    people = places(walk)
+    for t in steps:
+        first, second = 200 + 6 * t, 400 - 6 * t
+        if abs(first - second) > 2 * WIDTH:
+            assert np.allclose(people[t], sorted([(first, 200), (second, 200)]), atol=12)
+        assert 1 <= len(people[t]) <= 2
+    assert len(people[-1]) == 2
+
+
+def test_no_more_people_than_allowed() -> None:
+    crowd = [picture((100, 150), (300, 150), (500, 150))] * 3
+    assert [len(in_frame) for in_frame in places(crowd, most_people=2)] == [2, 2, 2]
+
+
+def test_nobody_is_nobody() -> None:
+    assert places([picture()] * 3) == [[], [], []]
+
+
+def looked(made: np.ndarray, x: float, others: tuple[Landmarks, ...] = ()) -> Landmarks:
+    crop = Crop(x, 200.0, 1.3 * HEIGHT, 0.0)
+    return detect_landmarks(made, crop, landmark_network, others)
+
+
+def test_two_crops_that_landed_on_one_person_are_one() -> None:
+    made = picture((200, 200), (450, 200))
+    bodies = [looked(made, x) for x in (190.0, 210.0, 450.0)]
+    assert is_duplicate(bodies[1], [bodies[0]])
+    assert shared(bodies[0], [bodies[0]]) == 1.0
+    assert not is_duplicate(bodies[2], bodies[:2])
+    assert len(distinct(bodies)) == 2
+
+
+def test_a_mask_lies_where_its_person_is_in_any_crop() -> None:
+    body = looked(picture((200, 200)), 190.0)
+    crop = Crop(230.0, 180.0, 200.0, 0.5)
+    mask = mask_in(crop, body)
+    y, x = np.nonzero(mask > 0.5)
+    inside = crop.in_picture(np.column_stack([x + 0.5, y + 0.5]) / 256)
+    assert np.abs(inside[:, 0] - 200).max() < WIDTH / 2 + 3
+    assert np.abs(inside[:, 1] - 200).max() < HEIGHT / 2 + 3
+    assert (mask > 0.5).sum() * (200 / 256) ** 2 > 0.9 * WIDTH * HEIGHT
+
+
+def test_a_person_painted_over_makes_room_for_the_one_behind() -> None:
+    made = picture((200, 200), (230, 200))
+    nearer = looked(made, 200.0)
+    assert abs(middle(looked(made, 205.0))[0] - 200) < 12
+    assert middle(looked(made, 205.0, (nearer,)))[0] > 215
