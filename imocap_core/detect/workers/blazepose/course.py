@@ -117,10 +117,11 @@ class Course:
         for ago in range(person.age + 1, len(self._last) + 1):
             picture, others = self._last[-ago]
             crop = body.next_crop
-            body = self._look(picture, crop)
-            if body:
-                body = self._apart(picture, crop, body, others)
-            if body is None or len(others) >= self._most_people or is_duplicate(body, others):
+            answer = self._look(picture, crop)
+            if answer is None or len(others) >= self._most_people:
+                break
+            body = self._apart(picture, crop, answer, others)
+            if is_duplicate(body, others):
                 break
             others.append(body)
             earlier.append((ago, body))
