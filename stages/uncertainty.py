@@ -16,6 +16,7 @@ from imocap_core.motion.posterior.noise import Noise
 from imocap_core.motion.posterior.observability import viewpoint_report
 from imocap_core.params import Params, UncertaintyParams
 from imocap_core.pipeline.stage import Context, Inputs
+from imocap_core.problem.one_motion import is_one_motion
 from imocap_core.problem.solved_groups import SolvedGroup, solved_groups
 from imocap_core.problem.uncertainty import GroupPosterior, uncertainty_of
 
@@ -31,14 +32,18 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Uncertainty:
         params.fit,
         params.motion,
     )
+    common = refined.motion.common
+    one_motion = common is not None and is_one_motion(common)
     posteriors = []
     for k, group in enumerate(groups):
         ctx.progress(k / len(groups), f"the posterior of {', '.join(group.ids)}")
-        posteriors.append(posterior_of(group, params.uncertainty))
+        posteriors.append(posterior_of(group, params.uncertainty, one_motion=one_motion and k == 0))
     return uncertainty_of(posteriors, keypoints, refined, params.uncertainty)
 
 
-def posterior_of(group: SolvedGroup, params: UncertaintyParams) -> GroupPosterior:
+def posterior_of(
+    group: SolvedGroup, params: UncertaintyParams, *, one_motion: bool
+) -> GroupPosterior:
     """Covariances and viewpoints of videos that were solved together."""
     noise, options = Noise(params), group.problem.options
     scene = group.problem.scene_of(group.solution)
@@ -53,7 +58,7 @@ def posterior_of(group: SolvedGroup, params: UncertaintyParams) -> GroupPosterio
     )
     return GroupPosterior(
         group.problem.participants,
-        [claimed_covariance_m2(covariance) for covariance in posterior.covariances_m2],
+        [claimed_covariance_m2(x, one_motion=one_motion) for x in posterior.covariances_m2],
         [claimed_rotation_sd(sd) for sd in posterior.camera_rotation_rad],
         viewpoints,
     )

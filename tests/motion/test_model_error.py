@@ -4,7 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.motion.posterior.model_error import claimed_covariance_m2, claimed_rotation_sd
+from imocap_core.motion.posterior.model_error import (
+    PLACE_SD_M,
+    claimed_covariance_m2,
+    claimed_rotation_sd,
+)
 
 
 def posterior() -> np.ndarray:
@@ -12,15 +16,24 @@ def posterior() -> np.ndarray:
     return np.asarray(roots @ roots.swapaxes(-1, -2))
 
 
-def test_claims_are_never_below_the_posterior() -> None:
+def test_claims_of_performances_are_never_below_the_posterior() -> None:
     given = posterior()
-    assert np.linalg.eigvalsh(claimed_covariance_m2(given) - given).min() > -1e-12
+    claimed = claimed_covariance_m2(given, one_motion=False)
+    assert np.linalg.eigvalsh(claimed - given).min() > 0
 
 
-def test_claims_turn_with_the_axes() -> None:
+@pytest.mark.parametrize("one_motion", [False, True])
+def test_no_joint_is_surer_than_its_place_in_the_body(one_motion: bool) -> None:
+    claimed = claimed_covariance_m2(np.zeros((3, 24, 3, 3)), one_motion=one_motion)
+    np.testing.assert_allclose(claimed, np.broadcast_to(PLACE_SD_M**2 * np.eye(3), claimed.shape))
+
+
+@pytest.mark.parametrize("one_motion", [False, True])
+def test_claims_turn_with_the_axes(one_motion: bool) -> None:
     given, turn = posterior(), Rotation.from_rotvec([0.3, -1.0, 0.5]).as_matrix()
-    turned = claimed_covariance_m2(turn @ given @ turn.T)
-    np.testing.assert_allclose(turned, turn @ claimed_covariance_m2(given) @ turn.T, atol=1e-15)
+    turned = claimed_covariance_m2(turn @ given @ turn.T, one_motion=one_motion)
+    claimed = claimed_covariance_m2(given, one_motion=one_motion)
+    np.testing.assert_allclose(turned, turn @ claimed @ turn.T, atol=1e-15)
 
 
 def test_a_camera_that_is_unknown_stays_unknown() -> None:

@@ -4,11 +4,8 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import CommonMotion, Sync, SyncMap, SyncTrust, VideoTrust
-from imocap_core.problem.loop_confidence import (
-    is_one_motion,
-    with_first_repetitions,
-    with_independent_confidence,
-)
+from imocap_core.problem.loop_confidence import with_first_repetitions, with_independent_confidence
+from imocap_core.problem.one_motion import is_one_motion
 
 
 def common(deviation_m: float, path_m: float) -> CommonMotion:
