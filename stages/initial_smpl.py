@@ -21,7 +21,7 @@ from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.estimates import estimate_of
 from imocap_core.problem.exchanged_sides import refits_of_exchanged
 from imocap_core.problem.ground import grounds_of
-from imocap_core.problem.motions import alternatives_of, hypotheses_of, motions_of
+from imocap_core.problem.motions import alternatives_of, motions_of, starts_of
 from imocap_core.problem.observations import body_for, fit_of_single_views, observations_of
 from imocap_core.problem.starts import initial_evidence, lifted_where_no_estimate, source_of, starts
 from imocap_core.workers import at_once
@@ -77,7 +77,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
         model_digest=body.model.digest,
         videos=motions,
         source={v.id: source_of(v, estimates, lifted) for v in keypoints.videos},
-        hypotheses=hypotheses_of(ids, fit.costs),
+        starts=starts_of(ids, fit.costs),
         alternatives=others,
         grounds=grounds_of(motions, keypoints, cameras, params.fit),
     )

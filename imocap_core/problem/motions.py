@@ -11,9 +11,9 @@ from imocap_core.artifacts.schemas import (
     AlternativeMotion,
     Camera,
     CommonMotion,
-    Hypothesis,
     Keypoints,
     SmplBa,
+    StartFit,
     VideoMotion,
 )
 from imocap_core.motion.kinematics import Body
@@ -64,16 +64,10 @@ def motions_of(
     return motions
 
 
-def hypotheses_of(ids: Sequence[str], costs: Sequence[Sequence[float]]) -> list[Hypothesis]:
+def starts_of(ids: Sequence[str], costs: Sequence[Sequence[float]]) -> list[StartFit]:
     """Every start of every video as it is stored; costs: the objective of the fit from each."""
     return [
-        Hypothesis(
-            video=video,
-            name=f"start {n + 1}",
-            cost=cost,
-            chosen=cost == min(of_video),
-            note="objective of the fit from this start",
-        )
+        StartFit(video=video, name=f"start {n + 1}", cost=cost, chosen=cost == min(of_video))
         for video, of_video in zip(ids, costs, strict=True)
         for n, cost in enumerate(of_video)
     ]

@@ -15,9 +15,9 @@ from imocap_core.artifacts.schemas.motion import (
     Camera,
     CommonMotion,
     GroundPlane,
-    Hypothesis,
     InitialSmpl,
     SmplBa,
+    StartFit,
     VideoMotion,
 )
 from imocap_core.artifacts.schemas.refine_sync import RefineSync, Round
@@ -50,7 +50,6 @@ __all__ = [
     "GroundPlane",
     "HandKeypoints",
     "Hands",
-    "Hypothesis",
     "InitialSmpl",
     "Ints",
     "Keypoints",
@@ -60,6 +59,7 @@ __all__ = [
     "Round",
     "Shape",
     "SmplBa",
+    "StartFit",
     "Sync",
     "SyncMap",
     "SyncSummary",

@@ -31,14 +31,13 @@ class Camera(Value):
     t: Annotated[Floats, Shape(3)]  # metres
 
 
-class Hypothesis(Value):
-    """One starting point of the monocular fit of one video."""
+class StartFit(Value):
+    """The monocular fit of one video from one of its starts."""
 
     video: str
     name: str
-    cost: float
+    cost: float  # objective
     chosen: bool
-    note: str
 
 
 class AlternativeMotion(Value):
@@ -68,7 +67,7 @@ class InitialSmpl(Artifact):
     model_digest: str
     videos: list[VideoMotion]
     source: dict[str, str]  # video id -> its initial_format | monocular
-    hypotheses: list[Hypothesis] = Field(default_factory=list)
+    starts: list[StartFit] = Field(default_factory=list)
     # of the videos without an estimate; `videos` are the motions of lowest cost
     alternatives: list[AlternativeMotion] = Field(default_factory=list)
     # each video's by itself, in the order of `videos`, in the axes of its first-frame camera
