@@ -5,11 +5,15 @@
 #   make check             lint, format, types, import order, tests
 #   make fuzz              damage files of every format for five minutes (SECONDS=300); record in build/fuzz
 #   make chaos             kill, starve and disturb runs of a small action; the same results after
+#   make fuzz-guided       the same guided by coverage (atheris, Linux; SECONDS=300); record in build/fuzz
+#   make audit             known vulnerabilities of the pinned packages (asks the package index; its tools in .venv-audit)
+#   make sbom              what is installed in .venv, as a CycloneDX SBOM in build/sbom.json
 #   make detect-env         the environment that `keypoints: detect` runs in (a run makes it when needed)
 #   make docs               the documentation as a site in build/site (its tools in .venv-docs)
 #   make baseline          accept today's numbers as those that tests/regression holds
-#   make clean             remove what was built (.venv, .venv-detect, .venv-docs, caches); actions/ and artifacts/ stay
+#   make clean             remove what was built (.venv, .venv-*, caches); actions/ and artifacts/ stay
 #
+# Packages are installed with the hashes of locked.txt; make HASHES= trusts an index that has other files instead.
 # ACTION is a name below actions/ (or a built-in one: yoga, taichi), or a path to a folder with an action.yaml.
 
 ACTION ?= yoga
@@ -20,25 +24,28 @@ FIT    := import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))
 EXTRA  := import sys, tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"][sys.argv[1]], sep="\n")
 PYTHON ?= $(shell for p in python3 python3.11 python3.12 python3.13 python3.14 python; do \
             $$p -c '$(FIT)' >/dev/null 2>&1 && { echo $$p; break; }; done)
+PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+HASHES ?= --require-hashes
 # One thread a test worker: two workers with two threads each fight over two cores.
 # A file of tests stays on one worker (they share one run of the pipeline), in the order of folders:
 # reordered by number of tests, the few long ones would come last, on one worker alone.
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help setup all test check baseline lint format clean detect-env docs fuzz chaos
+.PHONY: help setup all test check baseline lint format clean detect-env docs fuzz fuzz-guided chaos audit sbom
 
 help:
 	@sed -n 's/^#   \{0,1\}//p' Makefile
 
 setup: $(STAMP)
 
-$(STAMP): pyproject.toml constraints.txt
+$(STAMP): pyproject.toml constraints.txt locked.txt
 	@test -n "$(PYTHON)" || { echo "imocap needs Python 3.11 or newer with venv and pip;" \
 	  "found: $$(python3 --version 2>&1). Install one, or name it: make $(MAKECMDGOALS) PYTHON=/path/to/python3.11"; exit 1; }
 	@test -x $(BIN)/python || { echo "imocap: making $(VENV) with $$($(PYTHON) --version)"; $(PYTHON) -m venv $(VENV); }
 	@echo "imocap: installing (once; minutes on a fresh machine)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@test -z "$(HASHES)" || $(PIP) $(HASHES) --no-deps -r locked.txt
+	@$(PIP) -c constraints.txt $(if $(HASHES),--no-build-isolation) -e '.[dev]'
 	@touch $@
 
 all: $(STAMP)
@@ -60,12 +67,31 @@ SECONDS ?= 300
 fuzz: $(STAMP)
 	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.fuzz.run --seconds $(SECONDS)
 
+fuzz-guided: $(STAMP)
+	@test -d build/atheris || $(PIP) --no-deps --target build/atheris 'atheris>=3' || \
+	  { echo "imocap: atheris, which guides the fuzzing, cannot be installed here; make fuzz works without it"; exit 1; }
+	@OMP_NUM_THREADS=1 PYTHONPATH=build/atheris $(BIN)/python -m tests.fuzz.guided --seconds $(SECONDS)
+
 KILLS ?= 100
 chaos: $(STAMP)
 	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.chaos.run --kills $(KILLS)
 
 detect-env: $(STAMP)
 	@$(BIN)/imocap detect --setup
+
+audit: .venv-audit/.installed
+	@.venv-audit/bin/python tools/audit.py .venv-audit/bin/pip-audit
+
+sbom: .venv-audit/.installed $(STAMP)
+	@mkdir -p build
+	@.venv-audit/bin/cyclonedx-py environment --pyproject pyproject.toml --output-reproducible -o build/sbom.json $(VENV)
+	@echo "imocap: build/sbom.json"
+
+.venv-audit/.installed: pyproject.toml
+	@test -n "$(PYTHON)" || { echo "imocap needs Python 3.11 or newer with venv and pip"; exit 1; }
+	@test -x .venv-audit/bin/python || $(PYTHON) -m venv .venv-audit
+	@$(PYTHON) -c '$(EXTRA)' audit | .venv-audit/bin/python -m pip install --quiet --disable-pip-version-check -r /dev/stdin
+	@touch $@
 
 docs: .venv-docs/.installed
 	@NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --strict --quiet
@@ -85,5 +111,5 @@ format: $(STAMP)
 	@$(BIN)/ruff check --fix .
 
 clean:
-	rm -rf $(VENV) .venv-detect .venv-docs build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	rm -rf $(VENV) .venv-detect .venv-docs .venv-audit build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

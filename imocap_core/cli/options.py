@@ -61,6 +61,9 @@ ResultSets = Annotated[
         "--set", metavar="GROUP.NAME=VALUE", help="A parameter that the result was made with."
     ),
 ]
+Verbose = Annotated[
+    bool, typer.Option("--verbose", "-v", help="Show every step, all reasons and all warnings.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document, for scripts.")]
 
 

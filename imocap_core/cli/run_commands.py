@@ -12,6 +12,7 @@ from imocap_core.cli.options import (
     Json,
     Sets,
     StageName,
+    Verbose,
     ask_about_scripts,
     root_of,
     speaker,
@@ -37,6 +38,7 @@ def run_command(
     until: Annotated[
         str | None, typer.Option(help="Stop after this stage.", autocompletion=stage_names)
     ] = None,
+    verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
     """Run an action: all stages that have changed, and the report."""
@@ -55,9 +57,9 @@ def run_command(
         return
     ask_about_scripts(context)
     console = speaker()
-    with Terminal(console) as display:
+    with Terminal(console, verbose=verbose) as display:
         done = solve(display)
-    _print_summary(console, done)
+    _print_summary(console, done, verbose)
 
 
 def stage_command(
@@ -66,6 +68,7 @@ def stage_command(
     action: ActionName,
     force: Force = False,
     sets: Sets = [],  # noqa: B006
+    verbose: Verbose = False,
 ) -> None:
     """Run one stage, and the stages it needs unless they are cached."""
     from imocap_core.library.running import run_stage
@@ -73,14 +76,14 @@ def stage_command(
 
     ask_about_scripts(context)
     console = speaker()
-    with Terminal(console) as display:
+    with Terminal(console, verbose=verbose) as display:
         done = run_stage(
             name, action, root=root_of(context), params=sets, force=force, progress=display
         )
-    _print_summary(console, done)
+    _print_summary(console, done, verbose)
 
 
-def _print_summary(console: Console, done: Run) -> None:
+def _print_summary(console: Console, done: Run, verbose: bool) -> None:
     from rich.markup import escape
 
     from imocap_core.library.outputs import report_page
@@ -95,14 +98,15 @@ def _print_summary(console: Console, done: Run) -> None:
     name = done.job.action.name
     console.print(escape(f"{name}: {len(outcomes)} stages, {how}, {done.seconds:.1f} s.{end}"))
     if done.verdict is not None:
-        for line in terminal_lines(done.verdict):
+        for line in terminal_lines(done.verdict, len(done.verdict.findings) if verbose else None):
             console.print(escape(line))
 
 
-def terminal_lines(verdict: Verdict) -> list[str]:
+def terminal_lines(verdict: Verdict, most: int | None = None) -> list[str]:
     """Warnings, as many as a person reads, and last the three sentences."""
     warnings = [f.sentence for f in verdict.findings if f.kind != "joints"]
-    lines = [f"* {sentence}" for sentence in warnings[:MAX_WARNINGS]]
-    if len(warnings) > MAX_WARNINGS:
-        lines.append(f"* {len(warnings) - MAX_WARNINGS} more in the report")
+    most = MAX_WARNINGS if most is None else most
+    lines = [f"* {sentence}" for sentence in warnings[:most]]
+    if len(warnings) > most:
+        lines.append(f"* {len(warnings) - most} more in the report")
     return ["", *lines, *([""] if lines else []), *verdict.summary]

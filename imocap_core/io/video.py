@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -17,6 +19,11 @@ from imocap_core.limits import MAX_FPS, MAX_PIXELS, MAX_SIDE_PX, MIN_FPS
 from imocap_core.whole_files import draft_of
 
 RgbPicture = UInt8[np.ndarray, "height width 3"]
+ENCODER = "IMOCAP_ENCODER"
+ENCODERS: dict[str, dict[str, str]] = {  # best first; x264 is GPL, libvpx is not
+    "libx264": {},
+    "libvpx-vp9": {"b:v": "0", "deadline": "good", "cpu-used": "5"},
+}
 GrayPicture = UInt8[np.ndarray, "height width"]
 
 
@@ -87,6 +94,22 @@ def read_checked_gray(
         yield number, picture, not frame.is_corrupt
 
 
+def film_encoder() -> str:
+    """The encoder of films: the one that IMOCAP_ENCODER names, else the first that FFmpeg has.
+
+    ValueError when there is none, or it is unknown.
+    """
+    names = [os.environ[ENCODER]] if os.environ.get(ENCODER) else list(ENCODERS)
+    for name in names:
+        with suppress(av.FFmpegError, ValueError):
+            if name in ENCODERS and av.Codec(name, "w"):
+                return name
+    raise ValueError(
+        f"no film can be encoded: expected one of {', '.join(ENCODERS)}, {', '.join(names)} is not "
+        f"in this build of FFmpeg; check {ENCODER}"
+    )
+
+
 def write_h264(
     path: Path,
     frames: Iterable[RgbPicture],
@@ -96,7 +119,7 @@ def write_h264(
     preset: str = "veryfast",
     faststart: bool = False,
 ) -> int:
-    """Write RGB frames as an mp4; returns their number.
+    """Write RGB frames as an mp4 (H.264, or what `film_encoder` is); returns their number.
 
     One thread and no encoder stamps: the same frames give the same bytes. Odd sizes lose their
     last row or column, as H.264 in 4:2:0 needs even sizes. faststart: the index comes first, so
@@ -108,9 +131,11 @@ def write_h264(
         draft_of(path) as draft,
         av.open(str(draft), "w", format="mp4", options=options) as container,
     ):
-        stream: Any = container.add_stream("libx264", rate=Fraction(fps).limit_denominator(1001))
+        encoder = film_encoder()
+        stream: Any = container.add_stream(encoder, rate=Fraction(fps).limit_denominator(1001))
         stream.pix_fmt = "yuv420p"
-        stream.options = {"crf": str(crf), "preset": preset, "threads": "1", "flags": "+bitexact"}
+        speed = {"preset": preset} if encoder == "libx264" else ENCODERS[encoder]
+        stream.options = {"crf": str(crf), "threads": "1", "flags": "+bitexact", **speed}
         for picture in frames:
             if count == 0:
                 stream.height, stream.width = (2 * (side // 2) for side in picture.shape[:2])

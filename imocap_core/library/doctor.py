@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 from importlib import metadata
 from pathlib import Path
+from typing import Any
 
 from imocap_core.errors import WorkFailed
 from imocap_core.pipeline.builtin_actions import BUILT_IN
@@ -107,9 +108,12 @@ def _video() -> str:
     import av
     import numpy as np
 
+    from imocap_core.io.video import film_encoder
+
     with av.open(io.BytesIO(), "w", format="mp4") as container:
-        stream = container.add_stream("libx264", rate=30)
+        encoder = film_encoder()
+        stream: Any = container.add_stream(encoder, rate=30)
         stream.width, stream.height, stream.pix_fmt = 64, 64, "yuv420p"
         frame = av.VideoFrame.from_ndarray(np.zeros((64, 64, 3), np.uint8), format="rgb24")
         container.mux([*stream.encode(frame), *stream.encode(None)])
-    return "video: H.264 can be written"
+    return f"video: films can be written by {encoder}"

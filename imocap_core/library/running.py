@@ -8,12 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from imocap_core.errors import WrongUse
+from imocap_core.library.cache_limit import cache_limit_bytes, keep_cache_within_limit
 from imocap_core.library.door import plain_errors
 from imocap_core.library.new_action import action_of_videos
 from imocap_core.library.one_off import Params, one_off
 from imocap_core.library.progress import Progress, displaying
 from imocap_core.library.result import MotionStage, Result
-from imocap_core.library.status import left_out_of, upstream
+from imocap_core.library.run_log import LoggedDisplay, recording
+from imocap_core.library.status import left_out_notes, upstream
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.repeated_files import repeated_files
 from imocap_core.pipeline.runner import Job, Outcome
@@ -101,19 +103,23 @@ def run_action(
 
     with displaying(progress) as display:
         began = time.perf_counter()
+        cache_limit_bytes()  # a wrong one is noticed before the work
         workspace = Workspace(Path(root))
         job, notes = job_in_parts(workspace, str(action), one_off(params), display)
         notes = [*notes, *repeated_files(job.action)]
         stages = list(job.pipeline.stages) if until is None else upstream(job, until)
-        verdicts: list[Verdict | None] = []
+        with recording(job, notes) as log:
 
-        def report(outcomes: Sequence[Outcome]) -> None:
-            finish(job, outcomes)
-            verdicts.append(verdict_of_run(job, outcomes))
+            def report(outcomes: Sequence[Outcome]) -> None:
+                finish(job, outcomes)
+                log.verdict = verdict_of_run(job, outcomes)
 
-        outcomes = runner.run(job, display, stages, frozenset(stages if force else []), report)
-    notes = [*notes, *(_left_out_notes(outcomes) if verdicts[0] is None else [])]
-    return Run(job, outcomes, notes, time.perf_counter() - began, verdicts[0])
+            forced = frozenset(stages if force else [])
+            outcomes = runner.run(job, LoggedDisplay(display, log), stages, forced, report)
+    notes = [*notes, *keep_cache_within_limit(workspace.root)]
+    if log.verdict is None:
+        notes = [*notes, *left_out_notes({o.stage: o.stored for o in outcomes})]
+    return Run(job, outcomes, notes, time.perf_counter() - began, log.verdict)
 
 
 @plain_errors
@@ -133,16 +139,16 @@ def run_stage(
         began = time.perf_counter()
         job = Workspace(Path(root)).ready_job(str(action), one_off(params), display)
         forced = frozenset([name] * force)
-        outcomes = runner.run(
-            job, display, upstream(job, name), forced, lambda made: finish(job, made)
-        )
-    return Run(job, outcomes, _left_out_notes(outcomes), time.perf_counter() - began)
-
-
-def _left_out_notes(outcomes: Sequence[Outcome]) -> list[str]:
-    """Sentences on videos that could not be used, for runs without a verdict."""
-    stored = {outcome.stage: outcome.stored for outcome in outcomes}
-    return [f"{video.id} is left out: {video.reason}" for video in left_out_of(stored)]
+        with recording(job, []) as log:
+            outcomes = runner.run(
+                job,
+                LoggedDisplay(display, log),
+                upstream(job, name),
+                forced,
+                lambda made: finish(job, made),
+            )
+    notes = left_out_notes({o.stage: o.stored for o in outcomes})
+    return Run(job, outcomes, notes, time.perf_counter() - began)
 
 
 def _motion_stage(workspace: Workspace, until: str | None) -> MotionStage:

@@ -94,6 +94,11 @@ def left_out_of(stored: Mapping[str, Stored]) -> list[LeftOutVideo]:
     return result.decode(Keypoints).left_out or []
 
 
+def left_out_notes(stored: Mapping[str, Stored]) -> list[str]:
+    """A sentence for each of them."""
+    return [f"{video.id} is left out: {video.reason}" for video in left_out_of(stored)]
+
+
 def upstream(job: Job, stage: str) -> list[str]:
     """A stage and all that it needs, in running order. WrongUse for an unknown stage."""
     if stage not in job.pipeline.stages:

@@ -1,7 +1,12 @@
-"""A run on the terminal: one line per stage, and a progress bar for the stage at work."""
+"""A run on the terminal: one line per stage, and a progress bar for the stage at work.
+
+Verbose: all reasons, and every step of a stage on a line of its own with the seconds since the
+stage began.
+"""
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from types import TracebackType
 
@@ -17,8 +22,10 @@ MAX_REASONS = 3
 class Terminal:
     """A `Display` on a console; without a progress bar where it is no terminal."""
 
-    def __init__(self, console: Console) -> None:
+    def __init__(self, console: Console, *, verbose: bool = False) -> None:
         self.console = console
+        self._verbose = verbose
+        self._step, self._began = "", time.perf_counter()
         self._bars = Progress(
             SpinnerColumn(),
             TextColumn("{task.fields[stage]:<14}"),
@@ -45,16 +52,26 @@ class Terminal:
 
     def started(self, stage: str, why: list[str]) -> None:
         self._bars.reset(self._task, total=1.0, visible=True, stage=stage, description="")
-        self.console.print(f"{stage:<14} [dim]because {escape(reasons(why))}[/]")
+        because = "; ".join(why) if self._verbose else reasons(why)
+        self.console.print(f"{stage:<14} [dim]because {escape(because)}[/]")
+        self._step, self._began = "", time.perf_counter()
 
     def progress(self, share: float, what: str) -> None:
+        if self._verbose and what != self._step:
+            self._step = what
+            seconds = time.perf_counter() - self._began
+            self.console.print(f"{'':<14} [dim]{seconds:13.1f} s  {escape(what)}[/]")
         self._bars.update(self._task, completed=share, description=escape(what))
 
     def finished(self, outcome: Outcome) -> None:
         self._bars.update(self._task, visible=False)
         how = "[dim]cached[/]" if outcome.how == "cached" else "[green]made[/]  "
         digest = outcome.stored.digest[:12]
-        self.console.print(f"{outcome.stage:<14} {how} {outcome.seconds:6.1f} s  [dim]{digest}[/]")
+        most = outcome.peak_bytes
+        memory = f"{'':<9}" if most is None else f"{most / 2**20:5.0f} MiB"
+        self.console.print(
+            f"{outcome.stage:<14} {how} {outcome.seconds:6.1f} s {memory}  [dim]{digest}[/]"
+        )
 
     def made_demo(self, name: str, folder: Path) -> None:
         self._bars.update(self._task, visible=False)

@@ -15,6 +15,7 @@ from imocap_core.artifacts.cache import sweep
 from imocap_core.artifacts.file_memory import save_memory
 from imocap_core.artifacts.store import Store, Stored
 from imocap_core.errors import ArtifactCorrupt, WorkFailed, program_fault
+from imocap_core.peak_memory import peak_bytes, restart_peak
 from imocap_core.pipeline.action import Action
 from imocap_core.pipeline.allowed_scripts import must_be_allowed
 from imocap_core.pipeline.graph import Pipeline, RunSettings
@@ -52,12 +53,16 @@ class Display(Protocol):
 
 @dataclass(frozen=True)
 class Outcome:
-    """A stage's result in a run, and whether it was cached or made."""
+    """A stage's result in a run, and whether it was cached or made.
+
+    peak_bytes: the largest memory of the process while it was made; None where cached or unknown.
+    """
 
     stage: str
     how: Literal["cached", "made"]
     stored: Stored
     seconds: float
+    peak_bytes: int | None = None
 
 
 @dataclass(frozen=True)
@@ -106,6 +111,7 @@ def run(
         sweep(job.store.folder, job.action.name)
         for stage in stages:
             began = time.perf_counter()
+            restart_peak()
             needed = job.recipe(stage, done)
             forced = stage in force
             stored = None if forced else job.store.find(job.action.name, stage, needed.key)
@@ -116,7 +122,8 @@ def run(
                 stored = _make(job, stage, needed, done, display.progress)
             job.store.publish(job.action.name, stage, stored)
             done[stage] = stored
-            outcomes.append(Outcome(stage, how, stored, time.perf_counter() - began))
+            most = peak_bytes() if how == "made" else None
+            outcomes.append(Outcome(stage, how, stored, time.perf_counter() - began, most))
             display.finished(outcomes[-1])
         ending(outcomes)
     save_memory(job.store.folder)

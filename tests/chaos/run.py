@@ -2,9 +2,9 @@
 
 Runs, exports, viewers and reports are killed at random moments and begun again until they end.
 Each time: the results of an undisturbed run, nothing left behind, the action's files untouched.
-Then runs with other numbers of threads and every stage alone, and a run that may write no large
-file. The record is build/chaos.json; exit code 0 when nothing
-was lost.
+Then runs with other numbers of threads and every stage alone, a run that may write no large file,
+and one with a video that cannot be used. The record, build/chaos.json, grows round by round; exit
+code 0 when nothing was lost.
 """
 
 from __future__ import annotations
@@ -27,8 +27,12 @@ from imocap_core.pipeline.source import PROJECT
 from tests.chaos.small_action import NAME, SmallAction, digests_below
 
 STAGES = list(read_pipeline(PROJECT / "pipeline.yaml").stages)
+SOLVING = [stage for stage in STAGES if stage not in ("keypoints", "evaluate")]
 LARGEST_BYTES = 20_000
 Start = Callable[[], subprocess.Popen[bytes]]
+Part = dict[str, object]
+OUT = Path("build/chaos.json")
+Keep = Callable[[Part], None]  # into the record
 
 
 def killed_until_done(start: Start, longest_s: float, rng: random.Random, most: int) -> int:
@@ -56,7 +60,7 @@ def timed(action: SmallAction, command: str, *words: str) -> float:
     return time.monotonic() - began
 
 
-def disturb_runs(action: SmallAction, kills: int, rng: random.Random) -> dict[str, object]:
+def disturb_runs(action: SmallAction, kills: int, rng: random.Random, keep: Keep) -> Part:
     """Kills of `imocap run`."""
     longest_s = timed(action, "run")
     expected, inputs = action.results(STAGES), action.inputs()
@@ -68,10 +72,11 @@ def disturb_runs(action: SmallAction, kills: int, rng: random.Random) -> dict[st
         rounds += 1
         whole = action.results(STAGES) == expected and action.inputs() == inputs
         lost += not whole or bool(action.leftovers())
+        keep({"tried": done, "rounds": rounds, "lost": lost})
     return {"tried": done, "rounds": rounds, "lost": lost}
 
 
-def disturb_outputs(action: SmallAction, kills: int, rng: random.Random) -> dict[str, object]:
+def disturb_outputs(action: SmallAction, kills: int, rng: random.Random, keep: Keep) -> Part:
     """Kills of export, view and report."""
     done = rounds = lost = 0
     commands: list[tuple[str, tuple[str, ...], Path]] = []
@@ -96,10 +101,11 @@ def disturb_outputs(action: SmallAction, kills: int, rng: random.Random) -> dict
             done += killed_until_done(start, longest_s, rng, most)
             rounds += 1
             lost += digests_below(folder) != expected or bool(action.leftovers())
+            keep({"tried": done, "rounds": rounds, "lost": lost})
     return {"tried": done, "rounds": rounds, "lost": lost}
 
 
-def vary_threads(action: SmallAction) -> dict[str, object]:
+def vary_threads(action: SmallAction) -> Part:
     """Runs with 1, 2 and 4 threads, and every stage forced alone."""
     tried, lost = 0, 0
     expected = action.results(STAGES)
@@ -113,7 +119,7 @@ def vary_threads(action: SmallAction) -> dict[str, object]:
     return {"tried": tried, "lost": lost}
 
 
-def starve(action: SmallAction) -> dict[str, object]:
+def starve(action: SmallAction) -> Part:
     """A run that may write no file of more than 20 kB, then one that may."""
     expected = action.results(STAGES)
     shutil.rmtree(action.root / "artifacts")
@@ -131,6 +137,16 @@ def starve(action: SmallAction) -> dict[str, object]:
     return {"tried": 1, "lost": int(lost), "sentence": text.strip()[-200:]}
 
 
+def spoil_a_video(action: SmallAction) -> Part:
+    """A run with a third video of a size that its keypoints contradict."""
+    expected = action.results(STAGES)
+    action.add_bad_video()
+    action.finish("run")
+    results = action.results(STAGES)
+    moved = [s for s in SOLVING if results[s] != expected[s]]
+    return {"tried": 1, "lost": len(moved) + bool(action.leftovers())}
+
+
 def main() -> int:
     """Exit code 0 when nothing was lost."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -140,15 +156,21 @@ def main() -> int:
     rng = random.Random(arguments.seed)
     with tempfile.TemporaryDirectory() as folder:
         action = SmallAction.make(Path(folder))
-        record = {
-            "kills of runs": disturb_runs(action, arguments.kills, rng),
-            "kills of outputs": disturb_outputs(action, arguments.kills // 2, rng),
-            "threads and order": vary_threads(action),
-            "no large files": starve(action),
-        }
-    out = Path("build/chaos.json")
-    out.parent.mkdir(exist_ok=True)
-    out.write_text(json.dumps(record, indent=1) + "\n")
+        record: dict[str, Part] = {}
+
+        def keep(name: str, part: Part) -> None:
+            record[name] = part
+            OUT.parent.mkdir(exist_ok=True)
+            OUT.write_text(json.dumps(record, indent=1) + "\n")
+
+        kills = arguments.kills
+        of_runs, of_outputs = "kills of runs", "kills of outputs"
+        keep(of_runs, disturb_runs(action, kills, rng, lambda part: keep(of_runs, part)))
+        outputs = disturb_outputs(action, kills // 2, rng, lambda part: keep(of_outputs, part))
+        keep(of_outputs, outputs)
+        keep("threads and order", vary_threads(action))
+        keep("no large files", starve(action))
+        keep("a video that cannot be used", spoil_a_video(action))
     sys.stdout.write(json.dumps(record, indent=1) + "\n")
     return 1 if any(part["lost"] for part in record.values()) else 0
 

@@ -60,6 +60,14 @@ class SmallAction:
         (folder / "action.yaml").write_text(yaml.safe_dump({"name": NAME, "videos": videos}))
         return cls(root)
 
+    def add_bad_video(self) -> None:
+        """Declare a third video, whose size its keypoints contradict."""
+        file = self.root / "actions" / NAME / "action.yaml"
+        content = yaml.safe_load(file.read_text())
+        bad = {**content["videos"][0], "id": "bad", "size": [40 * SIZE[0], 40 * SIZE[1]]}
+        content["videos"].append(bad)
+        file.write_text(yaml.safe_dump(content))
+
     def start(self, command: str, *words: str, threads: int = 1) -> subprocess.Popen[bytes]:
         """`imocap COMMAND serve WORDS`, with the parameters that make it quick."""
         line = [sys.executable, "-m", "stages", "--root", str(self.root), *command.split(), NAME]

@@ -147,3 +147,21 @@ def test_sizes() -> None:
 def test_wrong_options(toy: Toy, capsys: Capture, words: list[str], message: str) -> None:
     assert toy.imocap(words) == 2
     assert message in capsys.readouterr().err
+
+
+def test_a_run_keeps_the_cache_within_its_limit(
+    used: Toy, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("IMOCAP_CACHE_LIMIT", "0")
+    assert used.imocap(["run", "toy"]) == 0
+    every = len(list((used.root / "artifacts" / ".cache").glob("*/*.mcap")))
+    monkeypatch.setenv("IMOCAP_CACHE_LIMIT", "1 B")
+    assert used.imocap(["run", "toy"]) == 0
+    assert "(IMOCAP_CACHE_LIMIT)" in capsys.readouterr().out
+    remaining = list((used.root / "artifacts" / ".cache").glob("*/*.mcap"))
+    assert 3 <= len(remaining) < every
+    assert used.imocap(["run", "toy"]) == 0
+    assert "all cached" in capsys.readouterr().out
+    monkeypatch.setenv("IMOCAP_CACHE_LIMIT", "much")
+    assert used.imocap(["run", "toy"]) == 2
+    assert "IMOCAP_CACHE_LIMIT: invalid size" in capsys.readouterr().err

@@ -16,13 +16,13 @@ from imocap_core.pipeline.runner import Outcome
 STORED = stored_as(Path("sync.mcap"), Content("Sync", b"{}", {}))
 
 
-def shown(force_terminal: bool) -> str:
+def shown(force_terminal: bool, verbose: bool = False) -> str:
     stream = io.StringIO()
     console = Console(file=stream, force_terminal=force_terminal, width=100, highlight=False)
-    with Terminal(console) as display:
+    with Terminal(console, verbose=verbose) as display:
         display.started("sync", ["input: [gather] has changed"])
         display.progress(0.5, "comparing [v1]")
-        display.finished(Outcome("sync", "made", STORED, 1.25))
+        display.finished(Outcome("sync", "made", STORED, 1.25, 300 * 2**20))
         display.finished(Outcome("smpl_ba", "cached", STORED, 0.0))
         display.made_demo("yoga", Path("actions/yoga"))
         display.waiting()
@@ -43,9 +43,15 @@ def test_plain_lines() -> None:
     digest = STORED.digest[:12]
     assert shown(False).splitlines()[:3] == [
         "sync           because input: [gather] has changed",
-        f"sync           made      1.2 s  {digest}",
-        f"smpl_ba        cached    0.0 s  {digest}",
+        f"sync           made      1.2 s   300 MiB  {digest}",
+        f"smpl_ba        cached    0.0 s {'':<9}  {digest}",
     ]
+
+
+def test_verbose_lines_have_every_step() -> None:
+    (step,) = [line for line in shown(False, verbose=True).splitlines() if "comparing" in line]
+    assert step.split() == ["0.0", "s", "comparing", "[v1]"]
+    assert "comparing" not in shown(False)
 
 
 def test_many_reasons_are_counted() -> None:

@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from imocap_core.io.video import probe, read_gray, read_rgb, write_h264
+from imocap_core.io.video import (
+    ENCODER,
+    ENCODERS,
+    film_encoder,
+    probe,
+    read_gray,
+    read_rgb,
+    write_h264,
+)
 
 
 def clip(count=7, height=48, width=64):
@@ -59,3 +67,18 @@ def test_what_is_no_video_is_refused(tmp_path):
         probe(tmp_path / "text.mp4")
     with pytest.raises(ValueError, match="at least one frame"):
         write_h264(tmp_path / "empty.mp4", [], 25.0)
+
+
+@pytest.mark.parametrize("encoder", ENCODERS)
+def test_films_of_every_encoder_come_back(tmp_path, monkeypatch, encoder):
+    monkeypatch.setenv(ENCODER, encoder)
+    assert write_h264(tmp_path / "a.mp4", clip(), fps=25) == 7
+    assert probe(tmp_path / "a.mp4").frame_count == 7
+    for (_, back), frame in zip(read_rgb(tmp_path / "a.mp4"), clip(), strict=True):
+        assert np.abs(back.astype(float) - frame).mean() < 12
+
+
+def test_an_unknown_encoder_is_refused(monkeypatch):
+    monkeypatch.setenv(ENCODER, "rm -rf")
+    with pytest.raises(ValueError, match="expected one of libx264, libvpx-vp9, rm -rf is not"):
+        film_encoder()
