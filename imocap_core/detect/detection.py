@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from imocap_core.detect.detectors import Detector
 from imocap_core.detect.process import Worker
 from imocap_core.detect.results import frames_with_people
 from imocap_core.errors import WorkFailed
+from imocap_core.io.prefetch import prefetch
 from imocap_core.io.video import probe, read_rgb
 from imocap_core.pipeline.content import content_digest
 from imocap_core.pipeline.unchanged import unchanged
@@ -39,8 +41,12 @@ def detect_video(
     """
     count = max(probe(video).frame_count, 1)
     answers = []
-    with unchanged({"video": video}), Worker(python, detector.worker, detector.arguments) as worker:
-        for number, picture in read_rgb(video):
+    with (
+        unchanged({"video": video}),
+        Worker(python, detector.worker, detector.arguments) as worker,
+        closing(prefetch(read_rgb(video))) as pictures,
+    ):
+        for number, picture in pictures:
             answers.append(worker.detect(number, picture))
             progress(min((number + 1) / count, 1.0), f"{video.name}: frame {number + 1} of {count}")
     arrays: dict[str, Any] = detector.arrays(answers)

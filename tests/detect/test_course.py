@@ -90,6 +90,12 @@ def test_no_more_people_than_allowed() -> None:
     assert [len(in_frame) for in_frame in places(crowd, most_people=2)] == [2, 2, 2]
 
 
+def test_the_allowed_stay_the_same() -> None:
+    """Somebody who comes later and is as large takes nobody's place."""
+    walk = [picture((100, 150), *[(400, 200)] * (t > 2)) for t in range(3 * EVERY)]
+    assert all(np.allclose(p, [(100, 150)], atol=8) for p in places(walk, most_people=1))
+
+
 def test_nobody_is_nobody() -> None:
     assert places([picture()] * 3) == [[], [], []]
 

@@ -17,11 +17,12 @@ from .boxes import PersonBox, detect_boxes, overlap
 from .crops import Crop
 from .landmarks import Landmarks, detect_landmarks
 from .networks import Network
-from .overlap import corners_of, distinct, is_duplicate, shared, step
+from .overlap import corners_of, distinct, is_duplicate, shared, size_of, step
 
 EVERY = 5  # frames from one look at the whole picture to the next
 FOLLOWED = 0.5  # intersection over union of the box of a person who is followed and the detector's
 CONTESTED = 0.25  # share of joints at those of others, beyond which they are painted over
+PREFERRED = 1.3  # of their size: people who are followed already
 MOST_BYTES = 200_000_000  # of the last pictures
 Earlier = list[tuple[int, Landmarks]]  # so many frames ago
 
@@ -61,7 +62,7 @@ class Course:
         if self._until_boxes < 0 or not people or len(people) < len(self._people):
             people = merged(followed, self._fresh(picture, [person.body for person in people]))
             self._until_boxes = EVERY - 1
-        self._people = people[: self._most_people]
+        self._people = largest(people, self._most_people)
         new = [person for person in self._people if person.age == EVERY]
         earlier = [past for person in new for past in self._backward(person)]
         self._remember(picture, [person.body for person in self._people])
@@ -147,6 +148,14 @@ def merged(followed: Sequence[FollowedPerson], fresh: Sequence[Landmarks]) -> li
             person = replace(same[0], body=person.body) if same else person
         people.append(person)
     return people
+
+
+def largest(people: Sequence[FollowedPerson], most_people: int) -> list[FollowedPerson]:
+    """At most so many people: the largest, so that nobody changes places with a better seen one;
+    who is followed already is preferred to somebody as large."""
+    size = [size_of(person.body) * (PREFERRED if person.age else 1.0) for person in people]
+    rows = sorted(range(len(people)), key=lambda row: -size[row])[:most_people]
+    return [people[row] for row in sorted(rows)]
 
 
 def is_followed(box: PersonBox, bodies: Sequence[Landmarks]) -> bool:
