@@ -1,11 +1,13 @@
 """The performer among several people: whose motion agrees with the people of the other videos.
 
 Used only where a video shows several candidates. Every candidate's 3D poses are compared with those
-of the other videos' candidates, independent of time.
+of the other videos' candidates, independent of time. People who stand still are near each other in
+all videos, so it also counts how much nearer the other's poses are than any one of them.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from itertools import product
 
@@ -16,7 +18,9 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.sync.pairwise.procrustes import procrustes_distances
 
 RIVAL_SHARE = 0.4  # of the best score: people with less are not candidates
-DISTANCE_SCALE_M = 0.03  # pose distance that outweighs a factor of e in scores
+DISTANCE_SCALE_M = 0.05  # pose distance that outweighs a factor of e in scores
+MOTION_WEIGHT = 2.0  # of the log ratio of the distances without and with motion
+LEAST_DISTANCE_M = 0.01  # nearer poses are equal
 MAX_POSES = 60  # of a candidate
 MAX_COMBINATIONS = 4096  # of candidates that are tried exhaustively
 JOINTS = [
@@ -40,22 +44,21 @@ def choose_by_agreement(
         scores: per video, of its candidates (presence x size x motion), positive.
         poses: per video and candidate, joints (T, 24, 3) in metres, any axes.
 
-    Returns the combination with the largest sum of log scores minus pose distances in units of
-    `DISTANCE_SCALE_M`.
+    Returns the combination with the largest sum of log scores and `likeness` of poses.
     """
     videos = len(scores)
-    distances = {
-        (v, w): np.array([[pose_set_distance_m(a, b) for b in poses[w]] for a in poses[v]])
+    likenesses = {
+        (v, w): np.array([[likeness(a, b) for b in poses[w]] for a in poses[v]])
         for v in range(videos)
         for w in range(v + 1, videos)
     }
     log_scores = [np.log(np.array(s) / max(s)) for s in scores]
 
     def value(rows: Sequence[int]) -> float:
-        distance = [distances[v, w][rows[v], rows[w]] for v, w in distances]
-        mean_distance = float(np.mean(distance)) if distance else 0.0
+        alike = [likenesses[v, w][rows[v], rows[w]] for v, w in likenesses]
+        mean = float(np.mean(alike)) if alike else 0.0
         total = sum(float(log_scores[v][row]) for v, row in enumerate(rows))
-        return total - (videos - 1) * mean_distance / DISTANCE_SCALE_M
+        return total + (videos - 1) * mean
 
     candidates = [range(len(s)) for s in scores]
     if np.prod([len(c) for c in candidates]) <= MAX_COMBINATIONS:
@@ -65,15 +68,28 @@ def choose_by_agreement(
     return _coordinate_ascent([0] * videos, candidates, value)
 
 
-def pose_set_distance_m(a: Float[np.ndarray, "T 24 3"], b: Float[np.ndarray, "U 24 3"]) -> float:
-    """Symmetric mean distance of each pose to the nearest pose of the other set (Chamfer distance).
+def likeness(a: Float[np.ndarray, "T 24 3"], b: Float[np.ndarray, "U 24 3"]) -> float:
+    """Agreement of two motions, in units of log scores: small distances, and smaller ones than
+    without motion."""
+    moving, still = pose_set_distances_m(a, b)
+    ratio = max(still, LEAST_DISTANCE_M) / max(moving, LEAST_DISTANCE_M)
+    return MOTION_WEIGHT * math.log(ratio) - moving / DISTANCE_SCALE_M
+
+
+def pose_set_distances_m(
+    a: Float[np.ndarray, "T 24 3"], b: Float[np.ndarray, "U 24 3"]
+) -> tuple[float, float]:
+    """Symmetric mean distance of each pose to the nearest pose of the other set (Chamfer distance),
+    and to the one pose of the other set that is the nearest to all.
 
     Poses are rigidly aligned first; the order of the frames does not matter.
     """
     a, b = (x[:: max(1, len(x) // MAX_POSES)][:, JOINTS] for x in (a, b))
     ones = [np.ones(x.shape[:2]) for x in (a, b)]
     distance = procrustes_distances(a, b, *ones)
-    return float(0.5 * (distance.min(1).mean() + distance.min(0).mean()))
+    moving = 0.5 * (distance.min(1).mean() + distance.min(0).mean())
+    still = 0.5 * (distance.mean(0).min() + distance.mean(1).min())
+    return float(moving), float(still)
 
 
 def _coordinate_ascent(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.people.agreement import choose_by_agreement, pose_set_distance_m, rivals
+from imocap_core.people.agreement import choose_by_agreement, pose_set_distances_m, rivals
 
 
 def motion(seed: int, frames: int = 50) -> np.ndarray:
@@ -29,6 +29,16 @@ def test_a_larger_stranger_is_not_the_performer() -> None:
     assert choose_by_agreement(scores, poses) == [1, 0, 0]
 
 
+def test_somebody_who_stands_by_in_every_video_does_not_perform() -> None:
+    """Nearer to each other than the performers are, because nothing moves."""
+    rng = np.random.default_rng(3)
+    still = motion(9)[:1] + rng.normal(0, 0.01, (3, 50, 24, 3))
+    poses = [[still[v], view_of(1, v) + rng.normal(0, 0.02, (24, 3))] for v in range(3)]
+    standing, performing = (pose_set_distances_m(poses[0][k], poses[1][k])[0] for k in (0, 1))
+    assert standing < 0.8 * performing
+    assert choose_by_agreement([[1.0, 0.9]] * 3, poses) == [1, 1, 1]
+
+
 def test_the_larger_of_two_who_do_the_same_performs() -> None:
     poses = [[view_of(1, 0), view_of(1, 1)], [view_of(1, 2)]]
     assert choose_by_agreement([[1.0, 0.6], [1.0]], poses) == [0, 0]
@@ -49,10 +59,13 @@ def test_one_video_alone_takes_the_score() -> None:
 
 def test_distance_of_sets_is_symmetric_and_blind_to_sides_and_order() -> None:
     a, b = view_of(1, 0), view_of(2, 1)
-    assert pose_set_distance_m(a, b) == pytest.approx(pose_set_distance_m(b, a))
+    assert pose_set_distances_m(a, b) == pytest.approx(pose_set_distances_m(b, a))
     turned = a[::-1] @ Rotation.random(random_state=3).as_matrix().T
-    assert pose_set_distance_m(turned, b) == pytest.approx(pose_set_distance_m(a, b), rel=1e-6)
-    assert pose_set_distance_m(a, a) < 1e-6
+    assert pose_set_distances_m(turned, b) == pytest.approx(pose_set_distances_m(a, b), rel=1e-6)
+    assert pose_set_distances_m(a, a)[0] < 1e-6
+    moving, still = pose_set_distances_m(a, b)
+    assert moving < still
+    assert len(set(pose_set_distances_m(a[:1], b[:1]))) == 1  # a pose alone is still
 
 
 def test_only_those_near_the_best_are_thought_of() -> None:
