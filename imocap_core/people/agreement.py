@@ -18,7 +18,7 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.sync.pairwise.procrustes import procrustes_distances
 
 RIVAL_SHARE = 0.4  # of the best score: people with less are not candidates
-DISTANCE_SCALE_M = 0.05  # pose distance that outweighs a factor of e in scores
+DISTANCE_SCALE_M = 0.1  # pose distance that outweighs a factor of e in scores
 MOTION_WEIGHT = 2.0  # of the log ratio of the distances without and with motion
 LEAST_DISTANCE_M = 0.01  # nearer poses are equal
 MAX_POSES = 60  # of a candidate

@@ -85,7 +85,7 @@ def landmark_network(given: np.ndarray) -> list[np.ndarray]:
     rows, mask = np.zeros((POINTS, 5), np.float32), np.full((256, 256), -9.0, np.float32)
     if near:
         (x, y, width, height), pixels = bars(given)[max(near)[1]]
-        rows[:, 0] = x + width * (np.arange(POINTS) % 2)
+        rows[:, 0] = x + width * (0.1 + 0.8 * (np.arange(POINTS) % 2))
         rows[:, 1] = y + height * np.arange(POINTS) / (POINTS - 7)
         rows[33, :2] = x + width / 2, y + height / 2
         rows[34, :2] = rows[33, :2] - (0, 0.5 * height / MARGIN * 1.3)

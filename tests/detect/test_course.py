@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from imocap_core.detect.workers.blazepose.course import EVERY, Course
 from imocap_core.detect.workers.blazepose.crops import Crop
+from imocap_core.detect.workers.blazepose.hidden import with_hidden
 from imocap_core.detect.workers.blazepose.landmarks import Landmarks, detect_landmarks, mask_in
 from imocap_core.detect.workers.blazepose.overlap import distinct, is_duplicate, shared
 from tests.detect.made_people import (
@@ -123,6 +125,21 @@ def test_a_mask_lies_where_its_person_is_in_any_crop() -> None:
     assert np.abs(inside[:, 0] - 200).max() < WIDTH / 2 + 3
     assert np.abs(inside[:, 1] - 200).max() < HEIGHT / 2 + 3
     assert (mask > 0.5).sum() * (200 / 256) ** 2 > 0.9 * WIDTH * HEIGHT
+
+
+def test_joints_behind_somebody_are_said_to_be_hidden() -> None:
+    """Of two who overlap by half, the one behind has its joints of that side hidden."""
+    made = picture((200, 200), (220, 200))
+    nearer = looked(made, 200.0)
+    behind = looked(made, 215.0, (nearer,))
+    behind = replace(behind, xy_px=nearer.xy_px + (20, 0))
+    bodies = with_hidden([nearer, behind])
+    assert np.array_equal(bodies[0].visibility, nearer.visibility)
+    left = behind.xy_px[:, 0] < 220
+    assert left.any()
+    assert (bodies[1].visibility[left] < 0.2 * behind.visibility[left]).all()
+    assert np.array_equal(bodies[1].visibility[~left], behind.visibility[~left])
+    assert np.array_equal(with_hidden([behind])[0].visibility, behind.visibility)
 
 
 def test_a_person_painted_over_makes_room_for_the_one_behind() -> None:

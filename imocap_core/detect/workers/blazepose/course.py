@@ -15,6 +15,7 @@ import numpy as np
 
 from .boxes import PersonBox, detect_boxes, overlap
 from .crops import Crop
+from .hidden import with_hidden
 from .landmarks import Landmarks, detect_landmarks
 from .networks import Network
 from .overlap import corners_of, distinct, is_duplicate, shared, size_of, step
@@ -66,7 +67,7 @@ class Course:
         new = [person for person in self._people if person.age == EVERY]
         earlier = [past for person in new for past in self._backward(person)]
         self._remember(picture, [person.body for person in self._people])
-        return [person.body for person in self._people], earlier
+        return with_hidden([person.body for person in self._people]), earlier
 
     def _followed(self, picture: np.ndarray) -> list[FollowedPerson]:
         """The people of the last picture in this one: who moved least first, the others then
@@ -125,7 +126,7 @@ class Course:
             if is_duplicate(body, others):
                 break
             others.append(body)
-            earlier.append((ago, body))
+            earlier.append((ago, with_hidden(others)[-1]))
         return earlier
 
     def _remember(self, picture: np.ndarray, bodies: list[Landmarks]) -> None:
