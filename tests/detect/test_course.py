@@ -129,10 +129,8 @@ def test_a_mask_lies_where_its_person_is_in_any_crop() -> None:
 
 def test_joints_behind_somebody_are_said_to_be_hidden() -> None:
     """Of two who overlap by half, the one behind has its joints of that side hidden."""
-    made = picture((200, 200), (220, 200))
-    nearer = looked(made, 200.0)
-    behind = looked(made, 215.0, (nearer,))
-    behind = replace(behind, xy_px=nearer.xy_px + (20, 0))
+    nearer, alone = looked(picture((200, 200)), 200.0), looked(picture((220, 200)), 220.0)
+    behind = replace(alone, mask=alone.mask * (mask_in(alone.crop, nearer) < 0.5))
     bodies = with_hidden([nearer, behind])
     assert np.array_equal(bodies[0].visibility, nearer.visibility)
     left = behind.xy_px[:, 0] < 220
