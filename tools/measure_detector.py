@@ -68,6 +68,7 @@ def measure(train: Path, clip: str, view: int, detector: Detector) -> dict[str, 
         detect_video(video, detections, detector, python, lambda share, what: None)
         with np.load(detections) as stored:
             landmarks = stored["pose_landmarks"]
+            landmarks = landmarks[:, 0] if landmarks.ndim == 4 else landmarks  # the best seen
     true = true_points(filmed, shaped)
     detected_px = landmarks[:, true["columns"], :2] * SIZE
     return true | {"detected_px": detected_px, "trust": landmarks[:, true["columns"], 3]}

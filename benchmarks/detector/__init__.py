@@ -1,0 +1,1 @@
+"""`imocap benchmark detector`: the default detector on plain and on degraded footage."""
