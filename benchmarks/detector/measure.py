@@ -26,6 +26,7 @@ from imocap_core.pipeline.runner import Display
 
 SEED = 1
 STANDING = 0.82  # of a person's height: shoulders to ankles
+FrameErrors = dict[str, np.ndarray | float]
 FOLLOWED = 0.1  # of the height: with a smaller mean error the person was followed in that frame
 
 
@@ -140,9 +141,7 @@ def best_shift(result: PerformerLimbs, limbs: Float[np.ndarray, "T 12 2"]) -> in
     return min(SHIFTS, key=distance)
 
 
-def errors(
-    result: PerformerLimbs, limbs: Float[np.ndarray, "T 12 2"]
-) -> dict[str, np.ndarray | float]:
+def errors(result: PerformerLimbs, limbs: Float[np.ndarray, "T 12 2"]) -> FrameErrors:
     """Per frame and joint: error / height, error / torso; per frame: whether left and right are
     exchanged. Frames without a reference are left out."""
     covered = np.isfinite(limbs[result.frames]).all(axis=(1, 2))
@@ -157,7 +156,7 @@ def errors(
     return {"height": error / height, "torso": far / torso, "swapped": gain / height > 0.05}
 
 
-def score_of(action: str, title: str, rows: list[dict[str, np.ndarray | float]]) -> DetectorScore:
+def score_of(action: str, title: str, rows: list[FrameErrors]) -> DetectorScore:
     """One row of the table, of all videos."""
     height, torso, swapped = (
         np.concatenate([np.asarray(row[name]) for row in rows])
