@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -96,7 +97,8 @@ def detect(
     python: Path,
 ) -> PerformerLimbs:
     """Run the detector on a degraded video and choose the performer."""
-    answers, numbers, seconds = [], [], 0.0
+    answers: list[dict[str, Any]] = []
+    numbers, seconds = [], 0.0
     with Worker(python, detector.worker, detector.arguments) as worker:
         for number, picture in degraded(video, limbs, degradation):
             begin = time.perf_counter()

@@ -17,6 +17,7 @@ SHIFTS = range(-3, 4)  # frames by which reference and pictures may differ
 def reference_limbs(folder: Path, video: str, frames: int) -> Float[np.ndarray, "T 12 2"]:
     """Limb joints (`LIMBS`) in the first frames of a video, pixels; NaN where there are none."""
     truth = read_pose2sim_truth(folder, {video: np.arange(frames)}).videos[video]
+    assert truth.joints is not None
     assert truth.K is not None
     assert truth.R is not None
     assert truth.t is not None

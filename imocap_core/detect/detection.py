@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
-from contextlib import closing
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from imocap_core.detect.process import Worker
 from imocap_core.detect.results import frames_with_people
 from imocap_core.errors import WorkFailed
 from imocap_core.io.prefetch import prefetch
-from imocap_core.io.video import probe, read_rgb
+from imocap_core.io.video import RgbPicture, probe, read_rgb
 from imocap_core.pipeline.content import content_digest
 from imocap_core.pipeline.unchanged import unchanged
 
@@ -29,6 +29,17 @@ def detections_file(store: Store, video: Path, detector: Detector) -> Path:
     that they depend on."""
     key = detector.key(content_digest(video), [content_digest(model) for model in detector.models])
     return store.folder.resolve() / ".cache" / FOLDER / f"{key}.npz"
+
+
+@contextmanager
+def decoded_ahead(video: Path) -> Iterator[Iterator[tuple[int, RgbPicture]]]:
+    """A video's numbered pictures, decoded while others are looked at."""
+    pictures = prefetch(read_rgb(video))
+    try:
+        yield pictures
+    finally:
+        if isinstance(pictures, Generator):
+            pictures.close()
 
 
 def detect_video(
@@ -44,7 +55,7 @@ def detect_video(
     with (
         unchanged({"video": video}),
         Worker(python, detector.worker, detector.arguments) as worker,
-        closing(prefetch(read_rgb(video))) as pictures,
+        decoded_ahead(video) as pictures,
     ):
         for number, picture in pictures:
             answers.append(worker.detect(number, picture))
