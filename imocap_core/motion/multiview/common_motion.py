@@ -45,6 +45,10 @@ from imocap_core.params import MotionParams
 from imocap_core.robust import geman_mcclure
 
 ROBUST_STAGES = (3.0, 1.0, 1.0)  # of the robust scale, relative to the final one
+# Before them the motion alone is fitted at this one: a limb that starts on the wrong side feels
+# the keypoints of the views that see it elsewhere. At the others those are outliers, and two
+# opposite views agree with either side.
+WIDE = 10.0
 MISFIT_SIGMAS = 3.0  # Geman-McClure scale of the misfit, relative to the final robust scale
 
 
@@ -79,7 +83,7 @@ def fit_in_stages(
     Args:
         start: one motion (batch of 1), world axes; cameras: where they begin, or where they are
             and stay (``cameras_known``).
-        warm: the start has passed the widest robust scale.
+        warm: the start has passed the wide robust scales.
     """
     free = [] if cameras_known else [v for v in range(len(cameras.R)) if v != scene.reference]
     keypoints = common_keypoints(scene.observations, scene.timeline)
@@ -91,6 +95,12 @@ def fit_in_stages(
     focal = NO_FREE_FOCAL_LENGTHS if cameras_known else free_focal_lengths(scene)
     motion, costs, status = start, list[float](), ""
     spread_m = np.zeros(keypoints.weight.shape)
+    if not warm:
+        progress(f"one motion for all views, robust scale {WIDE:g}x")
+        motion, _, _ = fit_common_motion(
+            scene.body, motion, keypoints, cameras, [], terms, options.max_steps,
+            robust_scale=scene.fit.robust_scale_sigma * WIDE,
+        )  # fmt: skip
     for stage in ROBUST_STAGES[warm:]:
         progress(f"one motion for all views, robust scale {stage:g}x")
         scale = scene.fit.robust_scale_sigma * stage
