@@ -45,9 +45,9 @@ from imocap_core.params import MotionParams
 from imocap_core.robust import geman_mcclure
 
 ROBUST_STAGES = (3.0, 1.0, 1.0)  # of the robust scale, relative to the final one
-# Before them the motion alone is fitted at this one: a limb that starts on the wrong side feels
-# the keypoints of the views that see it elsewhere. At the others those are outliers, and two
-# opposite views agree with either side.
+# A second start is the motion fitted at this one: a limb on the wrong side feels the keypoints of
+# the views that see it elsewhere. At the others those are outliers, and two opposite views agree
+# with either side. The start that ends at the lower objective is followed.
 WIDE = 10.0
 MISFIT_SIGMAS = 3.0  # Geman-McClure scale of the misfit, relative to the final robust scale
 
@@ -94,21 +94,27 @@ def fit_in_stages(
     terms += estimate_terms(scene, start, options)
     focal = NO_FREE_FOCAL_LENGTHS if cameras_known else free_focal_lengths(scene)
     motion, costs, status = start, list[float](), ""
-    spread_m = np.zeros(keypoints.weight.shape)
+    spread_m, starts = np.zeros(keypoints.weight.shape), [start]
     if not warm:
         progress(f"one motion for all views, robust scale {WIDE:g}x")
-        motion, _, _ = fit_common_motion(
-            scene.body, motion, keypoints, cameras, [], terms, options.max_steps,
+        wide, _, _ = fit_common_motion(
+            scene.body, start, keypoints, cameras, [], terms, options.max_steps,
             robust_scale=scene.fit.robust_scale_sigma * WIDE,
         )  # fmt: skip
+        starts.append(wide)
     for stage in ROBUST_STAGES[warm:]:
         progress(f"one motion for all views, robust scale {stage:g}x")
         scale = scene.fit.robust_scale_sigma * stage
         weighted = with_keypoint_spread(scene.body, keypoints, spread_m, motion, cameras)
-        motion, cameras, solution = fit_common_motion(
-            scene.body, motion, weighted, cameras, free, terms, options.max_steps,
-            robust_scale=scale, focal=focal,
-        )  # fmt: skip
+        fits = [
+            fit_common_motion(
+                scene.body, begun, weighted, cameras, free, terms, options.max_steps,
+                robust_scale=scale, focal=focal,
+            )
+            for begun in starts
+        ]  # fmt: skip
+        motion, cameras, solution = min(fits, key=lambda fit: fit[2].costs[-1])
+        starts = [motion]
         keypoints = estimate_offset_sd(
             scene.body, motion, keypoints, cameras, options, robust_scale=scale
         )
