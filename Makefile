@@ -2,6 +2,7 @@
 #
 #   make all ACTION=yoga   from nothing to the motion and its report (installs first, when needed)
 #   make test              the whole test suite
+#   make test-pythons      the quick tests on every Python of PYTHONS (python3.12 python3.13) that is here
 #   make check             lint, format, types, import order, tests
 #   make fuzz              damage files of every format for five minutes (SECONDS=300); record in build/fuzz
 #   make chaos             kill, starve and disturb runs of a small action; the same results after
@@ -32,7 +33,7 @@ HASHES ?= --require-hashes
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help setup all test check baseline lint format clean detect-env docs fuzz fuzz-guided chaos audit sbom
+.PHONY: help setup all test test-quick test-pythons check baseline lint format clean detect-env docs fuzz fuzz-guided chaos audit sbom
 
 help:
 	@sed -n 's/^#   \{0,1\}//p' Makefile
@@ -53,6 +54,18 @@ all: $(STAMP)
 
 test: $(STAMP)
 	@$(PYTEST)
+
+QUICK := tests/test_*.py $(addprefix tests/,artifacts io problem unpickle verdict)
+test-quick: $(STAMP)
+	@$(PYTEST) $(QUICK)
+
+PYTHONS ?= python3.12 python3.13
+test-pythons:
+	@for python in $(PYTHONS); do \
+	  version=$$($$python -c '$(FIT)' 2>/dev/null && $$python -c 'import sys; print("%d.%d" % sys.version_info[:2])') \
+	    || { echo "imocap: skipped $$python, which is not here"; continue; }; \
+	  $(MAKE) --no-print-directory test-quick PYTHON=$$python VENV=.venv-$$version || exit 1; \
+	done
 
 lint: $(STAMP)
 	@$(BIN)/ruff check .
@@ -111,5 +124,5 @@ format: $(STAMP)
 	@$(BIN)/ruff check --fix .
 
 clean:
-	rm -rf $(VENV) .venv-detect .venv-docs .venv-audit build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	rm -rf $(VENV) .venv-detect .venv-docs .venv-audit .venv-3.* build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
