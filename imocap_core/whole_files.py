@@ -6,19 +6,65 @@ is to be written leads nowhere.
 
 from __future__ import annotations
 
+import hashlib
 import os
+import platform
+import re
+import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import BinaryIO
 
 
+def writer() -> str:
+    """The beginning of a draft's name that says which process on which machine writes it."""
+    return f"{_machine()}-{os.getpid()}-"
+
+
+def writer_has_ended(draft: Path) -> bool:
+    """Whether a draft's name says that it was written by a process of this machine that is gone."""
+    match = re.search(rf"\.(?:[a-z]+-)?{re.escape(_machine())}-(\d+)-", draft.name)
+    if match is None or sys.platform == "win32":
+        return False
+    try:
+        os.kill(int(match[1]), 0)  # sends nothing
+    except ProcessLookupError:
+        return True
+    except (OSError, OverflowError):
+        return False
+    return False
+
+
+@cache
+def _machine() -> str:
+    """This machine since it was started; a container's processes are another's."""
+    names = [platform.node()]
+    with suppress(OSError):
+        names.append(Path("/proc/sys/kernel/random/boot_id").read_text())
+        names.append(os.readlink("/proc/self/ns/pid"))
+    return hashlib.sha256("".join(names).encode()).hexdigest()[:12]
+
+
+def _remove_abandoned_drafts(folder: Path) -> None:
+    for draft in folder.glob(f".{_machine()}-*"):
+        if writer_has_ended(draft):
+            with suppress(OSError):
+                draft.unlink()
+
+
 @contextmanager
 def draft_of(file: Path) -> Iterator[Path]:
-    """An empty file beside `file`, which becomes `file` at once when the body ends, or never."""
+    """An empty file beside `file`, which becomes `file` at once when the body ends, or never.
+
+    Drafts that killed processes left in the folder are removed.
+    """
     file.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(prefix=".", suffix=f".part{file.suffix}", dir=file.parent)
+    _remove_abandoned_drafts(file.parent)
+    suffix = f".part{file.suffix}"
+    handle, name = tempfile.mkstemp(prefix=f".{writer()}", suffix=suffix, dir=file.parent)
     os.close(handle)
     try:
         yield Path(name)

@@ -19,7 +19,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from imocap_core.whole_files import write_whole
+from imocap_core.whole_files import write_whole, writer_has_ended
 
 CACHE, USED = ".cache", ".used"
 REPORT = "report"
@@ -31,6 +31,7 @@ LEFTOVERS = (
     f"{CACHE}/*/.detect-*",
     "*/.*.part*",
     "*/*/.*.part*",
+    "*/*/*/.*.part*",
     "*/.report-*",
     "*/.stage-*",
 )
@@ -139,11 +140,13 @@ def restore_reports(store: Path, action: str) -> None:
 
 def sweep(store: Path, action: str) -> None:
     """Delete what killed runs of an action left behind; of the cache, where other actions may be
-    writing, what is older than a day. The action's lock is held."""
+    writing, what a process of this machine left that has ended, or is older than a day. The
+    action's lock is held."""
     restore_reports(store, action)
     for path in leftovers(store):
         with suppress(OSError):
-            if store / action in path.parents or time.time() - path.stat().st_mtime > SWEEP_S:
+            abandoned = store / action in path.parents or writer_has_ended(path)
+            if abandoned or time.time() - path.stat().st_mtime > SWEEP_S:
                 _delete(path)
 
 

@@ -19,6 +19,7 @@ from imocap_core.io.prefetch import prefetch
 from imocap_core.io.video import RgbPicture, probe, read_rgb
 from imocap_core.pipeline.content import content_digest
 from imocap_core.pipeline.unchanged import unchanged
+from imocap_core.whole_files import writer
 
 FOLDER = "detections"
 Progress = Callable[[float, str], None]
@@ -67,7 +68,7 @@ def detect_video(
             "detector (detect.detector in docs/detection.md), or give keypoints from elsewhere"
         )
     file.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".detect-", dir=file.parent) as folder:
+    with tempfile.TemporaryDirectory(prefix=f".detect-{writer()}", dir=file.parent) as folder:
         draft = Path(folder) / file.name
         np.savez_compressed(draft, **arrays)
         draft.replace(file)

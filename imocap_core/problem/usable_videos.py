@@ -33,7 +33,8 @@ def of_usable(
         except ValueError as error:
             faults[video] = str(error)
     if faults and len(results) < LEAST_VIDEOS:
-        raise ValueError("\n".join(faults.values()))
+        several = [f"{video}: {fault}" for video, fault in faults.items()]
+        raise ValueError("\n".join(several if len(faults) > 1 else faults.values()))
     return results
 
 

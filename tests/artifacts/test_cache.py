@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,9 +18,11 @@ from imocap_core.artifacts.cache import (
     removable,
     remove,
     size_of,
+    sweep,
 )
 from imocap_core.artifacts.schemas import Sync
 from imocap_core.artifacts.store import Store
+from imocap_core.whole_files import draft_of, write_whole, writer_has_ended
 
 DAY_S = 86400.0
 
@@ -132,3 +136,33 @@ def test_leftovers_are_unfinished_files_and_folders(
     remove(store.folder, paths)
     assert leftovers(store.folder) == []
     assert {p.name for p in store.folder.rglob("*.mcap")} == {"one.mcap", "sync.mcap"}
+
+
+def abandoned_draft(folder: Path) -> Path:
+    """What a process that was killed while it wrote leaves in a folder."""
+    code = (
+        "import sys, os; from pathlib import Path; from imocap_core.whole_files import draft_of\n"
+        "with draft_of(Path(sys.argv[1])) as draft: print(draft, flush=True); os._exit(9)"
+    )
+    line = [sys.executable, "-c", code, str(folder / "one.mcap")]
+    return Path(subprocess.run(line, capture_output=True, text=True, check=False).stdout.strip())
+
+
+def test_drafts_of_ended_processes_are_swept_and_others_stay(store: Store) -> None:
+    folder = store.folder / ".cache" / "sync"
+    with draft_of(folder / "two.mcap") as draft:
+        elsewhere = folder / ".elsewhere-1-x.part.mcap"
+        elsewhere.write_bytes(b"half")
+        abandoned = abandoned_draft(folder)
+        assert abandoned.exists()
+        assert writer_has_ended(abandoned)
+        assert not writer_has_ended(draft)
+        sweep(store.folder, "yoga")
+        assert sorted(folder.iterdir()) == sorted([draft, elsewhere])
+
+
+def test_the_next_file_of_a_folder_removes_abandoned_drafts(tmp_path: Path) -> None:
+    abandoned = abandoned_draft(tmp_path)
+    assert abandoned.exists()
+    write_whole(tmp_path / "page.html", "text")
+    assert [file.name for file in tmp_path.iterdir()] == ["page.html"]

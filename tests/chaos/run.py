@@ -65,20 +65,29 @@ def disturb_runs(action: SmallAction, kills: int, rng: random.Random, keep: Keep
     longest_s = timed(action, "run")
     expected, inputs = action.results(STAGES), action.inputs()
     assert len(expected) == len(STAGES)
-    done = rounds = lost = 0
+    done = rounds = 0
+    wrong: list[str] = []
     while done < kills:
         shutil.rmtree(action.root / "artifacts")
         done += killed_until_done(lambda: action.start("run"), longest_s, rng, kills - done)
         rounds += 1
-        whole = action.results(STAGES) == expected and action.inputs() == inputs
-        lost += not whole or bool(action.leftovers())
-        keep({"tried": done, "rounds": rounds, "lost": lost})
-    return {"tried": done, "rounds": rounds, "lost": lost}
+        results = action.results(STAGES)
+        wrong += [stage for stage in STAGES if results.get(stage) != expected[stage]]
+        wrong += ["inputs"] * (action.inputs() != inputs) + action.leftovers()
+        keep({"tried": done, "rounds": rounds, "lost": len(wrong), "what": wrong})
+    return {"tried": done, "rounds": rounds, "lost": len(wrong), "what": wrong}
+
+
+def differences(expected: dict[str, str], digests: dict[str, str]) -> list[str]:
+    """The files that are not as expected."""
+    names = sorted({*expected, *digests})
+    return [name for name in names if expected.get(name) != digests.get(name)]
 
 
 def disturb_outputs(action: SmallAction, kills: int, rng: random.Random, keep: Keep) -> Part:
     """Kills of export, view and report."""
-    done = rounds = lost = 0
+    done = rounds = 0
+    wrong: list[str] = []
     commands: list[tuple[str, tuple[str, ...], Path]] = []
     report = action.root / "artifacts" / NAME / "report"
     for format in ("npz", "glb"):
@@ -100,9 +109,9 @@ def disturb_outputs(action: SmallAction, kills: int, rng: random.Random, keep: K
             start = lambda c=command, w=words: action.start(c, *w)  # noqa: E731
             done += killed_until_done(start, longest_s, rng, most)
             rounds += 1
-            lost += digests_below(folder) != expected or bool(action.leftovers())
-            keep({"tried": done, "rounds": rounds, "lost": lost})
-    return {"tried": done, "rounds": rounds, "lost": lost}
+            wrong += differences(expected, digests_below(folder)) + action.leftovers()
+            keep({"tried": done, "rounds": rounds, "lost": len(wrong), "what": wrong})
+    return {"tried": done, "rounds": rounds, "lost": len(wrong), "what": wrong}
 
 
 def vary_threads(action: SmallAction) -> Part:

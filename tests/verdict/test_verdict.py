@@ -10,6 +10,7 @@ import pytest
 from imocap_core.artifacts.schemas import (
     CycleTriple,
     Keypoints,
+    LeftOutVideo,
     RefineSync,
     SyncTrust,
     Uncertainty,
@@ -82,6 +83,18 @@ def test_a_good_result_is_called_so(made: Made) -> None:
     assert "10 ms (0.3 frames)" in verdict.summary[0]
     assert "Nothing was found" in verdict.summary[1]
     assert verdict.disagreement_s == pytest.approx(0.01)
+
+
+def test_a_video_that_cannot_be_used_is_named_first(made: Made) -> None:
+    out = LeftOutVideo(id="v9", reason="v9.mp4: broken")
+    spoiled = made.keypoints.videos[0].model_copy(update={"damaged": [(3, 7)]})
+    videos = [spoiled, *made.keypoints.videos[1:]]
+    verdict = judged(made, keypoints=Keypoints(videos=videos, left_out=[out]))
+    assert not verdict.trusted
+    assert verdict.findings[0].video == "v9"
+    assert "v9.mp4: broken" in verdict.findings[0].sentence
+    assert verdict.summary[0].startswith("3 of 4 videos are synchronised")
+    assert any(f.place == "v1 frames 3-7" and f.serious for f in verdict.findings)
 
 
 def test_contradicting_times_are_doubted(made: Made) -> None:
