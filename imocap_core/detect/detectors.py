@@ -25,6 +25,13 @@ PERSON_BOXES = NetworkFile(
     size=9987728,
     start=184,
 )
+BLAZEPOSE_PERSON = NetworkFile(
+    package="@mediapipe/pose",
+    version="0.5.1675469404",
+    member="package/pose_solution_packed_assets.data",
+    sha256="a63c614bef30d35947f13be361820b1e4e3bec9cfeebf4d11216a18373108e85",
+    size=2962288,
+)
 BLAZEPOSE_HEAVY = NetworkFile(
     package="@mediapipe/pose",
     version="0.5.1675469404",
@@ -126,7 +133,11 @@ def detector_of(params: DetectParams, folder: Path) -> Detector:
                 "most_people": params.most_people,
             },
             models=(),
-            networks={"box_model": PERSON_BOXES, "landmark_model": BLAZEPOSE_HEAVY},
+            networks={
+                "box_model": PERSON_BOXES,
+                "person_model": BLAZEPOSE_PERSON,
+                "landmark_model": BLAZEPOSE_HEAVY,
+            },
             arrays=everybody_arrays,
             format="mediapipe",
             layout="mediapipe33",

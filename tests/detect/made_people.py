@@ -93,3 +93,8 @@ def landmark_network(given: np.ndarray) -> list[np.ndarray]:
     rows[:, 3] = 5.0
     presence = np.float32([1.0 if near else 0.0])
     return [rows.ravel(), presence, mask[..., None], COLD, np.zeros(3 * POINTS, np.float32)]
+
+
+def blind_upright(given: np.ndarray) -> list[np.ndarray]:
+    """BlazePose's own detector, which finds nobody."""
+    return [np.zeros((2254, 12), np.float32), np.full((2254, 1), -9.0, np.float32)]

@@ -18,6 +18,7 @@ from imocap_core.detect.workers.blazepose.crops import (
     whole,
 )
 from imocap_core.detect.workers.blazepose.landmarks import POINTS, detect_landmarks, refined
+from imocap_core.detect.workers.blazepose.person import anchors, detect_people
 from tests.detect.made_people import box_network, picture
 
 Network = Callable[[np.ndarray], list[np.ndarray]]
@@ -71,6 +72,34 @@ def test_anchors_lie_in_the_picture_and_have_the_area_of_their_layer() -> None:
     assert ((anchors[:, :2] > 0) & (anchors[:, :2] < 1)).all()
     area = np.sqrt(anchors[:, 2] * anchors[:, 3])
     assert np.all(np.diff(area[[0, 1, 19 * 19 * 3, -1]]) > 0)
+
+
+def people_at(*places: tuple[float, float, float]) -> Network:
+    """Detects people standing at x, y (shares of the square), each by two boxes; with a logit."""
+
+    def network(given: np.ndarray) -> list[np.ndarray]:
+        assert given.shape == (224, 224, 3)
+        assert given.min() >= -1
+        values, logits = np.zeros((len(anchors()), 12), np.float32), np.full((2254, 1), -100.0)
+        for x, y, logit in places:
+            for anchor in np.argsort(np.linalg.norm(anchors() - [x, y], axis=1))[:2]:
+                dx, dy = 224 * (np.array([x, y]) - anchors()[anchor])
+                values[anchor] = [dx, dy, 40, 60, dx, dy, dx, dy - 50, dx, dy, dx, dy]
+                logits[anchor] = logit
+        return [values, logits]
+
+    return network
+
+
+def test_blazepose_s_own_detector_has_everybody_once() -> None:
+    people = detect_people(
+        BLACK, people_at((0.4, 0.5, 1.0), (0.6, 0.5, 3.0), (0.2, 0.2, -3.0)), 0.5
+    )
+    assert [round(person.confidence, 3) for person in people] == [0.953, 0.731]
+    crop = people[0].crop  # the square of 300 pixels begins 50 pixels left of the picture
+    assert np.allclose([crop.x, crop.y, crop.angle], [0.6 * 300 - 50, 150, 0], atol=1e-4)
+    assert np.isclose(crop.side, 2 * MARGIN * 50 / 224 * 300)
+    assert detect_people(BLACK, people_at(), 0.5) == []
 
 
 def body(presence: float = 1.0, visibility: float = 5.0, dx: float = 0.0) -> Network:

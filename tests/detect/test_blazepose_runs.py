@@ -23,13 +23,14 @@ print("a library that talks")
 
 class Interpreter:
     def __init__(self, model_path, num_threads):
-        self.boxes = "assets" in model_path
+        self.boxes = "objectron" in model_path
+        self.person = "assets" in model_path and not self.boxes
     def allocate_tensors(self):
         pass
     def get_input_details(self):
         return [{"index": 0}]
     def get_output_details(self):
-        return [{"index": k} for k in range(2 if self.boxes else 5)]
+        return [{"index": k} for k in range(2 if self.boxes or self.person else 5)]
     def set_tensor(self, index, value):
         assert value.dtype == np.float32
         self.given = value[0]
@@ -39,6 +40,8 @@ class Interpreter:
             logits = np.full((1917, 24), -9.0, np.float32)
             logits[1900, 4] = 9 if bright else -9
             self.results = [np.zeros((1917, 4), np.float32), logits]
+        elif self.person:
+            self.results = [np.zeros((2254, 12), np.float32), np.full((2254, 1), -9, np.float32)]
         else:
             points = np.zeros((39, 5), np.float32)
             points[:, :2] = 128, 64
@@ -86,7 +89,11 @@ def test_a_runtime_that_is_missing_is_one_sentence(tmp_path: Path) -> None:
 
 def test_its_version_names_the_runtime_s() -> None:
     assert REAL.version.startswith("blazepose (ai-edge-litert ")
-    assert set(REAL.arguments) - set(REAL.settings) == {"box_model", "landmark_model"}
+    assert set(REAL.arguments) - set(REAL.settings) == {
+        "box_model",
+        "person_model",
+        "landmark_model",
+    }
 
 
 def test_hands_choose_another_detector_or_are_refused() -> None:

@@ -17,6 +17,7 @@ from tests.detect.made_people import (
     WIDTH,
     Network,
     blind_network,
+    blind_upright,
     box_network,
     landmark_network,
     picture,
@@ -27,6 +28,7 @@ def places(
     pictures: Iterable[np.ndarray],
     boxes: Callable[[int], Network] = lambda frame: box_network(),
     most_people: int = 5,
+    upright: Network | None = None,
 ) -> list[list[tuple[int, int]]]:
     """Middles of the people in each picture, from left to right; `boxes`: the network by frame."""
     frame = 0
@@ -34,7 +36,7 @@ def places(
     def network(given: np.ndarray) -> list[np.ndarray]:
         return boxes(frame)(given)
 
-    course = Course(network, landmark_network, 0.5, 0.5, most_people)
+    course = Course(network, upright or blind_upright, landmark_network, 0.5, 0.5, most_people)
     bodies: list[list[Landmarks]] = []
     for frame, made in enumerate(pictures):
         people, earlier = course.next_people(made)

@@ -19,6 +19,7 @@ def people_detector(settings: dict[str, Any]) -> Callable[[Any], dict[str, Any]]
     """The courses of everybody through the pictures, as a function of the next."""
     course = importlib.import_module("blazepose.course").Course(
         _network(settings["box_model"]),
+        _network(settings["person_model"]),
         _network(settings["landmark_model"]),
         settings["min_person_confidence"],
         settings["min_tracking_confidence"],

@@ -14,15 +14,29 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .boxes import PersonBox, detect_boxes, overlap
-from .crops import Crop
+from .crops import Crop, is_same
 from .hidden import with_hidden
 from .landmarks import Landmarks, detect_landmarks
 from .networks import Network
-from .overlap import corners_of, distinct, is_duplicate, shared, size_of, step
+from .overlap import (
+    corners_of,
+    distinct,
+    in_front_first,
+    is_duplicate,
+    is_in_the_way,
+    quality,
+    shared,
+    size_of,
+    step,
+)
+from .person import detect_people
 
 EVERY = 5  # frames from one look at the whole picture to the next
 FOLLOWED = 0.5  # intersection over union of the box of a person who is followed and the detector's
-CONTESTED = 0.25  # share of joints at those of others, beyond which they are painted over
+CONTESTED = 0.25  # share of joints at those of others, beyond which a body is not itself
+LEAST_QUALITY = 0.75  # of a body with others painted over, of that without
+LEAST_UPRIGHT = 0.5  # confidence of BlazePose's detector
+NEAR = 0.5  # sides of a crop: further away it is somebody else
 PREFERRED = 1.3  # of their size: people who are followed already
 MOST_BYTES = 200_000_000  # of the last pictures
 Earlier = list[tuple[int, Landmarks]]  # so many frames ago
@@ -43,12 +57,13 @@ class Course:
     def __init__(
         self,
         boxes: Network,
+        upright: Network,
         landmarks: Network,
         least_person: float,
         least_presence: float,
         most_people: int,
     ) -> None:
-        self._boxes, self._landmarks = boxes, landmarks
+        self._boxes, self._upright, self._landmarks = boxes, upright, landmarks
         self._least_person, self._least_presence = least_person, least_presence
         self._most_people = most_people
         self._people: list[FollowedPerson] = []
@@ -70,17 +85,40 @@ class Course:
         return with_hidden([person.body for person in self._people]), earlier
 
     def _followed(self, picture: np.ndarray) -> list[FollowedPerson]:
-        """The people of the last picture in this one: who moved least first, the others then
-        without them, where they took their place."""
+        """The people of the last picture in this one: the best seen first, the others then without
+        them, where they are in the way."""
         answers = [(p, self._look(picture, p.body.next_crop)) for p in self._people]
+        answers = self._with_upright(picture, answers)
         present = [(p, body) for p, body in answers if body]
-        present.sort(key=lambda answer: step(answer[1], answer[0].body))
+        steps = [step(body, p.body) for p, body in present]
+        bodies = [body for _, body in present]
         people: list[FollowedPerson] = []
-        for person, body in present:
-            others = [other.body for other in people]
+        for row in in_front_first(bodies, steps):
+            person, body = present[row]
+            others = [other.body for other in people if other.age >= EVERY]
             best = self._apart(picture, person.body.next_crop, body, others)
             people.append(replace(person, body=best, age=person.age + 1))
         return people
+
+    def _with_upright(
+        self, picture: np.ndarray, answers: list[tuple[FollowedPerson, Landmarks | None]]
+    ) -> list[tuple[FollowedPerson, Landmarks | None]]:
+        """The answers, each replaced by a better one in the crop that BlazePose's own detector
+        gives the nearest person: it knows how a body is turned, which a drifting one forgets."""
+        better = list(answers)
+        for detected in detect_people(picture, self._upright, LEAST_UPRIGHT) if answers else []:
+            crop = detected.crop
+            away = [distance_of(crop, person.body.next_crop) for person, _ in answers]
+            row = int(np.argmin(away))
+            person, body = better[row]
+            if away[row] > NEAR or is_same(crop, person.body.next_crop):
+                continue
+            fresh = self._look(picture, crop)
+            others = [other for k, (_, other) in enumerate(answers) if k != row and other]
+            if fresh and shared(fresh, others) < CONTESTED:
+                best = max((fresh, body), key=quality) if body else fresh
+                better[row] = (person, best)
+        return better
 
     def _look(
         self, picture: np.ndarray, crop: Crop, others: Sequence[Landmarks] = ()
@@ -92,10 +130,14 @@ class Course:
     def _apart(
         self, picture: np.ndarray, crop: Crop, body: Landmarks, others: Sequence[Landmarks]
     ) -> Landmarks:
-        """The body in a crop, looked at again with the people painted over whose joints it has."""
-        rivals = [other for other in others if shared(body, [other]) >= CONTESTED]
+        """The body in a crop, looked at again with the people painted over who are in its way; as
+        it was where that shows less of it, and it had hardly any of their joints."""
+        rivals = [other for other in others if is_in_the_way(other, body)]
         again = self._look(picture, crop, rivals) if rivals else None
-        return again if again and shared(again, rivals) < shared(body, rivals) else body
+        if again is None:
+            return body
+        is_worse = quality(again) < LEAST_QUALITY * quality(body)
+        return body if is_worse and shared(body, rivals) < CONTESTED else again
 
     def _fresh(self, picture: np.ndarray, bodies: Sequence[Landmarks]) -> list[Landmarks]:
         """People in boxes in which nobody is followed, each looked at twice."""
@@ -137,17 +179,12 @@ class Course:
 
 
 def merged(followed: Sequence[FollowedPerson], fresh: Sequence[Landmarks]) -> list[FollowedPerson]:
-    """Different people, the best seen first; who is better seen in a fresh crop keeps the age."""
-    every = [*followed, *(FollowedPerson(body, body) for body in fresh)]
-    rows = distinct([person.body for person in every])
-    replaced = [every[row] for row in range(len(followed)) if row not in rows]
-    people = []
-    for row in rows:
-        person = every[row]
-        if row >= len(followed):
-            same = [old for old in replaced if is_duplicate(person.body, [old.body])]
-            person = replace(same[0], body=person.body) if same else person
-        people.append(person)
+    """Different people: who is followed, the best seen first, then who is new."""
+    bodies = [person.body for person in followed]
+    people = [followed[row] for row in distinct(bodies)]
+    for row in distinct(fresh):
+        if not is_duplicate(fresh[row], [person.body for person in people]):
+            people.append(FollowedPerson(fresh[row], fresh[row]))
     return people
 
 
@@ -157,6 +194,11 @@ def largest(people: Sequence[FollowedPerson], most_people: int) -> list[Followed
     size = [size_of(person.body) * (PREFERRED if person.age else 1.0) for person in people]
     rows = sorted(range(len(people)), key=lambda row: -size[row])[:most_people]
     return [people[row] for row in sorted(rows)]
+
+
+def distance_of(a: Crop, b: Crop) -> float:
+    """Distance of the middles of two crops, in sides of the larger."""
+    return float(np.hypot(a.x - b.x, a.y - b.y)) / max(a.side, b.side)
 
 
 def is_followed(box: PersonBox, bodies: Sequence[Landmarks]) -> bool:

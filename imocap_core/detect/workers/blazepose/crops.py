@@ -14,6 +14,9 @@ import cv2
 import numpy as np
 
 MARGIN = 1.25  # side of a crop / diameter of the circle about the whole body (BlazePose's)
+SAME_PLACE = 0.15  # of the side
+SAME_SIDE = 1.25
+SAME_ANGLE = math.radians(25)
 LARGEST_REDUCTION = 3  # by area; the rest by interpolation: pixels cost time
 
 
@@ -57,6 +60,14 @@ def upright_about(corners: np.ndarray) -> Crop:
     """The upright crop about a box: its corners (2, 2) in pixels."""
     x, y = corners.mean(axis=0)
     return Crop(float(x), float(y), MARGIN * float((corners[1] - corners[0]).max()), 0.0)
+
+
+def is_same(a: Crop, b: Crop) -> bool:
+    """Whether two crops show the same body in nearly the same way."""
+    near = math.hypot(a.x - b.x, a.y - b.y) < SAME_PLACE * max(a.side, b.side)
+    turned = abs(math.remainder(a.angle - b.angle, 2 * math.pi))
+    ratio = max(a.side, b.side) / max(min(a.side, b.side), 1e-9)
+    return near and ratio < SAME_SIDE and turned < SAME_ANGLE
 
 
 def pixels(picture: np.ndarray, crop: Crop, size: int) -> Any:

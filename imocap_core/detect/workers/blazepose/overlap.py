@@ -6,13 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .hidden import IN_MASK, share_there
 from .landmarks import Landmarks, mask_in
 
 LIMBS = [11, 13, 15, 23, 25, 27, 12, 14, 16, 24, 26, 28]  # left, then right
 OTHER_SIDE = np.roll(np.arange(12), 6)
 SAME_JOINT = 0.07  # of the body's size: so near lie a joint of one person, detected twice
 ONE_PERSON = 0.5  # share of joints, or of pixels, of two answers about one person
-COARSE = 4  # of the pixels of a mask so many are one
+CELLS = 16  # a side of the grid of points in the box of a body
+IN_THE_WAY = 0.03  # share of the box that another person covers
 
 
 def quality(body: Landmarks) -> float:
@@ -34,17 +36,19 @@ def distinct(bodies: Sequence[Landmarks]) -> list[int]:
 
 
 def is_duplicate(body: Landmarks, others: Sequence[Landmarks]) -> bool:
-    """Whether half of a body's joints, or of its pixels and another's, are those of others."""
+    """Whether half of a body's joints are those of others, or of its pixels another's."""
     if shared(body, others) >= ONE_PERSON:
         return True
     return any(mask_overlap(body, other) >= ONE_PERSON for other in others)
 
 
 def mask_overlap(a: Landmarks, b: Landmarks) -> float:
-    """Intersection over union of the masks of two bodies, in the crop of the first."""
-    one, other = a.mask[::COARSE, ::COARSE], mask_in(a.crop, b)[::COARSE, ::COARSE]
-    union = np.maximum(one, other).sum()
-    return float(np.minimum(one, other).sum() / union) if union > 0 else 0.0
+    """Common pixels of two bodies' masks, a share of the smaller's, in the crop of the first:
+    different people share none, also where one is before the other."""
+    one, other = a.mask > IN_MASK, mask_in(a.crop, b) > IN_MASK
+    area_of_b = (b.mask > IN_MASK).sum() * (b.crop.side / a.crop.side) ** 2
+    smaller = min(float(one.sum()), float(area_of_b))
+    return float((one & other).sum()) / smaller if smaller > 0 else 0.0
 
 
 def shared(body: Landmarks, others: Sequence[Landmarks]) -> float:
@@ -59,6 +63,28 @@ def shared(body: Landmarks, others: Sequence[Landmarks]) -> float:
         ]
         taken |= max(near, key=lambda joints: int(joints.sum()))
     return float(taken.mean())
+
+
+def is_in_the_way(other: Landmarks, body: Landmarks) -> bool:
+    """Whether another person's pixels are in the box of a body, or its joints are the other's."""
+    x, y = np.linspace(*corners_of(body), CELLS).T
+    grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    covered = float((share_there(other, grid) > IN_MASK).mean())
+    return covered > IN_THE_WAY or shared(body, [other]) >= IN_THE_WAY
+
+
+def in_front_first(bodies: Sequence[Landmarks], steps: Sequence[float]) -> list[int]:
+    """Rows of the bodies: the best seen first, but of several answers about one person first the
+    one that moved least (`steps`), because the others are about somebody else."""
+    copies = [
+        sum(
+            steps[other] < steps[row] and is_duplicate(bodies[row], [bodies[other]])
+            for other in range(len(bodies))
+            if other != row
+        )
+        for row in range(len(bodies))
+    ]
+    return sorted(range(len(bodies)), key=lambda row: (copies[row], -quality(bodies[row])))
 
 
 def step(body: Landmarks, last: Landmarks) -> float:
