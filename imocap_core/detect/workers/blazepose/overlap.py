@@ -36,19 +36,17 @@ def distinct(bodies: Sequence[Landmarks]) -> list[int]:
 
 
 def is_duplicate(body: Landmarks, others: Sequence[Landmarks]) -> bool:
-    """Whether half of a body's joints are those of others, or of its pixels another's."""
+    """Whether half of a body's joints are those of others, or of the pixels of both masks."""
     if shared(body, others) >= ONE_PERSON:
         return True
     return any(mask_overlap(body, other) >= ONE_PERSON for other in others)
 
 
 def mask_overlap(a: Landmarks, b: Landmarks) -> float:
-    """Common pixels of two bodies' masks, a share of the smaller's, in the crop of the first:
-    different people share none, also where one is before the other."""
+    """Intersection over union of the masks of two bodies, in the crop of the first."""
     one, other = a.mask > IN_MASK, mask_in(a.crop, b) > IN_MASK
-    area_of_b = (b.mask > IN_MASK).sum() * (b.crop.side / a.crop.side) ** 2
-    smaller = min(float(one.sum()), float(area_of_b))
-    return float((one & other).sum()) / smaller if smaller > 0 else 0.0
+    union = int((one | other).sum())
+    return float((one & other).sum()) / union if union else 0.0
 
 
 def shared(body: Landmarks, others: Sequence[Landmarks]) -> float:
