@@ -65,7 +65,8 @@ def shared(body: Landmarks, others: Sequence[Landmarks]) -> float:
 
 def is_in_the_way(other: Landmarks, body: Landmarks) -> bool:
     """Whether another person's pixels are in the box of a body, or its joints are the other's."""
-    x, y = np.linspace(*corners_of(body), CELLS).T
+    (x0, y0), (x1, y1) = corners_of(body)
+    x, y = np.linspace(x0, x1, CELLS), np.linspace(y0, y1, CELLS)
     grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     covered = float((share_there(other, grid) > IN_MASK).mean())
     return covered > IN_THE_WAY or shared(body, [other]) >= IN_THE_WAY
