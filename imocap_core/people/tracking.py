@@ -17,6 +17,7 @@ DUPLICATE = 0.08  # two poses nearer than this share of their size are one perso
 GATE = 0.35  # a step between frames is at most this share of the size,
 GATE_PER_GAP_FRAME = 0.03  # and more for each frame in which the person was not detected
 MAX_REJOIN_GATE = 1.5
+ESTABLISHED = 8  # detections of a track that goes before newer ones
 
 
 @dataclass
@@ -65,12 +66,13 @@ def pose_distance(a: Float[np.ndarray, "K 3"], b: Float[np.ndarray, "K 3"]) -> f
 def follow(people: Sequence[Float[np.ndarray, "_ K 3"]], max_gap: int) -> list[PersonTrack]:
     """Tracks by assigning each frame's people to predicted poses (Hungarian method).
 
-    A track without a detection for more than ``max_gap`` frames has ended.
+    A track without a detection for more than ``max_gap`` frames, or for more frames than it has
+    detections, has ended: what a detector reports now and then is nobody who waits out of sight.
     """
     tracks: list[PersonTrack] = []
     for frame, detected in enumerate(people):
-        active = [t for t in tracks if frame - t.frames[-1] <= max_gap]
-        assigned = _assign(active, detected, frame)
+        active = [t for t in tracks if frame - t.frames[-1] <= min(max_gap, len(t.frames))]
+        assigned = _assign_in_order(active, detected, frame)
         whole, assigned = merge_parts(detected, assigned, active, frame)
         for person, pose in enumerate(whole):
             if person in assigned:
@@ -137,20 +139,41 @@ def box_of(pose: Float[np.ndarray, "K 3"]) -> Float[np.ndarray, "4"]:
     return np.concatenate([visible.min(axis=0), visible.max(axis=0)])
 
 
+def _assign_in_order(
+    tracks: Sequence[PersonTrack], people: Float[np.ndarray, "_ K 3"], frame: int
+) -> dict[int, int]:
+    """Person index -> track index; who is left by the established tracks goes to the newer ones.
+
+    A second detection of somebody so takes nobody over (matching cascade: Wojke et al., ICIP 2017).
+    """
+    assigned: dict[int, int] = {}
+    for established in (True, False):
+        rows = [k for k, t in enumerate(tracks) if (len(t.frames) >= ESTABLISHED) == established]
+        left = [i for i in range(len(people)) if i not in assigned]
+        pairs = _assign([tracks[k] for k in rows], people[left], frame)
+        assigned |= {left[i]: rows[k] for i, k in pairs.items()}
+    return assigned
+
+
 def _assign(
     tracks: Sequence[PersonTrack], people: Float[np.ndarray, "_ K 3"], frame: int
 ) -> dict[int, int]:
-    """Person index -> track index, for the pairs within the gate."""
+    """Person index -> track index, for the pairs within the gate.
+
+    Of two tracks in one place the one that was detected last goes on: a gap costs as much distance
+    as it widens the gate.
+    """
     if not tracks or not len(people):
         return {}
     forbidden = 1e6
     cost = np.full((len(people), len(tracks)), forbidden)
     for k, track in enumerate(tracks):
-        predicted, gate = _predict(track, frame), _gate(frame - track.frames[-1])
+        gap = frame - track.frames[-1]
+        predicted, gate = _predict(track, frame), _gate(gap)
         for i, pose in enumerate(people):
             distance = pose_distance(predicted, pose)
             if distance < gate:
-                cost[i, k] = distance
+                cost[i, k] = distance + gate - GATE
     rows, columns = linear_sum_assignment(cost)
     return {int(i): int(k) for i, k in zip(rows, columns, strict=True) if cost[i, k] < forbidden}
 

@@ -120,3 +120,32 @@ def test_nobody_is_said():
     performer = choose([np.zeros((0, 17, 3))] * 4)
     assert (performer.tracks_found, performer.presence) == (0, 0.0)
     assert "nobody" in performer.note
+
+
+def test_a_false_person_now_and_then_takes_nobody_over():
+    """Beside the performer for a few frames, and again much later, nearer."""
+    frames = []
+    for t in range(90):
+        people = [performer_at(t)]
+        if 20 <= t < 24:
+            people.append(performer_at(t) + [60, 0, 0])
+        if t == 60:
+            people.append(performer_at(t) + [15, 0, 0])
+        frames.append(np.stack(people))
+    performer = choose(frames)
+    assert performer.presence == 1.0
+    assert np.allclose(performer.xy_px, np.stack([performer_at(t)[:, :2] for t in range(90)]))
+
+
+def test_a_second_detection_of_somebody_takes_nobody_over():
+    """One body seen twice for some frames; then only one detection, nearer to the second."""
+    frames = []
+    for t in range(60):
+        people = [performer_at(t)]
+        if 30 <= t < 35:
+            people = [performer_at(t) - [10, 0, 0], performer_at(t) + [12, 0, 0]]
+        if t >= 35:
+            people = [performer_at(t) + [12, 0, 0]]
+        frames.append(np.stack(people))
+    performer = choose(frames)
+    assert performer.presence == 1.0
