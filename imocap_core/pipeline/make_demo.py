@@ -1,9 +1,9 @@
 """Synthetic demo actions from a seed: `actions/yoga`, four videos of one sun salutation, and
 `actions/taichi`, four of one tai chi form, whose detections have hands.
 
-To make one directly, and docs/images/yoga_contact_sheet.jpg:
+To make one directly, and a contact sheet of it:
 
-    python -m imocap_core.pipeline.make_demo actions/yoga --sheet docs/images/yoga_contact_sheet.jpg
+    python -m imocap_core.pipeline.make_demo actions/yoga --sheet sheet.jpg
 """
 
 from __future__ import annotations
