@@ -44,17 +44,15 @@ def test_every_camera_is_found(yoga: Scored) -> None:
 
 
 def test_claimed_uncertainty_is_honest(yoga: Scored, root: Path) -> None:
-    """Normalised errors of every video, and of every joint: at most twice what is claimed, and not
-    below 0.3 of it. Claims are made for real people, whose joints are not quite those of the body
-    model; yoga's performer is that model."""
+    """Normalised errors within a factor of two: of every video, and of every joint."""
     by_video = yoga.by_video("after loop", "normalised_error")
     assert len(by_video) == 4
-    assert all(0.3 <= value <= 2.0 for value in by_video.values()), by_video
+    assert all(0.5 <= value <= 2.0 for value in by_video.values()), by_video
     report = root / "artifacts" / MADE / "report" / "metrics.json"
     joints = json.loads(report.read_text(encoding="utf-8"))["uncertainty_joints"]
     by_joint = {row["joint"]: row["normalised_error"] for row in joints}
     assert len(by_joint) == 24
-    assert all(0.3 <= value <= 2.0 for value in (by_joint[name] for name in EVAL_12)), by_joint
+    assert all(0.5 <= value <= 2.0 for value in (by_joint[name] for name in EVAL_12)), by_joint
 
 
 def test_a_planted_fault_fails(
