@@ -100,20 +100,14 @@ sbom: .venv-audit/.installed $(STAMP)
 	@.venv-audit/bin/cyclonedx-py environment --pyproject pyproject.toml --output-reproducible -o build/sbom.json $(VENV)
 	@echo "imocap: build/sbom.json"
 
-.venv-audit/.installed: pyproject.toml
-	@test -n "$(PYTHON)" || { echo "imocap needs Python 3.11 or newer with venv and pip"; exit 1; }
-	@test -x .venv-audit/bin/python || $(PYTHON) -m venv .venv-audit
-	@$(PYTHON) -c '$(EXTRA)' audit | .venv-audit/bin/python -m pip install --quiet --disable-pip-version-check -r /dev/stdin
-	@touch $@
-
 docs: .venv-docs/.installed
 	@NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --strict --quiet
 	@echo "imocap: the site is build/site/index.html"
 
-.venv-docs/.installed: pyproject.toml
+.venv-audit/.installed .venv-docs/.installed: .venv-%/.installed: pyproject.toml
 	@test -n "$(PYTHON)" || { echo "imocap needs Python 3.11 or newer with venv and pip"; exit 1; }
-	@test -x .venv-docs/bin/python || $(PYTHON) -m venv .venv-docs
-	@$(PYTHON) -c '$(EXTRA)' docs | .venv-docs/bin/python -m pip install --quiet --disable-pip-version-check -r /dev/stdin
+	@test -x .venv-$*/bin/python || $(PYTHON) -m venv .venv-$*
+	@$(PYTHON) -c '$(EXTRA)' $* | .venv-$*/bin/python -m pip install --quiet --disable-pip-version-check -r /dev/stdin
 	@touch $@
 
 baseline: $(STAMP)
