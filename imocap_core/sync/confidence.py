@@ -19,7 +19,7 @@ from scipy.special import expit, logit
 
 from imocap_core.sync.map_consistency import PairMaps, composed
 from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
-from imocap_core.sync.repeated_motion import next_repetition
+from imocap_core.sync.repeated_motion import Repetition
 
 WINDOW_S = 0.5  # over which rates and distances are averaged
 LEAST_RATE = 0.05
@@ -46,7 +46,7 @@ class Route:
         positions: of its frames in the reference, NaN unmatched. mass: of the soft map within the
             reach.
         fps: frames per second of the action, of the video. fps_to: of the reference.
-        reach_frames: of the reference.
+        reach_frames: of the reference. repetition: see `next_repetition`.
     """
 
     v: int
@@ -56,6 +56,7 @@ class Route:
     fps: float
     fps_to: float
     reach_frames: float
+    repetition: Repetition | None = None
 
 
 def calibrated_confidence(
@@ -86,7 +87,6 @@ def confidence_features(
     mass = logit(np.clip(route.mass, 0.01, 0.99))
     novelty = -np.expm1(-distances.change[route.v] / distances.matched_square)
     slowness = np.maximum(0.0, -np.log(rate + LEAST_RATE))
-    repetition = next_repetition(square, filled, matched, route.fps_to)
     return np.column_stack(
         [
             np.ones(T),
@@ -98,7 +98,7 @@ def confidence_features(
             slowness * novelty,
             slowness,
             1.0 - novelty,
-            np.full(T, 0.0 if repetition is None else repetition.evidence),
+            np.full(T, 0.0 if route.repetition is None else route.repetition.evidence),
         ]
     )
 

@@ -123,9 +123,11 @@ def synchronise_jointly(
         frames, masses, axis = refined_over_axes(
             choice, distances, relaxed, matched, params, reprojection
         )
-        certainty = _confidences(frames, masses, axis, distances, pairs)
+        repetitions = _repetitions(frames, distances, chosen, clock[chosen])
+        certainty = _confidences(frames, masses, axis, distances, pairs, repetitions)
     else:
         frames, certainty = dtw_warps(relaxed, soft_maps, blocks, chosen, fps, params)
+        repetitions = _repetitions(frames, distances, chosen, clock[chosen])
     frames[chosen] = np.arange(float(lengths[chosen]))
     certainty[chosen] = np.ones(lengths[chosen])
     frames, certainty = _without_forbidden(frames, certainty, forbidden, chosen)
@@ -150,7 +152,7 @@ def synchronise_jointly(
         cycle_residuals=cycle_residuals(pairs, lengths, fps),
         left_out_frames=left_out,
         left_out_share=share,
-        repetitions=_repetitions(frames, distances, chosen, clock[chosen]),
+        repetitions=repetitions,
     )
 
 
@@ -172,13 +174,14 @@ def _confidences(
     axis: ReferenceAxis,
     distances: DistanceMatrix,
     pairs: PairMaps,
+    repetitions: Sequence[Repetition | None],
 ) -> list[np.ndarray]:
     """Calibrated confidences of every video's matches; the reference's mass as it is."""
     clock, chosen = axis.clocks.action_fps, axis.reference
 
     def route(v: int) -> Route:
         ends = (clock[v], clock[chosen], axis.reach_frames)
-        return Route(v, chosen, frames[v], masses[v], *ends)
+        return Route(v, chosen, frames[v], masses[v], *ends, repetitions[v])
 
     return [
         mass if v == chosen else calibrated_confidence(route(v), distances, pairs)

@@ -8,6 +8,7 @@ from imocap_core.params import SyncParams
 from imocap_core.sync.confidence import WEIGHTS, Route, calibrated_confidence, confidence_features
 from imocap_core.sync.map_consistency import PairMaps
 from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix, distance_matrix
+from imocap_core.sync.repeated_motion import Repetition
 from tests.sync.test_synchronise import FPS, PARAMS, estimated, pose_at, run
 
 T = 90
@@ -51,6 +52,16 @@ def test_routes_that_disagree_lower_it() -> None:
     off[1, 0] = pairs.positions[1, 0] + 9.0
     lowered = calibrated_confidence(route, distances, PairMaps(off, pairs.confidence))
     assert (lowered < calibrated_confidence(route, distances, pairs)).all()
+
+
+def test_a_map_that_fits_a_repetition_later_as_well_lowers_it() -> None:
+    route, distances, pairs = matched()
+    plain, nearly, as_well = (
+        calibrated_confidence(replace(route, repetition=repetition), distances, pairs)
+        for repetition in (None, Repetition(30.0, 1.4), Repetition(30.0, 1.0))
+    )
+    assert (as_well < nearly).all()
+    assert (nearly < plain).all()
 
 
 def test_unmatched_frames_have_none() -> None:
