@@ -97,11 +97,7 @@ def fit_in_stages(
     spread_m, starts = np.zeros(keypoints.weight.shape), [start]
     if not warm:
         progress(f"one motion for all views, robust scale {WIDE:g}x")
-        wide, _, _ = fit_common_motion(
-            scene.body, start, keypoints, cameras, [], terms, options.max_steps,
-            robust_scale=scene.fit.robust_scale_sigma * WIDE,
-        )  # fmt: skip
-        starts.append(wide)
+        starts.append(_wide_fit(scene, start, keypoints, cameras, terms, options))
     for stage in ROBUST_STAGES[warm:]:
         progress(f"one motion for all views, robust scale {stage:g}x")
         scale = scene.fit.robust_scale_sigma * stage
@@ -124,6 +120,22 @@ def fit_in_stages(
     sd = keypoints.offset_sd
     spread = None if sd is None else DeviationSpread(spread_m, sd)
     return CommonFit(motion, cameras, spread, costs, status)
+
+
+def _wide_fit(
+    scene: Scene,
+    start: MotionState,
+    keypoints: CommonKeypoints,
+    cameras: Cameras,
+    terms: Sequence[Term],
+    options: MotionParams,
+) -> MotionState:
+    """The motion alone, fitted under the widest robust loss."""
+    scale = scene.fit.robust_scale_sigma * WIDE
+    steps = options.max_steps
+    return fit_common_motion(
+        scene.body, start, keypoints, cameras, [], terms, steps, robust_scale=scale
+    )[0]
 
 
 def estimate_terms(scene: Scene, motion: MotionState, options: MotionParams) -> list[Term]:
