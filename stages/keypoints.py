@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
 from imocap_core.cli import stage_main
-from imocap_core.io.video import read_gray
 from imocap_core.params import KeypointsParams, Params
 from imocap_core.pipeline.action import Declaration
 from imocap_core.pipeline.stage import Context, Inputs
-from imocap_core.problem.detected_people import DetectedVideo, read_people
+from imocap_core.problem.detected_people import DetectedVideo
 from imocap_core.problem.performer_keypoints import performer_keypoints
-from imocap_core.problem.tracked_people import choose_performers, declared_row, track_people
+from imocap_core.problem.tracked_people import choose_performers
+from imocap_core.problem.tracked_video import tracked_video
 from imocap_core.problem.usable_videos import Faults, left_out_videos, of_usable
-from imocap_core.problem.video_survey import survey_video
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Keypoints:
@@ -71,32 +69,8 @@ def _check_all_have_keypoints(ctx: Context) -> None:
 def _tracked(declared: Declaration, ctx: Context, params: KeypointsParams) -> DetectedVideo:
     order = [video.id for video in ctx.declarations()]
     ctx.progress(order.index(declared.id) / len(order), f"tracking people in {declared.id}")
-    folder, video = ctx.detections(declared.id), ctx.video(declared.id)
-    if folder is None:
-        raise ValueError(_why_not_detected(video))
-    detected = read_people(declared, folder, video, ctx.action_file())
-    frames, size, fps = detected.people.frames, detected.people.size, detected.people.fps
-    survey = None if video is None else survey_video(video, frames, size, fps)
-    people = track_people(detected.people, video, params)
-    if not people.ranked:
-        raise ValueError(
-            f"{folder}: expected a person in frames {frames[0]} to {frames[-1]}, found nobody with "
-            f"joints above confidence {params.min_confidence}; check the detections of "
-            f"{declared.id} and its `frames` in action.yaml"
-        )
-    declared_row(people, ctx.action_file())
-    return replace(detected, people=people, survey=survey)
-
-
-def _why_not_detected(video: Path | None) -> str:
-    """Why the detector passed a video over."""
-    assert video is not None
-    try:
-        for _ in read_gray(video, scale=0.05):
-            pass
-    except ValueError as error:
-        return str(error)
-    return f"{video}: it has no detections; run again"
+    files = ctx.detections(declared.id), ctx.video(declared.id)
+    return tracked_video(declared, *files, ctx.action_file(), params)
 
 
 if __name__ == "__main__":
