@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
@@ -39,14 +40,27 @@ def at_once(work: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
 
 @contextmanager
 def processes(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """A pool of fresh processes, which end at once when the body ends by an error or a signal."""
+    """A pool of fresh processes, which end at once when the body ends by an error or a signal, or
+    this process is killed."""
     before = set(multiprocessing.active_children())
     spawn = multiprocessing.get_context("spawn")
-    ignored = (signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all of them: this process ends them
-    with ProcessPoolExecutor(workers, spawn, signal.signal, ignored) as pool:
+    with ProcessPoolExecutor(workers, spawn, _begin) as pool:
         try:
             yield pool
         except BaseException:
             for child in set(multiprocessing.active_children()) - before:
                 child.terminate()
             raise
+
+
+def _begin() -> None:
+    """In a process of a pool: ended by its parent only, whose Ctrl-C reaches all of them."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)

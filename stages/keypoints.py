@@ -8,9 +8,10 @@ from pathlib import Path
 from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
 from imocap_core.cli import stage_main
 from imocap_core.params import KeypointsParams, Params
-from imocap_core.pipeline.action import Declaration
+from imocap_core.pipeline.action import DETECT, Declaration
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.detected_people import DetectedVideo
+from imocap_core.problem.estimates import check_estimate
 from imocap_core.problem.performer_keypoints import performer_keypoints
 from imocap_core.problem.tracked_people import choose_performers
 from imocap_core.problem.tracked_video import tracked_video
@@ -18,8 +19,8 @@ from imocap_core.problem.usable_videos import Faults, left_out_videos, of_usable
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Keypoints:
-    """Read the detections, track everybody, choose the performer; videos whose declaration or
-    files are wrong are left out."""
+    """Read the detections, track everybody, choose the performer; videos whose declaration,
+    files or monocular estimate are wrong are left out."""
     _check_all_have_keypoints(ctx)
     faults: Faults = {}
     declared = {video.id: video for video in ctx.declarations()}
@@ -38,7 +39,13 @@ def _keypoints_by_id(
     people = [video.people for video in videos.values()]
     performers = choose_performers(people, ctx.action_file(), params)
     performer_of = dict(zip(videos, performers, strict=True))
-    return lambda video: performer_keypoints(videos[video], performer_of[video], params)
+
+    def of_video(video: str) -> VideoKeypoints:
+        keypoints = performer_keypoints(videos[video], performer_of[video], params)
+        check_estimate(ctx, keypoints)
+        return keypoints
+
+    return of_video
 
 
 def _names(ctx: Context) -> dict[Path, str]:
@@ -48,9 +55,10 @@ def _names(ctx: Context) -> dict[Path, str]:
         for path, name in (
             (ctx.detections(declared.id), declared.keypoints),
             (ctx.video(declared.id), declared.video),
+            (ctx.initial(declared.id), declared.initial),
         ):
             if path is not None and name is not None:
-                names[path] = f"detections of {declared.id}" if declared.detected else name
+                names[path] = f"detections of {declared.id}" if name == DETECT else name
     return names
 
 

@@ -2,7 +2,11 @@
 
 import multiprocessing
 import os
+import signal
+import subprocess
+import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -30,3 +34,30 @@ def test_processes_end_with_their_body() -> None:
     with pytest.raises(ZeroDivisionError), processes(2) as pool:
         assert 1 / (pool.submit(time.sleep, 3600) is None)
     assert set(multiprocessing.active_children()) == before
+
+
+POOL = """
+import time
+from imocap_core.workers import processes
+with processes(1) as pool:
+    print(next(iter(pool.map(abs, [-1]))), *pool._processes, flush=True)
+    pool.submit(time.sleep, 3600).result()
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/exe").exists(), reason="looks processes up in /proc")
+def test_processes_of_a_killed_process_end() -> None:
+    command = [sys.executable, "-c", POOL]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        answer, worker = parent.stdout.readline().split()
+        program = Path(f"/proc/{worker}/exe")  # gone, as well, for one that nobody has waited for
+        assert (answer, program.exists()) == ("1", True)
+        parent.kill()
+    waits = 0
+    while program.exists() and waits < 600:
+        time.sleep(0.1)
+        waits += 1
+    if program.exists():
+        os.kill(int(worker), signal.SIGKILL)
+        pytest.fail("it goes on")

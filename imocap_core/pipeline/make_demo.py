@@ -29,6 +29,7 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WorkFailed
 from imocap_core.io.truth import model_text
 from imocap_core.io.video import read_rgb, write_h264
+from imocap_core.pipeline.demo_drafts import draft_prefix
 from imocap_core.synthetic import taichi, yoga
 from imocap_core.synthetic.detector import Detections
 from imocap_core.synthetic.taichi_clip import TAICHI_SPANS, make_taichi_clip, taichi_body
@@ -54,21 +55,30 @@ _SHEET_TILE = (224, 126)
 
 
 def make_demo(
-    name: str, folder: Path, seed: int, progress: Callable[[str], None] | None = None
+    name: str,
+    folder: Path,
+    seed: int,
+    progress: Callable[[str], None] | None = None,
+    ending: Callable[[Path], None] = lambda draft: None,
 ) -> None:
     """Make a demo action: `folder` becomes its action folder (an older one is replaced).
 
     The folder appears complete or not at all. The same seed gives the same keypoints, truth and
-    frames. progress is called with a sentence after each video. ValueError for an unknown name.
+    frames. ValueError for an unknown name.
+
+    Args:
+        progress: called with a sentence after each video.
+        ending: called with the complete draft, before it becomes `folder`.
     """
     if name not in DEMOS:
         raise ValueError(f"demo: expected one of {', '.join(DEMOS)}, got {name!r}")
     folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as aside:
+    with tempfile.TemporaryDirectory(prefix=draft_prefix(folder), dir=folder.parent) as aside:
         draft = Path(aside) / "new"
         truth = _write_videos(name, seed, draft, progress)
         np.savez(draft / "truth.npz", **truth)
         (draft / "action.yaml").write_text(yaml.safe_dump(_declaration(name), sort_keys=False))
+        ending(draft)
         if folder.exists():
             folder.rename(Path(aside) / "old")
         draft.rename(folder)

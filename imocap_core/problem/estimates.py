@@ -26,6 +26,8 @@ from imocap_core.rotations import exp
 Estimate = Float[np.ndarray, "T 24 3"] | Start | Float[Tensor, "T 24 3 3"] | None
 """Joints in metres, an SMPL motion as a start, or joint rotations."""
 
+PERSON_M = (0.1, 10.0)  # extent of a person's joints: outside, they are in other units
+FARTHEST_M = 10_000.0
 FIRST_FRAME_FORMATS = ("joints_npz", "smpl_npz")  # in the axes of the first frame's camera
 
 
@@ -57,6 +59,18 @@ def estimate_of(
     )
 
 
+def check_estimate(ctx: Context, video: VideoKeypoints) -> None:
+    """ValueError, with what to do, when the declared estimate of a video cannot be used."""
+    unturned = torch.eye(3, dtype=torch.float64).expand(len(video.frames), 3, 3)
+    try:
+        estimate_of(ctx, video, unturned)
+    except ValueError as error:
+        raise ValueError(
+            f"{error}; repair what `initial` of {video.id} names in action.yaml, or remove "
+            f"`initial` and `initial_format` there"
+        ) from None
+
+
 def _joints(
     path: Path, kind: str, boxes: PerformerBoxes, R_first_from_frame: Tensor
 ) -> Float[np.ndarray, "T 24 3"]:
@@ -67,12 +81,27 @@ def _joints(
             joints[:, SMPL_JOINTS.index(name)] = estimate.joints[:, k]
     if kind not in FIRST_FRAME_FORMATS:
         joints = np.einsum("tij,tkj->tki", R_first_from_frame.numpy(), joints)
-    if np.isfinite(joints).all(-1).sum(1).max() < MIN_JOINTS:
+    most = int(np.isfinite(joints).all(-1).sum(1).max())
+    if most < MIN_JOINTS:
         raise ValueError(
             f"{path}: joints: expected numbers for at least {MIN_JOINTS} of SMPL's joints "
-            f"({', '.join(SMPL_JOINTS)}), got {', '.join(estimate.joint_names)}"
+            f"({', '.join(SMPL_JOINTS)}) in some frame, got {most} of {len(estimate.joint_names)}"
+        )
+    extent_m = _extent(joints)
+    if not PERSON_M[0] <= extent_m <= PERSON_M[1]:
+        raise ValueError(
+            f"{path}: joints: expected metres, a person of {PERSON_M[0]:g} to {PERSON_M[1]:g}, got "
+            f"{extent_m:.3g}"
         )
     return joints
+
+
+def _extent(joints: Float[np.ndarray, "T 24 3"]) -> float:
+    """The larger side of the box around all joints of a frame, median over time."""
+    complete = joints[np.isfinite(joints).all(-1).sum(1) >= MIN_JOINTS]
+    bounded = np.clip(complete, -FARTHEST_M, FARTHEST_M)
+    sides = np.nanmax(bounded, axis=1) - np.nanmin(bounded, axis=1)
+    return float(np.median(sides.max(axis=-1)))
 
 
 def _rotations(
@@ -91,6 +120,13 @@ def _smpl_motion(path: Path, frames: np.ndarray) -> Start:
     R_local = exp(torch.as_tensor(smpl.theta.reshape(-1, 24, 3)))
     R_local[:, 0] = torch.as_tensor(smpl.R) @ R_local[:, 0]
     try:
-        return start_at_motion(R_local, torch.as_tensor(smpl.trans @ smpl.R.T + smpl.t))
+        start = start_at_motion(R_local, torch.as_tensor(smpl.trans @ smpl.R.T + smpl.t))
     except ValueError as error:
         raise ValueError(f"{path}: poses, trans: {error}") from None
+    depth_m = float(start.trans[:, 2].median())
+    if not 0 < depth_m <= FARTHEST_M:
+        raise ValueError(
+            f"{path}: trans: expected metres in front of the camera (z, which R and t lead to), "
+            f"got {depth_m:.3g}"
+        )
+    return start

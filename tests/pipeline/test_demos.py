@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import signal
+import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
@@ -18,11 +21,14 @@ def makes(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """The seeds that a stand-in for the demo was made with."""
     made: list[int] = []
 
-    def make_demo(name: str, folder: Path, seed: int, progress: object) -> None:
+    def make_demo(
+        name: str, folder: Path, seed: int, progress: object, ending: Callable[[Path], None]
+    ) -> None:
         made.append(seed)
         (folder / "videos").mkdir(parents=True, exist_ok=True)
         (folder / "action.yaml").write_text(f"name: {name}")
         (folder / "videos" / "v1.mp4").write_text(str(seed))
+        ending(folder)
 
     stand_in = ModuleType("imocap_core.pipeline.make_demo")
     stand_in.make_demo = make_demo  # type: ignore[attr-defined]
@@ -83,3 +89,44 @@ def test_a_changed_demo_is_its_user_s(
     assert makes == [7]
     assert (folder / place).read_text() == "mine"
     assert f"{place} in {folder} is yours, so it stays" in reasons[-1]
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from imocap_core.pipeline import make_demo
+folder = Path(sys.argv[1])
+make_demo._write_videos = lambda name, seed, draft, progress: draft.mkdir() or {}
+rename = Path.rename
+def renamed(path, target):
+    rename(path, target)
+    os.kill(os.getpid(), signal.SIGKILL)
+if sys.argv[2] == "replacing":
+    Path.rename = renamed
+    make_demo.make_demo("yoga", folder, 7)
+kill = lambda draft: os.kill(os.getpid(), signal.SIGKILL)
+make_demo.make_demo("yoga", folder, 7, None, kill)
+"""
+
+
+def drafts(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.parent.glob(".*"))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="processes are asked by signals")
+@pytest.mark.parametrize("moment", ["making", "replacing"])
+def test_the_draft_of_a_killed_process_is_swept(
+    tmp_path: Path, makes: list[int], display: SimpleNamespace, moment: str
+) -> None:
+    folder = tmp_path / "yoga"
+    demos.ensure("yoga", folder, 7, display)
+    ended = subprocess.run([sys.executable, "-c", KILLED, str(folder), moment], check=False)
+    assert ended.returncode == -signal.SIGKILL
+    assert len(drafts(folder)) == 1
+    assert folder.exists() == (moment == "making")
+    ours = tmp_path / ".yoga.mine"
+    ours.mkdir()
+    demos.ensure("yoga", folder, 7, display)
+    assert drafts(folder) == [ours.name]
+    assert makes == [7]  # it was there all the time, or was put back
+    assert (folder / "videos" / "v1.mp4").read_text() == "7"

@@ -48,7 +48,7 @@ def run(folder, **changes):
     context = Context(
         stage="keypoints",
         seed=0,
-        reads=frozenset(("declarations", "detections", "videos")),
+        reads=frozenset(("declarations", "detections", "videos", "initial")),
         progress=lambda share, what: None,
         report=folder,
         _action=Action(folder, "made", (Declaration(**given),)),
