@@ -29,7 +29,7 @@ def detect_command(
     """
     from rich.markup import escape
 
-    from imocap_core.library.people import detect, set_up_detector
+    from imocap_core.library.people import detect, not_detected, set_up_detector
     from imocap_core.library.terminal import Terminal
 
     console = speaker()
@@ -42,5 +42,7 @@ def detect_command(
         else:
             files = detect(action, root=root_of(context), params=sets, progress=display)
             lines = [f"{video}: {file}" for video, file in files.items()]
+            faults = not_detected(action, root=root_of(context), params=sets)
+            lines += [f"{video} cannot be used: {fault}" for video, fault in faults.items()]
             lines = lines or [f"{action}: no video has keypoints: detect"]
     console.print(*map(escape, lines), sep="\n")

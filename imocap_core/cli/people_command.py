@@ -16,7 +16,7 @@ def people_command(
 ) -> None:
     """List the people tracked in each video.
 
-    The performer comes first. Cuts between shots are listed too.
+    The performer comes first. Cuts between shots, and why a video cannot be used, are listed too.
     """
     from rich.markup import escape
     from rich.table import Table
@@ -41,6 +41,9 @@ def people_command(
                 f"{track.score:.2f}",
                 escape(f"[{box}] in frame {track.box_frame}"),
             )
-        console.print(table)
+        if video.tracks:
+            console.print(table)
         for note in video.notes:
             console.print(escape(f"{video.id}: {note}"))
+        if video.fault is not None:
+            console.print(escape(f"{video.id} cannot be used: {video.fault}"))

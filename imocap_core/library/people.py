@@ -17,7 +17,7 @@ def people(
 ) -> list[VideoPeople]:
     """Everybody who was tracked in an action's videos, and cuts between shots.
 
-    WorkFailed where detections or videos cannot be read.
+    WorkFailed where no video's detections can be read.
     """
     from imocap_core.library.tracked_people import people_of
 
@@ -32,11 +32,27 @@ def detect(
 ) -> dict[str, Path]:
     """Detect people in the videos of an action that say `keypoints: detect`, and nothing more.
 
-    Returns the files of keypoints, by video.
+    Returns the files of keypoints, by video; a video that cannot be decoded has none
+    (`not_detected`).
     """
     with displaying(progress) as display:
         job = Workspace(Path(root)).ready_job(str(action), one_off(params), display)
     return dict(job.action.detected)
+
+
+@plain_errors
+def not_detected(
+    action: str | Path, *, root: str | Path = ".", params: Params = None
+) -> dict[str, str]:
+    """Why videos that say `keypoints: detect` have no detections, by video."""
+    from imocap_core.problem.tracked_video import why_not_detected
+
+    declared = Workspace(Path(root)).job(str(action), one_off(params)).action
+    return {
+        video.id: why_not_detected(declared.folder / str(video.video))
+        for video in declared.videos
+        if video.detected and video.id not in declared.detected
+    }
 
 
 @plain_errors

@@ -25,8 +25,12 @@ class PersonSummary:
 
 @dataclass(frozen=True)
 class VideoPeople:
-    """Everybody tracked in one video, best score first, and sentences about it."""
+    """Everybody tracked in one video, best score first, and sentences about it.
+
+    fault: why a run would leave the video out, and what to do; None when it can be used.
+    """
 
     id: str
     tracks: list[PersonSummary]
     notes: list[str]
+    fault: str | None = None

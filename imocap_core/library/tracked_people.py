@@ -2,44 +2,84 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from imocap_core.errors import WorkFailed
 from imocap_core.library.person_summary import PersonSummary, VideoPeople
 from imocap_core.params import KeypointsParams
 from imocap_core.people.tracking import PersonTrack, box_of
-from imocap_core.pipeline.action import Action
+from imocap_core.pipeline.action import Action, Declaration
 from imocap_core.problem.cuts import advice
-from imocap_core.problem.detected_people import read_people
-from imocap_core.problem.tracked_people import TrackedVideo, choose_performers, track_people
-from imocap_core.problem.video_survey import survey_video
+from imocap_core.problem.detected_people import DetectedVideo
+from imocap_core.problem.performer_keypoints import performer_keypoints
+from imocap_core.problem.tracked_people import TrackedVideo, choose_performers, declared_row
+from imocap_core.problem.tracked_video import followed_video
 
 
 def people_of(action: Action, params: KeypointsParams) -> list[VideoPeople]:
-    """Everybody in an action's videos; WorkFailed where these cannot be read."""
-    detected = []
-    try:
-        for declared in action.videos:
-            given = action.detected.get(declared.id) if declared.detected else declared.keypoints
-            assert given is not None
-            path = None if declared.video is None else action.folder / declared.video
-            video = read_people(declared, action.folder / given, path, action.file)
-            detected.append(replace(video, people=track_people(video.people, path, params)))
-        performers = choose_performers([video.people for video in detected], action.file, params)
-    except (ValueError, OSError) as error:
-        raise WorkFailed(str(error)) from None
-    videos = []
-    for video, performer in zip(detected, performers, strict=True):
-        notes, people = [performer.note], video.people
-        if video.video is not None and params.cuts:
-            cuts = survey_video(video.video, people.frames, people.size, people.fps).cuts
-            notes.append(advice(cuts, people.frames))
-        tracks = [
-            _summary(number, score, track, people)
-            for number, (score, track) in enumerate(people.ranked, start=1)
-        ]
-        videos.append(VideoPeople(people.id, tracks, [note for note in notes if note]))
-    return videos
+    """Everybody in an action's videos; of those that cannot be used, why.
+
+    WorkFailed where none can be read.
+    """
+    faults: dict[str, str] = {}
+    followed: dict[str, DetectedVideo] = {}
+    for declared in action.videos:
+        try:
+            followed[declared.id] = _followed(action, declared, params)
+            declared_row(followed[declared.id].people, action.file)
+        except (ValueError, OSError) as error:
+            faults[declared.id] = str(error)
+    if not followed:
+        raise WorkFailed("\n".join(faults.values()))
+    notes = _performer_notes(followed, faults, action, params)
+    for video in followed.values():
+        if video.survey is not None and params.cuts:
+            sentence = advice(video.survey.cuts, video.people.frames)
+            notes[video.id] = [*notes.get(video.id, []), sentence]
+    return [
+        VideoPeople(
+            id=declared.id,
+            tracks=_summaries(followed.get(declared.id)),
+            notes=[note for note in notes.get(declared.id, []) if note],
+            fault=faults.get(declared.id),
+        )
+        for declared in action.videos
+    ]
+
+
+def _performer_notes(
+    followed: dict[str, DetectedVideo],
+    faults: dict[str, str],
+    action: Action,
+    params: KeypointsParams,
+) -> dict[str, list[str]]:
+    """The note on the performer of every video without fault, as a run would choose them; further
+    faults come to `faults`."""
+    while True:
+        usable = [video for video in followed.values() if video.id not in faults]
+        performers = choose_performers([v.people for v in usable], action.file, params)
+        before = len(faults)
+        for video, performer in zip(usable, performers, strict=True):
+            try:
+                performer_keypoints(video, performer, params)
+            except ValueError as error:
+                faults[video.id] = str(error)
+        if len(faults) == before:
+            return {v.id: [p.note] for v, p in zip(usable, performers, strict=True)}
+
+
+def _followed(action: Action, declared: Declaration, params: KeypointsParams) -> DetectedVideo:
+    given = action.detected.get(declared.id) if declared.detected else declared.keypoints
+    path = None if declared.video is None else action.folder / declared.video
+    folder = None if given is None else action.folder / given
+    return followed_video(declared, folder, path, action.file, params)
+
+
+def _summaries(video: DetectedVideo | None) -> list[PersonSummary]:
+    if video is None:
+        return []
+    return [
+        _summary(number, score, track, video.people)
+        for number, (score, track) in enumerate(video.people.ranked, start=1)
+    ]
 
 
 def _summary(number: int, score: float, track: PersonTrack, people: TrackedVideo) -> PersonSummary:

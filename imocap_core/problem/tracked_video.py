@@ -20,6 +20,23 @@ def tracked_video(
     action_file: Path,
     params: KeypointsParams,
 ) -> DetectedVideo:
+    """Everybody in a video, followed, and the declared performer among them.
+
+    Arguments and errors as of `followed_video`; besides, ValueError when nobody is where
+    action.yaml says that the performer is.
+    """
+    video_people = followed_video(declared, folder, video, action_file, params)
+    declared_row(video_people.people, action_file)
+    return video_people
+
+
+def followed_video(
+    declared: Declaration,
+    folder: Path | None,
+    video: Path | None,
+    action_file: Path,
+    params: KeypointsParams,
+) -> DetectedVideo:
     """Everybody in a video, followed.
 
     Args:
@@ -30,7 +47,8 @@ def tracked_video(
         ValueError: a file or a declaration is wrong, or nobody is in the used frames.
     """
     if folder is None:
-        raise ValueError(_why_not_detected(video))
+        assert video is not None
+        raise ValueError(why_not_detected(video))
     detected = read_people(declared, folder, video, action_file)
     frames, size, fps = detected.people.frames, detected.people.size, detected.people.fps
     survey = None if video is None else survey_video(video, frames, size, fps)
@@ -41,13 +59,11 @@ def tracked_video(
             f"joints above confidence {params.min_confidence}; check the detections of "
             f"{declared.id} and its `frames` in action.yaml"
         )
-    declared_row(people, action_file)
     return replace(detected, people=people, survey=survey)
 
 
-def _why_not_detected(video: Path | None) -> str:
+def why_not_detected(video: Path) -> str:
     """Why the detector passed a video over."""
-    assert video is not None
     try:
         for _ in read_gray(video, scale=0.05):
             pass

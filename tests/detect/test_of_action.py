@@ -11,9 +11,11 @@ import yaml
 from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.artifacts.store import Store
 from imocap_core.cli import main
+from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WorkFailed
 from imocap_core.pipeline.action import read_action
 from tests.detect.conftest import clip
+from tests.io.damaged_video import write_damaged
 
 STAND_IN = ("--set", "detect.detector=mediapipe")
 Capture = pytest.CaptureFixture[str]
@@ -102,7 +104,8 @@ def test_status_before_and_after(place: Place, capsys: Capture) -> None:
 
 def test_world_landmarks_start_fits_where_asked_for_and_nothing_else_does(place: Place) -> None:
     initial = {"initial": "own.npz", "initial_format": "joints_npz"}
-    (place.folder / "own.npz").write_bytes(b"not looked at yet")
+    joints = np.random.default_rng(0).normal(0, 0.4, (5, 24, 3))
+    np.savez(place.folder / "own.npz", joints=joints, joint_names=np.array(SMPL_JOINTS))
     place.declare({"keypoints": "detect", **initial}, {"keypoints": "detect"})
     assert place.run("run", "mine", "--until", "keypoints") == 0
     assert [v.initial_format for v in place.keypoints().videos] == ["joints_npz", None]
@@ -125,6 +128,21 @@ def test_a_missing_video_is_one_sentence(place: Place, capsys: Capture) -> None:
     err = capsys.readouterr().err
     assert "videos.1.video: there is no" in err
     assert err.count("\n") == 1
+
+
+def test_a_broken_video_is_named_and_the_others_are_detected(place: Place, capsys: Capture) -> None:
+    write_damaged(place.folder / "c.mp4", 20, 8, 12, unreadable=True)
+    content = yaml.safe_load((place.folder / "action.yaml").read_text())
+    content["videos"].append({"id": "c", "video": "c.mp4", "keypoints": "detect"})
+    (place.folder / "action.yaml").write_text(yaml.safe_dump(content))
+    assert place.run("detect", "mine") == 0
+    lines = capsys.readouterr().out.replace("\n", "")
+    assert "c cannot be used: " in lines
+    assert "c.mp4: broken, decoding failed after" in lines
+    assert place.run("people", "mine") == 0
+    lines = capsys.readouterr().out.replace("\n", "")
+    assert "c cannot be used: " in lines
+    assert "a: " in lines
 
 
 def test_init_writes_an_action_that_runs(place: Place) -> None:
