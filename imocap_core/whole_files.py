@@ -10,6 +10,7 @@ import hashlib
 import os
 import platform
 import re
+import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -75,6 +76,18 @@ def draft_of(file: Path) -> Iterator[Path]:
     finally:
         with suppress(FileNotFoundError):
             os.unlink(name)
+
+
+@contextmanager
+def draft_folder(parent: Path, name: str) -> Iterator[Path]:
+    """An empty hidden folder in `parent`, removed when the body ends; so are those of this name (of
+    letters) that killed processes left there."""
+    parent.mkdir(parents=True, exist_ok=True)
+    for abandoned in parent.glob(f".{name}-{_machine()}-*"):
+        if writer_has_ended(abandoned):
+            shutil.rmtree(abandoned, ignore_errors=True)
+    with tempfile.TemporaryDirectory(prefix=f".{name}-{writer()}", dir=parent) as folder:
+        yield Path(folder)
 
 
 @contextmanager

@@ -14,13 +14,14 @@ import hashlib
 import json
 import os
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import TypeVar
+
+from imocap_core.whole_files import write_whole
 
 FILE = Path(".cache") / "files.json"
 FORMAT = 1  # raise when what is computed from a file means something else
@@ -72,14 +73,8 @@ def save_memory(folder: Path) -> None:
         return
     entries = {name: e for name, e in _memory().entries.items() if _exists(name)}
     text = json.dumps({"made_by": _made_by(), "entries": entries}, separators=(",", ":"))
-    target = folder / FILE
     with suppress(OSError):
-        target.parent.mkdir(exist_ok=True)
-        with tempfile.NamedTemporaryFile(
-            "w", encoding="utf-8", prefix=".", suffix=".part", dir=target.parent, delete=False
-        ) as draft:
-            draft.write(text)
-        os.replace(draft.name, target)
+        write_whole(folder / FILE, text)
         _memory().changed = False
 
 

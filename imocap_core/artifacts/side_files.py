@@ -62,7 +62,12 @@ def replace_folder(folder: Path, files: Mapping[str, bytes]) -> None:
             _copy(folder / name, _free(fresh / name))
         if folder.exists():
             os.replace(folder, old)
-        os.replace(fresh, folder)
+        try:
+            os.replace(fresh, folder)
+        except OSError:
+            if old.exists():
+                os.replace(old, folder)
+            raise
     finally:
         for leftover in (fresh, old):
             shutil.rmtree(leftover, ignore_errors=True)

@@ -10,7 +10,7 @@ from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.export.clips import camera_of, clip_of
 from imocap_core.export.mcap_view import write_mcap
 from imocap_core.export.notes import notes_of, write_notes
-from imocap_core.export.placing import digests_of, drafts_beside, place
+from imocap_core.export.placing import digests_of, place
 from imocap_core.export.tables import npz_values, write_cameras_and_sync
 from imocap_core.io.writers.bvh import write_bvh
 from imocap_core.io.writers.clip_body import skin_of
@@ -21,6 +21,7 @@ from imocap_core.io.writers.motion_clip import MotionClip, upright_rest
 from imocap_core.io.writers.trc import write_trc
 from imocap_core.result.result import ActionResult, Time
 from imocap_core.result.video_body import shaped_body
+from imocap_core.whole_files import draft_folder
 
 DEFAULT_UP = {
     "bvh": "y",
@@ -58,7 +59,7 @@ def export(
     together = time == "common" and result.time != "common"
     written = placed.on_common_time() if together else placed
     try:
-        with drafts_beside(out) as folder:
+        with draft_folder(out, "export") as folder:
             files = WRITERS[format](folder, written)
             files += write_cameras_and_sync(folder, placed)
             notes = notes_of(written, format) | {"files": digests_of(files)}

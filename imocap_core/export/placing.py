@@ -10,22 +10,12 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
 from imocap_core.errors import WorkFailed
 
 NOTES = "export_*.json"
-
-
-@contextmanager
-def drafts_beside(out: Path) -> Iterator[Path]:
-    """An empty folder in `out` to write to before the files are placed."""
-    out.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=".export-", dir=out) as folder:
-        yield Path(folder)
 
 
 def digests_of(files: Sequence[Path]) -> dict[str, str]:

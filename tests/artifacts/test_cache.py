@@ -22,7 +22,7 @@ from imocap_core.artifacts.cache import (
 )
 from imocap_core.artifacts.schemas import Sync
 from imocap_core.artifacts.store import Store
-from imocap_core.whole_files import draft_of, write_whole, writer_has_ended
+from imocap_core.whole_files import draft_folder, draft_of, write_whole, writer_has_ended
 
 DAY_S = 86400.0
 
@@ -138,13 +138,14 @@ def test_leftovers_are_unfinished_files_and_folders(
     assert {p.name for p in store.folder.rglob("*.mcap")} == {"one.mcap", "sync.mcap"}
 
 
-def abandoned_draft(folder: Path) -> Path:
+def abandoned_draft(folder: Path, kind: str = "draft_of(folder / 'one.mcap')") -> Path:
     """What a process that was killed while it wrote leaves in a folder."""
     code = (
-        "import sys, os; from pathlib import Path; from imocap_core.whole_files import draft_of\n"
-        "with draft_of(Path(sys.argv[1])) as draft: print(draft, flush=True); os._exit(9)"
+        "import sys, os; from pathlib import Path; from imocap_core.whole_files import *\n"
+        "folder = Path(sys.argv[1])\n"
+        f"with {kind} as draft: print(draft, flush=True); os._exit(9)"
     )
-    line = [sys.executable, "-c", code, str(folder / "one.mcap")]
+    line = [sys.executable, "-c", code, str(folder)]
     return Path(subprocess.run(line, capture_output=True, text=True, check=False).stdout.strip())
 
 
@@ -166,3 +167,12 @@ def test_the_next_file_of_a_folder_removes_abandoned_drafts(tmp_path: Path) -> N
     assert abandoned.exists()
     write_whole(tmp_path / "page.html", "text")
     assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
+
+
+def test_the_next_folder_of_drafts_removes_abandoned_ones(tmp_path: Path) -> None:
+    abandoned = abandoned_draft(tmp_path, "draft_folder(folder, 'export')")
+    assert abandoned.is_dir()
+    (tmp_path / ".export-mine").mkdir()
+    with draft_folder(tmp_path, "export") as fresh:
+        assert sorted(tmp_path.iterdir()) == sorted([tmp_path / ".export-mine", fresh])
+    assert [file.name for file in tmp_path.iterdir()] == [".export-mine"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -152,3 +153,22 @@ def test_a_missing_file_is_an_error(
 ) -> None:
     with pytest.raises(FileNotFoundError):
         remembered("text", tmp_path / "nowhere", reader)
+
+
+def test_a_full_disk_leaves_no_draft(
+    tmp_path: Path, reader: Reader, forget: Callable[[], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "a.txt"
+    file.write_text("text")
+    os.utime(file, (LONG_AGO_S, LONG_AGO_S))
+    remembered("text", file, reader)
+
+    def full(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, "no room")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "fsync", full)
+        save_memory(tmp_path)
+    assert list((tmp_path / ".cache").iterdir()) == []
+    save_memory(tmp_path)
+    assert [path.name for path in (tmp_path / ".cache").iterdir()] == ["files.json"]

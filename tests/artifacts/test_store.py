@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -9,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from imocap_core.artifacts import side_files
 from imocap_core.artifacts.schemas import Sync
 from imocap_core.artifacts.store import Store, Stored
 from imocap_core.errors import ArtifactCorrupt
@@ -135,6 +138,27 @@ def test_what_people_put_into_the_report_or_change_there_is_never_lost(
     assert (report / "a.csv~").read_bytes() == b"changed"
     assert (report / "a.csv~~").read_bytes() == b"changed again"
     assert (report / "figures" / "c.png").read_bytes() == b"mine"
+
+
+def test_a_report_that_cannot_be_replaced_stays(
+    store: Store, put: Put, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    report = store.folder / "yoga" / "report"
+    put("one", files={"a.csv": b"1"})
+    (report / "notes.txt").write_text("mine")
+    replace = os.replace
+
+    def replaced(source: Path, target: Path) -> None:
+        if Path(target) == report and not Path(source).name.endswith("-old"):
+            raise OSError(errno.ENOSPC, "no room")
+        replace(source, target)
+
+    monkeypatch.setattr(side_files.os, "replace", replaced)
+    with pytest.raises(OSError, match="no room"):
+        put("two", files={"a.csv": b"2"})
+    assert (report / "notes.txt").read_text() == "mine"
+    assert (report / "a.csv").read_bytes() == b"1"
+    assert [p.name for p in report.parent.iterdir() if p.name.startswith(".report")] == []
 
 
 HOLD = """
