@@ -18,6 +18,7 @@ from imocap_core.cli import stage_main
 from imocap_core.io.video import read_gray
 from imocap_core.params import CameraMotionParams, Params
 from imocap_core.pipeline.stage import Context, Inputs
+from imocap_core.problem.even_moments import camera_at_used_frames, nearest_used
 from imocap_core.workers import cores
 
 
@@ -60,23 +61,24 @@ def _look(video: VideoKeypoints, path: Path, params: CameraMotionParams) -> Came
     first, last = int(video.frames[0]), int(video.frames[-1])
     small = track_background(
         (picture for _, picture in read_gray(path, first, last + 1, scale=scale)),
-        (video.person_box_px + 0.5) * scale - 0.5,
+        (video.person_box_px[nearest_used(video)] + 0.5) * scale - 0.5,
         max_features=params.max_features,
         min_inliers=params.min_inliers,
         threshold_px=params.reprojection_threshold_px,
     )
-    if len(small) != len(video.frames):
+    if len(small) != last + 1 - first:
         raise ValueError(
             f"{path}: expected frames {first} to {last}, the video ends after {len(small)} of "
             "them; change `frames` in action.yaml or re-encode the video"
         )
-    return estimate_camera_motion(
+    camera = estimate_camera_motion(
         [rescaled(match, scale) for match in small],
         video.size,
         video.focal_px,
         assumed_focal_factor=params.assumed_focal_factor,
         threshold_px=params.reprojection_threshold_px / scale,
     )
+    return camera_at_used_frames(camera, video)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,12 @@ from imocap_core.artifacts.schemas.motion import VideoMotion
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.evaluate.body_points import BodyPoints
 from imocap_core.evaluate.results import StageResult
-from imocap_core.evaluate.truth import true_joints, true_positions, video_truth
+from imocap_core.evaluate.truth import (
+    consecutive,
+    true_joints,
+    true_positions,
+    video_truth,
+)
 from imocap_core.io.truth import Truth, VideoTruth
 from imocap_core.metrics import scoring
 from imocap_core.metrics.joints import root_relative
@@ -107,10 +112,10 @@ def _pose(
         unknown = truth is None or truth.joints is None
         why = "no truth" if unknown else "the true camera is not known"
         return [ScoreRow(name, video.id, metric, None, why) for metric in scoring.POSE_METRICS]
-    predicted = CameraJoints(motion.joints, SMPL_JOINTS, motion.frames)
+    predicted = CameraJoints(motion.joints, SMPL_JOINTS, consecutive(motion.frames))
     if nose_m is not None:
         joints = np.concatenate([motion.joints, nose_m[:, None]], axis=1)
-        predicted = CameraJoints(joints, (*SMPL_JOINTS, "nose"), motion.frames)
+        predicted = CameraJoints(joints, (*SMPL_JOINTS, "nose"), predicted.frames)
     return scoring.pose_rows(name, video.id, predicted, true, video.fps)
 
 
@@ -152,6 +157,7 @@ def _sync(
 ) -> list[ScoreRow]:
     videos = {v.id: v for v in keypoints.videos}
     reference = videos[sync.reference]
+    frames = {i: consecutive(video.frames) for i, video in videos.items()}
     used = np.arange(len(reference.frames))
     with_truth = true_positions(sync, truth)
     rows = []
@@ -167,10 +173,10 @@ def _sync(
         rows += scoring.sync_rows(
             name,
             video,
-            np.interp(sync_map.reference_frame, used, reference.frames),
-            videos[video].frames,
+            np.interp(sync_map.reference_frame, used, frames[sync.reference]),
+            frames[video],
             phase,
-            reference.frames,
+            frames[sync.reference],
             reference_phase,
             truth.phase_end or float(np.nanmax(reference_phase)),
             reference.fps,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,8 @@ from imocap_core.io.truth import Truth, VideoTruth, read_truth
 from imocap_core.metrics.joint_rotations import segment_rotations
 from imocap_core.metrics.scoring import CameraJoints
 from imocap_core.metrics.sync import true_reference_frame
+from imocap_core.motion.multiview.common_time import pose_at, values_at
+from imocap_core.motion.multiview.timeline import sample_rotations
 
 
 def action_truth(folder: Path, file: Path | None, keypoints: Keypoints) -> Truth | None:
@@ -24,10 +27,40 @@ def action_truth(folder: Path, file: Path | None, keypoints: Keypoints) -> Truth
 
     None when there is neither. ValueError names the file and the faulty field.
     """
-    used_frames = {v.id: v.frames for v in keypoints.videos}
+    frames = {v.id: np.arange(v.frames[0], v.frames[-1] + 1) for v in keypoints.videos}
     if file is not None:
-        return read_truth(file, used_frames)
-    return read_pose2sim_truth(folder, used_frames) if has_pose2sim_truth(folder) else None
+        truth = read_truth(file, frames)
+    elif has_pose2sim_truth(folder):
+        truth = read_pose2sim_truth(folder, frames)
+    else:
+        return None
+    moving = {v.id: v.source_frames - v.frames[0] for v in keypoints.videos if v.moments}
+    at_moments = {i: truth_at(truth.videos[i], position) for i, position in moving.items()}
+    return replace(truth, videos=truth.videos | at_moments)
+
+
+def truth_at(video: VideoTruth, position: Float[np.ndarray, " N"]) -> VideoTruth:
+    """A video's truth at fractional frames: angles geodesically, the rest linearly."""
+
+    def turned(R: Float[np.ndarray, "T ..."] | None) -> Float[np.ndarray, "N ..."] | None:
+        if R is None:
+            return None
+        by_joint = torch.from_numpy(R.reshape(len(R), -1, 3, 3))
+        return sample_rotations(by_joint, position).numpy().reshape(-1, *R.shape[1:])
+
+    def moved(values: Float[np.ndarray, "T ..."] | None) -> Float[np.ndarray, "N ..."] | None:
+        return None if values is None else values_at(values, position)
+
+    return replace(
+        video,
+        joints=moved(video.joints),
+        phase=moved(video.phase),
+        hands=moved(video.hands),
+        trans=moved(video.trans),
+        theta=None if video.theta is None else pose_at(video.theta, position),
+        R_frames=turned(video.R_frames),
+        segments=turned(video.segments),
+    )
 
 
 def video_truth(truth: Truth | None, video: str) -> VideoTruth | None:
@@ -35,12 +68,19 @@ def video_truth(truth: Truth | None, video: str) -> VideoTruth | None:
     return None if truth is None else truth.videos.get(video)
 
 
+def consecutive(frames: Int[np.ndarray, " T"]) -> Int[np.ndarray, " T"]:
+    """Numbers of used frames, one apart in time: of moments the nearest source frames, which may
+    repeat, are not."""
+    return frames[0] + np.arange(len(frames))
+
+
 def true_joints(video: VideoTruth | None, frames: Int[np.ndarray, " T"]) -> CameraJoints | None:
     """True joints in the axes of the video's camera; None when joints or camera are unknown."""
     if video is None or video.joints is None or video.R is None or video.t is None:
         return None
     assert len(video.joints) == len(frames), "truth and result must have the same frames"
-    return CameraJoints(video.joints @ video.R.T + video.t, video.joint_names, frames)
+    joints = video.joints @ video.R.T + video.t
+    return CameraJoints(joints, video.joint_names, consecutive(frames))
 
 
 def true_rotations(video: VideoTruth | None) -> Float[np.ndarray, "T 24 3 3"] | None:

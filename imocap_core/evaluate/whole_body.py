@@ -21,6 +21,7 @@ from imocap_core.evaluate.surface import (
     vertex_errors_mm,
 )
 from imocap_core.evaluate.truth import (
+    consecutive,
     true_body,
     true_joints,
     true_rotations,
@@ -54,7 +55,7 @@ def joint_rows(
     name: str, video: VideoKeypoints, motion: VideoMotion, truth: VideoTruth | None
 ) -> list[ScoreRow]:
     """The metrics that need joints and rotations, not the body's surface."""
-    predicted = CameraJoints(motion.joints, SMPL_JOINTS, motion.frames)
+    predicted = CameraJoints(motion.joints, SMPL_JOINTS, consecutive(motion.frames))
     jitter = body_scoring.jitter_row(name, video.id, predicted, video.fps)
     true, R_true = true_joints(truth, motion.frames), true_rotations(truth)
     if true is None:
@@ -86,7 +87,7 @@ def joint_position_errors_mm(result: StageResult, truth: Truth | None) -> JointE
 
     def of_video(motion: VideoMotion) -> JointErrors:
         true = true_joints(video_truth(truth, motion.id), motion.frames)
-        predicted = CameraJoints(motion.joints, SMPL_JOINTS, motion.frames)
+        predicted = CameraJoints(motion.joints, SMPL_JOINTS, consecutive(motion.frames))
         return {} if true is None else body_scoring.aligned_errors_mm(predicted, true)
 
     return _mean_over_videos(result.motions, of_video)
@@ -137,7 +138,7 @@ def _surface_rows(
         return [*body_scoring.unscored_rows(name, video.id, notes), *stretch]
     feet = foot_points_m(body), foot_points_m(true)
     errors = vertex_errors_mm(body, true)
-    sliding = world.foot_sliding_mm(*feet, motion.frames, video.fps)
+    sliding = world.foot_sliding_mm(*feet, consecutive(motion.frames), video.fps)
     values = (errors.pve, errors.pve_without_hands, errors.pa_pve, sliding)
     if_nan = (*("no frame has both",) * 3, "no foot is in contact")
     scored = zip(body_scoring.SURFACE_METRICS, values, if_nan, strict=True)

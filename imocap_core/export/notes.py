@@ -32,6 +32,9 @@ LEVEL_WORLD = (
     "level: {up} up, right-handed, the ground at {up} = 0, the origin on it under the bodies; the "
     "reference camera looks along {ahead}"
 )
+VARIABLE = (
+    "the file's frames are not evenly spaced in time: rows are even moments, at fractional frames"
+)
 AHEAD = {"y": "-z", "z": "+y"}
 OWN = "own: one row or key for every used frame of the video, in its frame rate"
 COMMON = (
@@ -87,6 +90,9 @@ def _video(result: ActionResult, video: VideoResult) -> dict[str, Any]:
         "last_source_frame": float(video.frames[-1]),
         "hands": video.hands is not None,
     }
+    if video.keypoints.moments is not None:
+        notes["variable_frame_rate"] = VARIABLE
+        notes["first_time_s"], notes["last_time_s"] = map(float, video.time_s[[0, -1]])
     if result.time == "common":
         notes["first_phase_s"] = float(video.phase_s[0])
         notes["outside_s"] = float((~video.inside).sum() / video.fps)

@@ -58,4 +58,5 @@ def npz_values(video: VideoResult, result: ActionResult) -> ExportedVideo:
         hands=hands,
         inside=video.inside if common else None,
         phase_s=video.phase_s if common else None,
+        time_s=None if video.keypoints.moments is None else video.time_s,
     )

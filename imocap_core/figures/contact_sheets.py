@@ -108,10 +108,11 @@ def read_cells(
     cuts = dict(zip(frames, boxes, strict=True))
     cells = {t: blank_cell() for t in frames}
     if video.file is not None:
-        index = {int(keypoints.frames[t]): t for t in frames}
-        for number, picture in read_rgb(video.file, min(index), max(index) + 1):
-            if number in index:
-                cells[index[number]] = cuts[index[number]].cut(picture)
+        source = {t: int(keypoints.frames[t]) for t in frames}
+        first, last = min(source.values()), max(source.values())
+        for number, picture in read_rgb(video.file, first, last + 1):
+            for t in (t for t in frames if source[t] == number):
+                cells[t] = cuts[t].cut(picture)
     return cells, cuts
 
 

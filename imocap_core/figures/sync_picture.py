@@ -67,12 +67,13 @@ def _matrices(
         video = videos[others[number]]
         a, b = starts[video.id], starts[reference.id]
         block = sync.affinity[a : a + len(video.frames), b : b + len(reference.frames)].T
-        across, up = ((v.frames[0] - 0.5, v.frames[-1] + 0.5) for v in (video, reference))
+        frames, frames_there = (v.frames[0] + np.arange(len(v.frames)) for v in (video, reference))
+        across, up = ((f[0] - 0.5, f[-1] + 0.5) for f in (frames, frames_there))
         draw_affinity(ax, block, (*across, *up))
         matched = map_of(sync, video.id).reference_frame
-        there = seconds_at(matched, reference.frames, 1.0)
-        ax.plot(video.frames, there, color="white", lw=3.2, alpha=0.85)
-        ax.plot(video.frames, there, color=ACCENT, lw=1.5)
+        there = seconds_at(matched, frames_there)
+        ax.plot(frames, there, color="white", lw=3.2, alpha=0.85)
+        ax.plot(frames, there, color=ACCENT, lw=1.5)
         ax.set_title(
             title_of(sync, video.id), color=color_of(sync.ids, video.id), fontweight="bold"
         )
@@ -175,10 +176,9 @@ def uncertainty_s(confidence: Float[np.ndarray, " T"], reach_s: float) -> Float[
 
 def _seconds(video: VideoKeypoints) -> Float[np.ndarray, " T"]:
     """Time of each used frame since the first of them."""
-    return np.asarray((video.frames - video.frames[0]) / video.fps)
+    return np.asarray(np.arange(len(video.frames)) / video.fps)
 
 
 def _seconds_there(sync_map: SyncMap, reference: VideoKeypoints) -> Float[np.ndarray, " T"]:
     """Time in the reference of each frame of a video, since the reference's first used frame."""
-    frames = reference.frames - reference.frames[0]
-    return seconds_at(sync_map.reference_frame, frames, reference.fps)
+    return seconds_at(sync_map.reference_frame, _seconds(reference))

@@ -42,8 +42,8 @@ def sync_rows(keypoints: Keypoints, sync: SyncSummary) -> list[SyncRow]:
         if not len(matched):
             rows.append(SyncRow(video.id, 0.0, np.nan, np.nan, np.nan))
             continue
-        here_s = video.frames[matched] / video.fps
-        there_s = seconds_at(sync_map.reference_frame[matched], reference.frames, reference.fps)
+        here_s = video.time_s[matched]
+        there_s = seconds_at(sync_map.reference_frame[matched], reference.time_s)
         duration_s = here_s[-1] - here_s[0]
         rows.append(
             SyncRow(
@@ -58,10 +58,10 @@ def sync_rows(keypoints: Keypoints, sync: SyncSummary) -> list[SyncRow]:
 
 
 def seconds_at(
-    index: Float[np.ndarray, " N"], frames: Int[np.ndarray, " T"], fps: float
+    index: Float[np.ndarray, " N"], time_s: Real[np.ndarray, " T"]
 ) -> Float[np.ndarray, " N"]:
-    """Seconds since the file's first frame, of fractional indices into its used frames."""
-    seconds = np.interp(index, np.arange(len(frames)), frames / fps)
+    """Times of fractional indices into a video's used frames, whose times are `time_s`."""
+    seconds = np.interp(index, np.arange(len(time_s)), time_s)
     return np.where(np.isfinite(index), seconds, np.nan)
 
 

@@ -38,8 +38,8 @@ class VideoInfo:
 
 def probe(path: Path) -> VideoInfo:
     """Frame rate, size and frame count of a video file. ValueError when it cannot be read."""
-    with _open(path) as container:
-        stream = _video_stream(container, path)
+    with open_video(path) as container:
+        stream = video_stream(container, path)
         rate = stream.average_rate or stream.guessed_rate
         if not rate:
             raise ValueError(f"{path}: no frame rate; convert it to a constant frame rate first")
@@ -48,7 +48,7 @@ def probe(path: Path) -> VideoInfo:
                 f"{path}: expected {MIN_FPS} to {MAX_FPS:,.0f} frames a second, it says "
                 f"{float(rate):g}; convert it to a constant frame rate first"
             )
-        size = _shown_size(next(_decoded(container, stream, path), None), path)
+        size = _shown_size(next(decoded_frames(container, stream, path), None), path)
         count = stream.frames
     if not 0 < count <= path.stat().st_size:  # a frame takes at least a byte: the header is wrong
         count = sum(1 for _ in read_gray(path, scale=0.05))
@@ -148,7 +148,8 @@ def write_h264(
     return count
 
 
-def _open(path: Path) -> Any:
+def open_video(path: Path) -> Any:
+    """A video file's container. ValueError when it is none."""
     if not path.is_file():
         raise ValueError(f"{path}: no such video file; check `video` in action.yaml")
     try:
@@ -159,7 +160,8 @@ def _open(path: Path) -> Any:
         ) from None
 
 
-def _video_stream(container: Any, path: Path) -> VideoStream:
+def video_stream(container: Any, path: Path) -> VideoStream:
+    """Its first video stream. ValueError where there is none that can be decoded."""
     if not container.streams.video:
         raise ValueError(f"{path}: no video stream; expected a video, got audio or data only")
     stream: VideoStream = container.streams.video[0]
@@ -175,7 +177,8 @@ def _video_stream(container: Any, path: Path) -> VideoStream:
     return stream
 
 
-def _decoded(container: Any, stream: VideoStream, path: Path) -> Iterator[av.VideoFrame]:
+def decoded_frames(container: Any, stream: VideoStream, path: Path) -> Iterator[av.VideoFrame]:
+    """Its frames, in the order in which they are shown. ValueError where decoding fails."""
     count = 0
     try:
         for frame in container.decode(stream):
@@ -189,9 +192,9 @@ def _decoded(container: Any, stream: VideoStream, path: Path) -> Iterator[av.Vid
 
 def _frames(path: Path, first: int, stop: int | None) -> Iterator[tuple[int, av.VideoFrame]]:
     """Frames are counted while decoding: seeking is not exact in every format."""
-    with _open(path) as container:
-        stream = _video_stream(container, path)
-        for number, frame in enumerate(_decoded(container, stream, path)):
+    with open_video(path) as container:
+        stream = video_stream(container, path)
+        for number, frame in enumerate(decoded_frames(container, stream, path)):
             if stop is not None and number >= stop:
                 return
             if number >= first:

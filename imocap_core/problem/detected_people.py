@@ -6,10 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Int64
+from jaxtyping import Float, Int64
 
+from imocap_core.frame_times import is_constant_rate, typical_step_s
 from imocap_core.io.detectors.by_name import format_and_layout, read_detections
 from imocap_core.io.detectors.people import DetectedPeople
+from imocap_core.io.time_stamps import variable_times_s
 from imocap_core.io.video import VideoInfo, probe
 from imocap_core.limits import LEAST_FRAMES, MAX_FRAMES
 from imocap_core.pipeline.action import Declaration
@@ -22,7 +24,8 @@ from imocap_core.problem.video_survey import VideoSurvey
 class DetectedVideo:
     """One video's declaration, files and people: `kind` is the format of the detections.
 
-    survey: of the pictures, where there is a video and they have been looked through.
+    survey: of the pictures, where there is a video and they have been looked through. time_s:
+    presentation times of the used frames where the frame rate is variable.
     """
 
     declared: Declaration
@@ -31,6 +34,7 @@ class DetectedVideo:
     kind: str
     people: TrackedVideo  # without tracks until `track_people`
     survey: VideoSurvey | None = None
+    time_s: Float[np.ndarray, " T"] | None = None
 
     @property
     def id(self) -> str:
@@ -51,6 +55,7 @@ def read_people(
     detections = read_detections(folder, kind, layout, size=size, names=names)
     info = probed or _declared_info(declared, detections)
     frames = _used_frames(declared, info.frame_count, file)
+    time_s = None if video is None else _uneven_times_s(video, info, frames)
     people_of = dict(zip(detections.frames.tolist(), detections.people, strict=True))
     nobody = np.zeros((0, *detections.people[0].shape[1:]))
     people = TrackedVideo(
@@ -58,13 +63,23 @@ def read_people(
         people=[people_of.get(int(frame), nobody) for frame in frames],
         frames=frames,
         size=info.size,
-        fps=info.fps,
+        fps=info.fps if time_s is None else 1 / typical_step_s(time_s),
         layout=layout,
         focal_px=declared.focal_px or float(max(info.size)),
         ranked=[],
         person=declared.person,
     )
-    return DetectedVideo(declared, folder, video, kind, people)
+    return DetectedVideo(declared, folder, video, kind, people, time_s=time_s)
+
+
+def _uneven_times_s(
+    video: Path, info: VideoInfo, frames: Int64[np.ndarray, " T"]
+) -> Float[np.ndarray, " T"] | None:
+    """Presentation times of the used frames; None where these have the constant rate `info.fps`."""
+    times = variable_times_s(video, info)
+    if times is None or is_constant_rate(times[frames], info.fps):
+        return None
+    return times[frames]
 
 
 def _declared_info(declared: Declaration, detections: DetectedPeople) -> VideoInfo:

@@ -20,7 +20,10 @@ from imocap_core.motion.monocular.starts import (
     interpolate_rotations,
     start_at_motion,
 )
+from imocap_core.motion.multiview.common_time import values_at
+from imocap_core.motion.multiview.timeline import sample, sample_rotations
 from imocap_core.pipeline.stage import Context
+from imocap_core.problem.even_moments import nearest_used
 from imocap_core.rotations import exp
 
 Estimate = Float[np.ndarray, "T 24 3"] | Start | Float[Tensor, "T 24 3 3"] | None
@@ -45,13 +48,16 @@ def estimate_of(
     path, kind = ctx.initial(video.id), video.initial_format
     if path is None:
         return None
-    boxes = PerformerBoxes(video.frames, video.person_box_px, video.size)
+    nearest = nearest_used(video)
+    source = np.arange(video.frames[0], video.frames[-1] + 1)
+    boxes = PerformerBoxes(source, video.person_box_px[nearest], video.size)
+    R_first_from_frame = R_first_from_frame[nearest]
     if kind in JOINTS:
-        return _joints(path, kind, boxes, R_first_from_frame)
+        return _at_used_frames(_joints(path, kind, boxes, R_first_from_frame), video)
     if kind in ROTATIONS:
-        return _rotations(path, kind, boxes, R_first_from_frame)
+        return _at_used_frames(_rotations(path, kind, boxes, R_first_from_frame), video)
     if kind == "smpl_npz":
-        return _smpl_motion(path, video.frames)
+        return _at_used_frames(_smpl_motion(path, source), video)
     formats = ", ".join(["smpl_npz", *JOINTS, *ROTATIONS])
     raise ValueError(
         f"{ctx.action_file()}: videos: {video.id}: initial_format: expected one of {formats}, got "
@@ -69,6 +75,19 @@ def check_estimate(ctx: Context, video: VideoKeypoints) -> None:
             f"{error}; repair what `initial` of {video.id} names in action.yaml, or remove "
             f"`initial` and `initial_format` there"
         ) from None
+
+
+def _at_used_frames(of_source: Estimate, video: VideoKeypoints) -> Estimate:
+    """An estimate of every source frame at the used frames."""
+    if video.moments is None or of_source is None:
+        return of_source
+    position = video.source_frames - video.frames[0]
+    if isinstance(of_source, np.ndarray):
+        return values_at(of_source, position)
+    if isinstance(of_source, Tensor):
+        return sample_rotations(of_source, position)
+    R_local, trans = of_source.R_local, of_source.trans
+    return Start(sample_rotations(R_local, position), sample(trans, position), of_source.cost)
 
 
 def _joints(

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import combinations
 
+import numpy as np
+
 from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
 from imocap_core.pipeline.hints import AnchorEntry, ForbiddenEntry
 from imocap_core.sync import Anchor, Hints
@@ -42,8 +44,7 @@ def hints_of(
         if entry.video not in videos:
             continue
         video = videos[entry.video]
-        first, stop = (f - int(video.frames[0]) for f in entry.frames)
-        first, stop = max(first, 0), min(stop, len(video.frames))
+        first, stop = (int(f) for f in np.searchsorted(video.frames, entry.frames))
         if first >= stop:
             faults.append(
                 f"forbidden.{n}: expected frames of {video.id} within {_range(video)}, got "
@@ -56,9 +57,10 @@ def hints_of(
 
 
 def _used_index(video: VideoKeypoints, frame: int) -> int | None:
-    """The index of a source frame among the used ones, which are consecutive."""
-    t = frame - int(video.frames[0])
-    return t if 0 <= t < len(video.frames) else None
+    """The index of the used frame that is nearest to a source frame among them."""
+    if not video.frames[0] <= frame <= video.frames[-1]:
+        return None
+    return int(np.abs(video.source_frames - frame).argmin())
 
 
 def _range(video: VideoKeypoints) -> str:

@@ -13,12 +13,14 @@ from imocap_core.people.performer import PerformerKeypoints, without_frames
 from imocap_core.problem.cuts import advice
 from imocap_core.problem.declarations import check_fits_picture
 from imocap_core.problem.detected_people import DetectedVideo
+from imocap_core.problem.even_moments import at_even_moments
 
 
 def performer_keypoints(
     video: DetectedVideo, performer: PerformerKeypoints, params: KeypointsParams
 ) -> VideoKeypoints:
-    """A video's entry of the artifact. ValueError when the performer is not in its picture."""
+    """A video's entry of the artifact, at a constant rate. ValueError when the performer is not in
+    its picture."""
     declared, people = video.declared, video.people
     probed = video.video is not None
     check_fits_picture(performer.xy_px, people.size, video.folder, probed=probed)
@@ -26,7 +28,7 @@ def performer_keypoints(
     if survey is not None:
         performer = without_frames(performer, survey.damaged)
     body = slice(len(layout_names(body_layout(people.layout))))  # without faces and hands
-    return VideoKeypoints(
+    of_frames = VideoKeypoints(
         id=declared.id,
         fps=people.fps,
         size=people.size,
@@ -45,6 +47,7 @@ def performer_keypoints(
         hands=_hands_of(video, performer),
         damaged=None if survey is None else survey.damaged_spans(people.frames),
     )
+    return at_even_moments(of_frames, video.time_s)
 
 
 def _note_of(video: DetectedVideo, performer: PerformerKeypoints, params: KeypointsParams) -> str:

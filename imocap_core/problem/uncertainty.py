@@ -13,6 +13,7 @@ from imocap_core.artifacts.schemas import (
     NearPair,
     RefineSync,
     Uncertainty,
+    VideoKeypoints,
     VideoMotion,
     VideoUncertainty,
     Viewpoint,
@@ -70,7 +71,7 @@ def uncertainty_of(
     weak = [
         span
         for uncertain, video in zip(videos, keypoints.videos, strict=True)
-        for span in _weak(uncertain, video.fps, params.weak_limit, median)
+        for span in _weak(uncertain, video, params.weak_limit, median)
     ]
     ids = [v.id for v in posteriors[0].participants.keypoints.videos]
     return Uncertainty(
@@ -114,16 +115,19 @@ def _video(
     )
 
 
-def _weak(video: VideoUncertainty, fps: float, limit: float, median: float) -> list[WeakSpan]:
-    spans = weak_spans(video.sigma_mm[:, REPORTED], limit * median, fps)
+def _weak(
+    uncertain: VideoUncertainty, video: VideoKeypoints, limit: float, median: float
+) -> list[WeakSpan]:
+    spans = weak_spans(uncertain.sigma_mm[:, REPORTED], limit * median, video.fps)
+    time_s = video.time_s
     return [
         WeakSpan(
             video=video.id,
             joint=EVAL_14[span.joint],
             first_frame=int(video.frames[span.first]),
             last_frame=int(video.frames[span.last]),
-            begin_s=float(video.frames[span.first] / fps),
-            end_s=float(video.frames[span.last] / fps),
+            begin_s=float(time_s[span.first]),
+            end_s=float(time_s[span.last]),
             sigma_mm=span.sigma,
             of_median=span.sigma / median,
         )

@@ -47,7 +47,7 @@ def at_phase(videos: Sequence[VideoResult], phase_s: float) -> dict[str, VideoMo
         moments[video.id] = VideoMoment(
             index=float(where.position[0]),
             frame=frame,
-            time_s=frame / video.keypoints.fps,
+            time_s=float(video.keypoints.seconds_of(shown.frames)[0]),
             joints=shown.joints[0],
             confidence=float(shown.confidence[0]),
         )

@@ -62,7 +62,8 @@ def read_result(
     motion, summary = _solved(artifacts, stage)
     frames = {v.id: v.frames for v in motion.videos}
     _check_frames(artifacts, "keypoints", {v.id: v.frames for v in keypoints.videos}, frames)
-    sync = synchronisation_of(summary, frames, {v.id: v.fps for v in keypoints.videos})
+    source = {v.id: v.source_frames for v in keypoints.videos}
+    sync = synchronisation_of(summary, source, {v.id: v.fps for v in keypoints.videos})
     camera_motion, hands = artifacts.find(CameraMotion), artifacts.find(Hands)
     uncertainty = artifacts.find(Uncertainty) if stage == "refine_sync" else None
     turned = {} if camera_motion is None else {v.id: v for v in camera_motion.videos}
@@ -150,7 +151,7 @@ def _video(
         video=_file(detections, folder),
         camera=camera,
         fps=detections.fps,
-        frames=motion.frames,
+        frames=detections.source_frames,
         inside=np.ones(len(motion.frames), dtype=bool),
         phase_s=sync[motion.id].phase_s,
         confidence=sync[motion.id].confidence,

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Real
 
 from imocap_core.artifacts.schemas import SyncSummary
 from imocap_core.errors import WrongUse
@@ -32,7 +32,8 @@ class VideoSync:
     Attributes:
         id: the video.
         fps: its frames per second.
-        frames: (T,) source frame numbers of its used frames.
+        frames: (T,) source frame numbers of its used frames; fractional where the frame rate is
+            variable.
         reference_frame: (T,) fractional position among the reference's used frames, NaN unmatched.
         confidence: (T,) 0 to 1.
         phase_s: (T,) place on the time axis of all videos, seconds of the reference; NaN unknown.
@@ -40,7 +41,7 @@ class VideoSync:
 
     id: str
     fps: float
-    frames: Int[np.ndarray, " T"]
+    frames: Real[np.ndarray, " T"]
     reference_frame: Float[np.ndarray, " T"]
     confidence: Float[np.ndarray, " T"]
     phase_s: Float[np.ndarray, " T"]
@@ -133,7 +134,7 @@ def _index_at(
 
 
 def synchronisation_of(
-    summary: SyncSummary, frames: Mapping[str, Int[np.ndarray, " _"]], fps: Mapping[str, float]
+    summary: SyncSummary, frames: Mapping[str, Real[np.ndarray, " _"]], fps: Mapping[str, float]
 ) -> Synchronisation:
     """From the artifact; frames: per video, the source frame numbers of its used frames."""
     phases = {} if summary.trust is None else {v.id: v.phase_s for v in summary.trust.videos}

@@ -74,7 +74,8 @@ class VideoResult:
         video: the file; None where action.yaml names none or it is not there.
         camera: where it was filmed from (`VideoCamera`).
         fps: frames per second of the arrays here.
-        frames: (T,) source frame numbers; fractional on the common time axis.
+        frames: (T,) source frame numbers; fractional on the common time axis, and of a video of
+            variable frame rate, which is read at even moments.
         inside: (T,) False where the video does not show the moment and its nearest end stands in.
         phase_s: (T,) place on the common time axis, seconds of the reference; NaN unknown.
         confidence: (T,) 0 to 1, of every frame's match with the reference video.
@@ -185,7 +186,7 @@ class VideoResult:
     @property
     def time_s(self) -> Float[np.ndarray, " T"]:
         """(T,) seconds from the beginning of the video file."""
-        return np.asarray(self.frames / self.keypoints.fps)
+        return self.keypoints.seconds_of(self.frames)
 
     @property
     def uncertainty(self) -> Float[np.ndarray, "T 24"] | None:

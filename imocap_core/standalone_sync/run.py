@@ -56,7 +56,7 @@ class SolvedSync:
         """The correspondences as arrays."""
         videos = self.keypoints.videos
         return synchronisation_of(
-            self.sync, {v.id: v.frames for v in videos}, {v.id: v.fps for v in videos}
+            self.sync, {v.id: v.source_frames for v in videos}, {v.id: v.fps for v in videos}
         )
 
 

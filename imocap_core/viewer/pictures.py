@@ -71,11 +71,12 @@ def picture_entry(
     the file lacks repeats the one before. ValueError when the file is no readable video.
     """
     x, y, width, height = part
-    wanted = {int(number): None for number in frames[::every]}
+    wanted = frames[::every].tolist()
+    shown = set(wanted)
     encoded: dict[int, bytes] = {
         number: small_jpeg(picture[y : y + height, x : x + width])
         for number, picture in read_rgb(file, int(frames.min()), int(frames.max()) + 1)
-        if number in wanted
+        if number in shown
     }
     if not encoded:
         return None

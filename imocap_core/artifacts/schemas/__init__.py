@@ -8,6 +8,7 @@ from imocap_core.artifacts.schemas.keypoints import (
     HandKeypoints,
     Keypoints,
     LeftOutVideo,
+    SourceMoments,
     VideoKeypoints,
 )
 from imocap_core.artifacts.schemas.motion import (
@@ -59,6 +60,7 @@ __all__ = [
     "Round",
     "Shape",
     "SmplBa",
+    "SourceMoments",
     "StartFit",
     "Sync",
     "SyncMap",

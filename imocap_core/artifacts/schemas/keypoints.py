@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar
 
+import numpy as np
+from jaxtyping import Float, Real
 from pydantic import model_validator
 
 from imocap_core.artifacts.schemas.base import Artifact, Floats, Ints, Shape, Value, unique
@@ -16,20 +18,30 @@ class HandKeypoints(Value):
     confidence: Annotated[Floats, Shape("T", 2, 21)]
 
 
-class VideoKeypoints(Value):
-    """One video's detections. A joint that was not detected is NaN with confidence 0."""
+class SourceMoments(Value):
+    """Where even moments lie in a file of variable frame rate."""
 
-    OPTIONAL: ClassVar[frozenset[str]] = frozenset({"hands", "damaged"})
+    position: Annotated[Floats, Shape("T")]  # fractional source frames
+    time_s: Annotated[Floats, Shape("T")]  # presentation times
+
+
+class VideoKeypoints(Value):
+    """One video's detections. A joint that was not detected is NaN with confidence 0.
+
+    A used frame is one of the source or, of a file of variable frame rate, one of even moments.
+    """
+
+    OPTIONAL: ClassVar[frozenset[str]] = frozenset({"hands", "damaged", "moments"})
 
     id: str
-    fps: float
+    fps: float  # used frames a second
     size: tuple[int, int]  # width, height
     layout: str  # which joints: body25, body25b, coco17, ...
     video: str | None  # as written in action.yaml, relative to its folder
     focal_px: float | None  # given by the user; None when unknown
     initial: str | None
     initial_format: str | None
-    frames: Annotated[Ints, Shape("T")]  # source frame numbers
+    frames: Annotated[Ints, Shape("T")]  # source frame numbers, of moments the nearest
     xy_px: Annotated[Floats, Shape("T", "K", 2)]
     confidence: Annotated[Floats, Shape("T", "K")]
     person_box_px: Annotated[Floats, Shape("T", 4)]  # x0 y0 x1 y1, NaN where undetected
@@ -38,6 +50,32 @@ class VideoKeypoints(Value):
     note: str
     hands: HandKeypoints | None = None  # None when no frame has any
     damaged: list[tuple[int, int]] | None = None  # source frames, first and last: undecodable
+    moments: SourceMoments | None = None  # None where the frame rate is constant
+
+    @model_validator(mode="after")
+    def _every_frame_has_a_moment(self) -> VideoKeypoints:
+        if self.moments is not None and len(self.moments.position) != len(self.frames):
+            raise ValueError(
+                f"moments: expected {len(self.frames)}, got {len(self.moments.position)}"
+            )
+        return self
+
+    @property
+    def source_frames(self) -> Real[np.ndarray, " T"]:
+        """Source frame of every used frame, fractional where the frame rate is variable."""
+        return self.frames if self.moments is None else self.moments.position
+
+    def seconds_of(self, source_frame: Real[np.ndarray, " N"]) -> Float[np.ndarray, " N"]:
+        """Seconds from the beginning of the file of (fractional) source frames."""
+        if self.moments is None:
+            return np.asarray(source_frame / self.fps)
+        moments = self.moments
+        return np.asarray(np.interp(source_frame, moments.position, moments.time_s))
+
+    @property
+    def time_s(self) -> Float[np.ndarray, " T"]:
+        """Seconds from the beginning of the file of every used frame."""
+        return self.seconds_of(self.source_frames)
 
 
 class LeftOutVideo(Value):

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Real
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,7 @@ class ExportedVideo:
     hands: ExportedHands | None = None
     inside: Bool[np.ndarray, " T"] | None = None  # on the common timeline: the video shows it
     phase_s: Float[np.ndarray, " T"] | None = None  # on the common timeline: reference seconds
+    time_s: Float[np.ndarray, " T"] | None = None  # in a file of variable frame rate
 
 
 def write_video(folder: Path, video: ExportedVideo) -> Path:
@@ -63,6 +64,8 @@ def write_video(folder: Path, video: ExportedVideo) -> Path:
         }
     if video.inside is not None and video.phase_s is not None:
         more |= {"inside": video.inside, "phase_s": video.phase_s}
+    if video.time_s is not None:
+        more["time_s"] = video.time_s
     np.savez(
         file,
         poses=video.poses,
@@ -102,7 +105,7 @@ def write_cameras(folder: Path, videos: list[ExportedVideo], reference: str) -> 
 
 def write_sync(
     folder: Path,
-    frames: Mapping[str, Int[np.ndarray, " _"]],
+    frames: Mapping[str, Real[np.ndarray, " _"]],
     maps: Mapping[str, tuple[Float[np.ndarray, " _"], Float[np.ndarray, " _"]]],
     reference: str,
     phases: Mapping[str, Float[np.ndarray, " _"]] | None = None,
@@ -130,9 +133,13 @@ def write_sync(
             for row in zip(frames[video], matched, confidence, phase, strict=True):
                 frame, match, sure, phase_s = row
                 rows.writerow(
-                    [video, frame, _number(match, 3), _number(sure, 3), _number(phase_s, 4)]
+                    [video, _frame(frame), _number(match, 3), _number(sure, 3), _number(phase_s, 4)]
                 )
     return file
+
+
+def _frame(number: int | float) -> str:
+    return f"{number:.3f}".rstrip("0").rstrip(".") if number % 1 else f"{number:.0f}"
 
 
 def _number(value: float, decimals: int) -> str:
