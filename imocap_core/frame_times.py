@@ -43,7 +43,7 @@ class EvenMoments:
 def typical_step_s(time_s: Float[np.ndarray, " T"]) -> float:
     """Mean of the intervals between frames that are about the median one, seconds."""
     steps = np.diff(time_s)
-    median = float(np.median(steps))
+    median = float(np.sort(steps)[len(steps) // 2])
     return float(steps[np.abs(steps - median) <= TYPICAL * median].mean())
 
 

@@ -133,12 +133,12 @@ def write_sync(
             for row in zip(frames[video], matched, confidence, phase, strict=True):
                 frame, match, sure, phase_s = row
                 rows.writerow(
-                    [video, _frame(frame), _number(match, 3), _number(sure, 3), _number(phase_s, 4)]
+                    [video, _frame(float(frame)), _number(match, 3), _number(sure, 3), _number(phase_s, 4)]
                 )
     return file
 
 
-def _frame(number: int | float) -> str:
+def _frame(number: float) -> str:
     return f"{number:.3f}".rstrip("0").rstrip(".") if number % 1 else f"{number:.0f}"
 
 

@@ -1,0 +1,50 @@
+"""Time stamps of a file: none for a constant rate, exact ones for a variable rate."""
+
+import numpy as np
+import pytest
+
+from imocap_core.io.time_stamps import variable_times_s
+from imocap_core.io.video import probe, write_h264
+from tests.io.made_times import write_timed
+
+
+def times_of(path):
+    return variable_times_s(path, probe(path))
+
+
+def switching_s():
+    """Two seconds at 30 frames a second, one at 15, and one at 30 again."""
+    return np.concatenate([np.arange(60) / 30, 2 + np.arange(15) / 15, 3 + np.arange(30) / 30])
+
+
+@pytest.mark.parametrize("fps", [24.0, 29.97, 60.0, 240.0])
+def test_a_constant_rate_has_no_times(tmp_path, fps):
+    pictures = [np.full((48, 64, 3), 5 * t, np.uint8) for t in range(40)]
+    write_h264(tmp_path / "a.mp4", pictures, fps)
+    assert times_of(tmp_path / "a.mp4") is None
+
+
+def test_stamps_in_whole_milliseconds_are_a_constant_rate(tmp_path):
+    assert times_of(write_timed(tmp_path / "a.mkv", np.arange(90) / 29.97)) is None
+
+
+@pytest.mark.parametrize("name", ["a.mp4", "a.mkv", "a.mov"])
+def test_a_variable_rate_gives_the_times_that_were_written(tmp_path, name):
+    read = times_of(write_timed(tmp_path / name, switching_s()))
+    np.testing.assert_allclose(read, switching_s(), atol=6e-4)  # mkv has whole milliseconds
+
+
+def test_a_dropped_frame_is_no_constant_rate(tmp_path):
+    times = np.delete(np.arange(60) / 30, 30)
+    np.testing.assert_allclose(times_of(write_timed(tmp_path / "a.mp4", times)), times, atol=1e-4)
+
+
+def test_times_begin_with_the_first_frame(tmp_path):
+    read = times_of(write_timed(tmp_path / "a.mkv", 1.5 + switching_s()))
+    assert read[0] == 0.0
+
+
+def test_stamps_that_no_video_has_are_refused(tmp_path):
+    times = np.r_[np.arange(30) / 30, 40_000 + np.arange(30) / 30]
+    with pytest.raises(ValueError, match="time stamps spread 60 frames over 40,001 s"):
+        times_of(write_timed(tmp_path / "a.mkv", times))
