@@ -14,7 +14,8 @@ from imocap_core.detect.workers.blazepose.boxes import (
     box_anchors,
 )
 from imocap_core.detect.workers.blazepose.crops import MARGIN
-from imocap_core.detect.workers.blazepose.landmarks import POINTS
+from imocap_core.detect.workers.blazepose.landmarks import CENTRE, POINTS, RIM
+from imocap_core.detect.workers.blazepose.person import anchors as person_anchors
 
 Network = Callable[[np.ndarray], list[np.ndarray]]
 SIZE = (400, 600)  # height, width of the pictures
@@ -87,14 +88,40 @@ def landmark_network(given: np.ndarray) -> list[np.ndarray]:
         (x, y, width, height), pixels = bars(given)[max(near)[1]]
         rows[:, 0] = x + width * (0.1 + 0.8 * (np.arange(POINTS) % 2))
         rows[:, 1] = y + height * np.arange(POINTS) / (POINTS - 7)
-        rows[33, :2] = x + width / 2, y + height / 2
-        rows[34, :2] = rows[33, :2] - (0, 0.5 * height / MARGIN * 1.3)
+        rows[CENTRE, :2] = x + width / 2, y + height / 2
+        rows[RIM, :2] = rows[CENTRE, :2] - (0, 0.5 * height / MARGIN * 1.3)
         mask[pixels] = 9.0
     rows[:, 3] = 5.0
     presence = np.float32([1.0 if near else 0.0])
     return [rows.ravel(), presence, mask[..., None], COLD, np.zeros(3 * POINTS, np.float32)]
 
 
-def blind_upright(given: np.ndarray) -> list[np.ndarray]:
+def blind_person_detector(given: np.ndarray) -> list[np.ndarray]:
     """BlazePose's own detector, which finds nobody."""
     return [np.zeros((2254, 12), np.float32), np.full((2254, 1), -9.0, np.float32)]
+
+
+def person_detector(given: np.ndarray) -> list[np.ndarray]:
+    """BlazePose's own detector, which finds every bar, upright."""
+    anchors = person_anchors()
+    values, logits = blind_person_detector(given)
+    for (x, y, width, height), _ in bars((given + 1) / 2):
+        middle = np.array([x + width / 2, y + height / 2])
+        anchor = np.linalg.norm(anchors - middle / 224, axis=1).argmin()
+        dx, dy = middle - 224 * anchors[anchor]
+        rim = dy - 0.5 * height / MARGIN * 1.3
+        values[anchor] = [dx, dy, width, height, dx, dy, dx, rim, dx, dy, dx, dy]
+        logits[anchor] = 4.0
+    return [values, logits]
+
+
+def drifting_network(given: np.ndarray) -> list[np.ndarray]:
+    """As `landmark_network`, but what is off the middle of the crop is answered nearer to it, and
+    seen less well: crops that follow such answers stay behind."""
+    rows, presence, mask, heat, world = landmark_network(given)
+    points = rows.reshape(POINTS, 5)
+    away = points[CENTRE, :2] - 128
+    if presence[0]:
+        points[:, :2] -= 0.8 * away
+        points[:, 3] -= np.hypot(*away) / 10
+    return [rows, presence, mask, heat, world]

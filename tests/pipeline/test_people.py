@@ -139,3 +139,23 @@ def test_sides_are_put_back_only_when_asked_for() -> None:
     np.testing.assert_allclose(left_alone.xy_px, wrong[..., :2])
     np.testing.assert_allclose(put_back.xy_px, PERFORMER[..., :2])
     assert "put back in 3 frames" in put_back.note
+
+
+def test_every_selection_follows_its_own_person() -> None:
+    """Three people in one picture, one of whom walks past the others; each chosen by a point or a
+    box, in any frame, is the performer throughout."""
+    walk = figure(3, 0.0, 0, 420)
+    walk[..., 0] += np.linspace(150, 1150, FRAMES)[:, None]
+    people = {"left": figure(1, 0.0, 380, 300), "right": figure(5, 0.4, 860, 330), "walker": walk}
+    video = tracked("v1", *people.values())
+    for name, pose in people.items():
+        for frame in (2, FRAMES - 3):
+            low, high = pose[frame, :, :2].min(axis=0), pose[frame, :, :2].max(axis=0)
+            selections = (
+                Person(frame=frame, at=tuple(low / 2 + high / 2)),
+                Person(frame=frame, box=(*low, *high)),
+            )
+            for person in selections:
+                chosen = choose_performers([replace(video, person=person)], FILE, PARAMS)[0]
+                assert chosen.presence == 1.0, name
+                np.testing.assert_allclose(chosen.xy_px, pose[..., :2], err_msg=name)

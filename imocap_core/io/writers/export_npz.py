@@ -133,7 +133,13 @@ def write_sync(
             for row in zip(frames[video], matched, confidence, phase, strict=True):
                 frame, match, sure, phase_s = row
                 rows.writerow(
-                    [video, _frame(float(frame)), _number(match, 3), _number(sure, 3), _number(phase_s, 4)]
+                    [
+                        video,
+                        _frame(float(frame)),
+                        _number(match, 3),
+                        _number(sure, 3),
+                        _number(phase_s, 4),
+                    ]
                 )
     return file
 

@@ -35,7 +35,7 @@ EVERY = 5  # frames from one look at the whole picture to the next
 FOLLOWED = 0.5  # intersection over union of the box of a person who is followed and the detector's
 CONTESTED = 0.25  # share of joints at those of others, beyond which a body is not itself
 LEAST_QUALITY = 0.75  # of a body with others painted over, of that without
-LEAST_UPRIGHT = 0.5  # confidence of BlazePose's detector
+LEAST_DETECTED = 0.5  # confidence of a person whom BlazePose's detector gives
 NEAR = 0.5  # sides of a crop: further away it is somebody else
 PREFERRED = 1.3  # of their size: people who are followed already
 MOST_BYTES = 200_000_000  # of the last pictures
@@ -57,13 +57,13 @@ class Course:
     def __init__(
         self,
         boxes: Network,
-        upright: Network,
+        person_detector: Network,
         landmarks: Network,
         least_person: float,
         least_presence: float,
         most_people: int,
     ) -> None:
-        self._boxes, self._upright, self._landmarks = boxes, upright, landmarks
+        self._boxes, self._person_detector, self._landmarks = boxes, person_detector, landmarks
         self._least_person, self._least_presence = least_person, least_presence
         self._most_people = most_people
         self._people: list[FollowedPerson] = []
@@ -88,7 +88,7 @@ class Course:
         """The people of the last picture in this one: the best seen first, the others then without
         them, where they are in the way."""
         answers = [(p, self._look(picture, p.body.next_crop)) for p in self._people]
-        answers = self._with_upright(picture, answers)
+        answers = self._with_detected_crops(picture, answers)
         present = [(p, body) for p, body in answers if body]
         steps = [step(body, p.body) for p, body in present]
         bodies = [body for _, body in present]
@@ -100,13 +100,15 @@ class Course:
             people.append(replace(person, body=best, age=person.age + 1))
         return people
 
-    def _with_upright(
+    def _with_detected_crops(
         self, picture: np.ndarray, answers: list[tuple[FollowedPerson, Landmarks | None]]
     ) -> list[tuple[FollowedPerson, Landmarks | None]]:
         """The answers, each replaced by a better one in the crop that BlazePose's own detector
         gives the nearest person: it knows how a body is turned, which a drifting one forgets."""
         better = list(answers)
-        for detected in detect_people(picture, self._upright, LEAST_UPRIGHT) if answers else []:
+        for detected in (
+            detect_people(picture, self._person_detector, LEAST_DETECTED) if answers else []
+        ):
             crop = detected.crop
             away = [distance_of(crop, person.body.next_crop) for person, _ in answers]
             row = int(np.argmin(away))
