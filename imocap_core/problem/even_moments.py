@@ -34,8 +34,9 @@ def at_even_moments(
     body = _at_moments(video.xy_px, video.confidence, moments, time_s)
     hands = None
     if video.hands is not None:
-        at = _at_moments(video.hands.xy_px, video.hands.confidence, moments, time_s)
-        hands = HandKeypoints(xy_px=at[..., :2], confidence=np.nan_to_num(at[..., 2]))
+        fingers = _at_moments(video.hands.xy_px, video.hands.confidence, moments, time_s)
+        points, confidence = fingers[..., :2], np.nan_to_num(fingers[..., 2])
+        hands = HandKeypoints(xy_px=points, confidence=confidence)
     return VideoKeypoints.model_validate(
         dict(video)
         | {
