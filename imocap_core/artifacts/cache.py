@@ -17,6 +17,7 @@ import time
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from glob import glob
 from pathlib import Path
 
 from imocap_core.whole_files import write_whole, writer_has_ended
@@ -126,7 +127,9 @@ def removable(
 
 def leftovers(store: Path) -> list[Path]:
     """Unfinished files and folders; those of a killed run, if no run is at work."""
-    return sorted({path for pattern in LEFTOVERS for path in store.glob(pattern)})
+    # Not Path.glob, which raises when another run removes a folder between its listing and its own.
+    matches = (glob(pattern, root_dir=store, include_hidden=True) for pattern in LEFTOVERS)
+    return sorted({store / name for names in matches for name in names})
 
 
 def restore_reports(store: Path, action: str) -> None:

@@ -149,6 +149,22 @@ def abandoned_draft(folder: Path, kind: str = "draft_of(folder / 'one.mcap')") -
     return Path(subprocess.run(line, capture_output=True, text=True, check=False).stdout.strip())
 
 
+def test_folders_that_another_run_removes_meanwhile_are_no_fault(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    draft = store.folder / "walk" / ".stage-ept0sdc2"
+    draft.mkdir(parents=True)
+    scandir = os.scandir
+
+    def vanishing(folder: str | Path) -> object:
+        if Path(folder) == draft:
+            raise FileNotFoundError(folder)
+        return scandir(folder)
+
+    monkeypatch.setattr(os, "scandir", vanishing)
+    assert leftovers(store.folder) == [draft]
+
+
 def test_drafts_of_ended_processes_are_swept_and_others_stay(store: Store) -> None:
     folder = store.folder / ".cache" / "sync"
     with draft_of(folder / "two.mcap") as draft:
