@@ -14,16 +14,22 @@ from tests.chaos.small_action import NAME, Part, SmallAction, digests_below, par
 
 Start = Callable[[], subprocess.Popen[bytes]]
 Keep = Callable[[Part], None]  # into the record
+KILLS_A_ROUND = 4  # before a command is let be, so that its result is looked at
 PAGES = ("viewer.html", "report.html")
 Command = tuple[str, tuple[str, ...], Path]  # its name, its words, where it writes
 
 
-def killed_until_done(start: Start, longest_s: float, rng: random.Random, most: int) -> int:
+def killed_until_done(
+    start: Start, longest_s: float, rng: random.Random, most: int
+) -> tuple[int, float]:
     """Begin a process again and again, killed after a random time, until it ends by itself (or has
-    been killed `most` times and is let be); how many kills it took."""
+    been killed `most` times and is let be).
+
+    How many kills it took, and the longest time to an end: the machine may have become slower.
+    """
     kills = 0
     while True:
-        process = start()
+        began, process = time.monotonic(), start()
         try:
             timeout = rng.uniform(0, longest_s) if kills < most else None
             _, errors = process.communicate(timeout=timeout)
@@ -33,7 +39,7 @@ def killed_until_done(start: Start, longest_s: float, rng: random.Random, most: 
             kills += 1
             continue
         assert process.returncode == 0, errors.decode(errors="replace")[-500:]
-        return kills
+        return kills, max(longest_s, time.monotonic() - began)
 
 
 def timed(action: SmallAction, command: str, *words: str) -> float:
@@ -51,7 +57,9 @@ def disturb_runs(action: SmallAction, kills: int, rng: random.Random, keep: Keep
     wrong: list[str] = []
     while done < kills:
         action.forget()
-        done += killed_until_done(lambda: action.start("run"), longest_s, rng, kills - done)
+        most = min(KILLS_A_ROUND, kills - done)
+        more, longest_s = killed_until_done(lambda: action.start("run"), longest_s, rng, most)
+        done += more
         rounds += 1
         wrong += action.differences()
         keep(part_of(done, wrong) | {"rounds": rounds})
@@ -73,9 +81,9 @@ def disturb_outputs(action: SmallAction, kills: int, rng: random.Random, keep: K
             longest_s = timed(action, command, *words)
             expected = digests_below(folder)
             _empty(folder, report)
-            most = max(1, (kills + 3) // 4)
+            most = min(KILLS_A_ROUND, kills)
             start = lambda c=command, w=words: action.start(c, *w)  # noqa: E731
-            done += killed_until_done(start, longest_s, rng, most)
+            done += killed_until_done(start, longest_s, rng, most)[0]
             rounds += 1
             digests = digests_below(folder)
             names = sorted({*expected, *digests})
