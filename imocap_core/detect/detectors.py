@@ -140,7 +140,7 @@ def detector_of(params: DetectParams, folder: Path) -> Detector:
             },
             arrays=everybody_arrays,
             format="mediapipe",
-            layout="mediapipe33",
+            layout="blazepose33",
             initial_format="mediapipe_world" if params.world_landmarks else None,
         )
     models = {"person_model": params.rtmlib_person_model, "pose_model": params.rtmlib_pose_model}

@@ -45,7 +45,7 @@ def columns_of(layout: str) -> tuple[list[int], list[int]]:
 
 def _point(keypoint: Keypoint) -> str:
     """The body point of a keypoint; MediaPipe's definitions of limb ends count as those ends."""
-    return keypoint.point.removesuffix("_mediapipe")
+    return keypoint.point.removesuffix("_mediapipe").removesuffix("_blazepose")
 
 
 def can_lift(layout: str) -> bool:

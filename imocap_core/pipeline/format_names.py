@@ -25,6 +25,7 @@ Layout = Literal[
     "wholebody133",
     "h36m17",
     "mediapipe33",
+    "blazepose33",
 ]
 InitialFormat = Literal[
     "smpl_npz",

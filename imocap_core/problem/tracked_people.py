@@ -46,7 +46,7 @@ from imocap_core.pipeline.person import Person
 
 APPEARANCE_STEP_S = 0.2  # between frames in which appearances are measured
 LEAST_SIZE_PX = 1.0
-SWAPPING_LAYOUTS = ("mediapipe33",)  # of a detector that takes backs for fronts in single frames
+SWAPPING_LAYOUTS = ("mediapipe33", "blazepose33")  # of detectors that take backs for fronts
 NEGLIGIBLE = 0.03  # of the best score: people with less are false detections or far away
 
 

@@ -28,6 +28,7 @@ COUNTS = {
     "halpe136": 136,
     "h36m17": 17,
     "mediapipe33": 33,
+    "blazepose33": 33,
     "body33": 33,
     "hands42": 42,
     "smpl24": 24,
@@ -166,3 +167,17 @@ def test_mediapipe_marks_limbs_nearer_to_their_other_end(body: Model) -> None:
     assert all(np.array_equal(marked[name], joints[name]) for name in same)
     apart = [np.linalg.norm(p["left_hip"] - p["right_hip"]) for p in (marked, joints)]
     assert 1.1 < apart[1] / apart[0] < 1.4
+
+
+def test_blazepose_marks_shoulders_nearer_to_the_neck_and_feet_higher(body: Model) -> None:
+    marked, joints = at_rest(body, "blazepose33"), at_rest(body, "body33")
+    assert list(marked) == list(joints)
+    moved = {name: marked[name] - joints[name] for name in marked}
+    neck = at_rest(body, "smpl24")["neck"]
+    for side, outward in (("left", 1.0), ("right", -1.0)):
+        shoulder = joints[f"{side}_shoulder"]
+        np.testing.assert_allclose(moved[f"{side}_shoulder"], 0.1 * (neck - shoulder), atol=1e-9)
+        assert outward * moved[f"{side}_hip"][0] < 0.0  # nearer to the joint than other detectors
+        assert all(moved[f"{side}_{part}"][1] > 0.005 for part in ("ankle", "heel", "foot_index"))
+    same = ("nose", "left_ear", "left_wrist", "right_index")
+    assert all(np.array_equal(marked[name], joints[name]) for name in same)

@@ -1,5 +1,7 @@
 """Layouts meet in the common points."""
 
+import re
+
 import numpy as np
 import pytest
 import torch
@@ -8,14 +10,23 @@ from imocap_core.body import load_free_body
 from imocap_core.body.layouts import layout_keypoints
 from imocap_core.lifter.points import COMMON, MIRROR, can_lift, columns_of, to_common
 
-LAYOUTS = ("body25", "body25b", "coco17", "coco18", "halpe26", "h36m17", "mediapipe33")
+LAYOUTS = (
+    "body25",
+    "body25b",
+    "coco17",
+    "coco18",
+    "halpe26",
+    "h36m17",
+    "mediapipe33",
+    "blazepose33",
+)
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_a_column_goes_to_the_point_it_sits_at(layout: str) -> None:
     columns, rows = columns_of(layout)
     keypoints = layout_keypoints(layout)
-    points = [keypoints[c].point.removesuffix("_mediapipe") for c in columns]
+    points = [re.sub("_(mediapipe|blazepose)$", "", keypoints[c].point) for c in columns]
     assert points == [COMMON[r] for r in rows]
     assert len(rows) >= 15
 

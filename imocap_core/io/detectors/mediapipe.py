@@ -39,7 +39,7 @@ from imocap_core.io.npz import load_arrays, numbers
 
 Landmarks = Float[np.ndarray, "33 4"]  # x, y, z, visibility
 
-LAYOUT = "mediapipe33"
+LAYOUT, HEAVY_LAYOUT = "mediapipe33", "blazepose33"  # the same points, marked at other places
 PICTURE = ("pose_landmarks", "landmarks", "poseLandmarks")
 WORLD = ("pose_world_landmarks", "world_landmarks", "poseWorldLandmarks", "worldLandmarks")
 POINTS = 33
@@ -51,10 +51,10 @@ def read_mediapipe(path: Path, layout: str, size: tuple[int, int]) -> DetectedPe
 
     ValueError names file, field, expected and got.
     """
-    if layout != LAYOUT:
+    if layout not in (LAYOUT, HEAVY_LAYOUT):
         raise ValueError(
-            f"{path}: layout: expected {LAYOUT}, the only one MediaPipe has, got {layout!r}; "
-            "correct `layout` in action.yaml"
+            f"{path}: layout: expected {LAYOUT}, or {HEAVY_LAYOUT} of BlazePose heavy, got "
+            f"{layout!r}; correct `layout` in action.yaml"
         )
     people = {
         frame: [cleaned(person[:, [0, 1, 3]]) for person in in_frame]
