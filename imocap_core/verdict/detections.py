@@ -38,9 +38,10 @@ def camera_findings(cameras: Sequence[VideoCameraMotion]) -> list[Finding]:
 
 
 def remarks(video: VideoKeypoints) -> list[str]:
-    """The parts of a video's note on cuts, given tracks and swapped sides."""
+    """The parts of a video's note on cuts, given tracks, swapped sides and a variable rate."""
     parts = video.note.split("; ")
-    return [part for part in parts if part.startswith(("a new shot", "track ", "left and right"))]
+    kinds = ("a new shot", "track ", "left and right", "the frame rate")
+    return [part for part in parts if part.startswith(kinds)]
 
 
 def _missing(video: VideoKeypoints) -> list[Finding]:

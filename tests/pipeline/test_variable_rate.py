@@ -17,6 +17,7 @@ from imocap_core.frame_times import even_moments, points_at_moments
 from imocap_core.io.video import probe
 from imocap_core.problem.even_moments import camera_at_used_frames, nearest_used
 from imocap_core.problem.synchronisation import synchronise_joints
+from imocap_core.verdict.detections import detection_findings
 from tests.io.made_times import write_timed
 from tests.pipeline.test_keypoints import run
 from tests.sync.test_synchronise import PARAMS, pose_at
@@ -87,7 +88,9 @@ def test_frames_stay_those_of_the_source(folder):
     apart = np.abs(TIME_S[read.frames] - read.time_s)
     assert (apart <= np.abs(TIME_S[:, None] - read.time_s).min(axis=0) + 1e-4).all()
     np.testing.assert_allclose(read.seconds_of(np.arange(len(TIME_S))), TIME_S, atol=0.02)
-    assert "the frame rate varies (12 to 30 frames/s)" in read.note
+    (finding,) = detection_findings([read])
+    assert finding.text.startswith("the frame rate varies (12 to 30 frames/s)")
+    assert not finding.serious
 
 
 def test_a_part_of_constant_rate_is_read_frame_by_frame(folder):
