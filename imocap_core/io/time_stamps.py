@@ -24,8 +24,10 @@ def variable_times_s(path: Path, info: VideoInfo) -> Float[np.ndarray, " T"] | N
     times = _times_s(_packet_stamps(path), info.frame_count)
     if times is None or is_constant_rate(times, info.fps):
         return None
-    times = _times_s(_frame_stamps(path), info.frame_count)  # packets may be of other frames
-    if times is None or is_constant_rate(times, info.fps):
+    exact = _times_s(_frame_stamps(path), info.frame_count)  # packets may be of other frames
+    if exact is not None:
+        times = exact
+    if is_constant_rate(times, info.fps):
         return None
     fps = 1 / typical_step_s(times)
     duration_s = times[-1] - times[0]
@@ -58,6 +60,7 @@ def _packet_stamps(path: Path) -> Iterator[float | None]:
 
 
 def _frame_stamps(path: Path) -> Iterator[float | None]:
-    with open_video(path) as container:
+    """Stamps of the frames that can be decoded: of a broken file the first ones may be used."""
+    with open_video(path) as container, suppress(ValueError):
         for frame in decoded_frames(container, video_stream(container, path), path):
             yield frame.time

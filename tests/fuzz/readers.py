@@ -13,6 +13,7 @@ from imocap_core.artifacts.schemas import Hands
 from imocap_core.artifacts.store import Store
 from imocap_core.errors import ArtifactCorrupt, WorkFailed
 from imocap_core.io.detectors.by_name import format_and_layout
+from imocap_core.io.time_stamps import variable_times_s
 from imocap_core.io.video import probe, read_gray, write_h264
 from imocap_core.pipeline.action import read_action
 from imocap_core.pipeline.graph import read_pipeline, settings
@@ -88,7 +89,7 @@ def _video(folder: Path) -> Path:
 
 
 def _read_video(file: Path) -> None:
-    probe(file)
+    variable_times_s(file, probe(file))
     sum(1 for _ in read_gray(file, scale=0.5))
 
 

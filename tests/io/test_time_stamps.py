@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from imocap_core.io.time_stamps import variable_times_s
-from imocap_core.io.video import probe, write_h264
+from imocap_core.io.video import probe, read_gray, write_h264
 from tests.io.made_times import write_timed
 
 
@@ -48,3 +48,15 @@ def test_stamps_that_no_video_has_are_refused(tmp_path):
     times = np.r_[np.arange(30) / 30, 40_000 + np.arange(30) / 30]
     with pytest.raises(ValueError, match="time stamps spread 60 frames over 40,001 s"):
         times_of(write_timed(tmp_path / "a.mkv", times))
+
+
+def test_a_video_with_a_broken_end_keeps_its_times(tmp_path):
+    """Its first frames may be used; what cannot be decoded has stamps in the index."""
+    file = write_timed(tmp_path / "a.mp4", switching_s())
+    raw = bytearray(file.read_bytes())
+    media = raw.index(b"mdat")
+    raw[media + 2000 : media + 2060] = 60 * b"\xff"
+    file.write_bytes(raw)
+    with pytest.raises(ValueError, match="decoding failed after 68 frames"):
+        list(read_gray(file))
+    np.testing.assert_allclose(times_of(file), switching_s(), atol=1e-4)
