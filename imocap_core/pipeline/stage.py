@@ -50,11 +50,12 @@ What the runner promises:
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar
 
+from imocap_core.errors import WorkFailed
 from imocap_core.pipeline.action import DETECT, Action, Declaration
 from imocap_core.pipeline.hints import AnchorEntry, ForbiddenEntry
 
@@ -126,9 +127,8 @@ class Context:
         return self._path(self._action.truth)
 
     def _must_read(self, kind: Read) -> None:
-        assert kind in self.reads, (
-            f"stage {self.stage} wants {kind}, which pipeline.yaml does not list under its reads"
-        )
+        if kind not in self.reads:
+            raise _older_pipeline(self.stage, "reads", kind, self.reads)
 
     def _declared(self, video_id: str) -> Declaration:
         for declaration in self._action.videos:
@@ -157,11 +157,17 @@ class Inputs:
         """The input artifact of this class: `inputs.get(Keypoints)`."""
         if kind not in self._decoded:
             matching = [s for s in self._stored.values() if s.schema == kind.__name__]
-            assert len(matching) == 1, (
-                f"stage {self.stage} wants a {kind.__name__}, but pipeline.yaml gives it "
-                f"{sorted(self._stored)}"
-            )
+            if len(matching) != 1:
+                raise _older_pipeline(self.stage, "inputs", f"one {kind.__name__}", self._stored)
             self._decoded[kind] = matching[0].decode(kind)
         artifact = self._decoded[kind]
         assert isinstance(artifact, kind)
         return artifact
+
+
+def _older_pipeline(stage: str, field: str, wanted: str, got: Iterable[str]) -> WorkFailed:
+    return WorkFailed(
+        f"pipeline.yaml: stages.{stage}.{field}: expected {wanted} among them, because the stage "
+        f"reads it, got {', '.join(got) or 'none'}; a pipeline.yaml of an older version is "
+        "replaced by this version's, or removed"
+    )

@@ -257,7 +257,7 @@ def test_a_run_has_its_action_until_its_report_is_written(toy: Toy) -> None:
     [
         ("bad", "imocap: scale: keypoints/v1: expected numbers, got [nonsense]\n"),
         ("bug", "imocap: scale broke: KeyError: 'x'. This is a fault of the program"),
-        ("truth", "scale wants truth, which pipeline.yaml does not list under its reads"),
+        ("truth", "pipeline.yaml: stages.scale.reads: expected truth among them"),
     ],
 )
 def test_a_failed_stage_says_why(
