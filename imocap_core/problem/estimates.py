@@ -28,6 +28,7 @@ from imocap_core.rotations import exp
 
 Estimate = Float[np.ndarray, "T 24 3"] | Start | Float[Tensor, "T 24 3 3"] | None
 """Joints in metres, an SMPL motion as a start, or joint rotations."""
+SourceEstimate = Float[np.ndarray, "S 24 3"] | Start | Float[Tensor, "S 24 3 3"] | None
 
 PERSON_M = (0.1, 10.0)  # extent of a person's joints: outside, they are in other units
 FARTHEST_M = 10_000.0
@@ -77,7 +78,7 @@ def check_estimate(ctx: Context, video: VideoKeypoints) -> None:
         ) from None
 
 
-def _at_used_frames(of_source: Estimate, video: VideoKeypoints) -> Estimate:
+def _at_used_frames(of_source: SourceEstimate, video: VideoKeypoints) -> Estimate:
     """An estimate of every source frame at the used frames."""
     if video.moments is None or of_source is None:
         return of_source

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from numpy.linalg import inv
 
 from imocap_core.artifacts.schemas import Keypoints
@@ -15,7 +16,12 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.evaluate.truth import action_truth
 from imocap_core.frame_times import even_moments, points_at_moments
 from imocap_core.io.video import probe
+from imocap_core.pipeline.action import Action, Declaration
+from imocap_core.pipeline.hints import AnchorEntry, ForbiddenEntry
+from imocap_core.pipeline.stage import Context
+from imocap_core.problem.estimates import estimate_of
 from imocap_core.problem.even_moments import camera_at_used_frames, nearest_used
+from imocap_core.problem.hints import hints_of
 from imocap_core.problem.synchronisation import synchronise_joints
 from imocap_core.verdict.detections import detection_findings
 from tests.io.made_times import write_timed
@@ -149,3 +155,36 @@ def test_truth_is_sampled_at_the_moments(folder):
     truth = action_truth(folder, folder / "truth.npz", Keypoints(videos=[read])).videos["v1"]
     np.testing.assert_allclose(truth.phase, read.time_s, atol=1e-4)
     np.testing.assert_allclose(truth.joints, joints_at(read.time_s), atol=0.005)
+
+
+def test_a_reference_of_the_source_frames_is_used_at_the_moments(folder):
+    """An estimator's joints, frame by frame, are between frames where the keypoints are."""
+    np.savez(folder / "est.npz", joints=joints_at(TIME_S), joint_names=np.array(SMPL_JOINTS))
+    read = by_stamps(folder, initial="est.npz", initial_format="joints_npz")
+    declared = Declaration(id="v1", keypoints="keypoints/v1", video="phone.mp4",
+                           initial="est.npz", initial_format="joints_npz")  # fmt: skip
+    context = Context(
+        stage="initial_smpl", seed=0, reads=frozenset(("initial",)), progress=lambda share, what: 0,
+        report=folder, _action=Action(folder, "made", (declared,)),
+    )  # fmt: skip
+    still = torch.eye(3, dtype=torch.float64).expand(len(read.frames), 3, 3)
+    estimate = estimate_of(context, read, still)
+    np.testing.assert_allclose(estimate, joints_at(read.time_s), atol=0.005)
+
+
+def test_anchors_are_at_the_nearest_moment(folder):
+    """They are source frames in action.yaml."""
+    read = by_stamps(folder)
+    other = read.model_copy(update={"id": "v2"})
+    hints = hints_of(
+        [AnchorEntry(v1=50, v2=20)],
+        [ForbiddenEntry(video="v1", frames=(0, 10))],
+        Keypoints(videos=[read, other]),
+        "action.yaml",
+    )
+    (anchor,) = hints.anchors
+    assert abs(read.time_s[anchor.frame_a] - TIME_S[50]) < 0.5 / read.fps
+    assert abs(read.time_s[round(anchor.frame_b)] - TIME_S[20]) < 0.5 / read.fps
+    ((_, first, stop),) = hints.forbidden
+    assert first == 0
+    assert read.source_frames[stop - 1] < 10 <= read.source_frames[stop] + 0.5
