@@ -19,11 +19,11 @@ from imocap_core.motion.prior import load_pose_prior
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.estimates import estimate_of
-from imocap_core.problem.exchanged_sides import refits_of_exchanged
 from imocap_core.problem.ground import grounds_of
 from imocap_core.problem.motions import alternatives_of, motions_of, starts_of
 from imocap_core.problem.observations import body_for, fit_of_single_views, observations_of
 from imocap_core.problem.starts import initial_evidence, lifted_where_no_estimate, source_of, starts
+from imocap_core.problem.swapped_sides import refits_of_swapped
 from imocap_core.workers import at_once
 
 
@@ -68,7 +68,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
         videos=of_pictures, count=options.hypotheses - 1,
     )  # fmt: skip
     others = alternatives_of(body, hypotheses, observations, keypoints)
-    others += refits_of_exchanged(
+    others += refits_of_swapped(
         body, prior, library, observations, keypoints, motions, fit.coarse, options, weights,
         videos=of_pictures,
     )  # fmt: skip

@@ -7,7 +7,7 @@
 Compares the stored keypoints of two actions with the same videos, on the 12 limb joints. Errors
 are shares of the performer's standing height in the picture; PCK is the share of joints within
 .2 or .1 of the torso (middle of the shoulders to middle of the hips). A body is swapped where its
-joints lie nearer to the reference with left and right exchanged.
+joints lie nearer to the reference with left and right swapped.
 """
 
 import argparse
@@ -23,7 +23,7 @@ SIDES, PARTS = ("left", "right"), ("shoulder", "elbow", "wrist", "hip", "knee", 
 LIMBS = [f"{side}_{part}" for side in SIDES for part in PARTS]
 OTHER_SIDE = np.roll(np.arange(12), 6)
 LEAST_CONFIDENCE = 0.3  # of the reference's joints
-SWAPPED = 0.05  # of the height: so much nearer lie the joints with sides exchanged
+SWAPPED = 0.05  # of the height: so much nearer lie the joints with sides swapped
 
 
 def joints(video: VideoKeypoints, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -35,7 +35,7 @@ def joints(video: VideoKeypoints, frames: np.ndarray) -> tuple[np.ndarray, np.nd
 
 def compare(video: VideoKeypoints, reference: VideoKeypoints) -> dict[str, np.ndarray]:
     """Per joint and frame: error / height and error / torso (NaN where the reference has none);
-    per frame: whether the whole body is exchanged."""
+    per frame: whether the whole body is swapped."""
     frames = np.intersect1d(video.frames, reference.frames)
     (xy, _), (true, confidence) = joints(video, frames), joints(reference, frames)
     true = np.where((confidence >= LEAST_CONFIDENCE)[..., None], true, np.nan)
@@ -44,8 +44,8 @@ def compare(video: VideoKeypoints, reference: VideoKeypoints) -> dict[str, np.nd
     middle = [np.nanmean(true[:, [k, k + 6]], axis=1) for k in (0, 3)]
     torso = np.nanmedian(np.linalg.norm(middle[0] - middle[1], axis=-1))
     error = np.linalg.norm(xy - true, axis=-1)
-    exchanged = np.linalg.norm(xy[:, OTHER_SIDE] - true, axis=-1)
-    gain = np.nanmean(error - exchanged, axis=1) / height
+    other_side = np.linalg.norm(xy[:, OTHER_SIDE] - true, axis=-1)
+    gain = np.nanmean(error - other_side, axis=1) / height
     far = np.where(np.isnan(error) & np.isfinite(true[..., 0]), np.inf, error)  # missed is wrong
     return {"height": error / height, "torso": far / torso, "swapped": gain > SWAPPED}
 

@@ -24,8 +24,8 @@ from imocap_core.detect.detection import detect_video
 from imocap_core.detect.detectors import Detector, detector_of
 from imocap_core.detect.setup import set_up
 from imocap_core.io.video import write_h264
-from imocap_core.metrics.detections import DetectedClip, exchanged_share
-from imocap_core.metrics.detector_bias import detector_bias, exchanged_body_share
+from imocap_core.metrics.detections import DetectedClip, swapped_share
+from imocap_core.metrics.detector_bias import detector_bias, swapped_body_share
 from imocap_core.params import DetectParams
 from imocap_core.synthetic.captured import CAMERA_PLACEMENTS
 from imocap_core.synthetic.captured_stance import captured_skeleton, neutral_stance
@@ -119,11 +119,11 @@ def report(every: list[dict[str, np.ndarray]]) -> None:
             errors = [np.linalg.norm(f.error[:, body], axis=-1).ravel() for f in chosen]
             quantiles = np.nanquantile(np.concatenate(errors), (0.25, 0.5, 0.75, 0.9, 0.95, 0.99))
             print(f"{who} {side or 'all'}, {len(chosen)} films:", np.round(100 * quantiles, 2))
-        swaps = [np.nanmean([exchanged_share(f, names, part) for f in clips])
+        swaps = [np.nanmean([swapped_share(f, names, part) for f in clips])
                  for part in ("arm", "leg")]  # fmt: skip
-        turned = np.nanmean([exchanged_body_share(f, names, TURNED) for f in clips])
+        turned = np.nanmean([swapped_body_share(f, names, TURNED) for f in clips])
         missed = np.mean([np.isnan(f.detected_px[:, body]).any(axis=-1).mean() for f in clips])
-        print(f"{who}: arms exchanged {100 * swaps[0]:.2f} %, legs {100 * swaps[1]:.2f} %, "
+        print(f"{who}: arms swapped {100 * swaps[0]:.2f} %, legs {100 * swaps[1]:.2f} %, "
               f"body {100 * turned:.2f} %; missed {100 * missed:.2f} %")  # fmt: skip
 
 

@@ -37,7 +37,7 @@ class DetectorScore:
 
     followed_pct: frames in which the person who was chosen is the performer. error_pct: mean error
     in these, of the height. pck_2, pck_1: share of the limb joints within .2, .1 of the torso.
-    swapped: frames with left and right of the body exchanged. people: mean number a frame. ms: a
+    swapped: frames with left and right of the body swapped. people: mean number a frame. ms: a
     frame.
     """
 
@@ -145,16 +145,16 @@ def best_shift(result: PerformerLimbs, limbs: Float[np.ndarray, "T 12 2"]) -> in
 
 def errors(result: PerformerLimbs, limbs: Float[np.ndarray, "T 12 2"]) -> FrameErrors:
     """Per frame and joint: error / height, error / torso; per frame: whether left and right are
-    exchanged. Frames without a reference are left out."""
+    swapped. Frames without a reference are left out."""
     covered = np.isfinite(limbs[result.frames]).all(axis=(1, 2))
     true, xy = limbs[result.frames][covered], result.limbs_px[covered]
     height = np.percentile(np.ptp(true[..., 1], axis=1), 90) / STANDING
     middle = [true[:, [k, k + 6]].mean(axis=1) for k in (0, 3)]
     torso = float(np.median(np.linalg.norm(middle[0] - middle[1], axis=-1)))
     error = np.linalg.norm(xy - true, axis=-1)
-    exchanged = np.linalg.norm(np.roll(xy, 6, axis=1) - true, axis=-1)
+    other_side = np.linalg.norm(np.roll(xy, 6, axis=1) - true, axis=-1)
     far = np.where(np.isfinite(error), error, np.inf)  # missed is wrong
-    gain = np.nanmean(np.where(np.isfinite(error).any(axis=1)[:, None], error - exchanged, 0), 1)
+    gain = np.nanmean(np.where(np.isfinite(error).any(axis=1)[:, None], error - other_side, 0), 1)
     return {"height": error / height, "torso": far / torso, "swapped": gain / height > 0.05}
 
 

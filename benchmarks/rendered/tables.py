@@ -22,7 +22,7 @@ from benchmarks.tables import (
     missing_sentence,
 )
 from imocap_core.detect.detectors import detector_of
-from imocap_core.metrics.detections import DetectedClip, PointErrors, exchanged_share, point_errors
+from imocap_core.metrics.detections import DetectedClip, PointErrors, point_errors, swapped_share
 from imocap_core.params import DetectParams
 
 BODY = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
@@ -118,17 +118,17 @@ def sides_table(films: Sequence[DetectedClip], names: Sequence[str]) -> str:
             [np.linalg.norm(f.error[:, body], axis=-1).ravel() for f in of_side]
         )
         errors = errors[np.isfinite(errors)]
-        exchanged = [_mean([exchanged_share(f, names, p) for f in of_side]) for p in ("arm", "leg")]
+        swapped = [_mean([swapped_share(f, names, p) for f in of_side]) for p in ("arm", "leg")]
         rows.append(
             [
                 side,
                 str(len(of_side)),
                 *(f"{100 * np.quantile(errors, q):.2f}" for q in (0.5, 0.9)),
-                *(cell(100 * share, 1) for share in exchanged),
+                *(cell(100 * share, 1) for share in swapped),
             ]
         )
-    head = ["seen from", "films", "median error", "90 % below", "arms exchanged %"]
-    return markdown_table([*head, "legs exchanged %"], rows)
+    head = ["seen from", "films", "median error", "90 % below", "arms swapped %"]
+    return markdown_table([*head, "legs swapped %"], rows)
 
 
 def proposal(
@@ -136,7 +136,7 @@ def proposal(
 ) -> str:
     """Parameters of imocap_core/synthetic/detector.py that agree with the measured errors."""
     body = [errors[k] for k in _body(names)]
-    swaps = [exchanged_share(film, names, part) for film in films for part in ("arm", "leg")]
+    swaps = [swapped_share(film, names, part) for film in films for part in ("arm", "leg")]
     values = [
         ("noise", float(np.sqrt(_mean([p.spread**2 for p in body]))), 4),
         ("persistent share (0.5 in the code)", _median([p.persistent for p in body]), 2),

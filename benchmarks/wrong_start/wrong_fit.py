@@ -2,7 +2,7 @@
 
 Three ways in which monocular fits go wrong: the performer faces the other way, the depth of every
 joint is reversed, and both at once, which is the mirror image in depth with left and right
-exchanged.
+swapped.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def _wrong_start(
     if wrong == "depth":
         R_local = fit_rotations_to_joints(body, library, depth_reversed(motion.joints))
     else:
-        R_local = facing_reversed(motion, sides_exchanged=wrong == "sides")
+        R_local = facing_reversed(motion, sides_swapped=wrong == "sides")
     return start_at_joints(body, R_local, observation)
 
 
@@ -96,12 +96,12 @@ def depth_reversed(joints: Float[np.ndarray, "T 24 3"]) -> Float[np.ndarray, "T 
     return np.asarray(root + (joints - root) * np.array([1.0, 1.0, -1.0]))
 
 
-def facing_reversed(motion: VideoMotion, *, sides_exchanged: bool) -> Float[Tensor, "T 24 3 3"]:
+def facing_reversed(motion: VideoMotion, *, sides_swapped: bool) -> Float[Tensor, "T 24 3 3"]:
     """Rotations of a body turned by half a turn about the camera's vertical axis.
 
-    ``sides_exchanged``: its mirror image, so that the picture stays but for left and right.
+    ``sides_swapped``: its mirror image, so that the picture stays but for left and right.
     """
-    theta = mirrored_pose(motion.theta) if sides_exchanged else motion.theta
+    theta = mirrored_pose(motion.theta) if sides_swapped else motion.theta
     R_local = exp(torch.as_tensor(theta).reshape(-1, 24, 3))
     half_turn = torch.diag(R_local.new_tensor([-1.0, 1.0, -1.0]))
     R_local[:, 0] = half_turn @ R_local[:, 0]

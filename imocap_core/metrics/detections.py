@@ -18,7 +18,7 @@ OUTLIER_SIGMA = 5.0  # errors beyond this many standard deviations (by the media
 RADIAL = 1.1774  # median distance of a two-dimensional Gaussian, in standard deviations an axis
 LONGEST_S = 0.5  # longest lag of the correlation in time
 LEAST_CORRELATION = 0.05
-EXCHANGED = 0.05  # of the height, a point, that a limb must be nearer to the other side
+SWAPPED = 0.05  # of the height, a point, that a limb must be nearer to the other side
 PARTS = {"arm": ("shoulder", "elbow", "wrist"), "leg": ("hip", "knee", "ankle")}
 
 
@@ -75,11 +75,11 @@ def point_errors(clips: Sequence[DetectedClip], names: Sequence[str]) -> list[Po
     return [_errors_of_point(clips, k, name) for k, name in enumerate(names)]
 
 
-def exchanged_share(clip: DetectedClip, names: Sequence[str], part: str) -> float:
-    """Share of frames with a pair of limbs ("arm", "leg") exchanged.
+def swapped_share(clip: DetectedClip, names: Sequence[str], part: str) -> float:
+    """Share of frames with a pair of limbs ("arm", "leg") swapped.
 
-    Exchanged: both limbs lie nearer to the other side's true position than to their own, by more
-    than EXCHANGED a point. NaN where no pair was ever detected.
+    Swapped: both limbs lie nearer to the other side's true position than to their own, by more
+    than SWAPPED a point. NaN where no pair was ever detected.
     """
     pairs = [
         (a, b) for a, b in left_right_pairs(names) if names[a].removeprefix("left_") in PARTS[part]
@@ -93,7 +93,7 @@ def exchanged_share(clip: DetectedClip, names: Sequence[str], part: str) -> floa
     )
     gain = (to_same_side - to_other_side) / clip.height_px[:, None]
     gain = gain[np.isfinite(gain).any(axis=1)]
-    return float((np.nanmean(gain, axis=1) > EXCHANGED).mean()) if len(gain) else float("nan")
+    return float((np.nanmean(gain, axis=1) > SWAPPED).mean()) if len(gain) else float("nan")
 
 
 def _distance(

@@ -83,8 +83,8 @@ def detector_bias(
     )
 
 
-def exchanged_body_share(clip: DetectedClip, names: Sequence[str], nearer: float) -> float:
-    """Share of frames with the whole body exchanged: shoulders and hips all lie nearer to the
+def swapped_body_share(clip: DetectedClip, names: Sequence[str], nearer: float) -> float:
+    """Share of frames with the whole body swapped: shoulders and hips all lie nearer to the
     other side's true position, by more than `nearer` of the height a point."""
     points = [k for k, n in enumerate(names) if sideless(n) in ("shoulder", "hip")]
     other_side = [list(names).index(swap_side(names[k])) for k in points]

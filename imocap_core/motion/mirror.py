@@ -1,6 +1,6 @@
 """Mirror images of motions, cameras and keypoints: reflection about the plane x = 0.
 
-A video that was filmed in a mirror, or flipped, shows left and right exchanged. Its mirror image is
+A video that was filmed in a mirror, or flipped, shows left and right swapped. Its mirror image is
 taken in the axes of its own camera, x -> -x with S = diag(-1, 1, 1), so that pictures are reflected
 about the principal point. Every function is its own inverse.
 """
@@ -32,7 +32,7 @@ def mirrored_translation(
 
 
 def mirrored_joints(joints: Float[np.ndarray, "... 24 3"]) -> Float[np.ndarray, "... 24 3"]:
-    """SMPL's joints in a mirror, left and right exchanged."""
+    """SMPL's joints in a mirror, left and right swapped."""
     return joints[..., TWINS, :] * REFLECTION
 
 

@@ -79,8 +79,8 @@ class KeypointsParams:
     )
     sides: Literal["auto", "leave", "repair"] = param(
         "auto",
-        "Whether exchanged left and right limbs are corrected: `repair` always, `leave` never, "
-        "`auto` for layouts whose detector is known to exchange them (mediapipe33).",
+        "Whether swapped left and right limbs are corrected: `repair` always, `leave` never, "
+        "`auto` for layouts whose detector is known to swap them (mediapipe33).",
     )
     cuts: bool = param(
         True,

@@ -20,9 +20,9 @@ from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.motion.mirror import mirrored_joints
 from imocap_core.problem.synchronisation import keypoints_of_joints
 from imocap_core.sync.hypotheses.agreement import Hypothesis3D
-from imocap_core.sync.hypotheses.exchanged import exchanged_keypoints, with_exchanged_sides
 from imocap_core.sync.hypotheses.joint_choice import CandidateMotions, choose_jointly
 from imocap_core.sync.hypotheses.messages import sentences
+from imocap_core.sync.hypotheses.swapped_sides import swapped_keypoints, with_swapped_sides
 from imocap_core.sync.screening.registration import Keypoints2D, reflected_keypoints
 
 FIRST = "best"  # name of the motion of lowest cost
@@ -45,14 +45,14 @@ def chosen_motions(initial: InitialSmpl, chosen: Mapping[str, str]) -> list[Vide
 def explained_keypoints(
     initial: InitialSmpl, keypoints: Keypoints, chosen: Mapping[str, str]
 ) -> Keypoints:
-    """The detections as the chosen motions explain them: sides exchanged where these say so."""
-    states = _exchanges(initial, chosen)
+    """The detections as the chosen motions explain them: sides swapped where these say so."""
+    states = _swaps(initial, chosen)
     videos = []
     for video in keypoints.videos:
         if video.id in states:
             names = layout_names(video.layout)
             xy_px, confidence = (
-                with_exchanged_sides(x, states[video.id], names)
+                with_swapped_sides(x, states[video.id], names)
                 for x in (video.xy_px, video.confidence)
             )
             video = video.model_copy(update={"xy_px": xy_px, "confidence": confidence})
@@ -64,23 +64,23 @@ def explained_detections(
     initial: InitialSmpl, keypoints: Keypoints, cameras: CameraMotion, chosen: Mapping[str, str]
 ) -> CameraMotion:
     """The warped detections, likewise."""
-    states = _exchanges(initial, chosen)
+    states = _swaps(initial, chosen)
     videos = []
     for video, camera in zip(keypoints.videos, cameras.videos, strict=True):
         if video.id in states:
             names = layout_names(video.layout)
-            xy_px = with_exchanged_sides(camera.xy_first_px, states[video.id], names)
+            xy_px = with_swapped_sides(camera.xy_first_px, states[video.id], names)
             camera = camera.model_copy(update={"xy_first_px": xy_px})
         videos.append(camera)
     return CameraMotion(videos=videos)
 
 
-def _exchanges(initial: InitialSmpl, chosen: Mapping[str, str]) -> dict[str, np.ndarray]:
-    """What the chosen motions exchange, of the videos where they do."""
+def _swaps(initial: InitialSmpl, chosen: Mapping[str, str]) -> dict[str, np.ndarray]:
+    """What the chosen motions swap, of the videos where they do."""
     return {
-        a.motion.id: a.exchanged
+        a.motion.id: a.swapped
         for a in initial.alternatives
-        if len(a.exchanged) and chosen.get(a.motion.id) == a.name
+        if len(a.swapped) and chosen.get(a.motion.id) == a.name
     }
 
 
@@ -122,11 +122,11 @@ def candidates_of(
     hypotheses = [_hypothesis(motion, film, reflect=reflect)]
     for other in alternatives:
         explained = film
-        if len(other.exchanged):
-            explained = exchanged_keypoints(film, other.exchanged, SMPL_JOINTS)
+        if len(other.swapped):
+            explained = swapped_keypoints(film, other.swapped, SMPL_JOINTS)
         hypotheses.append(_hypothesis(other.motion, explained, reflect=reflect))
     excess = np.array([0.0, *(a.excess_cost for a in alternatives)])
-    suggested = np.array([False, *(len(a.exchanged) > 0 for a in alternatives)])
+    suggested = np.array([False, *(len(a.swapped) > 0 for a in alternatives)])
     return CandidateMotions(hypotheses, excess, video.fps, suggested)
 
 

@@ -18,7 +18,7 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.multiview.scene import JointMotion, Scene
-from imocap_core.motion.multiview.side_exchange import with_sides_of_others
+from imocap_core.motion.multiview.swapped_sides import with_sides_of_others
 from imocap_core.motion.multiview.timeline import make_timeline
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import load_pose_prior

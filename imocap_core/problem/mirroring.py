@@ -162,7 +162,7 @@ def mirrored_camera(camera: Camera) -> Camera:
 
 
 def mirrored_keypoints(video: VideoKeypoints, K: Float[np.ndarray, "3 3"]) -> VideoKeypoints:
-    """Detections of the reflected picture, left and right exchanged."""
+    """Detections of the reflected picture, left and right swapped."""
     twins = mirror_indices(layout_names(video.layout))
     return video.model_copy(
         update={

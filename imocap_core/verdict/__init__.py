@@ -9,7 +9,7 @@ Reading order:
     same_take       one recording given twice, re-timed, cropped or mirrored
     agreement       how well the videos' times agree
     decisions       what was left out or mirrored, and how to overrule it
-    detections      missing people, cuts, other people, exchanged sides, moving cameras
+    detections      missing people, cuts, other people, swapped sides, moving cameras
     weak_joints     ill-determined joints
     further_view    what to film next
     summary         the three sentences

@@ -12,12 +12,12 @@ from imocap_core.runs import runs
 from imocap_core.verdict.findings import Finding
 
 MISSING_S = 0.5
-EXCHANGED_SHARE = 0.2  # of the frames: more says that the detector takes backs for fronts
+SWAPPED_SHARE = 0.2  # of the frames: more says that the detector takes backs for fronts
 RIVAL_RATIO = 1.5  # of the performer's score to the next one's
 
 
 def detection_findings(videos: Sequence[VideoKeypoints]) -> list[Finding]:
-    """Long stretches without a person, cuts, exchanged sides, other people."""
+    """Long stretches without a person, cuts, swapped sides, other people."""
     return [f for video in videos for f in (*_missing(video), *_of_note(video))]
 
 
@@ -68,8 +68,8 @@ def _of_note(video: VideoKeypoints) -> list[Finding]:
             findings.append(Finding("detection", video.id, part, "several shots in one video"))
         elif count is None:
             findings.append(Finding("remark", video.id, part, part))
-        elif int(count[1]) > EXCHANGED_SHARE * len(video.frames):
-            text = f"the detector exchanged left and right of a limb {count[1]} times (undone)"
+        elif int(count[1]) > SWAPPED_SHARE * len(video.frames):
+            text = f"the detector swapped left and right of a limb {count[1]} times (undone)"
             text += "; it may have taken the back for the front elsewhere"
             findings.append(Finding("detection", video.id, text, "left and right uncertain"))
     rival = re.search(r"scores ([\d.]+) times the next", video.note)

@@ -75,7 +75,7 @@ def test_exact_detections_have_no_errors_and_missing_ones_count() -> None:
     assert (half.followed_pct, half.error_pct, half.pck_2, half.swapped) == (50, 0, 50, 0)
 
 
-def test_exchanged_bodies_are_counted() -> None:
+def test_swapped_bodies_are_counted() -> None:
     row = errors(result(np.roll(walk(), 6, axis=1)), walk())
     assert np.asarray(row["swapped"]).all()
 

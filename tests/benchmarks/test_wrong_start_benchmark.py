@@ -39,17 +39,17 @@ def joints_of(R_local: torch.Tensor) -> np.ndarray:
     return (joints - joints[:, :1]).numpy()
 
 
-@pytest.mark.parametrize("sides_exchanged", [False, True])
-def test_reversing_the_facing_twice_changes_nothing(sides_exchanged: bool) -> None:
+@pytest.mark.parametrize("sides_swapped", [False, True])
+def test_reversing_the_facing_twice_changes_nothing(sides_swapped: bool) -> None:
     first = motion()
-    once = facing_reversed(first, sides_exchanged=sides_exchanged)
+    once = facing_reversed(first, sides_swapped=sides_swapped)
     again = first.model_copy(update={"theta": log(once).flatten(1).numpy()})
-    twice = facing_reversed(again, sides_exchanged=sides_exchanged)
+    twice = facing_reversed(again, sides_swapped=sides_swapped)
     np.testing.assert_allclose(joints_of(twice), first.joints, atol=1e-9)
 
 
-def test_the_exchange_of_sides_is_the_mirror_image_in_depth() -> None:
-    reversed_m = joints_of(facing_reversed(motion(), sides_exchanged=True))
+def test_the_swap_of_sides_is_the_mirror_image_in_depth() -> None:
+    reversed_m = joints_of(facing_reversed(motion(), sides_swapped=True))
     twins = list(mirror_indices(SMPL_JOINTS))
     expected = (motion().joints * np.array([1.0, 1.0, -1.0]))[:, twins]
     # the free body's left and right are alike within a few millimetres

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from imocap_core.metrics.detections import DetectedClip, exchanged_share, point_errors
+from imocap_core.metrics.detections import DetectedClip, point_errors, swapped_share
 from imocap_core.synthetic.detector import persistent_noise
 
 NAMES = ("nose", "left_shoulder", "left_elbow", "left_wrist", "right_shoulder", "right_elbow",
@@ -58,16 +58,16 @@ def test_outliers_and_misses_are_counted_apart() -> None:
     assert shoulder.outlier_rate < 0.001
 
 
-def test_exchanged_arms_and_only_those_are_counted() -> None:
+def test_swapped_arms_and_only_those_are_counted() -> None:
     clean = film(np.random.default_rng(3), frames=200)
-    assert exchanged_share(clean, NAMES, "arm") == 0
+    assert swapped_share(clean, NAMES, "arm") == 0
     detected = clean.detected_px.copy()
     detected[50:80, 1:4], detected[50:80, 4:7] = (
         clean.detected_px[50:80, 4:7],
         clean.detected_px[50:80, 1:4],
     )
     swapped = DetectedClip(detected, clean.true_px, clean.height_px, "front", FPS)
-    assert exchanged_share(swapped, NAMES, "arm") == pytest.approx(30 / 200)
+    assert swapped_share(swapped, NAMES, "arm") == pytest.approx(30 / 200)
 
 
 def test_white_errors_have_no_persistence() -> None:

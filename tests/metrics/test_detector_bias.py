@@ -7,7 +7,7 @@ import pytest
 
 from imocap_core.conventions import OTHER
 from imocap_core.metrics.detections import DetectedClip
-from imocap_core.metrics.detector_bias import detector_bias, exchanged_body_share
+from imocap_core.metrics.detector_bias import detector_bias, swapped_body_share
 from imocap_core.synthetic.detector import DetectorErrors, detect
 from imocap_core.synthetic.keypoint_errors import KeypointErrors
 
@@ -72,12 +72,12 @@ def test_outliers_come_at_their_rate_and_stay_in_bouts() -> None:
     assert detector_bias(films, NAMES, "hip", "").outlier_rate == 0
 
 
-def test_only_a_body_exchanged_as_a_whole_is_turned() -> None:
+def test_only_a_body_swapped_as_a_whole_is_turned() -> None:
     clean = film(1, frames=100)
     for kinds, share in ((("shoulder", "elbow", "wrist"), 0.0), (("shoulder", "hip"), 0.3)):
         detected = clean.detected_px.copy()
         for kind in kinds:
             left, right = NAMES.index(f"left_{kind}"), NAMES.index(f"right_{kind}")
             detected[20:50, [left, right]] = clean.detected_px[20:50, [right, left]]
-        exchanged = DetectedClip(detected, clean.true_px, clean.height_px, "front", FPS)
-        assert exchanged_body_share(exchanged, NAMES, 0.01) == pytest.approx(share)
+        swapped = DetectedClip(detected, clean.true_px, clean.height_px, "front", FPS)
+        assert swapped_body_share(swapped, NAMES, 0.01) == pytest.approx(share)

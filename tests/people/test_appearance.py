@@ -52,7 +52,7 @@ def test_other_clothes_look_other() -> None:
     assert np.isclose(red @ red, 1.0)
 
 
-def test_ends_are_exchanged_after_a_meeting_that_motion_got_wrong() -> None:
+def test_ends_are_swapped_after_a_meeting_that_motion_got_wrong() -> None:
     x, shown = film()
     turned = [p if t < 30 else p[::-1] for t, p in zip(FRAMES, x, strict=True)]
     wrong = [PersonTrack(list(FRAMES), [pose(p[k]) for p in turned]) for k in (0, 1)]

@@ -1,4 +1,4 @@
-"""Exchanged sides are put back; what is as it should be is not touched."""
+"""Swapped sides are put back; what is as it should be is not touched."""
 
 import numpy as np
 import pytest

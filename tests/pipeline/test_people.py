@@ -115,7 +115,7 @@ def test_a_person_is_named_in_one_way(given: dict[str, object], message: str) ->
 
 
 @pytest.mark.parametrize(("layouts", "frames"), [(("mediapipe33",), 0), (("coco17",), 3)])
-def test_by_default_sides_are_put_back_for_detectors_that_exchange_them(
+def test_by_default_sides_are_put_back_for_detectors_that_swap_them(
     layouts: tuple[str, ...], frames: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("imocap_core.problem.tracked_people.SWAPPING_LAYOUTS", layouts)

@@ -114,7 +114,7 @@ def test_a_change_and_a_tie_are_said() -> None:
     assert "depth reversed" in changed
     assert tie.startswith("right")
     assert "do not decide" in tie
-    alike = [["best", "exchanged", "exchanged, depth"], ["best"]]
+    alike = [["best", "swapped", "swapped, depth"], ["best"]]
     assert len(sentences(JointChoice((1, 0), [(2,), ()]), ["left", "right"], alike)) == 1
 
 

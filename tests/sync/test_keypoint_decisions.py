@@ -113,12 +113,12 @@ def test_the_common_motion_is_nearer_to_the_truth_than_flattened_fits() -> None:
     assert np.mean([error(x) for x in common]) < 0.9 * np.mean([error(x) for x in flat])
 
 
-def test_a_detector_that_exchanges_sides_for_a_while_makes_no_stranger() -> None:
+def test_a_detector_that_swaps_sides_for_a_while_makes_no_stranger() -> None:
     videos = videos_of(motion_of(1))
     film = videos[1].keypoints
-    exchanged = film.xy_px.copy()
-    exchanged[18:42] = film.xy_px[18:42][:, list(TWINS)]
-    videos[1] = ScreenedVideo(videos[1].motion, Keypoints2D(exchanged, film.weight))
+    swapped = film.xy_px.copy()
+    swapped[18:42] = film.xy_px[18:42][:, list(TWINS)]
+    videos[1] = ScreenedVideo(videos[1].motion, Keypoints2D(swapped, film.weight))
     result = decided(videos)
     assert (result.outliers, result.mirrored) == ((), ())
 

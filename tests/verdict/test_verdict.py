@@ -192,7 +192,7 @@ def test_warnings_of_the_detection_are_findings(made: Made) -> None:
     sentences = [f.sentence for f in judged(made, keypoints=keypoints).findings]
     assert any("v1: a new shot begins with frame 9" in s for s in sentences)
     assert any("v1 frames 3-8: nobody is detected for 0.6 s" in s for s in sentences)
-    assert any("exchanged left and right of a limb 9 times" in s for s in sentences)
+    assert any("swapped left and right of a limb 9 times" in s for s in sentences)
     assert any("another person" in s and "imocap people" in s for s in sentences)
 
 

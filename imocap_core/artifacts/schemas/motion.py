@@ -47,8 +47,8 @@ class AlternativeMotion(Value):
     excess_cost: float  # objective a frame, above that of the motion of lowest cost
     motion: VideoMotion
     # of each used frame, what the detections have left for right by this motion: 0 nothing, 1 all
-    # above the hips, 2 the legs, 3 both; empty when nothing is exchanged
-    exchanged: Annotated[Ints, Shape("E")] = Field(default_factory=lambda: np.zeros(0, dtype=int))
+    # above the hips, 2 the legs, 3 both; empty when nothing is swapped
+    swapped: Annotated[Ints, Shape("E")] = Field(default_factory=lambda: np.zeros(0, dtype=int))
 
 
 class GroundPlane(Value):

@@ -1,9 +1,9 @@
 """Hypotheses of monocular fits: the distinct motions that may explain one video's keypoints.
 
-One view leaves the sign of every depth open, and the detector's left and right may be exchanged.
+One view leaves the sign of every depth open, and the detector's left and right may be swapped.
 Starts that match the picture lead to some of the minima; others are reached from the best fit by
 reversing the depth of all joints, turning the body by half a turn, or reflecting it in depth with
-left and right exchanged. Which of them is right the other videos tell (`sync.hypotheses`).
+left and right swapped. Which of them is right the other videos tell (`sync.hypotheses`).
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def reversed_starts(
     body: Body, library: Library, motion: MotionState, observation: Observation
 ) -> dict[str, Start]:
     """Starts at the reversals of a motion (batch of 1): its depth, its facing, and its reflection
-    in depth with the sides exchanged."""
+    in depth with the sides swapped."""
     R_local = motion.R_local[0]
     joints = _about_root(body, motion).cpu().numpy()
     half_turn = torch.diag(R_local.new_tensor([-1.0, 1.0, -1.0]))

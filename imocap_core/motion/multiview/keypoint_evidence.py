@@ -15,7 +15,7 @@ from imocap_core.motion.state import MotionState
 from imocap_core.sync.screening.registration import residual_share
 
 MOMENTS = 60  # of the common time that are compared
-EXCHANGED = 0.1  # what a frame with exchanged sides costs, in shares of the keypoints' spread
+SWAPPED = 0.1  # what a frame with swapped sides costs, in shares of the keypoints' spread
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def registration_residuals(
 ) -> Float[np.ndarray, " D"]:
     """Mean residual of the visible frames for each rotation of the poses, 0 to 1.
 
-    A frame counts with left and right exchanged where that is better by `EXCHANGED`.
+    A frame counts with left and right swapped where that is better by `SWAPPED`.
     """
     columns = list(twins)
     plain = frame_residuals(pose, xy_px, weight, R)
@@ -97,7 +97,7 @@ def registration_residuals(
     visible = (weight > 0).sum(1) > 3
     if not visible.any():
         return np.ones(len(R))
-    return np.asarray(np.minimum(plain, other + EXCHANGED)[:, visible].mean(axis=1))
+    return np.asarray(np.minimum(plain, other + SWAPPED)[:, visible].mean(axis=1))
 
 
 def mean_of_others(

@@ -21,7 +21,7 @@ from imocap_core.motion.multiview.low_rank_round import low_rank_round
 from imocap_core.motion.multiview.per_video import common_at_video_frames, fit_deviations
 from imocap_core.motion.multiview.relocalisation import relocalise
 from imocap_core.motion.multiview.scene import JointMotion, Scene
-from imocap_core.motion.multiview.side_exchange import with_sides_of_others
+from imocap_core.motion.multiview.swapped_sides import with_sides_of_others
 from imocap_core.motion.state import MotionState
 from imocap_core.params import MotionParams
 

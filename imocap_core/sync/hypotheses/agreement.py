@@ -33,7 +33,7 @@ TURNS = np.concatenate([np.eye(3), -np.eye(3)])
 @dataclass(frozen=True)
 class Hypothesis3D:
     """A motion of one video, in the axes of its own camera (y down), and keypoints of its joints at
-    the same frames: as detected, or with the sides exchanged that the motion says are."""
+    the same frames: as detected, or with the sides swapped that the motion says are."""
 
     motion: Float[np.ndarray, "T J 3"]
     keypoints: Keypoints2D

@@ -31,7 +31,7 @@ class CandidateMotions:
     Attributes:
         hypotheses: the likeliest first.
         excess: objective a frame of each, above the first's.
-        suggested: whether the other videos suggested it (`exchanged`): taking it costs nothing.
+        suggested: whether the other videos suggested it (`swapped`): taking it costs nothing.
     """
 
     hypotheses: Sequence[Hypothesis3D]

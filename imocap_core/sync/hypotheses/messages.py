@@ -10,9 +10,9 @@ MEANINGS = {
     "best": "the likeliest one",
     "depth": "the one with its depth reversed",
     "facing": "the one that faces the other way",
-    "sides": "the one reflected in depth, left and right exchanged",
+    "sides": "the one reflected in depth, left and right swapped",
 }
-EXCHANGED = "exchanged"  # begins the names of motions for which the detector took left for right
+SWAPPED = "swapped"  # begins the names of motions for which the detector took left for right
 
 
 def sentences(
@@ -41,6 +41,6 @@ def sentences(
 
 
 def _meaning(name: str) -> str:
-    if name.startswith(EXCHANGED):
-        return "one with left and right of its detections exchanged for a while"
+    if name.startswith(SWAPPED):
+        return "one with left and right of its detections swapped for a while"
     return MEANINGS.get(name, f"another fit ({name})")

@@ -18,7 +18,7 @@ from imocap_core.sync.screening.registration import (
     warp_path,
 )
 
-EXCHANGED = 0.1  # residual that a frame costs whose left and right are taken as exchanged
+SWAPPED = 0.1  # residual that a frame costs whose left and right are taken as swapped
 TURNS_DEG = (10.0, 5.0, 2.5)  # of the best direction's refinement
 
 
@@ -67,23 +67,23 @@ def sides_corrected(
     directions: Float[np.ndarray, "D 2 3"],
     twins: Sequence[int],
 ) -> tuple[Keypoints2D, float]:
-    """The keypoints with left and right exchanged where that fits a motion clearly better.
+    """The keypoints with left and right swapped where that fits a motion clearly better.
 
-    Also what the exchange costs, mean a frame: a detector that takes the back for the front.
+    Also what the swap costs, mean a frame: a detector that takes the back for the front.
     """
     columns = list(twins)
     other = Keypoints2D(keypoints.xy_px[:, columns], keypoints.weight[:, columns])
-    as_given, exchanged = (pose_residuals(motion, k, directions) for k in (keypoints, other))
-    least = np.minimum(as_given, exchanged + EXCHANGED)
+    as_given, other_sides = (pose_residuals(motion, k, directions) for k in (keypoints, other))
+    least = np.minimum(as_given, other_sides + SWAPPED)
     best = int(warp_costs(least).argmin())
     frames = warp_path(least[best])
     rows = np.arange(len(frames))
-    swapped = (exchanged[best] + EXCHANGED < as_given[best])[rows, frames]
+    swapped = (other_sides[best] + SWAPPED < as_given[best])[rows, frames]
     corrected = Keypoints2D(
         np.where(swapped[:, None, None], other.xy_px, keypoints.xy_px),
         np.where(swapped[:, None], other.weight, keypoints.weight),
     )
-    return corrected, EXCHANGED * float(swapped.mean())
+    return corrected, SWAPPED * float(swapped.mean())
 
 
 def _aligned_residuals(

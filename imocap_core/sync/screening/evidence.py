@@ -36,7 +36,7 @@ class WeightedPoses:
     def swapped(
         self, videos: Sequence[int], other: WeightedPoses
     ) -> tuple[WeightedPoses, WeightedPoses]:
-        """Both, with some videos exchanged."""
+        """Both, with some videos swapped."""
         first, second = ([list(s.poses), list(s.weights)] for s in (self, other))
         for v in videos:
             for a, b in zip(first, second, strict=True):

@@ -167,7 +167,7 @@ def explanations(
 def with_sides_corrected(
     explained: Explanations, video: int, twins: Sequence[int]
 ) -> tuple[float, float]:
-    """`residual` and `static` of a video whose left and right may be exchanged at times.
+    """`residual` and `static` of a video whose left and right may be swapped at times.
 
     The static pose is held against the keypoints as they are.
     """

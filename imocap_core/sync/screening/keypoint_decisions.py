@@ -128,7 +128,7 @@ def _explained(
 def _clear_signs(
     signs: Int[np.ndarray, " L"], reflected: Float[np.ndarray, " L"], pinned: Bool[np.ndarray, " L"]
 ) -> Int[np.ndarray, " L"]:
-    """The signs, exchanged where a video fits clearly better so, -1 only where that is clear."""
+    """The signs, swapped where a video fits clearly better so, -1 only where that is clear."""
     as_given = np.where(pinned, 1, np.where(reflected >= CLEAR_REFLECTION, -signs, signs))
     kept_mirrored = (signs > 0) | (reflected <= -CLEAR_REFLECTION)
     return np.where(kept_mirrored, as_given, 1)
@@ -152,7 +152,7 @@ def _score_without(
 ) -> float:
     """The score of a video, the others explained without it; undecided if these are not.
 
-    Where it would be another action, its left and right may have been exchanged by the detector.
+    Where it would be another action, its left and right may have been swapped by the detector.
     """
     others, reflected = float(np.median(rest.residual)), float(explained.reflected[video])
     score = _score(explained.residual[video], explained.static[video], reflected, others)

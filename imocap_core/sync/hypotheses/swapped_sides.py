@@ -1,10 +1,10 @@
 """Frames in which a detector took left for right, told by the other videos before any is solved.
 
-One view cannot tell sides that are exchanged for a while from a performer who faces the other way,
+One view cannot tell sides that are swapped for a while from a performer who faces the other way,
 and a fit to them is wrong in every frame. Held against another video's motion (`registration`),
-each frame's keypoints are as detected, or exchanged above the hips, in the legs, or in both,
+each frame's keypoints are as detected, or swapped above the hips, in the legs, or in both,
 whichever that explains best, and the cheapest sequence of these states is the estimate (Viterbi).
-Sides that seem exchanged for most of a video are left: that is what a mirrored one looks like.
+Sides that seem swapped for most of a video are left: that is what a mirrored one looks like.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from imocap_core.viterbi import cheapest_states
 DIRECTIONS = 96
 STATES = 4
 LEGS = ("hip", "knee", "ankle", "foot", "toe", "heel")  # parts of their keypoints' names
-EXCHANGED, CHANGE = 0.1, 0.5  # of a frame, of a change of state, in shares of the spread
-LEAST_GAIN = 0.05  # mean of all frames, from which the sides are taken to be exchanged
+SWAPPED, CHANGE = 0.1, 0.5  # of a frame, of a change of state, in shares of the spread
+LEAST_GAIN = 0.05  # mean of all frames, from which the sides are taken to be swapped
 LARGEST_SHARE = 0.5  # of a video's frames
 CLOSEST = 2  # other videos that are asked: those whose motions explain the keypoints best
 
 
-def exchanged_by_others(
+def swapped_by_others(
     videos: Sequence[CandidateMotions], names: Sequence[str]
 ) -> list[Int[np.ndarray, " _"]]:
-    """Per video, the state of each frame by the other videos' first motions: what is exchanged.
+    """Per video, the state of each frame by the other videos' first motions: what is swapped.
 
     0 nothing, 1 all above the hips, 2 the legs, 3 both. Nothing of fewer than three videos: one
     other may be the one that is wrong.
@@ -52,15 +52,15 @@ def exchanged_by_others(
         others = [x.motion for u, x in enumerate(thin) if u != v]
         states = np.zeros(len(film.motion), dtype=int)
         if len(others) >= CLOSEST:
-            states = _exchanged(film.keypoints, others, names)
+            states = _swapped(film.keypoints, others, names)
         out.append(np.repeat(states, n)[: len(videos[v].hypotheses[0].motion)])
     return out
 
 
-def with_exchanged_sides(
+def with_swapped_sides(
     values: Shaped[np.ndarray, "T K *rest"], states: Int[np.ndarray, " T"], names: Sequence[str]
 ) -> Shaped[np.ndarray, "T K *rest"]:
-    """Values of keypoints with left and right exchanged as the states of `exchanged_by_others`
+    """Values of keypoints with left and right swapped as the states of `swapped_by_others`
     say; names: of the keypoints."""
     out, twins = values.copy(), np.array(mirror_indices(names))
     legs = np.array([any(word in name for word in LEGS) for name in names])
@@ -70,24 +70,24 @@ def with_exchanged_sides(
     return out
 
 
-def exchanged_keypoints(
+def swapped_keypoints(
     keypoints: Keypoints2D, states: Int[np.ndarray, " T"], names: Sequence[str]
 ) -> Keypoints2D:
-    """`with_exchanged_sides` of keypoints."""
+    """`with_swapped_sides` of keypoints."""
     xy_px, weight = (
-        with_exchanged_sides(x, states, names) for x in (keypoints.xy_px, keypoints.weight)
+        with_swapped_sides(x, states, names) for x in (keypoints.xy_px, keypoints.weight)
     )
     return Keypoints2D(xy_px, weight)
 
 
-def _exchanged(
+def _swapped(
     keypoints: Keypoints2D, others: Sequence[Float[np.ndarray, "_ J 3"]], names: Sequence[str]
 ) -> Int[np.ndarray, " T"]:
     frames = len(keypoints.weight)
-    films = [exchanged_keypoints(keypoints, np.full(frames, k), names) for k in range(STATES)]
+    films = [swapped_keypoints(keypoints, np.full(frames, k), names) for k in range(STATES)]
     rows = sorted((_residuals(x, films) for x in others), key=lambda row: row[0])
     residuals = np.mean([row[1] for row in rows[:CLOSEST]], axis=0)
-    costs = residuals + EXCHANGED * (np.arange(STATES) > 0)
+    costs = residuals + SWAPPED * (np.arange(STATES) > 0)
     steps = CHANGE * (1.0 - np.eye(STATES)) + costs[1:, None]
     states = cheapest_states(costs[0], steps)
     gain = float((residuals[:, 0] - residuals[np.arange(frames), states]).mean())
@@ -101,7 +101,7 @@ def _residuals(
     """Cost of the best camera and warp, each frame in its best state, and the residuals of all."""
     directions = camera_directions(DIRECTIONS)
     residuals = [pose_residuals(motion, film, directions) for film in films]
-    penalised = [x + EXCHANGED * (k > 0) for k, x in enumerate(residuals)]
+    penalised = [x + SWAPPED * (k > 0) for k, x in enumerate(residuals)]
     better = np.minimum.reduce(penalised)
     totals = warp_costs(better)
     best = int(totals.argmin())

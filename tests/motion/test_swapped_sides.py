@@ -1,4 +1,4 @@
-"""Left and right that the detector exchanged for a while are put right by the other videos."""
+"""Left and right that the detector swapped for a while are put right by the other videos."""
 
 from dataclasses import replace
 
@@ -9,12 +9,12 @@ from scipy.spatial.transform import Rotation
 
 from imocap_core.conventions import mirror_indices
 from imocap_core.motion.multiview.scene import Scene
-from imocap_core.motion.multiview.side_exchange import (
-    exchanged,
+from imocap_core.motion.multiview.smpl_ba import recover_motion
+from imocap_core.motion.multiview.swapped_sides import (
+    swapped,
     turning_frames,
     with_sides_of_others,
 )
-from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.rotations import exp
 from tests.motion.made import Made, mpjpe_mm, scene
 from tests.motion.test_smpl_ba import FRAMES, OPTIONS, TURNS_DEG, disturbed, in_own_axes, whole
@@ -29,10 +29,10 @@ def made() -> Made:
 
 
 def confused(scene: Scene) -> Scene:
-    """The scene whose detector exchanged the sides of one video for a while."""
+    """The scene whose detector swapped the sides of one video for a while."""
     twins = mirror_indices(scene.body.keypoints.names)
     observations = list(scene.observations)
-    observations[VIDEO] = exchanged(observations[VIDEO], STRETCH, twins)
+    observations[VIDEO] = swapped(observations[VIDEO], STRETCH, twins)
     return replace(scene, observations=observations)
 
 
@@ -41,7 +41,7 @@ def test_every_twin_has_its_twin_in_its_own_layout() -> None:
     assert mirror_indices(names) == (0, 2, 1, 3, 5, 4)
 
 
-def test_the_exchanged_stretch_is_put_right_and_nothing_else(made: Made) -> None:
+def test_the_swapped_stretch_is_put_right_and_nothing_else(made: Made) -> None:
     state = disturbed(in_own_axes(made), 0.03)
     plain = whole(made)
     put_right = with_sides_of_others(confused(plain), state, made.cameras())
@@ -72,7 +72,7 @@ def test_a_performer_who_turns_away_keeps_the_sides(made: Made) -> None:
     assert turning_frames(poses[0], poses[1], frames, 30.0).all()
 
 
-def test_smpl_ba_with_exchanged_sides_ends_like_the_undisturbed_one(made: Made) -> None:
+def test_smpl_ba_with_swapped_sides_ends_like_the_undisturbed_one(made: Made) -> None:
     true = in_own_axes(made)
     start = disturbed(true, 0.03)
     good, hit = (

@@ -20,11 +20,11 @@ from imocap_core.motion.prior import PosePrior
 from imocap_core.params import FitParams, InitialSmplParams
 from imocap_core.problem.hypotheses import FIRST, candidates_of
 from imocap_core.problem.motions import motions_of
-from imocap_core.sync.hypotheses.exchanged import exchanged_by_others, with_exchanged_sides
-from imocap_core.sync.hypotheses.messages import EXCHANGED
+from imocap_core.sync.hypotheses.messages import SWAPPED
+from imocap_core.sync.hypotheses.swapped_sides import swapped_by_others, with_swapped_sides
 
 
-def refits_of_exchanged(
+def refits_of_swapped(
     body: Body,
     prior: PosePrior,
     library: Library,
@@ -37,14 +37,14 @@ def refits_of_exchanged(
     *,
     videos: Sequence[int],
 ) -> list[AlternativeMotion]:
-    """The alternative of each video whose sides the other videos' motions exchange for a while.
+    """The alternative of each video whose sides the other videos' motions swap for a while.
 
     Args:
         motions: of lowest cost; coarse: their fits.
         videos: those that may have alternatives.
     """
     rows = zip(motions, keypoints.videos, strict=True)
-    states = exchanged_by_others([candidates_of(m, [], v) for m, v in rows], SMPL_JOINTS)
+    states = swapped_by_others([candidates_of(m, [], v) for m, v in rows], SMPL_JOINTS)
     refits = []
     for v in videos:
         if not states[v].any():
@@ -58,10 +58,10 @@ def refits_of_exchanged(
         )  # fmt: skip
         refits += [
             AlternativeMotion(
-                name=EXCHANGED if fit.name == FIRST else f"{EXCHANGED}, {fit.name}",
+                name=SWAPPED if fit.name == FIRST else f"{SWAPPED}, {fit.name}",
                 excess_cost=fit.cost - least,
                 motion=motions_of(body, fit.motion, [observations[v]], alone)[0],
-                exchanged=states[v],
+                swapped=states[v],
             )
             for fit in fits
         ]
@@ -71,17 +71,17 @@ def refits_of_exchanged(
 def with_sides(
     observation: Observation, states: Int[np.ndarray, " T"], names: Sequence[str], reach: int
 ) -> Observation:
-    """The observation with its sides exchanged, without the frames within `reach` of where that
+    """The observation with its sides swapped, without the frames within `reach` of where that
     begins or ends: the estimate is no finer.
 
     Args:
-        states: as of `exchanged_by_others`; names: of the keypoints.
+        states: as of `swapped_by_others`; names: of the keypoints.
     """
     changes = np.flatnonzero(np.diff(states))
     near = np.abs(np.arange(len(states))[:, None] - changes - 0.5).min(axis=1, initial=np.inf)
-    confidence = with_exchanged_sides(observation.confidence, states, names)
+    confidence = with_swapped_sides(observation.confidence, states, names)
     return replace(
         observation,
-        xy_px=with_exchanged_sides(observation.xy_px, states, names),
+        xy_px=with_swapped_sides(observation.xy_px, states, names),
         confidence=np.where(near[:, None] < reach, 0.0, confidence),
     )

@@ -1,13 +1,13 @@
 """Stretches of a video in which the detector took left for right, told by the other videos.
 
-Exchanged sides of the whole body look, to one view, like a performer who faces the other way. Seen
+Swapped sides of the whole body look, to one view, like a performer who faces the other way. Seen
 from the video's camera, the other videos' motion decides: each frame's keypoints are as detected or
-exchanged, whichever that motion explains better, and the cheapest sequence of the two states, where
+swapped, whichever that motion explains better, and the cheapest sequence of the two states, where
 every change costs something, is the estimate (Viterbi).
 
 A performer who really turns away looks alike, too. Then the video's own motion turns against the
 others' little by little, and for a while faces a quarter another way; one whose sides were
-exchanged faces as the others do (it was held by the frames around) or the opposite way, and nothing
+swapped faces as the others do (it was held by the frames around) or the opposite way, and nothing
 between.
 """
 
@@ -24,7 +24,7 @@ from imocap_core.alignment import rigid
 from imocap_core.conventions import mirror_indices
 from imocap_core.motion.multiview.cameras import Cameras
 from imocap_core.motion.multiview.keypoint_evidence import (
-    EXCHANGED,
+    SWAPPED,
     frame_residuals,
     keypoint_evidence,
     mean_of_others,
@@ -35,14 +35,14 @@ from imocap_core.motion.state import MotionState
 from imocap_core.runs import runs
 from imocap_core.viterbi import cheapest_states
 
-QUARTER_RAD = (np.pi / 4, 3 * np.pi / 4)  # that no exchange of sides turns a body by
+QUARTER_RAD = (np.pi / 4, 3 * np.pi / 4)  # that no swap of sides turns a body by
 TURNING_SHARE, TURNING_S = 0.2, 0.27  # of a stretch: less is a fit's own turn at its two ends
 RATE_PER_S = 15.0  # frames of which each is a piece of evidence by itself
 CHANGE = 0.5  # of a change of state
 
 
 def with_sides_of_others(scene: Scene, state: MotionState, cameras: Cameras) -> Scene:
-    """The scene with left and right exchanged in the frames where the other videos say so.
+    """The scene with left and right swapped in the frames where the other videos say so.
 
     Args:
         state: every video's motion in its own camera's axes.
@@ -58,13 +58,13 @@ def with_sides_of_others(scene: Scene, state: MotionState, cameras: Cameras) -> 
         position = scene.timeline.to_reference[v]
         pose = mean_of_others(evidence, R, v)[evidence.nearest_moment(position)]
         weight = np.where(np.isfinite(position)[:, None], observation.confidence, 0.0)
-        frames = exchanged_frames(pose, observation.xy_px, weight, R[v], twins, observation.fps)
+        frames = swapped_frames(pose, observation.xy_px, weight, R[v], twins, observation.fps)
         frames &= ~turning_frames(poses[v, : len(frames)], pose @ R[v].T, frames, observation.fps)
-        observations.append(exchanged(observation, frames, twins))
+        observations.append(swapped(observation, frames, twins))
     return replace(scene, observations=observations)
 
 
-def exchanged_frames(
+def swapped_frames(
     pose: Float[np.ndarray, "T K 3"],
     xy_px: Float[np.ndarray, "T K 2"],
     weight: Float[np.ndarray, "T K"],
@@ -72,7 +72,7 @@ def exchanged_frames(
     twins: Sequence[int],
     fps: float,
 ) -> Bool[np.ndarray, " T"]:
-    """In which frames a pose, rotated by R, explains the keypoints with left and right exchanged.
+    """In which frames a pose, rotated by R, explains the keypoints with left and right swapped.
 
     Args:
         xy_px: any value where the weight is 0; twins: each keypoint's counterpart.
@@ -83,7 +83,7 @@ def exchanged_frames(
         for x, w in ((xy_px, weight), (xy_px[:, columns], weight[:, columns]))
     )
     share = min(1.0, RATE_PER_S / fps)
-    costs = share * np.stack([plain, other + EXCHANGED], axis=1)
+    costs = share * np.stack([plain, other + SWAPPED], axis=1)
     steps = CHANGE * (1.0 - np.eye(2)) + costs[1:, None]
     return cheapest_states(costs[0], steps).astype(bool)
 
@@ -110,10 +110,10 @@ def turning_frames(
     return turning
 
 
-def exchanged(
+def swapped(
     observation: Observation, frames: Bool[np.ndarray, " T"], twins: Sequence[int]
 ) -> Observation:
-    """The observation with left and right exchanged in some frames."""
+    """The observation with left and right swapped in some frames."""
     if not frames.any():
         return observation
     xy_px, confidence = observation.xy_px.copy(), observation.confidence.copy()
