@@ -41,7 +41,7 @@ def fill_disk(action: SmallAction, tries: int, rng: random.Random) -> Part:
         with small_disk(action.artifacts, round(rng.uniform(0.02, 0.9) * needed)) as possible:
             if not possible:
                 return part_of(done, wrong) | {"note": "no tmpfs can be mounted here"}
-            wrong += refused(action.start("run"))
+            wrong += _refused_or_done(action, action.start("run"))
             _mount("-o", f"remount,size={PLENTY_BYTES}", str(action.artifacts))
             wrong += action.differences_after("run")
     action.finish("run")
@@ -57,9 +57,17 @@ def fail_fsyncs(action: SmallAction, tries: int, rng: random.Random) -> Part:
     for _ in range(tries):
         action.forget()
         first = rng.randint(1, calls)
-        wrong += refused(action.start("run", faults={"CHAOS_FSYNC": str(first)}))
+        process = action.start("run", faults={"CHAOS_FSYNC": str(first)})
+        wrong += _refused_or_done(action, process)
         wrong += action.differences_after("run")
     return part_of(tries, wrong)
+
+
+def _refused_or_done(action: SmallAction, process: subprocess.Popen[bytes]) -> list[str]:
+    """What is wrong with the end of a run that had to fail, unless the fault met only what can be
+    done without (digests remembered for the next command)."""
+    wrong = refused(process)
+    return wrong if process.returncode != 0 else action.differences()
 
 
 @contextmanager

@@ -7,6 +7,7 @@ import pytest
 
 from imocap_core.params import MotionParams
 from imocap_core.sync import synchronise
+from imocap_core.sync.warp import offset_squares
 from imocap_core.sync.warp.reprojection import (
     CalibratedVideo,
     ReprojectionEvidence,
@@ -165,8 +166,13 @@ def test_the_current_moment_of_a_frame_does_not_bias_its_counterpart(off: int) -
     assert np.abs(error).mean() < 1.0
 
 
-def test_the_fit_of_rigid_offsets_at_every_moment_is_a_ridge_regression() -> None:
+@pytest.mark.parametrize("block", [256, 4])
+def test_the_fit_of_rigid_offsets_at_every_moment_is_a_ridge_regression(
+    block: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Against a ridge regression for each frame and moment."""
+    monkeypatch.setattr(offset_squares, "TEMPLATES", block)
+    monkeypatch.setattr(offset_squares, "FRAMES", block)
     phase = np.linspace(0, 1, 6)
     video = film(phase, 0.4, 31)
     template, moments = projected(motion(phase), video), np.array([0, 1, 1, 3, 4, 5])

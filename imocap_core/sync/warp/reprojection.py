@@ -16,6 +16,7 @@ from jaxtyping import Float, Int
 
 from imocap_core.params import MotionParams
 from imocap_core.robust import geman_mcclure
+from imocap_core.sync.warp.offset_squares import OFFSET, squares_after_offsets
 from imocap_core.sync.warp.positions import median_positions
 from imocap_core.sync.warp.template import (
     TemplatePoses,
@@ -27,10 +28,6 @@ from imocap_core.sync.warp.template import (
 ROUNDS = 4  # of iteratively reweighted least squares
 OUTLIER_SIGMA = 4.0  # scale of the Geman-McClure weights
 LARGEST_SQUARE = 2.25  # of the assumed detector variance: 1.5 times the assumed noise
-CHUNK = 16
-OFFSET = 6  # parameters of a rigid offset: rotation vector, translation
-LOWER = [(i, j) for i in range(OFFSET) for j in range(i + 1)]
-DIAGONAL = [n for n, (i, j) in enumerate(LOWER) if i == j]
 
 
 @dataclass(frozen=True)
@@ -128,42 +125,12 @@ def reprojection_squares(
     """
     weight, precision = weights_and_precision(template, video, moments, motion)
     count = np.maximum((weight / np.maximum(video.weight, 1e-12)).sum(1), 1e-6)
-    S, K = template.xy_px.shape[:2]
     middle = template.xy_px.mean(axis=(0, 1))
-    predicted = (template.xy_px - middle).transpose(1, 2, 0)  # (K, 2, S)
     detected = np.where(weight[..., None] > 0, video.xy_px - middle, 0.0)
-    rows = template.by_offset.transpose(1, 2, 3, 0)  # (K, 2, 6, S)
-    pairs = np.stack([(rows[:, :, i] * rows[:, :, j]).sum(1) for i, j in LOWER], axis=1)
-    gradient_of_prediction = np.einsum("kacs,kas->kcs", rows, predicted)
-    squares = np.empty((len(moments), S))
-    for first in range(0, len(moments), CHUNK):
-        chunk = slice(first, first + CHUNK)
-        w, x = weight[chunk], weight[chunk, :, None] * detected[chunk]
-        flat = x.reshape(len(w), -1)
-        constant = (x * detected[chunk]).sum((1, 2))[:, None]
-        error = constant - 2 * flat @ predicted.reshape(-1, S) + w @ (predicted**2).sum(1)
-        gradient = flat @ rows.reshape(2 * K, -1) - w @ gradient_of_prediction.reshape(K, -1)
-        hessian = (w @ pairs.reshape(K, -1)).reshape(len(w), -1, S)
-        hessian[:, DIAGONAL] += precision[:, None]
-        explained = _quadratic(hessian, gradient.reshape(len(w), -1, S))
-        squares[chunk] = np.maximum(error - explained, 0.0)
+    squares = squares_after_offsets(
+        detected, weight, template.xy_px - middle, template.by_offset, precision
+    )
     return squares / (2 * count)[:, None]
-
-
-def _quadratic(lower: np.ndarray, g: np.ndarray) -> np.ndarray:
-    """(T, S) g' H^-1 g for H given by its lower triangle (T, 21, S), row by row, and g (T, 6, S).
-
-    Cholesky and forward substitution, every step for all T x S systems at once.
-    """
-    L = {pair: lower[:, n] for n, pair in enumerate(LOWER)}
-    y: list[np.ndarray] = []
-    for i in range(OFFSET):
-        for j in range(i + 1):
-            value = L[i, j] - sum(L[i, k] * L[j, k] for k in range(j))
-            L[i, j] = np.sqrt(value) if i == j else value / L[j, j]
-        y.append((g[:, i] - sum(L[i, k] * y[k] for k in range(i))) / L[i, i])
-    total: np.ndarray = sum(part**2 for part in y[1:]) + y[0] ** 2
-    return total
 
 
 def weights_and_precision(
