@@ -85,6 +85,34 @@ def test_an_action_that_is_its_own_mirror_image_is_never_flipped_and_it_is_said(
     assert "own mirror image" in sentences(screening, "abcd")[0]
 
 
+def with_noise(videos: list[ScreenedVideo], share: float) -> list[ScreenedVideo]:
+    """Normal noise on the keypoints, a share of their spread in the first video."""
+    rng, spread = np.random.default_rng(3), np.ptp(videos[0].keypoints.xy_px, axis=(0, 1)).max()
+    return [
+        ScreenedVideo(
+            v.motion,
+            Keypoints2D(
+                v.keypoints.xy_px + rng.normal(0, share * spread, v.keypoints.xy_px.shape),
+                v.keypoints.weight,
+            ),
+        )
+        for v in videos
+    ]
+
+
+@pytest.mark.parametrize(("asymmetry", "both"), [(0.12, ()), (0.3, (1, 3))])
+def test_two_mirrored_videos_have_to_be_clearer_than_one(
+    asymmetry: float, both: tuple[int, ...]
+) -> None:
+    half = motion_of(4)
+    symmetric = 0.5 * (half + mirrored_poses(half, TWINS))
+    videos = with_noise(videos_of(asymmetry * half + (1 - asymmetry) * symmetric), 0.03)
+    one = decided([*videos[:3], videos[3].mirrored(TWINS)])
+    two = decided([v.mirrored(TWINS) if k in (1, 3) else v for k, v in enumerate(videos)])
+    assert (one.mirrored, one.symmetric) == ((3,), False)
+    assert (two.mirrored, two.symmetric) == (both, not both)
+
+
 def test_what_the_user_states_is_not_decided_again() -> None:
     videos = videos_of(motion_of(1))
     videos[2] = videos[2].mirrored(TWINS)

@@ -2,10 +2,10 @@
 
 A video is mirrored where the others' common motion explains its keypoints clearly better reflected,
 and most videos clearly better as they are taken; where most do not, the action is nearly its own
-mirror image, and nothing is decided. A video shows another action where the others' motion explains
-it no better than a static pose would, and much worse than they explain each other without it. One
-is decided at a time, the clearest first, and the rest is explained anew. What is not clear is
-undecided: reported, never acted on.
+mirror image, and nothing is decided. Of several at once each has to be so many times as clear. A
+video shows another action where the others' motion explains it no better than a static pose would,
+and much worse than they explain each other without it. One is decided at a time, the clearest
+first, and the rest is explained anew. What is not clear is undecided: reported, never acted on.
 """
 
 from __future__ import annotations
@@ -119,7 +119,8 @@ def _explained(
             break
         signs = better
         explained = explanations(members, twins, among, signs)
-    if (signs < 0).any() and not _is_decidable(explained.reflected):
+    flips = -explained.reflected[signs < 0]
+    if len(flips) and not (_is_decidable(explained.reflected) and _are_clear_together(flips)):
         signs = np.ones_like(signs)
         explained = explanations(members, twins, among, signs)
     return _Members(list(left), signs, explained)
@@ -137,6 +138,12 @@ def _clear_signs(
 def _is_decidable(reflected: Float[np.ndarray, " L"]) -> bool:
     """Whether most videos fit clearly better with their signs than in a mirror."""
     return bool(np.median(-reflected) >= DECIDABLE_REFLECTION)
+
+
+def _are_clear_together(flips: Float[np.ndarray, " n"]) -> bool:
+    """Whether videos that fit better reflected are clear as a group: several of them are rare, and
+    a walk half a cycle later looks like its mirror image."""
+    return bool((flips >= CLEAR_REFLECTION * len(flips)).all())
 
 
 def _scores(explained: Explanations) -> Float[np.ndarray, " L"]:
