@@ -8,38 +8,62 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
-from tests.chaos.small_action import NAME, Part, SmallAction, digests_below, part_of
+from tests.chaos.small_action import NAME, STAGES, Part, SmallAction, digests_below, part_of
 
 Start = Callable[[], subprocess.Popen[bytes]]
+Wait = Callable[[subprocess.Popen[bytes]], None]
 Keep = Callable[[Part], None]  # into the record
+STEP_S = 0.05
 KILLS_A_ROUND = 4  # before a command is let be, so that its result is looked at
 PAGES = ("viewer.html", "report.html")
 Command = tuple[str, tuple[str, ...], Path]  # its name, its words, where it writes
 
 
-def killed_until_done(
-    start: Start, longest_s: float, rng: random.Random, most: int
-) -> tuple[int, float]:
-    """Begin a process again and again, killed after a random time, until it ends by itself (or has
-    been killed `most` times and is let be).
-
-    How many kills it took, and the longest time to an end: the machine may have become slower.
-    """
+def killed_until_done(start: Start, wait: Wait, most: int) -> int:
+    """Begin a process again and again, killed after `wait`, until it ends by itself (or has been
+    killed `most` times and is let be); how many kills it took."""
     kills = 0
     while True:
-        began, process = time.monotonic(), start()
-        try:
-            timeout = rng.uniform(0, longest_s) if kills < most else None
-            _, errors = process.communicate(timeout=timeout)
-        except subprocess.TimeoutExpired:
-            process.send_signal(signal.SIGKILL)
-            process.communicate()
-            kills += 1
-            continue
+        process = start()
+        if kills < most:
+            wait(process)
+            if process.poll() is None:
+                process.send_signal(signal.SIGKILL)
+                process.communicate()
+                kills += 1
+                continue
+        _, errors = process.communicate()
         assert process.returncode == 0, errors.decode(errors="replace")[-500:]
-        return kills, max(longest_s, time.monotonic() - began)
+        return kills
+
+
+def for_a_random_time(longest_s: float, rng: random.Random) -> Wait:
+    """Wait for up to this time, or the end of a process."""
+
+    def wait(process: subprocess.Popen[bytes]) -> None:
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(rng.uniform(0, longest_s))
+
+    return wait
+
+
+def for_a_random_stage(action: SmallAction, stage_s: float, rng: random.Random) -> Wait:
+    """Wait until some of the stages that are left have their result, and a little longer: as often
+    early as late in a run, however busy the machine is."""
+
+    def finished() -> int:
+        return sum((action.artifacts / NAME / f"{stage}.mcap").is_file() for stage in STAGES)
+
+    def wait(process: subprocess.Popen[bytes]) -> None:
+        target = rng.randint(finished(), len(STAGES))
+        while process.poll() is None and finished() < target:
+            time.sleep(STEP_S)
+        for_a_random_time(2 * stage_s, rng)(process)
+
+    return wait
 
 
 def timed(action: SmallAction, command: str, *words: str) -> float:
@@ -52,14 +76,13 @@ def timed(action: SmallAction, command: str, *words: str) -> float:
 def disturb_runs(action: SmallAction, kills: int, rng: random.Random, keep: Keep) -> Part:
     """Kills of `imocap run`."""
     action.forget()
-    longest_s = timed(action, "run")
+    wait = for_a_random_stage(action, timed(action, "run") / len(STAGES), rng)
     done = rounds = 0
     wrong: list[str] = []
     while done < kills:
         action.forget()
         most = min(KILLS_A_ROUND, kills - done)
-        more, longest_s = killed_until_done(lambda: action.start("run"), longest_s, rng, most)
-        done += more
+        done += killed_until_done(lambda: action.start("run"), wait, most)
         rounds += 1
         wrong += action.differences()
         keep(part_of(done, wrong) | {"rounds": rounds})
@@ -83,7 +106,7 @@ def disturb_outputs(action: SmallAction, kills: int, rng: random.Random, keep: K
             _empty(folder, report)
             most = min(KILLS_A_ROUND, kills)
             start = lambda c=command, w=words: action.start(c, *w)  # noqa: E731
-            done += killed_until_done(start, longest_s, rng, most)[0]
+            done += killed_until_done(start, for_a_random_time(longest_s, rng), most)
             rounds += 1
             digests = digests_below(folder)
             names = sorted({*expected, *digests})
