@@ -11,11 +11,14 @@ import json
 import os
 import struct
 import sys
+import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
 HEAD = struct.Struct("<III")  # frame, height, width; then the picture's bytes, 3 a pixel
 Detect = Callable[[Any], dict[str, Any]]
+WATCH_S = 1.0  # between looks at whether the program is still there
 
 
 def serve(make: Callable[[dict[str, Any]], Detect]) -> int:
@@ -24,6 +27,7 @@ def serve(make: Callable[[dict[str, Any]], Detect]) -> int:
     Args:
         make: the detector of some settings, a function of one picture (H, W, 3).
     """
+    threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     settings = json.loads(sys.argv[1])
     pictures = sys.stdin.buffer
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
@@ -45,3 +49,10 @@ def serve(make: Callable[[dict[str, Any]], Detect]) -> int:
         raw = pictures.read(3 * height * width)
         answer(detect(numpy.frombuffer(raw, numpy.uint8).reshape(height, width, 3)))
     return 0
+
+
+def _end_with(program: int) -> None:
+    """End this process when the program is gone, also while a picture is looked at."""
+    while os.getppid() == program:
+        time.sleep(WATCH_S)
+    os._exit(1)
