@@ -2,15 +2,14 @@
 
 import multiprocessing
 import os
-import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 
 from imocap_core.workers import at_once, cores, in_turn, processes
+from tests.processes import is_running, must_end, needs_proc
 
 
 def test_at_once_answers_in_the_order_asked() -> None:
@@ -45,19 +44,12 @@ with processes(1) as pool:
 """
 
 
-@pytest.mark.skipif(not Path("/proc/self/exe").exists(), reason="looks processes up in /proc")
+@needs_proc
 def test_processes_of_a_killed_process_end() -> None:
     command = [sys.executable, "-c", POOL]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as parent:
         assert parent.stdout is not None
         answer, worker = parent.stdout.readline().split()
-        program = Path(f"/proc/{worker}/exe")  # gone, as well, for one that nobody has waited for
-        assert (answer, program.exists()) == ("1", True)
+        assert (answer, is_running(int(worker))) == ("1", True)
         parent.kill()
-    waits = 0
-    while program.exists() and waits < 600:
-        time.sleep(0.1)
-        waits += 1
-    if program.exists():
-        os.kill(int(worker), signal.SIGKILL)
-        pytest.fail("it goes on")
+    must_end(int(worker), seconds=60)

@@ -12,7 +12,6 @@ imocap_core/body/data/layouts.toml.
 from __future__ import annotations
 
 import argparse
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,23 +21,19 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from benchmarks.sync.training_scenes import CAPTURED_FPS
 from imocap_core.body import Model, load_free_body
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.detect.detection import detect_video
 from imocap_core.detect.detectors import Detector, detector_of
-from imocap_core.detect.setup import set_up
-from imocap_core.io.video import write_h264
 from imocap_core.params import DetectParams
 from imocap_core.synthetic.cameras import CameraPlacement
-from imocap_core.synthetic.captured_stance import captured_skeleton, neutral_stance
 from imocap_core.synthetic.performers import RetargetedMotion, perform
-from imocap_core.synthetic.rendered import film_motion, render_frames
+from imocap_core.synthetic.rendered import film_motion
+from tools.training_films import SIZE, TrainingClips, detected_landmarks
 
 CLIPS = ("02_09", "02_10", "03_01", "05_07", "05_12", "06_10", "07_11", "10_04",
          "11_01", "12_02", "13_01", "13_08", "13_30", "13_34", "05_14", "01_01")  # fmt: skip
 FRAMES, SPARE = 54, 12  # frames of a film; its start is drawn among the spare ones
-VIEWS, SIZE, CRF, SEED = 4, (640, 480), 20, 77
+VIEWS, SEED = 4, 77
 SHAPE_SD = 0.8  # of the betas that are drawn
 PLACES = "body33"  # the same keypoints at their places on the body
 # The points of each mark: its place on the body, then those towards which it may lie. OTHER_ is the
@@ -87,37 +82,22 @@ def films(train: Path, work: Path, detector: Detector) -> list[DetectedFilm]:
 def film_clip(train: Path, work: Path, number: int, detector: Detector) -> None:
     """One clip by a body of its own, seen from four sides a quarter of a turn apart."""
     rng, clip = np.random.default_rng([SEED, number]), CLIPS[number]
-    with np.load(train) as stored:
-        names, parents = [str(n) for n in stored["names"]], stored["parents"].tolist()
-        clips = {k.removeprefix("clip_"): stored[k].astype(float)
-                 for k in stored.files if k.startswith("clip_") and k != "clip_ids"}  # fmt: skip
-    model, skeleton = load_free_body(dtype=torch.float64), captured_skeleton(names, parents)
-    moved = liveliest(clips[clip], FRAMES + SPARE)
-    betas, (motion,) = perform(
-        model, skeleton, neutral_stance(skeleton, list(clips.values())), [moved]
-    )
+    clips, model = TrainingClips.read(train), load_free_body(dtype=torch.float64)
+    moved = liveliest(clips.joints[clip], FRAMES + SPARE)
+    betas, (motion,) = perform(model, clips.skeleton, clips.stance, [moved])
     shaped = model.shape(torch.as_tensor(0.5 * betas + rng.normal(0.0, SHAPE_SD, len(betas))))
     first_deg, count = rng.uniform(0.0, 90.0), min(FRAMES, len(moved) - SPARE)
-    python = set_up(detector, print)
     for view, start in enumerate(rng.permutation(VIEWS) * (SPARE // VIEWS)):
         part = slice(start, start + count)
         camera = CameraPlacement(
             first_deg + 360.0 / VIEWS * view + rng.uniform(-25.0, 25.0),
             rng.uniform(3.0, 6.0), rng.uniform(0.7, 2.2), rng.uniform(0.85, 1.3),
         )  # fmt: skip
-        filmed = film_motion(
-            RetargetedMotion(motion.R_local[part], motion.transl[part]), shaped, camera, SIZE
-        )
-        with tempfile.TemporaryDirectory() as folder:
-            video, detections = Path(folder) / "film.mp4", Path(folder) / "detections.npz"
-            pictures = render_frames(filmed, shaped, view, SEED + number)
-            write_h264(video, pictures, CAPTURED_FPS, crf=CRF)
-            detect_video(video, detections, detector, python, lambda share, what: None)
-            with np.load(detections) as stored:
-                landmarks = stored["pose_landmarks"]
-        landmarks = landmarks[:, 0] if landmarks.ndim == 4 else landmarks  # the best seen
-        moving = filmed.motion
-        posed = shaped.pose(torch.as_tensor(moving.R_local), torch.as_tensor(moving.transl))
+        taken = RetargetedMotion(motion.R_local[part], motion.transl[part])
+        filmed = film_motion(taken, shaped, camera, SIZE)
+        landmarks = detected_landmarks(filmed, shaped, view, SEED + number, detector)
+        on_floor = filmed.motion
+        posed = shaped.pose(torch.as_tensor(on_floor.R_local), torch.as_tensor(on_floor.transl))
         places = posed.keypoints(model.points(PLACES)).numpy()
         np.savez(
             work / f"{clip}_{view}_{detector.name}.npz",

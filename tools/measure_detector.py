@@ -1,6 +1,6 @@
 """A detector's errors on rendered videos:
 
-    python tools/measure_detector.py DATA/train/cmu_train.npz --work FOLDER [--detector NAME]
+    python -m tools.measure_detector DATA/train/cmu_train.npz --work FOLDER [--detector NAME]
 
 Two seconds of training clips on the free body, rendered from four cameras as `imocap benchmark
 rendered` does with `trials`, and detected. Prints the detector's errors, and below each the same of
@@ -9,7 +9,6 @@ Measured videos are cached in FOLDER.
 """
 
 import argparse
-import tempfile
 from pathlib import Path
 
 import cv2
@@ -20,23 +19,20 @@ from benchmarks.rendered.action import true_points
 from benchmarks.sync.training_scenes import CAPTURED_FPS
 from imocap_core.body import load_free_body
 from imocap_core.conventions import OTHER
-from imocap_core.detect.detection import detect_video
 from imocap_core.detect.detectors import Detector, detector_of
-from imocap_core.detect.setup import set_up
-from imocap_core.io.video import write_h264
 from imocap_core.metrics.detections import DetectedClip, swapped_share
 from imocap_core.metrics.detector_bias import detector_bias, swapped_body_share
 from imocap_core.params import DetectParams
 from imocap_core.synthetic.captured import CAMERA_PLACEMENTS
-from imocap_core.synthetic.captured_stance import captured_skeleton, neutral_stance
 from imocap_core.synthetic.detector import detect
 from imocap_core.synthetic.detector_presets import DETECTORS
 from imocap_core.synthetic.performers import perform
-from imocap_core.synthetic.rendered import film_motion, render_frames
+from imocap_core.synthetic.rendered import film_motion
+from tools.training_films import SIZE, TrainingClips, detected_landmarks
 
 CLIPS = ("02_05", "03_02", "05_02", "05_18", "06_12", "07_04", "10_04", "13_09")
 FRAMES = 64
-SIZE, CRF, SEED = (640, 480), 20, 7
+SEED = 7
 TARGETS = {"nose": "", "eye": "", "ear": "", "shoulder": "elbow", "elbow": "shoulder",
            "wrist": "elbow", "hip": OTHER, "knee": "", "ankle": "knee", "heel": "knee",
            "foot_index": "heel"}  # fmt: skip
@@ -49,26 +45,14 @@ ROOT = Path(__file__).parents[1]
 def measure(train: Path, clip: str, view: int, detector: Detector) -> dict[str, np.ndarray]:
     """One video: its ground truth (`true_points`), the detected points (T, 33, 2), NaN where nobody
     was detected, and the detector's confidence (T, 33)."""
-    with np.load(train) as stored:
-        names, parents = [str(n) for n in stored["names"]], stored["parents"].tolist()
-        clips = {k.removeprefix("clip_"): stored[k].astype(float)
-                 for k in stored.files if k.startswith("clip_") and k != "clip_ids"}  # fmt: skip
-    skeleton, joints = captured_skeleton(names, parents), clips[clip]
+    clips, model = TrainingClips.read(train), load_free_body(dtype=torch.float64)
+    joints = clips.joints[clip]
     first = max(0, (len(joints) - FRAMES) // 2)
-    model = load_free_body(dtype=torch.float64)
-    stance = neutral_stance(skeleton, list(clips.values()))
-    betas, motions = perform(model, skeleton, stance, [joints[first : first + FRAMES]])
+    moved = [joints[first : first + FRAMES]]
+    betas, motions = perform(model, clips.skeleton, clips.stance, moved)
     shaped = model.shape(torch.as_tensor(betas))
     filmed = film_motion(motions[0], shaped, CAMERA_PLACEMENTS[view], SIZE)
-    python = set_up(detector, print)
-    with tempfile.TemporaryDirectory() as folder:
-        video, detections = Path(folder) / "film.mp4", Path(folder) / "detections.npz"
-        pictures = render_frames(filmed, shaped, view, SEED + CLIPS.index(clip))
-        write_h264(video, pictures, CAPTURED_FPS, crf=CRF)
-        detect_video(video, detections, detector, python, lambda share, what: None)
-        with np.load(detections) as stored:
-            landmarks = stored["pose_landmarks"]
-            landmarks = landmarks[:, 0] if landmarks.ndim == 4 else landmarks  # the best seen
+    landmarks = detected_landmarks(filmed, shaped, view, SEED + CLIPS.index(clip), detector)
     true = true_points(filmed, shaped)
     detected_px = landmarks[:, true["columns"], :2] * SIZE
     return true | {"detected_px": detected_px, "trust": landmarks[:, true["columns"], 3]}

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
-import pytest
-
 import imocap_core.detect.workers
+from tests.processes import is_running, must_end, needs_proc
 
 WORKERS = Path(next(iter(imocap_core.detect.workers.__path__)))
 HANGS = f"""
@@ -31,22 +27,14 @@ worker.wait()
 """
 
 
-@pytest.mark.skipif(not Path("/proc/self").exists(), reason="looks for processes in /proc")
+@needs_proc
 def test_a_detector_that_hangs_ends_when_its_run_is_killed() -> None:
-    command = [sys.executable, "-c", PROGRAM, HANGS]
-    pipe = subprocess.PIPE
+    command, pipe = [sys.executable, "-c", PROGRAM, HANGS], subprocess.PIPE
     with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True) as program:
         assert program.stdout is not None
         assert program.stderr is not None
         worker = int(program.stdout.readline())
         assert program.stderr.readline() == "hangs\n"
-        process = Path(f"/proc/{worker}/exe")  # gone, as well, for one that nobody has waited for
-        assert process.exists()
+        assert is_running(worker)
         program.kill()
-    waits = 0
-    while process.exists() and waits < 300:
-        time.sleep(0.1)
-        waits += 1
-    if process.exists():
-        os.kill(worker, signal.SIGKILL)
-        pytest.fail("it goes on")
+    must_end(worker, seconds=30)

@@ -1,0 +1,29 @@
+"""Whether a process that nobody waits for has ended (Linux)."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+needs_proc = pytest.mark.skipif(
+    not Path("/proc/self/exe").exists(), reason="looks processes up in /proc"
+)
+
+
+def is_running(process: int) -> bool:
+    """Whether it runs; one that ended and was not waited for does not."""
+    return Path(f"/proc/{process}/exe").exists()
+
+
+def must_end(process: int, seconds: float) -> None:
+    """Fail, and end it, when it still runs after that time."""
+    deadline = time.monotonic() + seconds
+    while is_running(process) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    if is_running(process):
+        os.kill(process, signal.SIGKILL)
+        pytest.fail("it goes on")
