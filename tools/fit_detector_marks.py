@@ -36,8 +36,8 @@ FRAMES, SPARE = 54, 12  # frames of a film; its start is drawn among the spare o
 VIEWS, SEED = 4, 77
 SHAPE_SD = 0.8  # of the betas that are drawn
 PLACES = "body33"  # the same keypoints at their places on the body
-# The points of each mark: its place on the body, then those towards which it may lie. OTHER_ is the
-# same joint of the other side.
+# The points towards which each mark may lie from its joint, or else from its place on the body.
+# OTHER_ is the same joint of the other side.
 MIXES = {
     "shoulder": ("neck",),
     "elbow": ("shoulder",),
@@ -126,7 +126,8 @@ def shares(
     for film in every:
         for side in ("left", "right"):
             column = names.index(f"{side}_{kind}")
-            place = film.places[:, column]
+            joint = f"{side}_{kind}" in SMPL_JOINTS
+            place = _joint(film, side, kind) if joint else film.places[:, column]
             px = place[:, :2] / place[:, 2:] * film.K[[0, 1], [0, 1]] + film.K[:2, 2]
             metres = place[:, 2:] / film.K[0, 0]
             away.append((film.detected_px[:, column] - px) * metres)
