@@ -6,7 +6,8 @@ from rich.table import Table
 
 from benchmarks.docs import check_marks, docs_sentences
 from benchmarks.names import BenchmarkOptions
-from benchmarks.rendered.measure import RenderedChoice, measure
+from benchmarks.rendered.jobs import RenderedChoice
+from benchmarks.rendered.measure import measure
 from imocap_core.pipeline.runner import Display
 from imocap_core.workspace import Workspace
 

@@ -7,21 +7,23 @@ from pathlib import Path
 from benchmarks.actions.captured import data_folder
 from benchmarks.actions.choice import Choice
 from benchmarks.actions.prepare import existing_job, ready_job
+from benchmarks.parallel import ActionDisplay
+from benchmarks.rendered.jobs import RenderedChoice, existing_rendered, ready_rendered
+from benchmarks.rendered.names import RENDERED, check_detector, is_rendered, trial_of
 from benchmarks.stability.perturbations import OF_FILES, OF_PIXELS, Perturbation
-from imocap_core.detect.setup import is_set_up
 from imocap_core.errors import WorkFailed
-from imocap_core.params import DetectParams
 from imocap_core.pipeline.runner import Display
 from imocap_core.workspace import Workspace
 
 REAL, DEMO, TRIALS = "balance_beam", "yoga", ("cmu_walk_s07", "tennis_serve_jarua")
 PIXELS = "-pixels"
-ACTIONS = (REAL, REAL + PIXELS, DEMO, DEMO + PIXELS, *TRIALS)
+FILMS = ("cmu_walk_s07", "cmu_forward_jump_s13", "tennis_serve_jarua")
+ACTIONS = (REAL, REAL + PIXELS, DEMO, DEMO + PIXELS, *TRIALS, *(f + RENDERED for f in FILMS))
 
 
 def is_detected(name: str) -> bool:
     """Whether an action of the benchmark starts from pixels."""
-    return name.endswith(PIXELS)
+    return name.endswith(PIXELS) or is_rendered(name)
 
 
 def perturbations_of(name: str) -> tuple[Perturbation, ...]:
@@ -41,7 +43,10 @@ def existing_source(workspace: Workspace, name: str) -> Path | None:
         folder = workspace.root / "actions" / DEMO
         return folder if folder.is_dir() else None
     try:
-        job = existing_job(workspace, _trials(base), base, ())
+        if is_rendered(name):
+            job = existing_rendered(workspace.root, RenderedChoice(), trial_of(name))
+        else:
+            job = existing_job(workspace, _trials(base), base, ())
     except WorkFailed:
         return None
     return None if job is None else job.action.folder
@@ -53,20 +58,17 @@ def ready_source(workspace: Workspace, name: str, display: Display) -> Path:
     WorkFailed with the reason when its data or the detector's environment are not here.
     """
     if is_detected(name):
-        _check_detector(workspace.root)
+        check_detector(workspace.root)
     base = name.removesuffix(PIXELS)
     if base == REAL:
         return data_folder(workspace.root, REAL)
+    if is_rendered(name):
+        shown = ActionDisplay(display, name)
+        job = ready_rendered(workspace.root, RenderedChoice(), trial_of(name), shown)
+        return job.action.folder
     choice = Choice(DEMO) if base == DEMO else _trials(base)
     return ready_job(workspace, choice, base, (), display).action.folder
 
 
 def _trials(name: str) -> Choice:
     return Choice("trials", only=(name,))
-
-
-def _check_detector(root: Path) -> None:
-    from imocap_core.detect.detectors import detector_of
-
-    if not is_set_up(detector_of(DetectParams(), root)):
-        raise WorkFailed("the detector's environment is not installed (`imocap detect --setup`)")

@@ -1,4 +1,4 @@
-"""Every action of trials, undisturbed and with one or two views started wrong, from keypoints."""
+"""Every action of trials and rendered, as it is and with one or two views started wrong."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from benchmarks.actions.captured import video_rng
+from benchmarks.actions.captured import DEFAULT_VIDEOS, video_rng
 from benchmarks.actions.choice import Choice
-from benchmarks.actions.prepare import ready_job
+from benchmarks.actions.prepare import chosen_names, ready_job
 from benchmarks.parallel import ActionDisplay
+from benchmarks.rendered.jobs import RenderedChoice, ready_rendered
+from benchmarks.rendered.names import RENDERED, check_detector, is_rendered, trial_of
 from benchmarks.scoring.score import truth_of
 from benchmarks.wrong_start.hypotheses import HypothesisRow, hypothesis_rows, possible_mm
 from benchmarks.wrong_start.wrong_fit import WrongStart, WrongView, wrongly_started
@@ -22,6 +24,7 @@ from imocap_core.artifacts.schemas import (
     VideoMotion,
 )
 from imocap_core.artifacts.store import Store, Stored
+from imocap_core.errors import WrongUse
 from imocap_core.evaluate.results import StageResult
 from imocap_core.evaluate.scoreboard import against_truth
 from imocap_core.io.truth import Truth
@@ -68,7 +71,7 @@ def measured_action(
     display: Display, workspace: Workspace, choice: Choice, name: str
 ) -> ActionRows:
     """One result for each disturbance of an action, of views drawn at random."""
-    job = keypoints_alone(ready_job(workspace, choice, name, (), display))
+    job = keypoints_alone(undisturbed_job(workspace, choice, name, display), name)
     folder = choice.folder(workspace.root) / "wrong_start"
     plain = replace(job, store=Store(folder / "undisturbed"))
     undisturbed = Undisturbed.of(plain, _run(plain, ActionDisplay(display, name), LAST))
@@ -80,6 +83,25 @@ def measured_action(
             rows.results.append(result)
             rows.hypotheses.extend(hypotheses)
     return rows
+
+
+def names_of(root: Path, choice: Choice) -> list[str]:
+    """The actions to run, those of trials and the same rendered; WrongUse for an unknown one."""
+    every = chosen_names(root, replace(choice, only=()))
+    every += [name + RENDERED for name in every]
+    unknown = [name for name in choice.only if name not in every]
+    if unknown:
+        raise WrongUse(f"--only {unknown[0]}: expected one of {', '.join(every)}")
+    return [name for name in every if not choice.only or name in choice.only]
+
+
+def undisturbed_job(workspace: Workspace, choice: Choice, name: str, display: Display) -> Job:
+    """A job of an action, which is made first; WorkFailed when the detector it needs is missing."""
+    if not is_rendered(name):
+        return ready_job(workspace, choice, name, (), display)
+    check_detector(workspace.root)
+    rendered = RenderedChoice(min(choice.videos, DEFAULT_VIDEOS))
+    return ready_rendered(workspace.root, rendered, trial_of(name), ActionDisplay(display, name))
 
 
 def drawn_views(
@@ -95,15 +117,15 @@ def drawn_views(
     return [WrongView(v, start) for v, start in zip(videos, starts, strict=False)]
 
 
-def keypoints_alone(job: Job) -> Job:
-    """The job without the videos' monocular estimates."""
+def keypoints_alone(job: Job, name: str) -> Job:
+    """The job under another name, without the videos' monocular estimates."""
     alone = {"initial": None, "initial_format": None}
     videos = tuple(video.model_copy(update=alone) for video in job.action.videos)
-    return replace(job, action=replace(job.action, videos=videos))
+    return replace(job, action=replace(job.action, name=name, videos=videos))
 
 
 def summary(rows: Sequence[WrongStartRow]) -> str:
-    """How many actions were recovered, with one view started wrong and with two."""
+    """How many runs were recovered, with one view started wrong and with two."""
     one, two = ([r for r in rows if ("+" in r.starts) == more] for more in (False, True))
     counts = [f"{sum(row.recovered for row in part)} of {len(part)}" for part in (one, two)]
     return (

@@ -5,12 +5,11 @@ from __future__ import annotations
 from rich.table import Table
 
 from benchmarks.actions.choice import Choice
-from benchmarks.actions.prepare import chosen_names
 from benchmarks.docs import check_marks, docs_sentences
 from benchmarks.names import BenchmarkOptions, table_of_rows
 from benchmarks.parallel import each
 from benchmarks.tables import write_rows, write_texts
-from benchmarks.wrong_start.measure import ActionRows, measured_action
+from benchmarks.wrong_start.measure import ActionRows, measured_action, names_of
 from benchmarks.wrong_start.tables import markdown
 from imocap_core.errors import WorkFailed
 from imocap_core.pipeline.runner import Display
@@ -27,7 +26,7 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
     if options.docs:
         check_marks(workspace.root, NAME)
     choice = Choice("trials", options.detector, videos=options.videos, only=options.only)
-    names = chosen_names(workspace.root, choice)
+    names = names_of(workspace.root, choice)
     folder = choice.folder(workspace.root) / NAME
     done: dict[str, ActionRows] = {}
     faults, text = [], ""

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from benchmarks.rendered.names import is_rendered
 from benchmarks.tables import markdown_table, missing_sentence
 from benchmarks.wrong_start.hypotheses import HypothesisRow
 from benchmarks.wrong_start.hypotheses import summary as hypothesis_summary
 from benchmarks.wrong_start.measure import WrongStartRow, summary
+
+TITLES = (("From keypoints", False), ("Rendered, from pixels", True))
 
 
 def markdown(
@@ -16,13 +19,20 @@ def markdown(
     """The whole report; missing: actions that were to be run and are not in it."""
     if not rows:
         return missing_sentence(missing).strip() + "\n"
+    parts = []
+    for title, of_pixels in TITLES:
+        part = [row for row in rows if is_rendered(row.action) == of_pixels]
+        if part:
+            among = [row for row in motions if is_rendered(row.action) == of_pixels]
+            parts.append(f"{_summary(title, part)}; {hypothesis_summary(among)}.")
+    if missing:
+        parts.append(missing_sentence(missing).strip())
+    return "\n\n".join([*parts, _results(rows)]) + "\n"
+
+
+def _summary(title: str, rows: Sequence[WrongStartRow]) -> str:
     count = len({row.action for row in rows})
-    parts = [
-        f"{count} {'action' if count == 1 else 'actions'}. {summary(rows).capitalize()}; "
-        f"{hypothesis_summary(motions)}.{missing_sentence(missing)}",
-        _results(rows),
-    ]
-    return "\n\n".join(parts) + "\n"
+    return f"{title}, {count} {'action' if count == 1 else 'actions'}: {summary(rows)}"
 
 
 def _results(rows: Sequence[WrongStartRow]) -> str:

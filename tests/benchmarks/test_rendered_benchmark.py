@@ -12,7 +12,8 @@ import torch
 from benchmarks.actions.captured import CapturedVideo
 from benchmarks.rendered import action as rendered_action
 from benchmarks.rendered.action import _with_body_joints, key_of, true_pose
-from benchmarks.rendered.measure import RenderedChoice, measure
+from benchmarks.rendered.jobs import RenderedChoice
+from benchmarks.rendered.measure import measure
 from benchmarks.rendered.tables import markdown, motion_table, proposal, sides_table
 from benchmarks.scoring.score_file import ActionScore
 from imocap_core.body import load_free_body

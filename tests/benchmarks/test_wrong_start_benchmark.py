@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
 
-from benchmarks.wrong_start.measure import is_recovered
+from benchmarks.actions.choice import Choice
+from benchmarks.rendered.names import is_rendered, trial_of
+from benchmarks.wrong_start.measure import WrongStartRow, is_recovered, names_of
+from benchmarks.wrong_start.tables import markdown
 from benchmarks.wrong_start.wrong_fit import depth_reversed, facing_reversed
 from imocap_core.artifacts.schemas import VideoMotion
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
+from imocap_core.errors import WrongUse
 from imocap_core.rotations import exp, log
 
 FRAMES = 4
@@ -71,3 +77,33 @@ def test_recovered_is_within_five_percent_with_every_view(
     result_mm: float, excluded: str, recovered: bool
 ) -> None:
     assert is_recovered(result_mm, 40.0, excluded, "") == recovered
+
+
+def test_every_action_is_run_from_keypoints_and_rendered(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "trials").mkdir()
+    for name in ("one", "two"):
+        np.savez(tmp_path / "trials" / f"{name}.npz")
+    monkeypatch.setenv("IMOCAP_DATA", str(tmp_path))
+    names = names_of(Path(), Choice("trials"))
+    assert names == ["one", "two", "one-rendered", "two-rendered"]
+    assert [is_rendered(name) for name in names] == [False, False, True, True]
+    assert [trial_of(name) for name in names[2:]] == names[:2]
+    assert names_of(Path(), Choice("trials", only=("two-rendered",))) == ["two-rendered"]
+    with pytest.raises(WrongUse, match="--only nothing"):
+        names_of(Path(), Choice("trials", only=("nothing",)))
+
+
+def test_keypoints_and_pixels_are_summed_up_apart() -> None:
+    rows = [row("a", True), row("a-rendered", True), row("a-rendered", False)]
+    text = markdown(rows, [], ["b"])
+    assert "From keypoints, 1 action: recovered" in text
+    assert "1 of 1 with one view" in text
+    assert "Rendered, from pixels, 1 action: recovered" in text
+    assert "1 of 2 with one view" in text
+    assert "b" in text.split("| action")[0]
+
+
+def row(action: str, recovered: bool) -> WrongStartRow:
+    return WrongStartRow(action, "v1", "facing", 50, 200, 30, 30, 30, "", "", recovered)
