@@ -13,7 +13,7 @@ from typing import Any, get_args
 from pydantic.fields import FieldInfo
 
 from imocap_core.artifacts import schemas
-from imocap_core.artifacts.schemas.base import Shape, Value
+from imocap_core.artifacts.schemas.base import Shape, Value, dtype_of
 
 TARGET = Path(__file__).resolve().parents[1] / "docs" / "artifacts.md"
 BY_STAGE: dict[str, type[schemas.Artifact]] = {
@@ -84,7 +84,7 @@ def _table(kind: type[Value]) -> str:
 def _type(field: FieldInfo) -> str:
     shapes = [part for part in field.metadata if isinstance(part, Shape)]
     if shapes:
-        dtype = get_args(get_args(field.annotation)[1])[0].__name__
+        dtype = dtype_of(field.annotation).name
         return f"{dtype} {shapes[0]}"
     text = getattr(field.annotation, "__name__", "") if not get_args(field.annotation) else ""
     text = text or str(field.annotation)

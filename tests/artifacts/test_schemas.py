@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from types import GenericAlias
 from typing import Annotated
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from pydantic import ValidationError
 
@@ -18,6 +20,7 @@ from imocap_core.artifacts.schemas import (
     Table,
     Value,
 )
+from imocap_core.artifacts.schemas.base import dtype_of
 
 
 class Path2D(Value):
@@ -36,6 +39,19 @@ def test_arrays_get_their_type_and_keep_their_shape() -> None:
     assert made.xy.dtype == np.float64
     assert made.xy.shape == (2, 2)
     assert made.extra.shape == (5, 0)
+
+
+@pytest.mark.parametrize(
+    "array_type",
+    [
+        np.ndarray[tuple[int, ...], np.dtype[np.float32]],  # NumPy's NDArray before 2.5
+        GenericAlias(npt.NDArray, (np.float32,)),  # what it is from there on
+    ],
+)
+def test_a_dtype_is_read_from_either_form_of_annotation(array_type: object) -> None:
+    assert dtype_of(array_type) == np.float32
+    with pytest.raises(TypeError, match="names no dtype"):
+        dtype_of(np.ndarray)
 
 
 def test_an_array_is_not_copied_when_it_already_fits() -> None:

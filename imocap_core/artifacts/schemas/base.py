@@ -10,6 +10,7 @@ and every field of one value must agree about `T` and `K`. Numbers are exact, a 
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, ClassVar, get_args
 
@@ -27,6 +28,19 @@ from pydantic_core import CoreSchema, core_schema
 Floats = npt.NDArray[np.float64]
 Floats32 = npt.NDArray[np.float32]
 Ints = npt.NDArray[np.int64]
+
+
+def dtype_of(array_type: Any) -> np.dtype[Any]:
+    """The dtype that an annotation names.
+
+    NumPy's NDArray is an array's type before 2.5, and a name for one from there on.
+    """
+    if isinstance(array_type, type) and issubclass(array_type, np.generic):
+        return np.dtype(array_type)
+    for part in get_args(array_type):
+        with suppress(TypeError):
+            return dtype_of(part)
+    raise TypeError(f"{array_type} names no dtype")
 
 
 @dataclass(frozen=True, init=False)
@@ -54,7 +68,7 @@ class Shape:
     def __get_pydantic_core_schema__(
         self, source: Any, handler: GetCoreSchemaHandler
     ) -> CoreSchema:
-        dtype = np.dtype(get_args(get_args(source)[1])[0])
+        dtype = dtype_of(source)
 
         def read(value: Any) -> npt.NDArray:
             array = np.asarray(value)
