@@ -2,7 +2,7 @@
 #
 #   make all ACTION=yoga   from nothing to the motion and its report (installs first, when needed)
 #   make test              the whole test suite
-#   make test-pythons      the quick tests on every Python of PYTHONS (python3.12 python3.13) that is here
+#   make test-pythons      the quick tests on every Python of PYTHONS (3.12 3.13) that is here; gigabytes on Linux
 #   make check             lint, format, types, import order, tests
 #   make fuzz              damage files of every format for five minutes (SECONDS=300); record in build/fuzz
 #   make chaos             kill, starve and disturb runs of a small action; the same results after
@@ -25,7 +25,7 @@ FIT    := import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 11))
 EXTRA  := import sys, tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"][sys.argv[1]], sep="\n")
 PYTHON ?= $(shell for p in python3 python3.11 python3.12 python3.13 python3.14 python; do \
             $$p -c '$(FIT)' >/dev/null 2>&1 && { echo $$p; break; }; done)
-PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS)
 HASHES ?= --require-hashes
 # One thread a test worker: two workers with two threads each fight over two cores.
 # A file of tests stays on one worker (they share one run of the pipeline), in the order of folders:
@@ -59,13 +59,11 @@ QUICK := tests/test_*.py $(addprefix tests/,artifacts io problem unpickle verdic
 test-quick: $(STAMP)
 	@$(PYTEST) $(QUICK)
 
-PYTHONS ?= python3.12 python3.13
+PYTHONS ?= 3.12 3.13
+INSTALL_SECONDS ?= 900
 test-pythons:
-	@for python in $(PYTHONS); do \
-	  version=$$($$python -c '$(FIT)' 2>/dev/null && $$python -c 'import sys; print("%d.%d" % sys.version_info[:2])') \
-	    || { echo "imocap: skipped $$python, which is not here"; continue; }; \
-	  $(MAKE) --no-print-directory test-quick PYTHON=$$python VENV=.venv-$$version || exit 1; \
-	done
+	@test -n "$(PYTHON)" || { echo "imocap needs Python 3.11 or newer with venv and pip"; exit 1; }
+	@$(PYTHON) tools/other_pythons.py --install-seconds $(INSTALL_SECONDS) $(PYTHONS)
 
 lint: $(STAMP)
 	@$(BIN)/ruff check .
