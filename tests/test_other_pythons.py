@@ -11,7 +11,6 @@ from tools import other_pythons
 
 ANSWERS = "#!/bin/sh\necho 3.99\n"
 FAILS = "#!/bin/sh\nexit 127\n"
-pytestmark = needs_sh
 
 
 def script(path: Path, text: str) -> Path:
