@@ -90,6 +90,24 @@ def draft_folder(parent: Path, name: str) -> Iterator[Path]:
         yield Path(folder)
 
 
+def publish_once(draft: Path, file: Path) -> None:
+    """Make a finished draft the file at once, unless somebody did in the meantime: theirs stays.
+
+    For files that are named by all that they depend on. Whoever reads the first one can rely on it
+    staying as it is.
+    """
+    _sync(draft)
+    try:
+        os.link(draft, file)
+        _sync(file.parent)
+    except FileExistsError:
+        pass
+    except OSError:  # a disk without hard links
+        if not file.exists():
+            os.replace(draft, file)
+    draft.unlink(missing_ok=True)
+
+
 @contextmanager
 def appearing(file: Path) -> Iterator[BinaryIO]:
     """A stream whose content becomes `file` at once, or never."""

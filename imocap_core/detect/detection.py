@@ -19,7 +19,7 @@ from imocap_core.io.prefetch import prefetch
 from imocap_core.io.video import RgbPicture, probe, read_rgb
 from imocap_core.pipeline.content import content_digest
 from imocap_core.pipeline.unchanged import unchanged
-from imocap_core.whole_files import writer
+from imocap_core.whole_files import publish_once, writer
 
 FOLDER = "detections"
 Progress = Callable[[float, str], None]
@@ -48,6 +48,8 @@ def detect_video(
 ) -> None:
     """Write the detections of all frames of a video into `file`; whole or not at all.
 
+    Another action's run may detect the same video meanwhile: the first file stays.
+
     `progress` is called with the share of the work and a sentence. WorkFailed when the detector
     fails or finds no person, ValueError when the video cannot be read.
     """
@@ -71,4 +73,4 @@ def detect_video(
     with tempfile.TemporaryDirectory(prefix=f".detect-{writer()}", dir=file.parent) as folder:
         draft = Path(folder) / file.name
         np.savez_compressed(draft, **arrays)
-        draft.replace(file)
+        publish_once(draft, file)

@@ -18,6 +18,7 @@ GATE = 0.35  # a step between frames is at most this share of the size,
 GATE_PER_GAP_FRAME = 0.03  # and more for each frame in which the person was not detected
 MAX_REJOIN_GATE = 1.5
 ESTABLISHED = 8  # detections of a track that goes before newer ones
+FORBIDDEN = 1e6  # cost of a pair beyond its gate
 
 
 @dataclass
@@ -161,12 +162,9 @@ def _assign(
     """Person index -> track index, for the pairs within the gate.
 
     Of two tracks in one place the one that was detected last goes on: a gap costs as much distance
-    as it widens the gate.
+    as it widens the gate. A pair is not given up so that two worse ones can be made.
     """
-    if not tracks or not len(people):
-        return {}
-    forbidden = 1e6
-    cost = np.full((len(people), len(tracks)), forbidden)
+    cost = np.full((len(people), len(tracks)), FORBIDDEN)
     for k, track in enumerate(tracks):
         gap = frame - track.frames[-1]
         predicted, gate = _predict(track, frame), _gate(gap)
@@ -174,8 +172,16 @@ def _assign(
             distance = pose_distance(predicted, pose)
             if distance < gate:
                 cost[i, k] = distance + gate - GATE
-    rows, columns = linear_sum_assignment(cost)
-    return {int(i): int(k) for i, k in zip(rows, columns, strict=True) if cost[i, k] < forbidden}
+    pairs = _cheapest_pairs(cost, GATE)
+    cost[list(pairs)] = FORBIDDEN
+    cost[:, list(pairs.values())] = FORBIDDEN
+    return pairs | _cheapest_pairs(cost, FORBIDDEN)
+
+
+def _cheapest_pairs(cost: Float[np.ndarray, "P N"], unpaired: float) -> dict[int, int]:
+    """Row -> column, each at most once, for the least sum; who has no partner costs `unpaired`."""
+    rows, columns = linear_sum_assignment(np.minimum(cost, unpaired))
+    return {int(i): int(k) for i, k in zip(rows, columns, strict=True) if cost[i, k] < unpaired}
 
 
 def _gate(gap: int) -> float:

@@ -20,6 +20,7 @@ from imocap_core.io.detectors.mediapipe import read_mediapipe, read_mediapipe_wo
 from imocap_core.io.detectors.mediapipe_hands import read_mediapipe_hands
 from imocap_core.io.estimators.estimates import PerformerBoxes
 from imocap_core.params import DetectParams
+from imocap_core.whole_files import publish_once
 from tests.detect.conftest import SIZE, clip
 
 COLUMNS = [20, 22, None, 30, 40]
@@ -32,6 +33,7 @@ def params(**changes: object) -> DetectParams:
 def detected(tmp_path: Path, python: Path, **changes: object) -> Path:
     video, file = clip(tmp_path / "bar.mp4", COLUMNS), tmp_path / "out" / "detections.npz"
     shares: list[float] = []
+    file.unlink(missing_ok=True)
     detector = detector_of(params(**changes), tmp_path)
     detect_video(video, file, detector, python, lambda share, what: shares.append(share))
     assert shares == sorted(shares)
@@ -55,6 +57,38 @@ def test_what_is_written_is_what_the_readers_read(tmp_path: Path, detector_pytho
     world = read_mediapipe_world(file, PerformerBoxes(np.arange(5), boxes, SIZE))
     assert np.isnan(world.joints[2]).all()
     assert np.allclose(world.joints[0, :, 2], 0.01 * np.arange(33))
+
+
+def test_detections_that_another_run_made_meanwhile_stay(
+    tmp_path: Path, detector_python: Path
+) -> None:
+    """A stage may be reading them."""
+    video, file = clip(tmp_path / "bar.mp4", COLUMNS), tmp_path / "out" / "detections.npz"
+    file.parent.mkdir()
+
+    def other_run(share: float, what: str) -> None:
+        file.write_bytes(b"theirs")
+
+    detect_video(video, file, detector_of(params(), tmp_path), detector_python, other_run)
+    assert file.read_bytes() == b"theirs"
+    assert [p.name for p in file.parent.iterdir()] == ["detections.npz"]
+
+
+@pytest.mark.parametrize("has_links", [True, False])
+def test_a_file_is_published_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, has_links: bool
+) -> None:
+    if not has_links:
+        monkeypatch.setattr("os.link", refuse)
+    for content in (b"first", b"second"):
+        draft = tmp_path / "draft"
+        draft.write_bytes(content)
+        publish_once(draft, tmp_path / "file")
+        assert (tmp_path / "file").read_bytes() == b"first"
+
+
+def refuse(*_: object) -> None:
+    raise PermissionError(1, "Operation not permitted")
 
 
 def test_hands_are_read_where_they_were_asked_for(tmp_path: Path, detector_python: Path) -> None:

@@ -149,3 +149,19 @@ def test_a_second_detection_of_somebody_takes_nobody_over():
         frames.append(np.stack(people))
     performer = choose(frames)
     assert performer.presence == 1.0
+
+
+def test_a_good_pair_is_not_given_up_for_two_worse_ones():
+    """A false detection beside the performer for some frames is on the other side in one: both
+    detections would find a track if the performer's went to the false one."""
+    frames = []
+    for t in range(60):
+        people = [performer_at(t)]
+        if 30 <= t < 40:
+            people.append(performer_at(t) + [40, 0, 0])
+        if t == 40:
+            people.append(performer_at(t) - [25, 0, 0])
+        frames.append(np.stack(people))
+    performer = choose(frames)
+    assert performer.presence == 1.0
+    assert np.allclose(performer.xy_px, np.stack([performer_at(t)[:, :2] for t in range(60)]))
