@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from imocap_core.sync.pairwise.banded import BandedMap
 from imocap_core.sync.pairwise.rigid_alignment import centred, rotations_onto
 
 
@@ -51,9 +52,9 @@ def align_with_template(
     """
     S = soft_map.shape[1]
     x, y = centred(poses, weights), centred(template, template_weights)
-    share = soft_map / np.maximum(soft_map.sum(axis=1, keepdims=True), 1e-12)
-    targets = (share @ y.reshape(S, -1)).reshape(x.shape)
-    both = weights * (share @ template_weights)
+    banded, total = BandedMap.of(soft_map), np.maximum(soft_map.sum(axis=1), 1e-12)[:, None]
+    targets = (banded.gathered(y.reshape(S, -1)) / total).reshape(x.shape)
+    both = weights * (banded.gathered(template_weights) / total)
     R = rotations_onto(x, targets, both, window)
     residuals = x - np.einsum("nab,nja->njb", R, targets)
     return TemplateAlignment(x, y, R, np.asarray(residuals), both)

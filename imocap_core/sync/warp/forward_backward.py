@@ -29,7 +29,7 @@ def normalised(
     and of having no counterpart."""
     inside = joint.sum(axis=1)
     total = inside + outside
-    uniform = np.full(joint.shape, 1.0 / joint.shape[1])
-    posterior = np.divide(joint, inside[:, None], out=uniform, where=inside[:, None] > 0)
+    posterior = joint / np.where(inside > 0, inside, 1.0)[:, None]
+    posterior[~(inside > 0)] = 1.0 / joint.shape[1]
     matched = np.divide(inside, total, out=np.zeros(len(inside)), where=total > 0)
     return posterior, matched

@@ -16,6 +16,7 @@ from jaxtyping import Float, Int
 
 from imocap_core.params import MotionParams
 from imocap_core.robust import geman_mcclure
+from imocap_core.sync.pairwise.banded import BandedMap
 from imocap_core.sync.warp.offset_squares import OFFSET, squares_after_offsets
 from imocap_core.sync.warp.positions import median_positions
 from imocap_core.sync.warp.template import (
@@ -85,8 +86,9 @@ def leave_one_out_motion(
         if u == reference:
             parts.append(isotropic_poses(*interpolated_poses(video.xyz_m, ones, per_frame)))
             continue
-        total = (soft_map.T @ ones)[..., None]
-        flat = soft_map.T @ video.xyz_m.reshape(len(soft_map), -1)
+        banded = BandedMap.of(soft_map)
+        total = banded.spread(ones)[..., None]
+        flat = banded.spread(video.xyz_m.reshape(len(soft_map), -1))
         mean = flat.reshape(-1, *video.xyz_m.shape[1:]) / np.maximum(total, 1e-9)
         parts.append(isotropic_poses(mean, np.minimum(total[..., 0], 1.0)))
     return fused(parts).poses

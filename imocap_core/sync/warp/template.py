@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from imocap_core.sync.pairwise.banded import BandedMap
 from imocap_core.sync.pairwise.rigid_alignment import centred, rotations_onto
 
 # Inverse variances of a monocular estimate's camera axes, across and along the line of sight.
@@ -89,16 +90,17 @@ def poses_of_video(
     """
     N, J, _ = poses.shape
     S = len(reference.poses)
-    targets = (soft_map @ reference.poses.reshape(S, -1)).reshape(poses.shape)
-    shared = weights * (soft_map @ reference.weights)
+    banded = BandedMap.of(soft_map)
+    targets = banded.gathered(reference.poses.reshape(S, -1)).reshape(poses.shape)
+    shared = weights * banded.gathered(reference.weights)
     x = centred(poses, shared)
     R = rotations_onto(x, centred(targets, shared), shared, window)
     frame_precision = (R * axes) @ R.swapaxes(1, 2)
     pull = np.einsum("nab,njb->nja", R * axes, x) * weights[..., None]
-    total = soft_map.T @ weights
+    total = banded.spread(weights)
     by_joint = (weights[..., None] * frame_precision.reshape(N, 1, 9)).reshape(N, -1)
-    precision = (soft_map.T @ by_joint).reshape(S, J, 3, 3)
-    mean = _solved(precision, (soft_map.T @ pull.reshape(N, -1)).reshape(S, J, 3))
+    precision = banded.spread(by_joint).reshape(S, J, 3, 3)
+    mean = _solved(precision, banded.spread(pull.reshape(N, -1)).reshape(S, J, 3))
     # several frames at one position count as one
     count = np.maximum(total, 1.0)[..., None, None]
     return TemplatePoses(mean, np.minimum(total, 1.0), precision / count)
