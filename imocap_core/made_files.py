@@ -34,6 +34,12 @@ def peoples_files(folder: Path) -> list[str]:
     )
 
 
+def is_as_made(folder: Path, name: str) -> bool:
+    """Whether the program wrote this file, and nobody has changed it since."""
+    path, made = folder / name, _made(folder)
+    return path.is_file() and not path.is_symlink() and made.get(name) == _digest(path)
+
+
 def _made(folder: Path) -> dict[str, str]:
     """The record; empty where there is none, or it is damaged."""
     try:

@@ -30,6 +30,7 @@ from pydantic import BaseModel, ValidationError
 from zstandard import ZstdError
 
 from imocap_core.artifacts import ndarray
+from imocap_core.artifacts.provenance import check_provenance
 from imocap_core.artifacts.side_files import check_names
 from imocap_core.errors import ArtifactCorrupt
 
@@ -97,7 +98,7 @@ def unpack(content: Content, kind: type[Kind]) -> Kind:
     try:
         data = _with_arrays(json.loads(content.header), content.arrays)
         return kind.model_validate(data)
-    except (ValidationError, KeyError, ValueError) as error:
+    except (ValidationError, LookupError, TypeError, ValueError, RecursionError) as error:
         raise ArtifactCorrupt(f"does not fit the schema {kind.__name__}: {error}") from error
 
 
@@ -179,6 +180,7 @@ def _collect(data: bytes) -> Content:
     if not whole or not header:
         raise ArtifactCorrupt("ends before its data section does")
     check_names(record.name for record in attached)
+    check_provenance(provenance)
     files = {record.name: record.data for record in attached}
     return Content(kind, header, arrays, provenance, files)
 

@@ -95,6 +95,8 @@ def _record(folder: Path) -> dict[str, Any] | None:
     """How a folder was generated; None when that cannot be read."""
     try:
         record = json.loads((folder / RECORD).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        files = record["files"]
+    except (OSError, ValueError, LookupError, TypeError, RecursionError):
         return None
-    return record if isinstance(record, dict) and "files" in record else None
+    lists_files = isinstance(files, (dict, list)) and all(isinstance(name, str) for name in files)
+    return record if lists_files else None

@@ -64,9 +64,13 @@ def _file(store: Store, action: str) -> Path:
 
 
 def _read(file: Path) -> dict[str, dict[str, float]]:
-    """Seconds by stage and digest; empty where the file is missing or damaged."""
+    """Seconds by stage and digest; without those that the file, missing or damaged, does not
+    have."""
     try:
         noted = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return {
+            str(stage): {str(digest): float(took) for digest, took in results.items()}
+            for stage, results in noted.items()
+        }
+    except (OSError, ValueError, ArithmeticError, TypeError, AttributeError, RecursionError):
         return {}
-    return noted if isinstance(noted, dict) else {}

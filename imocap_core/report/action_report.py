@@ -10,6 +10,7 @@ from pathlib import Path
 from imocap_core.artifacts.file_memory import save_memory
 from imocap_core.artifacts.store import Stored
 from imocap_core.errors import ArtifactCorrupt, WorkFailed
+from imocap_core.made_files import is_as_made
 from imocap_core.pipeline.graph import settings
 from imocap_core.pipeline.runner import Job, Outcome
 from imocap_core.pipeline.source import PROJECT, closure
@@ -57,11 +58,11 @@ def verdict_of_run(job: Job, outcomes: Sequence[Outcome]) -> Verdict | None:
     stored = {outcome.stage: outcome.stored for outcome in outcomes}
     if "refine_sync" not in stored or stored["refine_sync"].schema != NEEDED["refine_sync"]:
         return None
-    if complete(stored):
+    folder = job.store.report(job.action.name)
+    if complete(stored) and is_as_made(folder, FILE):
         try:
-            file = job.store.report(job.action.name) / FILE
-            return read_verdict(file.read_text(encoding="utf-8"))
-        except (OSError, ValueError, KeyError, TypeError):
+            return read_verdict((folder / FILE).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
             pass  # written by an older program, or removed
     from imocap_core.result.artifacts import artifacts_of_stages
     from imocap_core.result.verdict import verdict_of_artifacts

@@ -55,6 +55,10 @@ def write_report(
 
 def read_contents(folder: Path) -> Contents:
     """The contents that `write_report` wrote. OSError or ValueError when they cannot be read."""
-    fields = json.loads((folder / CONTENTS).read_text(encoding="utf-8"))
-    pictures = tuple(Picture(p["file"], p["caption"]) for p in fields["pictures"])
-    return Contents(fields["title"], pictures)
+    file = folder / CONTENTS
+    try:
+        fields = json.loads(file.read_text(encoding="utf-8"))
+        pictures = tuple(Picture(str(p["file"]), str(p["caption"])) for p in fields["pictures"])
+        return Contents(str(fields["title"]), pictures)
+    except (ValueError, LookupError, TypeError, RecursionError):
+        raise ValueError(f"{file} is not as the run wrote it; run the action again") from None

@@ -157,17 +157,20 @@ def _refine_by_reprojection(
     sharp = replace(params, unmatched_level=np.inf, evidence_per_s=KEYPOINTS_PER_S)
     usual = replace(sharp, evidence_per_s=KEYPOINTS_PER_S / SHARPNESS)
 
-    def refined(v: int, before: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray] | None:
-        squares = reprojection.squares(v, before, axis.reference, params.positions_per_frame)
-        if squares is None:
-            return None
-        return axis.soft_map(v, squares, 1.0, sharp)[0], axis.soft_map(v, squares, 1.0, usual)[0]
-
-    certainty: dict[int, np.ndarray] = {}
     others = [v for v in range(len(maps)) if v != axis.reference]
+
+    def squares_of(v: int, before: Sequence[np.ndarray]) -> np.ndarray | None:
+        return reprojection.squares(v, before, axis.reference, params.positions_per_frame)
+
+    def warped(squares: dict[int, np.ndarray], evidence: SyncParams) -> dict[int, np.ndarray]:
+        new_maps = at_once(lambda v: axis.soft_map(v, squares[v], 1.0, evidence)[0], list(squares))
+        return dict(zip(squares, new_maps, strict=True))
+
+    last: dict[int, np.ndarray] = {}
     for _ in range(REPROJECTION_ROUNDS):
-        new_maps = at_once(partial(refined, before=tuple(maps)), others)
-        for v, new in zip(others, new_maps, strict=True):
-            if new is not None:
-                maps[v], certainty[v] = new
-    return certainty
+        errors = at_once(partial(squares_of, before=tuple(maps)), others)
+        squares = {v: error for v, error in zip(others, errors, strict=True) if error is not None}
+        for v, new in warped(squares, sharp).items():
+            maps[v] = new
+        last |= squares
+    return warped(last, usual)

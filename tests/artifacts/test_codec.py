@@ -102,6 +102,36 @@ def test_another_kind_is_refused(content: Content) -> None:
         codec.unpack(content, CameraMotion)
 
 
+@pytest.mark.parametrize(
+    ("part", "text"),
+    [
+        ("inputs", "{"),
+        ("inputs", '{"sync": 3}'),
+        ("reads", "[]"),
+        ("params", '{"sync": 3}'),
+        ("params", '{"sync": ' + 60 * "[" + 60 * "]" + "}"),
+        ("code", '"c1"'),
+        ("code", 100_000 * "["),
+        ("seed", '"7"'),
+        ("format", "9" * 5000),
+    ],
+)
+def test_a_recipe_of_another_form_makes_its_artifact_corrupt(
+    tmp_path: Path, content: Content, part: str, text: str
+) -> None:
+    recipe = {"inputs": "{}", "params": '{"sync": {"rank": 3}}', "seed": "7"}
+    codec.read(write(tmp_path / "a.mcap", dataclasses.replace(content, provenance=recipe)))
+    damaged = dataclasses.replace(content, provenance={**recipe, part: text})
+    with pytest.raises(ArtifactCorrupt, match=f"b.mcap: its provenance has no usable {part}"):
+        codec.read(write(tmp_path / "b.mcap", damaged))
+
+
+@pytest.mark.parametrize("header", ['{"maps": {"$array": []}}', 100_000 * "[", "3", '{"maps": 1}'])
+def test_a_header_of_another_form_does_not_fit(content: Content, header: str) -> None:
+    with pytest.raises(ArtifactCorrupt, match="does not fit the schema Sync"):
+        codec.unpack(dataclasses.replace(content, header=header.encode()), Sync)
+
+
 def test_numbers_that_json_has_not() -> None:
     rows = [["a", 1.5, None], ["b", 2, True]]
     table = Table(name="t", title="T", columns=["n", "x", "y"], rows=rows)

@@ -18,6 +18,7 @@ from imocap_core.io.video import probe, read_gray, write_h264
 from imocap_core.pipeline.action import read_action
 from imocap_core.pipeline.graph import read_pipeline, settings
 from imocap_core.pipeline.source import PROJECT
+from tests.fuzz.recoded import read_recoded, write_parts
 from tests.io import detector_cases, test_estimators
 from tests.io.test_estimators import WRITERS, the_file
 
@@ -99,6 +100,7 @@ READERS: dict[str, tuple[Begin, Read]] = {
     "action.yaml": (_action, _read_action),
     "pipeline.yaml": (_pipeline, read_pipeline),
     "artifact": (_artifact, _read_artifact),
+    "artifact recoded": (write_parts, read_recoded),
     "video": (_video, _read_video),
 }
 

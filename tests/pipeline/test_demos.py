@@ -54,9 +54,10 @@ def test_made_again_when_needed(tmp_path: Path, makes: list[int], display: Simpl
     (folder / "videos" / "v1.mp4").unlink()
     demos.ensure("yoga", folder, 7, display)
     demos.ensure("yoga", folder, 8, display)
-    (folder / demos.RECORD).write_text("{")
-    demos.ensure("yoga", folder, 8, display)
-    assert makes == [7, 7, 8, 8]
+    for damaged in ("{", "[]", '{"files": 3}', '{"files": [[]]}', "[" * 100_000):
+        (folder / demos.RECORD).write_text(damaged)
+        demos.ensure("yoga", folder, 8, display)
+    assert makes == [7, 7, *[8] * 6]
 
 
 def test_an_own_action_stays(tmp_path: Path, makes: list[int], display: SimpleNamespace) -> None:

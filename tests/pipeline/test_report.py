@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from imocap_core.artifacts.schemas import SmplBa
+from imocap_core.errors import WorkFailed
 from imocap_core.pipeline.graph import settings
 from imocap_core.pipeline.runner import Job, Outcome
 from imocap_core.pipeline.timings import record, seconds_of, timing_table
@@ -71,11 +72,24 @@ def test_the_report_begins_with_the_verdict_of_the_run(made: Made, tmp_path: Pat
     assert verdict is not None
     text = page.with_name("report.md").read_text()
     assert text.startswith(f"# {NAME}\n\n" + "\n\n".join(verdict.summary))
-    page.with_name("verdict.json").write_text("{broken")
-    assert verdict_of_run(job, _outcomes(job)) == verdict
+    text = page.with_name("verdict.json").read_text()
+    for other in ("{broken", text.replace("summary", "summery"), text.replace("v1", "v9")):
+        page.with_name("verdict.json").write_text(other)
+        assert verdict_of_run(job, _outcomes(job)) == verdict
     page.with_name("verdict.json").unlink()
     finish(job, _outcomes(job))
     assert page.with_name("verdict.json").is_file()
+
+
+@pytest.mark.parametrize("contents", ["{", "[]", '{"title": "a", "pictures": [3]}', "[" * 100_000])
+def test_damaged_contents_of_a_report_are_refused_in_a_sentence(
+    made: Made, tmp_path: Path, contents: str
+) -> None:
+    job = stored_job(tmp_path, made)
+    file = job.store.report(NAME) / "contents.json"
+    file.write_text(contents)
+    with pytest.raises(WorkFailed, match=r"contents\.json is not as the run wrote it"):
+        finish(job, _outcomes(job))
 
 
 def test_a_run_to_the_motion_has_a_verdict_and_one_before_has_none(
@@ -107,8 +121,9 @@ def test_seconds_belong_to_the_result_they_made(made: Made, tmp_path: Path) -> N
     assert seconds_of(job.store, NAME, {"sync": "another"}) == {"sync": None}
     record(job.store, NAME, _outcomes(job, "cached"))
     assert seconds_of(job.store, NAME, digests)["sync"] == 1.5
-    (tmp_path / "artifacts" / NAME / "timings.json").write_text("{broken")
-    assert seconds_of(job.store, NAME, {"sync": "x"}) == {"sync": None}
+    for damaged in ("{broken", '{"sync": "x"}', '{"sync": {"x": []}}', "[3]", "[" * 100_000):
+        (tmp_path / "artifacts" / NAME / "timings.json").write_text(damaged)
+        assert seconds_of(job.store, NAME, {"sync": "x"}) == {"sync": None}
     table = timing_table({"a": 1.0, "b": 2.0}, 100)
     assert table.rows[-1] == ["all stages", 3.0, 30.0]
     assert timing_table({"a": 1.0, "b": None}, 100).rows[-1] == ["b", None, None]

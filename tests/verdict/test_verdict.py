@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from imocap_core.verdict.findings import SENTENCES, Finding, Verdict, listed
 from imocap_core.verdict.further_view import further_view, side_of
 from imocap_core.verdict.limbs import LIMBS
 from imocap_core.verdict.summary import distrust, without_consequences
-from imocap_core.verdict.verdict_file import read_verdict, verdict_text
+from imocap_core.verdict.verdict_file import read_verdict, verdict_document, verdict_text
 from tests.report.made import FPS, Made
 from tests.verdict.test_same_take import performance
 
@@ -309,6 +310,33 @@ def test_a_verdict_comes_back_from_its_file(made: Made) -> None:
         assert read_verdict(verdict_text(verdict)) == verdict
         assert len(verdict.summary) <= SENTENCES
         assert str(verdict).splitlines() == list(verdict.summary)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"summary": "A sentence."},
+        {"summary": ["A sentence.", 3]},
+        {"summary": ["A sentence."] * 4},
+        {"summary": ["\x1b]0;a title of the terminal\x07"]},
+        {"findings": [{"kind": "time"}]},
+        {"findings": [{"kind": "praise", "video": "v1", "text": "a", "brief": "a"}]},
+        {"findings": [{"kind": "time", "video": "v1", "text": 3, "brief": "a"}]},
+        {"findings": 3},
+        {"disagreement_s": "much"},
+    ],
+)
+def test_a_file_of_another_form_is_no_verdict(made: Made, change: dict[str, object]) -> None:
+    document = verdict_document(judged(made))
+    assert read_verdict(json.dumps(document)) == judged(made)
+    with pytest.raises(ValueError, match="expected"):
+        read_verdict(json.dumps(document | change))
+
+
+@pytest.mark.parametrize("text", ["[]", "3", "{}", "[" * 100_000])
+def test_other_json_is_no_verdict(text: str) -> None:
+    with pytest.raises(ValueError, match="expected a verdict"):
+        read_verdict(text)
 
 
 def test_lists_read_as_sentences() -> None:

@@ -57,13 +57,7 @@ def soft_map(
     """
     observations = observations_per_frame(params.evidence_per_s, evidence_fps)
     valid = np.isfinite(squares)
-    mean = np.divide(
-        np.where(valid, squares, 0.0).sum(axis=1),
-        valid.sum(axis=1),
-        out=np.zeros(len(squares)),
-        where=valid.any(axis=1),
-    )
-    filled = np.where(valid, squares, mean[:, None])
+    filled = squares if valid.all() else _with_row_means(squares, valid)
     nearest = filled.min(axis=1)
     farther = (filled - nearest[:, None]) / matched_square
     cost = observations * np.minimum(farther, FARTHEST)
@@ -94,6 +88,17 @@ def soft_map(
         (1 - smooth_rate_share) * posterior + smooth_rate_share * smooth,
         (1 - smooth_rate_share) * matched + smooth_rate_share * smooth_matched,
     )
+
+
+def _with_row_means(squares: np.ndarray, valid: np.ndarray) -> np.ndarray:
+    """Squares (N, S) with the mean of its row, or 0, for each unknown one."""
+    mean = np.divide(
+        np.where(valid, squares, 0.0).sum(axis=1),
+        valid.sum(axis=1),
+        out=np.zeros(len(squares)),
+        where=valid.any(axis=1),
+    )
+    return np.where(valid, squares, mean[:, None])
 
 
 def step_prior(usual: float, max_rate: float) -> StepPrior:

@@ -1,0 +1,76 @@
+"""Artifacts with damaged parts and right checksums, as a hostile folder has them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from imocap_core.artifacts import codec
+from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
+from imocap_core.errors import ArtifactCorrupt
+from imocap_core.pipeline.keys import Recipe, differences
+
+ARRAYS = {
+    "frames": np.arange(3),
+    "xy_px": np.zeros((3, 25, 2)),
+    "confidence": np.zeros((3, 25)),
+    "person_box_px": np.zeros((3, 4)),
+}
+VIDEO = VideoKeypoints(
+    id="v1",
+    fps=30.0,
+    size=(640, 360),
+    layout="body25",
+    video=None,
+    focal_px=None,
+    initial=None,
+    initial_format=None,
+    **ARRAYS,
+    tracks_found=1,
+    presence=1.0,
+    note="",
+)
+RECIPE = Recipe(
+    code={"stages.keypoints": "c"},
+    params={"keypoints": {"gap_s": 0.5}},
+    seed=3,
+    inputs={},
+    reads={"videos v1": "r"},
+)
+
+
+def write_parts(folder: Path) -> Path:
+    """The header and the recipe of an artifact, as JSON."""
+    packed = codec.pack(Keypoints(videos=[VIDEO]))
+    provenance = {name: json.loads(text) for name, text in RECIPE.provenance().items()}
+    file = folder / "parts.json"
+    parts = {"header": json.loads(packed.header), "provenance": provenance}
+    file.write_text(json.dumps(parts))
+    return file
+
+
+def read_recoded(file: Path) -> None:
+    """Read the artifact of these parts; what is no JSON, or has no parts, is none."""
+    try:
+        parts = json.loads(file.read_bytes())
+        provenance = {name: _text(part) for name, part in parts["provenance"].items()}
+        header = json.dumps(parts["header"]).encode()
+    except (ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        return
+    arrays = codec.pack(Keypoints(videos=[VIDEO])).arrays
+    recoded = file.with_name(f"{file.name}.mcap")
+    with recoded.open("wb") as stream:
+        codec.write(stream, codec.Content("Keypoints", header, arrays, provenance), {})
+    content = codec.read(recoded)
+    differences(content.provenance, RECIPE)
+    try:
+        codec.unpack(content, Keypoints)
+    except ArtifactCorrupt as error:
+        raise ArtifactCorrupt(f"{file}: {error}") from None
+
+
+def _text(part: Any) -> str:
+    return part if isinstance(part, str) else json.dumps(part)
