@@ -10,6 +10,7 @@ next in `artifacts/.cache/files.json`, which may be deleted at any time.
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -21,6 +22,7 @@ from functools import cache
 from pathlib import Path
 from typing import TypeVar
 
+from imocap_core import limits
 from imocap_core.whole_files import write_whole
 
 FILE = Path(".cache") / "files.json"
@@ -84,6 +86,17 @@ def files_below(folder: Path) -> list[str]:
 
 
 def _entries(folder: Path) -> Iterator[tuple[str, os.stat_result]]:
+    """All files below a folder. OSError where they are more than a folder of inputs has."""
+    files, size = 0, 0
+    for relative, status in _walked(folder):
+        files, size = files + 1, size + status.st_size
+        if files > limits.MAX_FOLDER_FILES or size > limits.MAX_FOLDER_BYTES:
+            most = f"{limits.MAX_FOLDER_FILES:,} files, {limits.MAX_FOLDER_BYTES >> 30} GiB"
+            raise OSError(errno.EFBIG, f"more than {most} below it", str(folder))
+        yield relative, status
+
+
+def _walked(folder: Path) -> Iterator[tuple[str, os.stat_result]]:
     waiting = [""]
     while waiting:
         inside = waiting.pop()

@@ -189,8 +189,8 @@ def _parse_sets(sets: list[str]) -> dict[str, Any]:
             raise WrongUse(f"--set {text}: expected group.name=value, as in sync.method=als")
         try:
             read = yaml.safe_load(value)
-        except yaml.YAMLError:
-            raise WrongUse(f"--set {text}: expected a YAML value, got {value!r}") from None
+        except (yaml.YAMLError, ValueError, RecursionError):
+            raise WrongUse(f"--set {path}: expected a YAML value, got {value[:200]!r}") from None
         if group == SEED:
             parsed[SEED] = read
         else:

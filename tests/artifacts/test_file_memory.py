@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from imocap_core import limits
 from imocap_core.artifacts import file_memory
 from imocap_core.artifacts.file_memory import (
     files_below,
@@ -16,6 +17,8 @@ from imocap_core.artifacts.file_memory import (
     remembered,
     save_memory,
 )
+from imocap_core.errors import WorkFailed
+from imocap_core.pipeline.content import content_digest
 
 LONG_AGO_S = 1_600_000_000
 
@@ -172,3 +175,19 @@ def test_a_full_disk_leaves_no_draft(
     assert list((tmp_path / ".cache").iterdir()) == []
     save_memory(tmp_path)
     assert [path.name for path in (tmp_path / ".cache").iterdir()] == ["files.json"]
+
+
+@pytest.mark.parametrize(("limit", "most"), [("MAX_FOLDER_FILES", 3), ("MAX_FOLDER_BYTES", 30)])
+def test_a_folder_of_a_whole_disk_is_no_input(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: str, most: int
+) -> None:
+    for name in ("a", "b", "c"):
+        (tmp_path / name).write_text(10 * "x")
+    monkeypatch.setattr(limits, limit, most)
+    digest = content_digest(tmp_path)
+    (tmp_path / "c").write_text(11 * "x")
+    if limit == "MAX_FOLDER_FILES":
+        assert content_digest(tmp_path) != digest
+        (tmp_path / "d").touch()
+    with pytest.raises(WorkFailed, match=f"cannot read {tmp_path}: more than"):
+        content_digest(tmp_path)

@@ -134,3 +134,10 @@ def test_who_is_at_fault_is_told(pipeline: Pipeline) -> None:
         settings(pipeline, {"sync": 3}, file, [])
     with pytest.raises(WrongUse, match=r"--set: sync\.method"):
         settings(pipeline, {}, file, ["sync.method=x"])
+
+
+@pytest.mark.parametrize("value", ["9" * 5000, "[" * 100_000, "!!python/name:os.system", "{"])
+def test_a_set_that_is_no_value_names_its_parameter(pipeline: Pipeline, value: str) -> None:
+    with pytest.raises(WrongUse, match=r"^--set sync\.rank: expected a YAML value") as refusal:
+        settings(pipeline, {}, Path("actions/a/action.yaml"), [f"sync.rank={value}"])
+    assert len(str(refusal.value)) < 300
