@@ -126,10 +126,16 @@ def removable(
 
 
 def leftovers(store: Path) -> list[Path]:
-    """Unfinished files and folders; those of a killed run, if no run is at work."""
+    """Unfinished files and folders; those of a killed run, if no run is at work. Links lead to
+    none: what is behind them is somebody's."""
     # Not Path.glob, which raises when another run removes a folder between its listing and its own.
     matches = (glob(pattern, root_dir=store, include_hidden=True) for pattern in LEFTOVERS)
-    return sorted({store / name for names in matches for name in names})
+    home = store.resolve()
+    return sorted(
+        path
+        for path in {store / name for names in matches for name in names}
+        if path.parent.resolve() == home / path.parent.relative_to(store)
+    )
 
 
 def restore_reports(store: Path, action: str) -> None:
@@ -188,7 +194,7 @@ def _users(store: Path) -> dict[str, frozenset[str]]:
 
 
 def _lines(record: Path) -> list[str]:
-    return record.read_text(encoding="utf-8").split() if record.is_file() else []
+    return record.read_text("utf-8", errors="replace").split() if record.is_file() else []
 
 
 def _identity(file: Path) -> tuple[int, int] | None:

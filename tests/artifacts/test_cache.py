@@ -192,3 +192,30 @@ def test_the_next_folder_of_drafts_removes_abandoned_ones(tmp_path: Path) -> Non
     with draft_folder(tmp_path, "export") as fresh:
         assert sorted(tmp_path.iterdir()) == sorted([tmp_path / ".export-mine", fresh])
     assert [file.name for file in tmp_path.iterdir()] == [".export-mine"]
+
+
+@pytest.mark.parametrize("place", ["other", "yoga/report", ".cache/sync", ".cache/more"])
+def test_nothing_behind_a_link_is_a_leftover(store: Store, tmp_path: Path, place: str) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    theirs = [elsewhere / name for name in (".report-1", ".a.mcap.part", "sub/.b.part2")]
+    for file in theirs:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.touch()
+        os.utime(file, (0.0, 0.0))
+    link = store.folder / place
+    link.parent.mkdir(parents=True, exist_ok=True)
+    link.symlink_to(elsewhere)
+    (link.parent / ".mine.part").touch()
+    os.utime(link.parent / ".mine.part", (0.0, 0.0))
+    sweep(store.folder, "yoga")
+    assert all(file.exists() for file in theirs)
+    assert link.is_symlink()
+    assert not (link.parent / ".mine.part").exists() or place == "other"
+
+
+def test_a_record_of_use_may_be_damaged(store: Store, put: Callable[[str, str], Path]) -> None:
+    file = put("one", "yoga")
+    (store.folder / ".cache/.used/yoga").write_bytes(b"\xff\xfe\n")
+    assert [r.file for r in cached_results(store.folder)] == [file]
+    put("one", "yoga")
+    assert cached_results(store.folder)[0].actions == {"yoga"}
