@@ -11,6 +11,10 @@ from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any
 
+# multiprocessing starts Python with -c, which imports from the working folder first: somebody
+# else's `multiprocessing.py` there would run. With this variable it does not.
+SAFE_PATH = "PYTHONSAFEPATH"
+
 Each = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]  # map
 
 
@@ -43,8 +47,11 @@ def processes(workers: int) -> Iterator[ProcessPoolExecutor]:
     """A pool of fresh processes, which end at once when the body ends by an error or a signal, or
     this process is killed."""
     before = set(multiprocessing.active_children())
-    spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, spawn, _begin) as pool:
+    spawn, safe_path = multiprocessing.get_context("spawn"), os.environ.get(SAFE_PATH)
+    with (
+        _environment(SAFE_PATH, "1"),
+        ProcessPoolExecutor(workers, spawn, _begin, (safe_path,)) as pool,
+    ):
         try:
             yield pool
         except BaseException:
@@ -53,10 +60,28 @@ def processes(workers: int) -> Iterator[ProcessPoolExecutor]:
             raise
 
 
-def _begin() -> None:
+def _begin(safe_path: str | None) -> None:
     """In a process of a pool: ended by its parent only, whose Ctrl-C reaches all of them."""
+    _set(SAFE_PATH, safe_path)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+@contextmanager
+def _environment(name: str, value: str) -> Iterator[None]:
+    before = os.environ.get(name)
+    _set(name, value)
+    try:
+        yield
+    finally:
+        _set(name, before)
+
+
+def _set(name: str, value: str | None) -> None:
+    if value is None:
+        os.environ.pop(name, None)
+    else:
+        os.environ[name] = value
 
 
 def _end_with_parent() -> None:

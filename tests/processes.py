@@ -1,4 +1,4 @@
-"""Whether a process that nobody waits for has ended (Linux)."""
+"""Processes that nobody waits for (Linux), and what they import."""
 
 from __future__ import annotations
 
@@ -12,6 +12,17 @@ import pytest
 needs_proc = pytest.mark.skipif(
     not Path("/proc/self/exe").exists(), reason="looks processes up in /proc"
 )
+
+
+def plant(folder: Path, *modules: str) -> Path:
+    """Put modules of these names into a folder; the file that they write when one is imported."""
+    trace = folder / "imported"
+    for name in modules:
+        (folder / name).mkdir()
+        (folder / name / "__init__.py").write_text(
+            f"open({str(trace)!r}, 'w')\nraise SystemExit(3)"
+        )
+    return trace
 
 
 def is_running(process: int) -> bool:

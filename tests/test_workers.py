@@ -5,11 +5,12 @@ import os
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
 from imocap_core.workers import at_once, cores, in_turn, processes
-from tests.processes import is_running, must_end, needs_proc
+from tests.processes import is_running, must_end, needs_proc, plant
 
 
 def test_at_once_answers_in_the_order_asked() -> None:
@@ -33,6 +34,19 @@ def test_processes_end_with_their_body() -> None:
     with pytest.raises(ZeroDivisionError), processes(2) as pool:
         assert 1 / (pool.submit(time.sleep, 3600) is None)
     assert set(multiprocessing.active_children()) == before
+
+
+def test_processes_import_nothing_from_the_working_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trace = plant(tmp_path, "multiprocessing", "json", "pickle")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
+    with processes(1) as pool:
+        assert pool.submit(abs, -1).result() == 1
+        assert pool.submit(os.getenv, "PYTHONSAFEPATH").result() is None
+    assert not trace.exists()
+    assert "PYTHONSAFEPATH" not in os.environ
 
 
 POOL = """

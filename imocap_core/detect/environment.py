@@ -23,6 +23,7 @@ from imocap_core.pipeline.source import PROJECT
 VARIABLE = "IMOCAP_DETECT_PYTHON"
 FOLDER = ".venv-detect"
 VERSIONS = ((3, 11), (3, 12))  # Python versions with wheels of all packages
+MODULE = ("-P", "-m")  # and nothing from the working folder, which may be somebody else's
 Announce = Callable[[str], None]
 
 
@@ -92,10 +93,10 @@ def _make(folder: Path, packages: Path, announce: Announce) -> None:
     if not _python(folder).exists():
         announce(f"making {folder}")
         folder.parent.mkdir(parents=True, exist_ok=True)
-        _run([str(_base()), "-m", "venv", str(folder)], folder, packages)
+        _run([str(_base()), *MODULE, "venv", str(folder)], folder, packages)
     announce(f"installing {packages.stem} into {folder} (once, about 100 MB)")
-    pip = [str(_python(folder)), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    _run([*pip, "--no-deps", "-r", str(packages)], folder, packages)
+    pip = [str(_python(folder)), *MODULE, "pip", "install", "--no-deps", "-r", str(packages)]
+    _run([*pip, "--quiet", "--disable-pip-version-check"], folder, packages)
     _stamp(folder, packages).write_bytes(packages.read_bytes())
 
 

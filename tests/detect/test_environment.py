@@ -10,6 +10,7 @@ import pytest
 from imocap_core.detect import environment
 from imocap_core.detect.environment import FOLDER, python_for
 from imocap_core.errors import WorkFailed
+from tests.processes import plant
 
 
 @pytest.fixture(autouse=True)
@@ -30,8 +31,11 @@ def test_it_is_made_once_and_again_when_the_versions_change(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     messages: list[str] = []
+    trace = plant(tmp_path, "venv", "ensurepip", "pip", "json")
+    monkeypatch.chdir(tmp_path)  # a working folder of somebody else's
     wanted = packages(tmp_path, "")
     python = python_for(wanted, messages.append)
+    assert not trace.exists()
     assert python.is_relative_to(tmp_path / "cache" / "imocap" / FOLDER)
     assert python.exists()
     assert len(messages) == 2
