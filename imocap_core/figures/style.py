@@ -62,8 +62,14 @@ _RC: dict[str, Any] = {
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """The style, for the duration of one figure; the caller's settings are restored."""
-    with mpl.rc_context(_RC):  # type: ignore[arg-type]  # stubs spell out every key
+    """The style, for the duration of one figure; the caller's settings are restored.
+
+    All others are matplotlib's defaults: a `matplotlibrc` that lies in the working folder changes
+    no figure, and runs no LaTeX.
+    """
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(_RC)
         yield
 
 
