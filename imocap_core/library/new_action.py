@@ -14,6 +14,7 @@ from imocap_core.library.door import plain_errors
 from imocap_core.pipeline.action import DETECT, FILE_NAME, read_action
 from imocap_core.pipeline.repeated_files import repeated_paths
 from imocap_core.standalone_sync.sources import VideoSource, labels
+from imocap_core.whole_files import write_whole
 
 HEAD = """\
 # One performer, one action, one to many videos. Paths are relative to this folder.
@@ -46,7 +47,7 @@ def init_action(name: str, videos: Sequence[str | Path], *, root: str | Path = "
         for label, file in zip(labels(sources), files, strict=True)
     ]
     body = yaml.safe_dump({"name": name, "videos": entries}, sort_keys=False)
-    action_file.write_text(HEAD + body, encoding="utf-8")
+    write_whole(action_file, HEAD + body)
     return action_file
 
 

@@ -16,6 +16,7 @@ from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.io.detectors.guess import guess_detections
 from imocap_core.pipeline.action import DETECT, FILE_NAME, Action, Declaration
 from imocap_core.standalone_sync.sources import Declared, VideoSource, labels
+from imocap_core.whole_files import write_whole
 
 HEAD = "# Written by imocap, which writes it again; copy it to actions/ to change it.\n"
 
@@ -71,7 +72,7 @@ def write(
     file = folder / FILE_NAME
     if not (file.is_file() and file.read_text(encoding="utf-8") == text):
         folder.mkdir(parents=True, exist_ok=True)
-        file.write_text(text, encoding="utf-8")
+        write_whole(file, text)
     return folder
 
 

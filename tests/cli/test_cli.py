@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -90,6 +92,29 @@ def test_init_then_run_says_what_is_missing(toy: Toy, capsys: Capture, tmp_path:
     assert message.count("\n") == 2  # a line for each of the two
     assert toy.imocap(["init", "mine", str(clips[0])]) == 2
     assert "exists already" in capsys.readouterr().err
+
+
+def test_a_full_disk_leaves_no_declaration(
+    toy: Toy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    clip, folder = tmp_path / "a.mp4", toy.root / "actions" / "mine"
+    clip.write_bytes(b"")
+    elsewhere = tmp_path / "elsewhere"
+    folder.mkdir(parents=True)
+    (folder / "action.yaml").symlink_to(elsewhere)  # a link that somebody left there
+
+    def full(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, "no room")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "fsync", full)
+        assert toy.imocap(["init", "mine", str(clip)]) == 1
+    assert "the disk is full" in capsys.readouterr().err
+    assert [path.name for path in folder.iterdir()] == ["action.yaml"]
+    assert not (folder / "action.yaml").exists()
+    assert toy.imocap(["init", "mine", str(clip)]) == 0
+    assert read_action(folder).videos[0].id == "a"
+    assert not elsewhere.exists()
 
 
 def test_videos_of_one_name_get_numbers(toy: Toy, tmp_path: Path) -> None:
