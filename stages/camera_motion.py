@@ -52,7 +52,7 @@ def _motion_of(
         R_first_from_frame=turning.R_first_from_frame,
         zoom=turning.zoom,
         inliers=turning.inliers,
-        xy_first_px=warp(turning.H_first_from_frame[:, None], video.xy_px),
+        xy_first_px=warp(turning.H_first_from_frame[:, None], video.marks_px),
     )
 
 

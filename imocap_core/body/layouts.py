@@ -79,6 +79,16 @@ def layout_points(model: ModelArrays, layout: str) -> PointSet:
     return replace(points, columns=columns)
 
 
+def joint_mix(layout: str, name: str) -> Mapping[str, float]:
+    """The shares of SMPL's joints in a keypoint's point. ValueError when it has other parts."""
+    point = next(keypoint.point for keypoint in layout_keypoints(layout) if keypoint.name == name)
+    joint: dict[str, dict[str, float]] = {"joints": {point: 1.0}}
+    mix: dict[str, dict[str, float]] = _table()["points"].get(point, [joint])[0]
+    if set(mix) != {"joints"}:
+        raise ValueError(f"{layout}, {name}: expected a mix of joints, got {mix}")
+    return mix["joints"]
+
+
 @lru_cache(maxsize=1)
 def _table() -> dict[str, Any]:
     source = resources.files("imocap_core.body") / "data" / "layouts.toml"

@@ -82,6 +82,11 @@ class KeypointsParams:
         "Whether swapped left and right limbs are corrected: `repair` always, `leave` never, "
         "`auto` for layouts whose detector is known to swap them (mediapipe33).",
     )
+    correct_marks: bool = param(
+        True,
+        "Move shoulders and hips from where the detector marks them to the points of the body that "
+        "their layout gives, by view and pose (blazepose33 only).",
+    )
     cuts: bool = param(
         True,
         "Look for cuts between shots and report them, where the action has the video file.",

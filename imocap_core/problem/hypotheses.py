@@ -55,7 +55,8 @@ def explained_keypoints(
                 with_swapped_sides(x, states[video.id], names)
                 for x in (video.xy_px, video.confidence)
             )
-            video = video.model_copy(update={"xy_px": xy_px, "confidence": confidence})
+            swapped = {"xy_px": xy_px, "confidence": confidence, "corrected": None}
+            video = video.model_copy(update=swapped)
         videos.append(video)
     return Keypoints(videos=videos)
 

@@ -168,6 +168,7 @@ def mirrored_keypoints(video: VideoKeypoints, K: Float[np.ndarray, "3 3"]) -> Vi
         update={
             "xy_px": mirrored_pixels(video.xy_px, K, twins),
             "confidence": video.confidence[:, list(twins)],
+            "corrected": None,
             "person_box_px": mirrored_boxes(video.person_box_px, K),
         }
     )

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from imocap_core.artifacts.schemas import HandKeypoints, VideoKeypoints
+from imocap_core.artifacts.schemas import CorrectedMarks, HandKeypoints, VideoKeypoints
 from imocap_core.body.layouts import body_layout, hand_columns, layout_names
 from imocap_core.io.detectors.mediapipe_hands import read_mediapipe_hands
 from imocap_core.io.detectors.openpose_hands import read_openpose_hands
+from imocap_core.marks.correction import corrected_marks
+from imocap_core.marks.weights import load_correction
 from imocap_core.params import KeypointsParams
 from imocap_core.people.performer import PerformerKeypoints, without_frames
 from imocap_core.problem.cuts import advice
@@ -47,7 +49,17 @@ def performer_keypoints(
         hands=_hands_of(video, performer),
         damaged=None if survey is None else survey.damaged_spans(people.frames),
     )
-    return at_even_moments(of_frames, video.time_s)
+    even = at_even_moments(of_frames, video.time_s)
+    return with_corrected_marks(even) if params.correct_marks else even
+
+
+def with_corrected_marks(video: VideoKeypoints) -> VideoKeypoints:
+    """The keypoints with the correction of their layout's marks, where it has one."""
+    correction = load_correction(video.layout)
+    if correction is None:
+        return video
+    xy_px = corrected_marks(video.xy_px, layout_names(video.layout), correction)
+    return video.model_copy(update={"corrected": CorrectedMarks(xy_px=xy_px)})
 
 
 def _note_of(video: DetectedVideo, performer: PerformerKeypoints, params: KeypointsParams) -> str:

@@ -5,6 +5,7 @@ from imocap_core.artifacts.schemas.camera_motion import CameraMotion, VideoCamer
 from imocap_core.artifacts.schemas.evaluate import Evaluate, Table
 from imocap_core.artifacts.schemas.hands import Hands, VideoHands
 from imocap_core.artifacts.schemas.keypoints import (
+    CorrectedMarks,
     HandKeypoints,
     Keypoints,
     LeftOutVideo,
@@ -44,6 +45,7 @@ __all__ = [
     "Camera",
     "CameraMotion",
     "CommonMotion",
+    "CorrectedMarks",
     "CycleTriple",
     "Evaluate",
     "Floats",

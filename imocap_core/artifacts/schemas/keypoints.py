@@ -18,6 +18,12 @@ class HandKeypoints(Value):
     confidence: Annotated[Floats, Shape("T", 2, 21)]
 
 
+class CorrectedMarks(Value):
+    """Keypoints moved to the points of the body that their layout gives."""
+
+    xy_px: Annotated[Floats, Shape("T", "K", 2)]
+
+
 class SourceMoments(Value):
     """Where even moments lie in a file of variable frame rate."""
 
@@ -31,7 +37,7 @@ class VideoKeypoints(Value):
     A used frame is one of the source or, of a file of variable frame rate, one of even moments.
     """
 
-    OPTIONAL: ClassVar[frozenset[str]] = frozenset({"hands", "damaged", "moments"})
+    OPTIONAL: ClassVar[frozenset[str]] = frozenset({"hands", "damaged", "moments", "corrected"})
 
     id: str
     fps: float  # used frames a second
@@ -51,6 +57,7 @@ class VideoKeypoints(Value):
     hands: HandKeypoints | None = None  # None when no frame has any
     damaged: list[tuple[int, int]] | None = None  # source frames, first and last: undecodable
     moments: SourceMoments | None = None  # None where the frame rate is constant
+    corrected: CorrectedMarks | None = None  # None where the keypoints are as detected
 
     @model_validator(mode="after")
     def _every_frame_has_a_moment(self) -> VideoKeypoints:
@@ -59,6 +66,11 @@ class VideoKeypoints(Value):
                 f"moments: expected {len(self.frames)}, got {len(self.moments.position)}"
             )
         return self
+
+    @property
+    def marks_px(self) -> Float[np.ndarray, "T K 2"]:
+        """The keypoints that a fit works on: corrected, or else as detected."""
+        return self.xy_px if self.corrected is None else self.corrected.xy_px
 
     @property
     def source_frames(self) -> Real[np.ndarray, " T"]:

@@ -1,0 +1,1 @@
+"""Corrections of where a detector marks joints, as a function of the pose in the picture."""
