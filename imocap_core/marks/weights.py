@@ -43,7 +43,7 @@ def read_weights(content: bytes, name: str) -> MarkCorrection:
 
 def write_weights(path: Path, correction: MarkCorrection) -> None:
     """Write networks as float32."""
-    arrays = {}
+    arrays: dict[str, np.ndarray] = {}
     for end, network in correction.items():
         arrays |= {f"{end}.mean": network.mean, f"{end}.scale": network.scale}
         layers = zip(network.weights, network.biases, strict=True)
