@@ -10,6 +10,7 @@ from pathlib import Path
 import yaml
 
 from imocap_core.errors import WrongUse
+from imocap_core.identifiers import NAME
 from imocap_core.library.door import plain_errors
 from imocap_core.pipeline.action import DETECT, FILE_NAME, read_action
 from imocap_core.pipeline.repeated_files import repeated_paths
@@ -32,7 +33,7 @@ def init_action(name: str, videos: Sequence[str | Path], *, root: str | Path = "
     """
     files = [Path(video) for video in videos]
     sources = [VideoSource(file, None) for file in files]
-    if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]*", name):
+    if not re.fullmatch(NAME, name):
         raise WrongUse(f"invalid action name {name!r}: letters, digits, _ . - only")
     missing = [str(file) for file in files if not file.is_file()]
     if missing:

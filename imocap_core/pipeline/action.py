@@ -10,6 +10,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.identifiers import Id
 from imocap_core.io.pose2sim_files import FILES, has_pose2sim_truth
 from imocap_core.limits import LAST_FRAME, MAX_FPS, MAX_SIDE_PX, MIN_FPS
 from imocap_core.pipeline.format_names import DetectionFormat, InitialFormat, Layout
@@ -20,7 +21,6 @@ from imocap_core.pipeline.yaml_file import load_yaml
 FILE_NAME = "action.yaml"
 DETECT = "detect"
 
-Id = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*$")]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Fps = Annotated[float, Field(ge=MIN_FPS, le=MAX_FPS, allow_inf_nan=False)]
 Side = Annotated[int, Field(gt=0, le=MAX_SIDE_PX)]

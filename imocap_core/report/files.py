@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from imocap_core.artifacts.schemas import Table
+from imocap_core.artifacts.side_files import check_names
 from imocap_core.report import table_text
 
 CONTENTS = "contents.json"
@@ -59,6 +60,7 @@ def read_contents(folder: Path) -> Contents:
     try:
         fields = json.loads(file.read_text(encoding="utf-8"))
         pictures = tuple(Picture(str(p["file"]), str(p["caption"])) for p in fields["pictures"])
+        check_names(picture.file for picture in pictures)
         return Contents(str(fields["title"]), pictures)
     except (ValueError, LookupError, TypeError, RecursionError):
         raise ValueError(f"{file} is not as the run wrote it; run the action again") from None

@@ -134,7 +134,8 @@ def _table(table: Table, glossary: dict[str, str]) -> str:
 
 def _figure(folder: Path, picture: Picture) -> str:
     data = base64.b64encode((folder / picture.file).read_bytes()).decode("ascii")
-    source = f"data:{MIME[Path(picture.file).suffix]};base64,{data}"
+    kind = MIME.get(Path(picture.file).suffix, "application/octet-stream")
+    source = f"data:{kind};base64,{data}"
     text = html.escape(picture.caption)
     return f'<figure><img src="{source}" alt="{text}"><figcaption>{text}</figcaption></figure>\n'
 

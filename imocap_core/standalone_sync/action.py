@@ -13,6 +13,7 @@ from typing import Any
 import yaml
 
 from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.identifiers import NAME
 from imocap_core.io.detectors.guess import guess_detections
 from imocap_core.pipeline.action import DETECT, FILE_NAME, Action, Declaration
 from imocap_core.standalone_sync.sources import Declared, VideoSource, labels
@@ -78,7 +79,7 @@ def write(
 
 def results_folder(root: Path, name: str) -> Path:
     """artifacts/NAME; WrongUse when the name is invalid or another action's results are there."""
-    if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9_.-]*", name):
+    if not re.fullmatch(NAME, name):
         raise WrongUse(f"invalid action name {name!r}: letters, digits, _ . - only")
     folder = root / "artifacts" / name
     file = folder / FILE_NAME

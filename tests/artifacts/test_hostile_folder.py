@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import os
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
 import pytest
 
 from imocap_core.artifacts import codec
-from imocap_core.artifacts.schemas import Sync
+from imocap_core.artifacts.schemas import Keypoints, Sync
 from imocap_core.artifacts.side_files import check_names, replace_folder
 from imocap_core.artifacts.store import Store
 from imocap_core.errors import ArtifactCorrupt, WorkFailed
+from tests.fuzz.recoded import VIDEO
 
 OUTSIDE = (
     "../x",
@@ -49,6 +52,16 @@ def test_an_attachment_that_names_another_place_makes_its_artifact_corrupt(
     with pytest.raises(ValueError, match="side file is named"):
         replace_folder(tmp_path / "report", {name: b"planted"})
     assert [p.name for p in tmp_path.iterdir()] == ["sync.mcap"]
+
+
+@pytest.mark.parametrize("name", ["../../v1", "/tmp/v1", "v1\n", "", ".hidden", "a b", "v\x1b[2J"])
+def test_a_video_of_another_name_makes_its_artifact_corrupt(name: str) -> None:
+    packed = codec.pack(Keypoints(videos=[VIDEO]))
+    header = json.loads(packed.header)
+    header["videos"][0]["id"] = name  # exports and films are named after the video
+    content = replace(packed, header=json.dumps(header).encode())
+    with pytest.raises(ArtifactCorrupt, match="does not fit the schema Keypoints"):
+        codec.unpack(content, Keypoints)
 
 
 def test_names_of_a_report_are_distinct_files() -> None:

@@ -81,7 +81,12 @@ def test_the_report_begins_with_the_verdict_of_the_run(made: Made, tmp_path: Pat
     assert page.with_name("verdict.json").is_file()
 
 
-@pytest.mark.parametrize("contents", ["{", "[]", '{"title": "a", "pictures": [3]}', "[" * 100_000])
+PRIVATE = '{"title": "a", "pictures": [{"file": "../../../private.jpg", "caption": ""}]}'
+
+
+@pytest.mark.parametrize(
+    "contents", ["{", "[]", '{"title": "a", "pictures": [3]}', "[" * 100_000, PRIVATE]
+)
 def test_damaged_contents_of_a_report_are_refused_in_a_sentence(
     made: Made, tmp_path: Path, contents: str
 ) -> None:

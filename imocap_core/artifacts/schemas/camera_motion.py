@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from imocap_core.artifacts.schemas.base import Artifact, Floats, Ints, Shape, Value
+from imocap_core.identifiers import Id
 
 
 class VideoCameraMotion(Value):
     """One camera. "first" is the first used frame of its video."""
 
-    id: str
+    id: Id
     K: Annotated[Floats, Shape(3, 3)]  # of the first frame
     focal_source: Literal["given", "rotation", "assumed"]
     motion: Literal["static", "rotating", "zooming", "translating", "unknown"]

@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Annotated
 
 from imocap_core.artifacts.schemas.base import Artifact, Floats, Ints, Shape, Value
+from imocap_core.identifiers import Id
 
 
 class VideoHands(Value):
     """One video's hands, left then right, in the axes of this video's first-frame camera."""
 
-    id: str
+    id: Id
     frames: Annotated[Ints, Shape("T")]  # source frame numbers
     fingers: Annotated[Floats, Shape("T", 2, 15, 3)]  # axis-angle radians, SMPL+H's order
     wrists: Annotated[Floats, Shape("T", 2, 3)]  # axis-angle radians against the forearm

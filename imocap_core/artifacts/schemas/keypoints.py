@@ -9,6 +9,7 @@ from jaxtyping import Float, Real
 from pydantic import model_validator
 
 from imocap_core.artifacts.schemas.base import Artifact, Floats, Ints, Shape, Value, unique
+from imocap_core.identifiers import Id
 
 
 class HandKeypoints(Value):
@@ -39,7 +40,7 @@ class VideoKeypoints(Value):
 
     OPTIONAL: ClassVar[frozenset[str]] = frozenset({"hands", "damaged", "moments", "corrected"})
 
-    id: str
+    id: Id
     fps: float  # used frames a second
     size: tuple[int, int]  # width, height
     layout: str  # which joints: body25, body25b, coco17, ...
@@ -93,7 +94,7 @@ class VideoKeypoints(Value):
 class LeftOutVideo(Value):
     """A declared video that cannot be used: its declaration or its files are wrong."""
 
-    id: str
+    id: Id
     reason: str
 
 

@@ -8,12 +8,13 @@ import numpy as np
 from pydantic import Field
 
 from imocap_core.artifacts.schemas.base import Artifact, Floats, Ints, Shape, Value
+from imocap_core.identifiers import Id
 
 
 class VideoMotion(Value):
     """SMPL parameters for every used frame, in the axes of this video's first-frame camera."""
 
-    id: str
+    id: Id
     frames: Annotated[Ints, Shape("T")]  # source frame numbers
     theta: Annotated[Floats, Shape("T", 72)]  # axis-angle radians, joint 0 about the pelvis
     betas: Annotated[Floats, Shape(10)]
@@ -25,7 +26,7 @@ class VideoMotion(Value):
 class Camera(Value):
     """x_cam = R x_world + t; the world is the first-frame camera of the reference video."""
 
-    id: str
+    id: Id
     K: Annotated[Floats, Shape(3, 3)]  # an assumed focal length is solved with the motion
     R: Annotated[Floats, Shape(3, 3)]
     t: Annotated[Floats, Shape(3)]  # metres
@@ -82,7 +83,7 @@ class CommonMotion(Value):
     fit: of every layout in use, the ones that the body model has.
     """
 
-    ids: list[str]
+    ids: list[Id]
     theta: Annotated[Floats, Shape("N", 72)]  # axis-angle radians, joint 0 about the pelvis
     betas: Annotated[Floats, Shape(10)]
     trans: Annotated[Floats, Shape("N", 3)]  # metres, as in smplx

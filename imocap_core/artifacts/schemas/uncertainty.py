@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from imocap_core.artifacts.schemas.base import Artifact, Floats, Floats32, Ints, Shape, Value
+from imocap_core.identifiers import Id
 
 
 class VideoUncertainty(Value):
     """One video, in the axes of its first-frame camera; joints about the middle of the hips."""
 
-    id: str
+    id: Id
     frames: Annotated[Ints, Shape("T")]  # source frame numbers
     sigma_mm: Annotated[Floats, Shape("T", 24)]  # root of the covariance's trace
     depth_mm: Annotated[Floats, Shape("T", 24)]  # along the line of sight to the performer
