@@ -13,13 +13,16 @@ from torch.utils._pytree import tree_leaves
 
 from benchmarks.solver.adam import adam
 from benchmarks.solver.lbfgs import lbfgs
+from benchmarks.solver.scene import made_scene
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular.fit import monocular_terms
+from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.motion.solver.gauss_newton import gauss_newton
 from imocap_core.motion.solver.normal import solve_globals
 from imocap_core.motion.solver.objective import linearise, linearise_halves, objective
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import Term
+from imocap_core.params import FitParams, MotionParams
 from imocap_core.workers import in_turn
 from tests.motion.made import WEIGHTS, Made, scene, wide_prior
 from tests.motion.test_solver import disturbed
@@ -108,6 +111,16 @@ def test_a_cuda_device_finds_the_same_motion(made: Made, solver: Callable[..., A
     assert there.state.R_local.is_cuda
     assert there.costs == pytest.approx(here.costs, rel=1e-6)
     assert torch.allclose(there.state.R_local.cpu(), here.state.R_local, atol=1e-5)
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="this machine has no CUDA device")
+def test_all_of_smpl_ba_runs_on_a_cuda_device() -> None:
+    made = made_scene(2, 30, FitParams(), 3)
+    here = recover_motion(made.scene, made.start, MotionParams())
+    there = recover_motion(on_cuda(made.scene), on_cuda(made.start), MotionParams())
+    assert there.state.R_local.is_cuda
+    assert torch.allclose(there.state.trans.cpu(), here.state.trans, atol=1e-6)
+    assert torch.allclose(there.state.R_local.cpu(), here.state.R_local, atol=1e-6)
 
 
 def all_terms(made: Made) -> list[Term]:
