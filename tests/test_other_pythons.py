@@ -59,6 +59,7 @@ def test_a_python_of_another_version_does_not_count(machine: Path) -> None:
 def test_only_a_failing_test_is_a_failure(
     machine: Path,
     capfd: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
     install: str,
     tests: str,
     code: int,
@@ -68,7 +69,11 @@ def test_only_a_failing_test_is_a_failure(
     script(
         machine / "bin" / "make", f'#!/bin/sh\ncase "$2" in setup) {install};; *) {tests};; esac\n'
     )
+    monkeypatch.chdir(machine)
+    environment = machine / ".venv-3.99"
+    environment.mkdir()
     seconds = "0.5" if "sleep" in install else "30"
     assert other_pythons.main(["3.99", "3.97", "--install-seconds", seconds]) == code
     lines = capfd.readouterr().out.splitlines()
     assert lines == [f"imocap: {line}", "imocap: skipped Python 3.97, which is not here"]
+    assert environment.exists() == (install == "exit 0")  # half of it may be gigabytes

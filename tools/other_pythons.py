@@ -80,6 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if python is None:
             print(f"imocap: skipped Python {version}, which is not here", flush=True)
         elif fault := installed[version].result():
+            shutil.rmtree(f".venv-{version}", ignore_errors=True)  # gigabytes
             print(f"imocap: skipped Python {version}: its installation {fault}", flush=True)
         else:
             print(f"imocap: the quick tests on Python {version}", flush=True)
