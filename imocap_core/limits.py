@@ -18,6 +18,7 @@ MAX_YAML_BYTES, MAX_YAML_NODES = 2**22, 200_000  # nodes: after aliases are foll
 MAX_FILE_BYTES = 2**31  # of keypoints or an estimate, as it lies on the disk
 MAX_FOLDER_FILES, MAX_FOLDER_BYTES = 500_000, 2**37  # below a folder that an action names
 MAX_UNPACKED_BYTES = 2**29  # of a compressed file's content
+MAX_INFLATION = 200  # times an artifact's bytes, where these are more; results have 5
 MAX_ELEMENTS = 2**27  # numbers in one array, or parts of one pickle, shared ones counted each time
 
 

@@ -23,12 +23,13 @@ import numpy as np
 from google.protobuf.message import DecodeError
 from jaxtyping import Shaped
 from mcap.exceptions import McapError
-from mcap.records import Attachment, Channel, DataEnd, Message, Metadata, Schema
+from mcap.records import Attachment, Channel, Chunk, DataEnd, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 from pydantic import BaseModel, ValidationError
-from zstandard import ZstdError
+from zstandard import ZstdError, frame_content_size
 
+from imocap_core import limits
 from imocap_core.artifacts import ndarray
 from imocap_core.artifacts.provenance import check_provenance
 from imocap_core.artifacts.side_files import check_names
@@ -42,6 +43,7 @@ LOG_TIME = 0
 HEADER, PROVENANCE = "/header", "imocap.provenance"
 SCHEMA_PREFIX = "imocap."
 REFERENCE = "$array"
+ZSTD = "zstd"  # in the records
 FOOTER = struct.Struct("<BQQQI8s")  # opcode, length, summary start, its offsets, CRC, magic
 READER_ERRORS = (
     McapError,
@@ -134,6 +136,7 @@ def read(file: Path) -> Content:
     try:
         data = file.read_bytes()
         _check_summary(data)
+        _check_unpacked_size(data)
         return _collect(data)
     except ArtifactCorrupt as error:
         raise ArtifactCorrupt(f"{file}: {error}") from None
@@ -147,6 +150,18 @@ def _check_summary(data: bytes) -> None:
     _, _, start, _, expected, _ = FOOTER.unpack(footer)
     if zlib.crc32(footer[:25], zlib.crc32(data[start : -FOOTER.size])) != expected:
         raise ArtifactCorrupt("the summary does not match its checksum")
+
+
+def _check_unpacked_size(data: bytes) -> None:
+    """What the chunks say that they unpack to, before any is."""
+    unpacked = 0
+    for record in StreamReader(BytesIO(data), emit_chunks=True).records:
+        if isinstance(record, Chunk):
+            if record.compression != ZSTD:
+                raise ArtifactCorrupt(f"a chunk is compressed by {record.compression!r}, not zstd")
+            unpacked += max(record.uncompressed_size, frame_content_size(record.data))
+    if unpacked > max(limits.MAX_UNPACKED_BYTES, limits.MAX_INFLATION * len(data)):
+        raise ArtifactCorrupt(f"its {len(data):,} bytes would unpack to {unpacked:,}")
 
 
 def _collect(data: bytes) -> Content:

@@ -11,7 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from mcap.reader import make_reader
+from mcap.records import Chunk
 
+from imocap_core import limits
 from imocap_core.artifacts import codec, ndarray
 from imocap_core.artifacts.codec import Content
 from imocap_core.artifacts.schemas import (
@@ -94,6 +96,34 @@ def test_no_noise_is_an_artifact(tmp_path_factory: pytest.TempPathFactory, noise
     file = tmp_path_factory.mktemp("noise") / "a.mcap"
     file.write_bytes(noise)
     with pytest.raises(ArtifactCorrupt):
+        codec.read(file)
+
+
+def test_a_small_file_does_not_unpack_to_a_large_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: Content
+) -> None:
+    zeros = dataclasses.replace(content, arrays=content.arrays | {"zeros": np.zeros(10**6)})
+    file = write(tmp_path / "small.mcap", zeros)
+    assert file.stat().st_size < 10**5
+    assert np.array_equal(codec.read(file).arrays["zeros"], np.zeros(10**6))
+    monkeypatch.setattr(limits, "MAX_UNPACKED_BYTES", 10**6)
+    with pytest.raises(ArtifactCorrupt, match=r"small\.mcap: its .* bytes would unpack to 8,"):
+        codec.read(file)
+
+
+def test_a_chunk_that_understates_its_size_is_not_believed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: Content
+) -> None:
+    zeros = dataclasses.replace(content, arrays={"zeros": np.zeros(10**6)})
+    file = write(tmp_path / "small.mcap", zeros)
+    monkeypatch.setattr(limits, "MAX_UNPACKED_BYTES", 10**6)
+    read = Chunk.read
+
+    def understated(stream: object) -> Chunk:
+        return dataclasses.replace(read(stream), uncompressed_size=1)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Chunk, "read", understated)
+    with pytest.raises(ArtifactCorrupt, match="would unpack to 8,"):
         codec.read(file)
 
 
