@@ -23,9 +23,9 @@ from imocap_core.artifacts.schemas import (
     Keypoints,
     Sync,
     Table,
-    VideoKeypoints,
 )
 from imocap_core.errors import ArtifactCorrupt
+from tests.made_keypoints import made_keypoints
 
 
 def write(file: Path, content: Content) -> Path:
@@ -199,23 +199,7 @@ def test_strided_and_big_endian_arrays_are_written_in_order() -> None:
 
 
 def test_what_is_optional_is_not_written_when_there_is_none() -> None:
-    video = VideoKeypoints(
-        id="a",
-        fps=30.0,
-        size=(4, 3),
-        layout="body25",
-        video=None,
-        focal_px=None,
-        initial=None,
-        initial_format=None,
-        frames=np.arange(2),
-        xy_px=np.zeros((2, 25, 2)),
-        confidence=np.zeros((2, 25)),
-        person_box_px=np.zeros((2, 4)),
-        tracks_found=1,
-        presence=1.0,
-        note="",
-    )
+    video = made_keypoints(np.arange(2))
     without = codec.pack(Keypoints(videos=[video]))
     assert b"hands" not in without.header
     assert b'"video":null' in without.header

@@ -9,30 +9,12 @@ from typing import Any
 import numpy as np
 
 from imocap_core.artifacts import codec
-from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
+from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.errors import ArtifactCorrupt
 from imocap_core.pipeline.keys import Recipe, differences
+from tests.made_keypoints import made_keypoints
 
-ARRAYS = {
-    "frames": np.arange(3),
-    "xy_px": np.zeros((3, 25, 2)),
-    "confidence": np.zeros((3, 25)),
-    "person_box_px": np.zeros((3, 4)),
-}
-VIDEO = VideoKeypoints(
-    id="v1",
-    fps=30.0,
-    size=(640, 360),
-    layout="body25",
-    video=None,
-    focal_px=None,
-    initial=None,
-    initial_format=None,
-    **ARRAYS,
-    tracks_found=1,
-    presence=1.0,
-    note="",
-)
+VIDEO = made_keypoints(np.arange(3))
 RECIPE = Recipe(
     code={"stages.keypoints": "c"},
     params={"keypoints": {"gap_s": 0.5}},

@@ -31,6 +31,7 @@ from imocap_core.export.formats import export
 from imocap_core.io.estimators.smpl_npz import read_smpl_npz
 from imocap_core.library.result import Result
 from imocap_core.pipeline.action import Action
+from tests.made_keypoints import made_keypoints
 
 LENGTHS = {"a": 30, "b": 20}
 FIRST = {"a": 100, "b": 7}  # source frame numbers start there
@@ -43,24 +44,7 @@ def frames(video: str) -> np.ndarray:
 
 
 def keypoints(video: str) -> VideoKeypoints:
-    count = LENGTHS[video]
-    return VideoKeypoints(
-        id=video,
-        fps=30.0,
-        size=(640, 360),
-        layout="body25",
-        video=None,
-        focal_px=None,
-        initial=None,
-        initial_format=None,
-        frames=frames(video),
-        xy_px=np.zeros((count, 25, 2)),
-        confidence=np.zeros((count, 25)),
-        person_box_px=np.zeros((count, 4)),
-        tracks_found=1,
-        presence=1.0,
-        note="",
-    )
+    return made_keypoints(frames(video), id=video)
 
 
 def motion(video: str) -> VideoMotion:

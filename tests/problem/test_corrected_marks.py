@@ -6,6 +6,7 @@ import pytest
 from imocap_core.artifacts.schemas import VideoKeypoints
 from imocap_core.body.layouts import layout_names
 from imocap_core.problem.performer_keypoints import with_corrected_marks
+from tests.made_keypoints import made_keypoints
 
 FRAMES = 5
 
@@ -13,12 +14,8 @@ FRAMES = 5
 def keypoints(layout: str) -> VideoKeypoints:
     count = len(layout_names(layout))
     xy_px = np.random.default_rng(0).uniform(100.0, 300.0, (FRAMES, count, 2))
-    return VideoKeypoints(
-        id="v1", fps=30.0, size=(640, 360), layout=layout, video=None, focal_px=None,
-        initial=None, initial_format=None, frames=np.arange(FRAMES), xy_px=xy_px,
-        confidence=np.ones((FRAMES, count)), person_box_px=np.zeros((FRAMES, 4)),
-        tracks_found=1, presence=1.0, note="",
-    )  # fmt: skip
+    confidence = np.ones((FRAMES, count))
+    return made_keypoints(np.arange(FRAMES), layout, xy_px=xy_px, confidence=confidence)
 
 
 @pytest.mark.parametrize("layout", ["body25", "mediapipe33"])

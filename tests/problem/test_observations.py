@@ -3,26 +3,15 @@
 import numpy as np
 import pytest
 
-from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
-from imocap_core.body.layouts import layout_names
+from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.params import FitParams
 from imocap_core.problem.observations import fit_of, fit_of_single_views, noise_share_of
+from tests.made_keypoints import made_keypoints
 
 
-def made_keypoints(*layouts: str) -> Keypoints:
+def keypoints_of(*layouts: str) -> Keypoints:
     """One video of two empty frames for each layout."""
-    videos = []
-    for layout in layouts:
-        count = len(layout_names(layout))
-        videos.append(
-            VideoKeypoints(
-                id=layout, fps=25.0, size=(64, 48), layout=layout, video=None, focal_px=None,
-                initial=None, initial_format=None, frames=np.arange(2),
-                xy_px=np.zeros((2, count, 2)), confidence=np.zeros((2, count)),
-                person_box_px=np.zeros((2, 4)), tracks_found=1, presence=1.0, note="",
-            )
-        )  # fmt: skip
-    return Keypoints(videos=videos)
+    return Keypoints(videos=[made_keypoints(np.arange(2), name, id=name) for name in layouts])
 
 
 def test_a_detector_has_its_own_noise_and_others_the_usual() -> None:
@@ -37,15 +26,15 @@ def test_mediapipe_is_believed_less_by_default() -> None:
 
 def test_the_strongest_shape_prior_of_the_layouts_is_used() -> None:
     params = FitParams(shape_prior=10.0, shape_prior_of={"mediapipe33": 70.0})
-    one = made_keypoints("body25")
+    one = keypoints_of("body25")
     assert fit_of(one, params).shape_prior == 10.0
-    assert fit_of(made_keypoints("body25", "mediapipe33"), params).shape_prior == 70.0
+    assert fit_of(keypoints_of("body25", "mediapipe33"), params).shape_prior == 70.0
     with pytest.raises(ValueError, match=r"shape_prior_of: expected some of body25.*, got paws$"):
         fit_of(one, FitParams(shape_prior_of={"paws": 2.0}))
 
 
 def test_a_single_view_without_joints_keeps_the_shape_near_the_mean() -> None:
-    keypoints, params = made_keypoints("body25", "coco17"), FitParams(shape_prior=10.0)
+    keypoints, params = keypoints_of("body25", "coco17"), FitParams(shape_prior=10.0)
     joints = {"body25": np.zeros((2, 24, 3))}
     assert fit_of_single_views(keypoints, params, joints, 90.0).shape_prior == 90.0
     both = joints | {"coco17": np.zeros((2, 24, 3))}

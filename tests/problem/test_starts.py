@@ -16,6 +16,7 @@ from imocap_core.motion.monocular.library import make_library
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.problem.starts import evidence_of, lifted_joints, starts_of_lifted
+from tests.made_keypoints import made_keypoints
 from tests.pipeline.test_people import figure
 
 FRAMES = 60
@@ -26,11 +27,7 @@ def seen(layout: str = "coco17") -> tuple[VideoKeypoints, VideoCameraMotion]:
     xy = figure(1, 0.4, 640, 420)[..., :2]
     xy[20:24] = np.nan
     trust = np.isfinite(xy).all(-1) * 0.9
-    video = VideoKeypoints(
-        id="v1", fps=30.0, size=(1280, 720), layout=layout, video=None, focal_px=None,
-        initial=None, initial_format=None, frames=np.arange(FRAMES), xy_px=xy, confidence=trust,
-        person_box_px=np.zeros((FRAMES, 4)), tracks_found=1, presence=1.0, note="",
-    )  # fmt: skip
+    video = made_keypoints(np.arange(FRAMES), layout, size=(1280, 720), xy_px=xy, confidence=trust)
     eye = np.repeat(np.eye(3)[None], FRAMES, 0)
     camera = VideoCameraMotion(
         id="v1", K=np.array([[1280.0, 0, 640], [0, 1280.0, 360], [0, 0, 1]]),

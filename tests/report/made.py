@@ -29,6 +29,7 @@ from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.evaluate.body_points import body_points
 from imocap_core.io.truth import model_text
+from tests.made_keypoints import made_keypoints
 
 SIZE = (320, 240)
 K = np.array([[300.0, 0, 160], [0, 300, 120], [0, 0, 1]])
@@ -137,22 +138,15 @@ class Made:
         xy = xyz @ K.T
         xy = xy[..., :2] / xy[..., 2:]
         low, high = xy.min(axis=1), xy.max(axis=1)
-        return VideoKeypoints(
+        return made_keypoints(
+            self.frames[v],
+            LAYOUT,
             id=self.ids[v],
             fps=FPS,
             size=SIZE,
-            layout=LAYOUT,
-            video=None,
-            focal_px=None,
-            initial=None,
-            initial_format=None,
-            frames=self.frames[v],
             xy_px=xy,
             confidence=np.full(xy.shape[:2], 0.9),
             person_box_px=np.concatenate([low, high], axis=1),
-            tracks_found=1,
-            presence=1.0,
-            note="",
         )
 
     def _camera(self, v: int) -> VideoCameraMotion:
