@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
 import yaml
 
 from imocap_core.errors import WrongUse
-from imocap_core.identifiers import NAME
 from imocap_core.library.door import plain_errors
-from imocap_core.pipeline.action import DETECT, FILE_NAME, read_action
+from imocap_core.pipeline.action import DETECT, FILE_NAME, check_name, read_action
 from imocap_core.pipeline.repeated_files import repeated_paths
 from imocap_core.standalone_sync.sources import VideoSource, labels
 from imocap_core.whole_files import write_whole
@@ -33,8 +31,7 @@ def init_action(name: str, videos: Sequence[str | Path], *, root: str | Path = "
     """
     files = [Path(video) for video in videos]
     sources = [VideoSource(file, None) for file in files]
-    if not re.fullmatch(NAME, name):
-        raise WrongUse(f"invalid action name {name!r}: letters, digits, _ . - only")
+    check_name(name)
     missing = [str(file) for file in files if not file.is_file()]
     if missing:
         raise WrongUse(f"there is no video {', '.join(missing)}")

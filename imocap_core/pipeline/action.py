@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.identifiers import Id
+from imocap_core.identifiers import NAME, Id
 from imocap_core.io.pose2sim_files import FILES, has_pose2sim_truth
 from imocap_core.limits import LAST_FRAME, MAX_FPS, MAX_SIDE_PX, MIN_FPS
 from imocap_core.pipeline.format_names import DetectionFormat, InitialFormat, Layout
@@ -117,6 +118,12 @@ class Action:
         if self.truth is not None:
             return (self.truth,)
         return FILES if has_pose2sim_truth(self.folder) else ()
+
+
+def check_name(name: str) -> None:
+    """WrongUse when an action cannot have this name."""
+    if not re.fullmatch(NAME, name):
+        raise WrongUse(f"invalid action name {name!r}: letters, digits, _ . - only")
 
 
 def find_action(name_or_path: str, root: Path) -> Path:

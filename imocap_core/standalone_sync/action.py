@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 from collections.abc import Mapping, Sequence
 from itertools import takewhile
 from pathlib import Path
@@ -13,9 +12,8 @@ from typing import Any
 import yaml
 
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.identifiers import NAME
 from imocap_core.io.detectors.guess import guess_detections
-from imocap_core.pipeline.action import DETECT, FILE_NAME, Action, Declaration
+from imocap_core.pipeline.action import DETECT, FILE_NAME, Action, Declaration, check_name
 from imocap_core.standalone_sync.sources import Declared, VideoSource, labels
 from imocap_core.whole_files import write_whole
 
@@ -79,8 +77,7 @@ def write(
 
 def results_folder(root: Path, name: str) -> Path:
     """artifacts/NAME; WrongUse when the name is invalid or another action's results are there."""
-    if not re.fullmatch(NAME, name):
-        raise WrongUse(f"invalid action name {name!r}: letters, digits, _ . - only")
+    check_name(name)
     folder = root / "artifacts" / name
     file = folder / FILE_NAME
     ours = file.is_file() and file.read_text(encoding="utf-8").startswith(HEAD)
