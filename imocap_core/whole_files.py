@@ -99,13 +99,13 @@ def publish_once(draft: Path, file: Path) -> None:
     _sync(draft)
     try:
         os.link(draft, file)
-        _sync(file.parent)
     except FileExistsError:
         pass
     except OSError:  # a disk without hard links
         if not file.exists():
             os.replace(draft, file)
     draft.unlink(missing_ok=True)
+    _sync(file.parent)
 
 
 @contextmanager

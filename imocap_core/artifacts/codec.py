@@ -12,7 +12,7 @@ import json
 import math
 import struct
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from io import BytesIO
@@ -23,8 +23,17 @@ import numpy as np
 from google.protobuf.message import DecodeError
 from jaxtyping import Shaped
 from mcap.exceptions import McapError
-from mcap.records import Attachment, Channel, Chunk, DataEnd, Message, Metadata, Schema
-from mcap.stream_reader import StreamReader
+from mcap.records import (
+    Attachment,
+    Channel,
+    Chunk,
+    DataEnd,
+    McapRecord,
+    Message,
+    Metadata,
+    Schema,
+)
+from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import CompressionType, Writer
 from pydantic import BaseModel, ValidationError
 from zstandard import ZstdError, frame_content_size
@@ -136,7 +145,6 @@ def read(file: Path) -> Content:
     try:
         data = file.read_bytes()
         _check_summary(data)
-        _check_unpacked_size(data)
         return _collect(data)
     except ArtifactCorrupt as error:
         raise ArtifactCorrupt(f"{file}: {error}") from None
@@ -152,16 +160,20 @@ def _check_summary(data: bytes) -> None:
         raise ArtifactCorrupt("the summary does not match its checksum")
 
 
-def _check_unpacked_size(data: bytes) -> None:
-    """What the chunks say that they unpack to, before any is."""
-    unpacked = 0
-    for record in StreamReader(BytesIO(data), emit_chunks=True).records:
-        if isinstance(record, Chunk):
-            if record.compression != ZSTD:
-                raise ArtifactCorrupt(f"a chunk is compressed by {record.compression!r}, not zstd")
-            unpacked += max(record.uncompressed_size, frame_content_size(record.data))
-    if unpacked > max(limits.MAX_UNPACKED_BYTES, limits.MAX_INFLATION * len(data)):
-        raise ArtifactCorrupt(f"its {len(data):,} bytes would unpack to {unpacked:,}")
+def _records(data: bytes) -> Iterator[McapRecord]:
+    """All records, those of chunks among them. What chunks say that they unpack to is added up, and
+    ArtifactCorrupt comes before any is unpacked that is too much."""
+    most, unpacked = max(limits.MAX_UNPACKED_BYTES, limits.MAX_INFLATION * len(data)), 0
+    for record in StreamReader(BytesIO(data), emit_chunks=True, validate_crcs=True).records:
+        if not isinstance(record, Chunk):
+            yield record
+            continue
+        if record.compression != ZSTD:
+            raise ArtifactCorrupt(f"a chunk is compressed by {record.compression!r}, not {ZSTD}")
+        unpacked += max(record.uncompressed_size, frame_content_size(record.data))
+        if unpacked > most:
+            raise ArtifactCorrupt(f"its {len(data):,} bytes would unpack to {unpacked:,} or more")
+        yield from breakup_chunk(record, validate_crc=True)
 
 
 def _collect(data: bytes) -> Content:
@@ -173,7 +185,7 @@ def _collect(data: bytes) -> Content:
     provenance: dict[str, str] = {}
     attached: list[Attachment] = []
     whole = False
-    for record in StreamReader(BytesIO(data), validate_crcs=True).records:
+    for record in _records(data):
         if whole:
             continue  # the summary repeats schemas and channels
         if isinstance(record, Schema):
