@@ -13,15 +13,16 @@ from imocap_core.cli.options import root_of, speaker
 def init_command(
     context: typer.Context,
     name: Annotated[str, typer.Argument(help="Name of the new action.")],
-    videos: Annotated[list[Path], typer.Argument(help="Video files of one action.")],
+    videos: Annotated[list[Path], typer.Argument(help="Videos of one action, or their folder.")],
 ) -> None:
     """Make actions/NAME/action.yaml for some videos."""
-    from imocap_core.library.new_action import init_action, repetitions_of
+    from imocap_core.library.new_action import new_action
 
-    file = init_action(name, videos, root=root_of(context))
-    for note in repetitions_of(videos):
-        speaker(markup=False).print(note)
+    made = new_action(name, videos, root_of(context))
+    for remark in made.remarks:
+        speaker(markup=False).print(remark)
     speaker(markup=False).print(
-        f"Wrote {file}. Next: imocap run {name} (or make all ACTION={name}). The first run makes "
-        "an environment for the detector, BlazePose, which needs the network once."
+        f"Wrote {made.file}, of {len(made.videos)} videos. Next: imocap run {name} (or make all "
+        f"ACTION={name}). The first run makes an environment for the detector, BlazePose, "
+        "which needs the network once."
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -13,6 +14,7 @@ from imocap_core.cli.options import (
     Sets,
     StageName,
     Verbose,
+    action_names,
     ask_about_scripts,
     root_of,
     speaker,
@@ -32,7 +34,15 @@ Force = Annotated[bool, typer.Option("--force", help="Run cached stages too.")]
 
 def run_command(
     context: typer.Context,
-    action: ActionName,
+    words: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="ACTION | VIDEO... | FOLDER",
+            help="A name below actions/, an action's folder, or videos or their folder.",
+            autocompletion=action_names,
+        ),
+    ],
+    name: Annotated[str | None, typer.Option(help="Of the action that is made of videos.")] = None,
     force: Force = False,
     sets: Sets = [],  # noqa: B006
     until: Annotated[
@@ -42,8 +52,11 @@ def run_command(
     as_json: Json = False,
 ) -> None:
     """Run an action: all stages that have changed, and the report."""
+    from imocap_core.library.new_action import action_of_words
     from imocap_core.library.running import run_action
     from imocap_core.library.terminal import Terminal
+
+    action, remarks = action_of_words(root_of(context), words, name)
 
     def solve(progress: Progress) -> Run:
         return run_action(
@@ -53,10 +66,13 @@ def run_command(
     if as_json:
         from imocap_core.library.run_document import run_document
 
-        print_json(run_document(solve(None)))
+        done = solve(None)
+        print_json(run_document(replace(done, notes=[*remarks, *done.notes])))
         return
     ask_about_scripts(context)
     console = speaker()
+    for remark in remarks:
+        speaker(markup=False).print(remark)
     with Terminal(console, verbose=verbose) as display:
         done = solve(display)
     _print_summary(console, done, verbose)

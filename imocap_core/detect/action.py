@@ -13,6 +13,7 @@ from imocap_core.detect.detectors import Detector, detector_of
 from imocap_core.detect.setup import set_up
 from imocap_core.errors import WorkFailed
 from imocap_core.io.video import read_gray
+from imocap_core.io.video_check import check_video
 from imocap_core.params import DetectParams
 from imocap_core.pipeline.action import DETECT, Action, Declaration
 from imocap_core.problem.usable_videos import LEAST_VIDEOS
@@ -70,6 +71,7 @@ def _readable(action: Action, waiting: Sequence[Declaration]) -> list[Declaratio
     faults: list[str] = []
     for declared in waiting:
         try:
+            check_video(action.folder / str(declared.video))
             for _ in read_gray(action.folder / str(declared.video), scale=LOOK_SCALE):
                 pass
             readable.append(declared)

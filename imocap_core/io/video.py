@@ -12,6 +12,7 @@ from typing import Any
 
 import av
 import numpy as np
+from av.stream import Disposition
 from av.video.stream import VideoStream
 from jaxtyping import UInt8
 
@@ -50,7 +51,7 @@ def probe(path: Path) -> VideoInfo:
             )
         size = _shown_size(next(decoded_frames(container, stream, path), None), path)
         count = stream.frames
-    if not 0 < count <= path.stat().st_size:  # a frame takes at least a byte: the header is wrong
+    if not 0 < count == _packet_count(path):  # a wrong header, or a clip trimmed by an edit list
         count = sum(1 for _ in read_gray(path, scale=0.05))
     return VideoInfo(float(rate), size, count)
 
@@ -164,9 +165,10 @@ def open_video(path: Path) -> Any:
 
 def video_stream(container: Any, path: Path) -> VideoStream:
     """Its first video stream. ValueError where there is none that can be decoded."""
-    if not container.streams.video:
+    streams = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
+    if not streams:
         raise ValueError(f"{path}: no video stream; expected a video, got audio or data only")
-    stream: VideoStream = container.streams.video[0]
+    stream: VideoStream = streams[0]
     stream.thread_type = "AUTO"
     if stream.codec_context is None:
         raise ValueError(f"{path}: its kind of compression cannot be decoded; re-encode it")
@@ -190,6 +192,22 @@ def decoded_frames(container: Any, stream: VideoStream, path: Path) -> Iterator[
         raise ValueError(
             f"{path}: broken, decoding failed after {count} frames ({error.strerror}); re-encode it"
         ) from None
+
+
+def _packet_count(path: Path) -> int:
+    """Frames that are shown, by the file's packets. ValueError where its index goes beyond it."""
+    with open_video(path) as container:
+        stream = video_stream(container, path)
+        ends = [e.pos + e.size for e in getattr(stream, "index_entries", None) or ()]
+        present = sum(end <= path.stat().st_size for end in ends)
+        if present < len(ends):
+            raise ValueError(
+                f"{path}: cut short, {present} of its {len(ends)} frames are in the file; copy or "
+                f"download it again"
+            )
+        with suppress(av.FFmpegError, OSError):
+            return sum(p.size > 0 and not p.is_discard for p in container.demux(stream))
+    return 0
 
 
 def _frames(path: Path, first: int, stop: int | None) -> Iterator[tuple[int, av.VideoFrame]]:

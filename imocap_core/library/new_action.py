@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
 
 from imocap_core.errors import WrongUse
 from imocap_core.library.door import plain_errors
+from imocap_core.library.video_files import video_files
 from imocap_core.pipeline.action import DETECT, FILE_NAME, check_name, read_action
+from imocap_core.pipeline.builtin_actions import BUILT_IN
 from imocap_core.pipeline.repeated_files import repeated_paths
 from imocap_core.standalone_sync.sources import VideoSource, labels
 from imocap_core.whole_files import write_whole
@@ -25,55 +29,100 @@ HEAD = """\
 
 @plain_errors
 def init_action(name: str, videos: Sequence[str | Path], *, root: str | Path = ".") -> Path:
-    """Make root/actions/NAME/action.yaml for some video files of one action; its path.
+    """Make root/actions/NAME/action.yaml for some videos of one action; its path.
 
-    WrongUse when the name is invalid, a video is missing, or the action exists.
+    Args:
+        videos: files, or folders of files, in which what is no video is left out.
+
+    WrongUse when the name is invalid, a file cannot be used, or the action exists.
     """
-    files = [Path(video) for video in videos]
-    sources = [VideoSource(file, None) for file in files]
+    return new_action(name, [Path(video) for video in videos], Path(root)).file
+
+
+@dataclass(frozen=True)
+class NewAction:
+    """Its action.yaml, the videos declared in it, and sentences for the user."""
+
+    file: Path
+    videos: list[Path]
+    remarks: list[str]
+
+
+@plain_errors
+def new_action(name: str, paths: Sequence[Path], root: Path) -> NewAction:
+    """As `init_action`, with what is to be told about the files."""
     check_name(name)
-    missing = [str(file) for file in files if not file.is_file()]
-    if missing:
-        raise WrongUse(f"there is no video {', '.join(missing)}")
-    folder = Path(root) / "actions" / name
+    folder = root / "actions" / name
     action_file = folder / FILE_NAME
     if action_file.exists():
         raise WrongUse(f"{action_file} exists already; edit it, or choose another name")
+    files, remarks = video_files(paths)
+    _write_action(name, folder, files)
+    return NewAction(action_file, files, [*remarks, *repeated_paths(files)])
+
+
+def _write_action(name: str, folder: Path, files: Sequence[Path]) -> None:
+    sources = [VideoSource(file, None) for file in files]
     folder.mkdir(parents=True, exist_ok=True)
     entries = [
         {"id": label, "video": _relative(file, folder), "keypoints": DETECT}
         for label, file in zip(labels(sources), files, strict=True)
     ]
     body = yaml.safe_dump({"name": name, "videos": entries}, sort_keys=False)
-    write_whole(action_file, HEAD + body)
-    return action_file
+    write_whole(folder / FILE_NAME, HEAD + body)
 
 
 @plain_errors
-def repetitions_of(videos: Sequence[str | Path]) -> list[str]:
-    """A sentence on every two files of the same content."""
-    return repeated_paths([Path(video) for video in videos])
+def action_of_videos(root: Path, name: str | None, paths: Sequence[Path]) -> tuple[str, list[str]]:
+    """The name of the action of just these videos, made when there is none; and remarks on files.
 
+    paths: files, or folders of files; an action of one folder is named after it.
 
-def action_of_videos(root: Path, name: str | None, videos: Sequence[Path]) -> str:
-    """The name of the action of just these videos, made when there is none.
-
-    WrongUse when another action has the name.
+    WrongUse when a file cannot be used, or another action has the name.
     """
+    files, remarks = video_files(paths)
+    if name is None:
+        name = _name_of(paths, files)
+    check_name(name)
+    folder = root / "actions" / name
+    if not (folder / FILE_NAME).is_file():
+        _write_action(name, folder, files)
+        return name, [*remarks, f"Wrote {folder / FILE_NAME}."]
+    declared = [v.video for v in read_action(folder).videos]
+    there = [None if v is None else (folder / v).resolve() for v in declared]
+    if there != [file.resolve() for file in files]:
+        raise WrongUse(f"{folder / FILE_NAME} is of other videos; choose another name")
+    return name, remarks
+
+
+def action_of_words(root: Path, words: Sequence[str], name: str | None) -> tuple[str, list[str]]:
+    """The one action named, or that of the videos and folders named; and remarks on files.
+
+    With a name the words are videos and folders.
+    """
+    actions = [word for word in words if name is None and _is_action(root, word)]
+    if actions and len(words) > 1:
+        raise WrongUse(f"{actions[0]} is an action: give it alone")
+    if actions or (name is None and len(words) == 1 and not Path(words[0]).exists()):
+        return words[0], []
+    return action_of_videos(root, name, [Path(word) for word in words])
+
+
+def _is_action(root: Path, word: str) -> bool:
+    places = (root / "actions" / word / FILE_NAME, Path(word) / FILE_NAME)
+    return word in BUILT_IN or Path(word).name == FILE_NAME or any(p.is_file() for p in places)
+
+
+def _name_of(paths: Sequence[Path], files: Sequence[Path]) -> str:
+    """A folder's name; of files their common beginning, and letters that differ for others."""
     from imocap_core.standalone_sync.action import default_name
 
-    if name is None:
-        named = [VideoSource(video, None) for video in videos]
-        name = default_name("", labels(named), named)
-    folder = root / "actions" / name
-    if (folder / FILE_NAME).is_file():
-        declared = [v.video for v in read_action(folder).videos]
-        there = [None if v is None else (folder / v).resolve() for v in declared]
-        if there != [video.resolve() for video in videos]:
-            raise WrongUse(f"{folder / FILE_NAME} is of other videos; choose another name")
-    else:
-        init_action(name, videos, root=root)
-    return name
+    if len(paths) == 1 and paths[0].is_dir():
+        words = re.sub(r"[^A-Za-z0-9_.-]", "_", paths[0].resolve().name).lstrip("_.-")
+        if words and words not in BUILT_IN:
+            return words
+    named = [VideoSource(file, None) for file in files]
+    return default_name("", labels(named), named)
 
 
 def _relative(video: Path, folder: Path) -> str:

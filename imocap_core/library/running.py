@@ -58,9 +58,9 @@ def run(
     Args:
         action: its name below root/actions, the path of its folder, or a built-in one (yoga,
             taichi).
-        videos: instead of an action, the video files of one; root/actions/NAME/action.yaml is
-            made, in which people are detected.
-        name: of the action made of `videos`; else one after their files.
+        videos: instead of an action, the video files of one, or their folder;
+            root/actions/NAME/action.yaml is made, in which people are detected.
+        name: of the action made of `videos`; else one after their files or folder.
         root: the working folder, with actions/ and artifacts/.
         params: one-off parameters, as {"sync": {"max_rate": 8}} or {"sync.max_rate": 8}; their
             names, units and defaults are those of pipeline.yaml.
@@ -79,7 +79,7 @@ def run(
     if (action is None) == (videos is None):
         raise WrongUse("expected an action or videos=[...], one of them")
     if videos is not None:
-        action = action_of_videos(Path(root), name, [Path(video) for video in videos])
+        action, _ = action_of_videos(Path(root), name, [Path(video) for video in videos])
     assert action is not None
     motion_stage = _motion_stage(Workspace(Path(root)), until)
     done = run_action(action, root=root, params=params, force=force, until=until, progress=progress)

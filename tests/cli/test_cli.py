@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 from imocap_core.cli import hoisted
+from imocap_core.library.new_action import action_of_words
 from imocap_core.pipeline.action import read_action
+from tests.io.made_videos import write_video
 
 if TYPE_CHECKING:
     from tests.pipeline.conftest import Toy
@@ -79,15 +81,20 @@ def test_a_built_in_action_that_is_not_made_yet(toy: Toy, capsys: Capture) -> No
 def test_init_then_run_says_what_is_missing(toy: Toy, capsys: Capture, tmp_path: Path) -> None:
     clips = [tmp_path / "a clip.mp4", tmp_path / "b.mp4"]
     for clip in clips:
-        clip.write_bytes(b"")
+        write_video(clip)
     assert toy.imocap(["init", "mine", *map(str, clips)]) == 0
     action = read_action(toy.root / "actions" / "mine")
     assert [v.id for v in action.videos] == ["a_clip", "b"]
     assert (action.folder / str(action.videos[0].video)).resolve() == clips[0].resolve()
+    for clip in clips:
+        clip.write_bytes(b"")
     capsys.readouterr()
     assert toy.imocap(["run", "mine"]) == 1
     message = capsys.readouterr().err
-    assert f"{action.folder / str(action.videos[0].video)}: is not a readable video" in message
+    assert (
+        f"{action.folder / str(action.videos[0].video)}: expected a video, got an empty file"
+        in message
+    )
     assert "fault of the program" not in message
     assert message.count("\n") == 2  # a line for each of the two
     assert toy.imocap(["init", "mine", str(clips[0])]) == 2
@@ -97,8 +104,7 @@ def test_init_then_run_says_what_is_missing(toy: Toy, capsys: Capture, tmp_path:
 def test_a_full_disk_leaves_no_declaration(
     toy: Toy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
-    clip, folder = tmp_path / "a.mp4", toy.root / "actions" / "mine"
-    clip.write_bytes(b"")
+    clip, folder = write_video(tmp_path / "a.mp4"), toy.root / "actions" / "mine"
     elsewhere = tmp_path / "elsewhere"
     folder.mkdir(parents=True)
     (folder / "action.yaml").symlink_to(elsewhere)  # a link that somebody left there
@@ -121,10 +127,55 @@ def test_videos_of_one_name_get_numbers(toy: Toy, tmp_path: Path) -> None:
     clips = [tmp_path / folder / "clip.mp4" for folder in ("x", "y")]
     for clip in clips:
         clip.parent.mkdir()
-        clip.write_bytes(b"")
+        write_video(clip)
     assert toy.imocap(["init", "mine", *map(str, clips)]) == 0
     action = read_action(toy.root / "actions" / "mine")
     assert [v.id for v in action.videos] == ["v1", "v2"]
+
+
+def test_init_names_every_file_that_is_no_video(toy: Toy, capsys: Capture, tmp_path: Path) -> None:
+    text, one = tmp_path / "notes.txt", write_video(tmp_path / "one.mp4", count=1)
+    text.write_text("hello")
+    clip = write_video(tmp_path / "a.mp4")
+    assert toy.imocap(["init", "mine", str(clip), str(text), str(one)]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert any(f"{text}: expected a video, got text" in line for line in lines)
+    assert any(f"{one}: expected at least 3 frames" in line for line in lines)
+    assert not (toy.root / "actions" / "mine").exists()
+
+
+def test_a_folder_of_videos_becomes_an_action(toy: Toy, capsys: Capture, tmp_path: Path) -> None:
+    folder = tmp_path / "My jumps"
+    folder.mkdir()
+    for name in ("jump10.mp4", "jump2.mp4"):
+        write_video(folder / name)
+    (folder / "notes.txt").write_text("hello")
+    (folder / ".hidden").write_text("hello")
+    assert toy.imocap(["init", "mine", str(folder)]) == 0
+    shown = capsys.readouterr().out
+    assert f"left out: {folder / 'notes.txt'}: expected a video, got text" in shown
+    assert ".hidden" not in shown
+    action = read_action(toy.root / "actions" / "mine")
+    assert [v.id for v in action.videos] == ["jump2", "jump10"]
+    (tmp_path / "empty").mkdir()
+    assert toy.imocap(["init", "other", str(tmp_path / "empty")]) == 2
+    assert "expected videos in the folder, got none" in capsys.readouterr().err
+
+
+def test_run_makes_the_action_of_videos(toy: Toy, capsys: Capture, tmp_path: Path) -> None:
+    folder = tmp_path / "My jumps"
+    folder.mkdir()
+    clips = [str(write_video(folder / f"jump{n}.mp4")) for n in range(2)]
+    for _ in range(2):  # made once, then used again
+        assert action_of_words(toy.root, [str(folder)], None)[0] == "My_jumps"
+    assert len(read_action(toy.root / "actions" / "My_jumps").videos) == 2
+    assert action_of_words(toy.root, clips, "mine")[0] == "mine"
+    for word in ("toy", "nobody", str(toy.root / "actions" / "mine")):
+        assert action_of_words(toy.root, [word], None) == (word, [])
+    assert toy.imocap(["run", "toy", *clips]) == 2
+    assert "toy is an action: give it alone" in capsys.readouterr().err
+    assert toy.imocap(["run", "--name", "mine", clips[0]]) == 2
+    assert "action.yaml is of other videos" in capsys.readouterr().err
 
 
 def test_status_says_what_would_run_and_why(toy: Toy, capsys: Capture) -> None:

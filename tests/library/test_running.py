@@ -11,6 +11,7 @@ import pytest
 import imocap
 from imocap_core.cli import main
 from imocap_core.library.running import one_off
+from tests.io.made_videos import write_video
 from tests.library.conftest import SmallRun
 
 
@@ -130,11 +131,12 @@ def test_videos_become_an_action_once(tmp_path: Path, monkeypatch: pytest.Monkey
 
     clips = [tmp_path / "serve1.mp4", tmp_path / "serve2.mp4"]
     for clip in clips:
-        clip.write_bytes(b"")
-    name = action_of_videos(tmp_path, None, clips)
+        write_video(clip)
+    name, remarks = action_of_videos(tmp_path, None, clips)
     assert name.startswith("serve-")
-    assert action_of_videos(tmp_path, None, clips) == name
-    assert action_of_videos(tmp_path, "mine", clips) == "mine"
+    assert "Wrote" in remarks[0]
+    assert action_of_videos(tmp_path, None, clips) == (name, [])
+    assert action_of_videos(tmp_path, "mine", clips)[0] == "mine"
     with pytest.raises(imocap.WrongUse, match=r"action\.yaml is of other videos"):
         action_of_videos(tmp_path, "mine", clips[:1])
 

@@ -1,0 +1,60 @@
+"""Whether a file can be captured from, before any work is done."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from imocap_core.io.video import VideoInfo, open_video, probe
+from imocap_core.limits import LEAST_FRAMES
+
+BEGINNING_BYTES = 1024
+PICTURE, TEXT = "a picture", "text"
+
+
+def check_video(path: Path) -> VideoInfo:
+    """Frame rate, size and frame count of a video that has a motion.
+
+    ValueError for a file that is empty, text, a picture, audio, cut short, of another kind than
+    video, or of fewer than LEAST_FRAMES frames.
+    """
+    other = _other_kind(path)
+    if other is not None:
+        raise ValueError(f"{path}: expected a video, got {other}")
+    info = probe(path)
+    if info.frame_count < LEAST_FRAMES:
+        raise ValueError(
+            f"{path}: expected at least {LEAST_FRAMES} frames, as fewer have no motion, got "
+            f"{info.frame_count}; give a longer clip"
+        )
+    return info
+
+
+def _other_kind(path: Path) -> str | None:
+    """What a file is by its first bytes, with what to do; None for what may be a video."""
+    if not path.is_file():
+        return None
+    with path.open("rb") as file:
+        beginning = file.read(BEGINNING_BYTES)
+    if not beginning:
+        return "an empty file; copy or download it again"
+    if _is_text(beginning):
+        return TEXT
+    try:
+        with open_video(path) as container:
+            kind = container.format.name
+    except ValueError:
+        if beginning[4:8] == b"ftyp":
+            return "one cut short: the index at its end is missing; copy or download it again"
+        raise
+    return PICTURE if kind == "image2" or kind.endswith("_pipe") else None
+
+
+def _is_text(beginning: bytes) -> bool:
+    """Whether bytes are UTF-8 without control characters; a character may be cut at the end."""
+    try:
+        text = beginning.decode("utf-8", errors="strict")
+    except UnicodeDecodeError as error:
+        if error.start < len(beginning) - 3:
+            return False
+        text = beginning[: error.start].decode()
+    return all(letter.isprintable() or letter in "\t\r\n\f" for letter in text)

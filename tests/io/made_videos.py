@@ -1,0 +1,72 @@
+"""Small videos of every kind that people have, written by PyAV."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+
+FPS = 25
+TURNED = struct.pack(">9i", 0, 1 << 16, 0, -(1 << 16), 0, 0, 0, 0, 1 << 30)  # by a quarter
+
+
+def level(number: int) -> int:
+    """Grey level of a frame's left half; the right half is black."""
+    return 40 + 12 * (number % 16)
+
+
+def write_video(
+    path: Path,
+    codec: str = "libx264",
+    count: int = 10,
+    *,
+    size: tuple[int, int] = (96, 64),
+    first_pts: int = 0,
+    audio: str | None = None,
+    options: dict[str, str] | None = None,
+) -> Path:
+    """A film whose frames tell their numbers. Skips the test where FFmpeg has no such encoder.
+
+    first_pts: of the first frame; those before 0 are not shown. audio: encoder of a second of
+    silence.
+    """
+    width, height = size
+    must_encode(codec)
+    with av.open(str(path), "w", options=options or {}) as container:
+        stream = container.add_stream(codec, rate=FPS)
+        stream.width, stream.height = size
+        stream.pix_fmt = "yuv420p"
+        stream.options = {"g": "5"}
+        sound = None if audio is None else container.add_stream(audio, rate=48_000)
+        for number in range(count):
+            picture = np.zeros((height, width, 3), np.uint8)
+            picture[:, : width // 2] = level(number)
+            frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
+            frame.pts = first_pts + number
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+        if sound is not None:
+            silence = av.AudioFrame.from_ndarray(np.zeros((1, 48_000), np.float32), "fltp", "mono")
+            silence.rate = 48_000
+            container.mux(sound.encode(silence))
+            container.mux(sound.encode())
+    return path
+
+
+def turn(path: Path) -> None:
+    """Store beside the pictures of an mp4 that they are to be turned by a quarter."""
+    content = bytearray(path.read_bytes())
+    matrix = content.index(b"tkhd") + 4 + 36
+    content[matrix : matrix + len(TURNED)] = TURNED
+    path.write_bytes(content)
+
+
+def must_encode(codec: str) -> None:
+    """Skip the test where FFmpeg has no such encoder."""
+    try:
+        av.Codec(codec, "w")
+    except ValueError:
+        pytest.skip(f"this build of FFmpeg has no encoder {codec}")
