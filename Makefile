@@ -1,6 +1,7 @@
 # imocap: the manual.
 #
 #   make all ACTION=yoga   from nothing to the motion and its report (installs first, when needed)
+#   make all ACTION=all    every action below actions/, several at once
 #   make test              the whole test suite
 #   make test-pythons      the quick tests on every Python of PYTHONS (3.12 3.13) that is here; gigabytes on Linux
 #   make check             lint, format, types, import order, tests
@@ -50,7 +51,7 @@ $(STAMP): pyproject.toml constraints.txt locked.txt
 	@touch $@
 
 all: $(STAMP)
-	@$(BIN)/imocap run '$(ACTION)'
+	@$(BIN)/imocap $(if $(filter all,$(ACTION)),run-all --all,run '$(ACTION)')
 
 test: $(STAMP)
 	@$(PYTEST)

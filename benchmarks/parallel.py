@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from imocap_core.errors import WorkFailed
+from imocap_core.executors.perform import perform
+from imocap_core.executors.processes import THREADS, worker_processes
+from imocap_core.executors.serial import Serial
+from imocap_core.executors.task import Report, Task
 from imocap_core.pipeline.runner import Display, Outcome
+from imocap_core.workers import environment
 
 Result = TypeVar("Result")
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 class LineDisplay:
@@ -76,8 +79,8 @@ class ActionDisplay:
 
 
 @dataclass(frozen=True)
-class TaskEnd(Generic[Result]):
-    """How a task ended: its result, or None and a sentence why."""
+class JobEnd(Generic[Result]):
+    """How a job of a benchmark ended: its result, or None and a sentence why."""
 
     name: str
     result: Result | None
@@ -90,30 +93,24 @@ def each(
     tasks: Sequence[tuple[str, tuple[Any, ...]]],
     jobs: int,
     display: Display,
-) -> Iterator[TaskEnd[Result]]:
+) -> Iterator[JobEnd[Result]]:
     """Call ``work(display, *arguments)`` for every task (name, arguments), as they end.
 
     With several jobs, `work` must be a module's function, and its arguments and result must pickle.
     A task that fails does not stop the others; an interrupt by the user does.
     """
-    if jobs == 1 or len(tasks) < 2:
-        for name, arguments in tasks:
-            yield _run(name, work, display, arguments)
-        return
-    context = multiprocessing.get_context("spawn")
-    with (
-        _threads(1),
-        ProcessPoolExecutor(jobs, mp_context=context, max_tasks_per_child=1) as pool,
-    ):
-        waiting: dict[Future[TaskEnd[Result]], str] = {
-            pool.submit(_run, name, work, LineDisplay(), arguments): name
-            for name, arguments in tasks
-        }
-        try:
-            for future in as_completed(waiting):
-                yield _end_of(future, waiting[future])
-        finally:
-            pool.shutdown(cancel_futures=True)
+    alone = jobs == 1 or len(tasks) < 2
+    shown = display if alone else LineDisplay()
+    graph = [Task(name, _with_display, (work, shown, given)) for name, given in tasks]
+    with nullcontext(Serial()) if alone else worker_processes(jobs, fresh=True) as executor:
+        for end in perform(graph, executor):
+            yield JobEnd(end.task.name, end.result, end.fault, end.seconds)
+
+
+def _with_display(
+    report: Report, work: Callable[..., Result], display: Display, arguments: tuple[Any, ...]
+) -> Result:
+    return work(display, *arguments)
 
 
 def other_thread_count() -> int:
@@ -124,48 +121,16 @@ def other_thread_count() -> int:
 def in_process(work: Callable[..., Result], arguments: tuple[Any, ...], threads: int) -> Result:
     """`work(*arguments)` in a process of its own, whose linear algebra has `threads` threads."""
     context = multiprocessing.get_context("spawn")
-    with _threads(threads), ProcessPoolExecutor(1, mp_context=context) as pool:
+    with (
+        environment(dict.fromkeys(THREADS, str(threads))),
+        ProcessPoolExecutor(1, mp_context=context) as pool,
+    ):
         try:
             return pool.submit(work, *arguments).result()
         except BrokenProcessPool:
             raise WorkFailed("its process died (out of memory?)") from None
 
 
-def _run(
-    name: str, work: Callable[..., Result], display: Display, arguments: tuple[Any, ...]
-) -> TaskEnd[Result]:
-    began = time.perf_counter()
-    try:
-        result = work(display, *arguments)
-    except WorkFailed as error:
-        if was_interrupted(error):
-            raise
-        return TaskEnd(name, None, str(error), time.perf_counter() - began)
-    return TaskEnd(name, result, "", time.perf_counter() - began)
-
-
 def was_interrupted(error: WorkFailed) -> bool:
     """Whether the user interrupted the work: then no other task may begin."""
     return isinstance(error.__context__, KeyboardInterrupt)
-
-
-def _end_of(future: Future[TaskEnd[Result]], name: str) -> TaskEnd[Result]:
-    try:
-        return future.result()
-    except BrokenProcessPool:
-        return TaskEnd(name, None, "its process died (out of memory?); try fewer --jobs", 0.0)
-
-
-@contextmanager
-def _threads(count: int) -> Iterator[None]:
-    """Processes started in the meantime compute with `count` threads."""
-    before = {name: os.environ.get(name) for name in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, str(count)))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value

@@ -27,6 +27,7 @@ from imocap_core.library.outputs import ActionComparison, compare, export, repor
 from imocap_core.library.people import detect, people
 from imocap_core.library.person_summary import PersonSummary, VideoPeople
 from imocap_core.library.result import Result, load
+from imocap_core.library.run_all import ActionEnd, ExecutorChoice, run_all
 from imocap_core.library.running import Run, run, run_stage
 from imocap_core.library.status import Explanation, explain, status
 from imocap_core.library.synchronising import synchronise
@@ -42,6 +43,8 @@ __all__ = [
     "SMPL_JOINTS",
     "SMPL_PARENTS",
     "ActionComparison",
+    "ActionEnd",
+    "ExecutorChoice",
     "Explanation",
     "Finding",
     "FrameMatches",
@@ -70,6 +73,7 @@ __all__ = [
     "people",
     "report",
     "run",
+    "run_all",
     "run_stage",
     "status",
     "synchronise",

@@ -41,6 +41,13 @@ def system_fault(error: OSError | MemoryError) -> str:
     return f"a file could not be read or written: {error.strerror or error}"
 
 
+def is_out_of_memory(error: BaseException) -> bool:
+    """Whether an allocation failed; PyTorch says so by a RuntimeError."""
+    return isinstance(error, MemoryError) or (
+        isinstance(error, RuntimeError) and "allocate memory" in str(error)
+    )
+
+
 def program_fault(error: Exception) -> str:
     """The sentence about an error that is no fault of the input."""
     return (

@@ -6,7 +6,7 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any
@@ -49,8 +49,8 @@ def processes(workers: int) -> Iterator[ProcessPoolExecutor]:
     before = set(multiprocessing.active_children())
     spawn, safe_path = multiprocessing.get_context("spawn"), os.environ.get(SAFE_PATH)
     with (
-        _environment(SAFE_PATH, "1"),
-        ProcessPoolExecutor(workers, spawn, _begin, (safe_path,)) as pool,
+        environment({SAFE_PATH: "1"}),
+        ProcessPoolExecutor(workers, spawn, end_with_parent_only, (safe_path,)) as pool,
     ):
         try:
             yield pool
@@ -60,21 +60,26 @@ def processes(workers: int) -> Iterator[ProcessPoolExecutor]:
             raise
 
 
-def _begin(safe_path: str | None) -> None:
-    """In a process of a pool: ended by its parent only, whose Ctrl-C reaches all of them."""
+def end_with_parent_only(safe_path: str | None) -> None:
+    """In a process that was started: ended by its parent only, whose Ctrl-C reaches all of them.
+
+    safe_path: the parent's PYTHONSAFEPATH before it started this process; None where it had none.
+    """
     _set(SAFE_PATH, safe_path)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
 @contextmanager
-def _environment(name: str, value: str) -> Iterator[None]:
-    before = os.environ.get(name)
-    _set(name, value)
+def environment(variables: Mapping[str, str]) -> Iterator[None]:
+    """Processes started in the body have these variables of the environment."""
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
     try:
         yield
     finally:
-        _set(name, before)
+        for name, value in before.items():
+            _set(name, value)
 
 
 def _set(name: str, value: str | None) -> None:

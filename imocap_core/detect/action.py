@@ -64,22 +64,48 @@ def detect(action: Action, params: DetectParams, store: Store, display: Display)
         detect_video(action.folder / declared.video, file, detector, python, display.progress)
 
 
+def detect_one(
+    action: Action, video: str, params: DetectParams, store: Store, display: Display
+) -> None:
+    """Run the detector on one video of an action, unless it has been run.
+
+    A video that cannot be decoded is passed over: the stage keypoints names it.
+    """
+    detector = detector_of(params, action.folder)
+    declared = next(v for v in action.videos if v.id == video)
+    file = _file(action, declared, detector, store)
+    if file is None or file.is_file() or _fault(action, declared):
+        return
+    display.started("detect", [f"{video} has no detections of {detector.version}"])
+    python = set_up(detector, lambda what: display.progress(0.0, what))
+    detect_video(action.folder / str(declared.video), file, detector, python, display.progress)
+
+
 def _readable(action: Action, waiting: Sequence[Declaration]) -> list[Declaration]:
     """The videos that can be decoded to their end; WorkFailed, before the detector takes its time,
     when fewer than two of the action remain."""
     readable: list[Declaration] = []
     faults: list[str] = []
     for declared in waiting:
-        try:
-            check_video(action.folder / str(declared.video))
-            for _ in read_gray(action.folder / str(declared.video), scale=LOOK_SCALE):
-                pass
+        fault = _fault(action, declared)
+        if fault:
+            faults.append(fault)
+        else:
             readable.append(declared)
-        except ValueError as error:
-            faults.append(f"{action.file}: {error}")
     if faults and len(action.videos) - len(faults) < LEAST_VIDEOS:
         raise WorkFailed("\n".join(faults))
     return readable
+
+
+def _fault(action: Action, declared: Declaration) -> str:
+    """Why a video cannot be decoded to its end; empty where it can."""
+    try:
+        check_video(action.folder / str(declared.video))
+        for _ in read_gray(action.folder / str(declared.video), scale=LOOK_SCALE):
+            pass
+    except ValueError as error:
+        return f"{action.file}: {error}"
+    return ""
 
 
 def _file(action: Action, declared: Declaration, detector: Detector, store: Store) -> Path | None:

@@ -14,7 +14,13 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, cast, runtime_checkabl
 from imocap_core.artifacts.cache import sweep
 from imocap_core.artifacts.file_memory import save_memory
 from imocap_core.artifacts.store import Store, Stored
-from imocap_core.errors import ArtifactCorrupt, WorkFailed, program_fault
+from imocap_core.errors import (
+    ArtifactCorrupt,
+    WorkFailed,
+    is_out_of_memory,
+    program_fault,
+    system_fault,
+)
 from imocap_core.peak_memory import peak_bytes, restart_peak
 from imocap_core.pipeline.action import Action
 from imocap_core.pipeline.allowed_scripts import must_be_allowed
@@ -193,6 +199,9 @@ def _call(script: Path, context: Context, inputs: Inputs, params: DeclaredParams
     except (ValueError, OSError, ArtifactCorrupt) as error:
         raise WorkFailed(f"{context.stage}: {error}") from error
     except Exception as error:
+        if is_out_of_memory(error):
+            fault = system_fault(MemoryError())
+            raise WorkFailed(f"{context.stage}: {fault}") from MemoryError(str(error))
         raise WorkFailed(f"{context.stage} broke: {program_fault(error)}") from error
     return artifact
 

@@ -1,0 +1,127 @@
+"""The tasks of actions: (action, video) for detection, (action, stage) for the rest.
+
+Stages of one action come after one another, actions do not. Of what may begin, the action named
+first goes on, so that finished actions come early.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from imocap_core.executors.task import Report, Task
+from imocap_core.library.progress import FunctionDisplay
+from imocap_core.library.running import run_action
+from imocap_core.pipeline import builtin_actions
+from imocap_core.pipeline.graph import Pipeline
+from imocap_core.workspace import Workspace
+
+WHOLE = "all stages"
+
+
+@dataclass(frozen=True)
+class StageEnd:
+    """What a stage's task leaves.
+
+    summary: the verdict's sentences, after the last stage.
+    """
+
+    stage: str
+    how: str
+    seconds: float
+    digest: str
+    notes: tuple[str, ...] = ()
+    summary: tuple[str, ...] = ()
+
+
+def task_name(action: str, step: str) -> str:
+    """As it is shown: an action and one of its steps."""
+    return f"{action}: {step}"
+
+
+def tasks_of(workspace: Workspace, action: str, sets: Sequence[str], priority: int) -> list[Task]:
+    """The tasks that bring an action to its report, each after the one before it.
+
+    ImocapError when its action.yaml cannot be used.
+    """
+    root = workspace.root
+    pipeline = workspace.pipeline()
+    if action in builtin_actions.BUILT_IN:
+        made = Task(task_name(action, "demo"), make_built_in, (root, action), (), priority)
+        stages = _stage_tasks(pipeline, root, action, sets, (made.name,), priority)
+        return [made, *stages]
+    declared = workspace.job(action, list(sets)).action
+    if any(video.repetitions for video in declared.videos):  # its parts are known only later
+        whole = (root, action, tuple(sets), None)
+        return [Task(task_name(action, WHOLE), run_to, whole, (), priority)]
+    detections = [
+        Task(
+            task_name(action, f"detect {video.id}"),
+            detect_video,
+            (root, action, tuple(sets), video.id),
+            (),
+            priority,
+        )
+        for video in declared.videos
+        if video.detected
+    ]
+    after = tuple(task.name for task in detections)
+    return [*detections, *_stage_tasks(pipeline, root, action, sets, after, priority)]
+
+
+def _stage_tasks(
+    pipeline: Pipeline,
+    root: Path,
+    action: str,
+    sets: Sequence[str],
+    after: tuple[str, ...],
+    priority: int,
+) -> list[Task]:
+    tasks = []
+    stages = list(pipeline.stages)
+    for stage in stages:
+        until = None if stage == stages[-1] else stage
+        task = Task(
+            task_name(action, stage), run_to, (root, action, tuple(sets), until), after, priority
+        )
+        tasks.append(task)
+        after = (task.name,)
+    return tasks
+
+
+def make_built_in(report: Report, root: Path, name: str) -> None:
+    """Make a built-in action, unless it is there."""
+    workspace = Workspace(root)
+    display = FunctionDisplay(lambda stage, share, text: report(share, text))
+    with workspace.store.lock(name, display.waiting):
+        folder = root / "actions" / name
+        builtin_actions.ensure(name, folder, workspace.pipeline().seed, display)
+
+
+def detect_video(
+    report: Report, root: Path, action: str, sets: tuple[str, ...], video: str
+) -> None:
+    """Detect the people in one video, unless that was done."""
+    from imocap_core.detect.action import detect_one
+
+    job = Workspace(root).job(action, list(sets))
+    display = FunctionDisplay(lambda stage, share, text: report(share, text))
+    detect_one(job.action, video, job.settings.params.detect, job.store, display)
+
+
+def run_to(
+    report: Report, root: Path, action: str, sets: tuple[str, ...], until: str | None
+) -> StageEnd:
+    """Bring an action up to date to a stage (None: to its report); earlier ones are cached."""
+    done = run_action(
+        action,
+        root=root,
+        params=list(sets),
+        until=until,
+        progress=lambda stage, share, text: report(share, text),
+    )
+    last = done.outcomes[-1]
+    summary = () if done.verdict is None or until is not None else tuple(done.verdict.summary)
+    notes = () if until is not None else tuple(done.notes)
+    return StageEnd(last.stage, last.how, last.seconds, last.stored.digest, notes, summary)

@@ -1,0 +1,67 @@
+"""Tasks on a Dask cluster of this machine."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import sys
+from pathlib import Path
+
+import pytest
+
+from imocap_core.errors import WorkFailed
+from imocap_core.executors.cluster import dask_cluster
+from imocap_core.executors.perform import perform
+from imocap_core.executors.task import Begun, Progressed, Report, Task
+
+pytest.importorskip("distributed", reason="the extra dask is not installed")
+
+
+def note(report: Report, file: Path, text: str) -> int:
+    report(0.5, text)
+    with file.open("a") as stream:
+        stream.write(text + "\n")
+    return os.getpid()
+
+
+def refuse(report: Report, sentence: str) -> None:
+    raise WorkFailed(sentence)
+
+
+def die_once(report: Report, file: Path) -> int:
+    if not file.exists():
+        file.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return os.getpid()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="kills a process as Linux does")
+def test_a_graph_on_a_cluster_survives_a_worker_killed_by_signal(tmp_path: Path) -> None:
+    events: list[Begun | Progressed] = []
+    file = tmp_path / "notes"
+    tasks = [
+        Task("die", die_once, (tmp_path / "died",)),
+        Task("broken", refuse, ("no keypoints",)),
+        Task("after broken", note, (file, "never"), ("broken",)),
+        Task("first", note, (file, "first"), ("die",)),
+        Task("second", note, (file, "second"), ("first",)),
+    ]
+    with dask_cluster(2) as cluster:
+        ends = {e.task.name: e for e in perform(tasks, cluster, events.append)}
+    assert [ends[t.name].state for t in tasks] == ["done", "failed", "skipped", "done", "done"]
+    assert ends["broken"].fault == "no keypoints"
+    assert file.read_text().split() == ["first", "second"]
+    assert any(isinstance(e, Begun) and e.task.name == "first" for e in events)
+
+
+def test_a_scheduler_that_does_not_answer_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("imocap_core.executors.cluster.CONNECT_S", 1)
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{unused.getsockname()[1]}"
+    with (
+        pytest.raises(WorkFailed, match=f"no Dask scheduler answers at {address}"),
+        dask_cluster(1, address),
+    ):
+        pass

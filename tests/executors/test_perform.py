@@ -1,0 +1,210 @@
+"""Graphs of tasks: order, priority, failures and retries, the same for every executor."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from imocap_core.errors import WorkFailed
+from imocap_core.executors.perform import perform
+from imocap_core.executors.processes import worker_processes
+from imocap_core.executors.schedule import Schedule
+from imocap_core.executors.serial import Serial
+from imocap_core.executors.task import Begun, Executor, Progressed, Report, Task
+
+needs_proc = pytest.mark.skipif(sys.platform != "linux", reason="kills a process as Linux does")
+
+
+@contextmanager
+def serial() -> Iterator[Executor]:
+    yield Serial()
+
+
+def processes() -> AbstractContextManager[Executor]:
+    return worker_processes(2)
+
+
+EXECUTORS = pytest.mark.parametrize("executor", [serial, processes])
+
+
+def note(report: Report, file: Path, text: str) -> int:
+    report(0.5, text)
+    with file.open("a") as stream:
+        stream.write(text + "\n")
+    return os.getpid()
+
+
+def refuse(report: Report, sentence: str) -> None:
+    raise WorkFailed(sentence)
+
+
+def chain(name: str, file: Path, steps: int, priority: int = 0) -> list[Task]:
+    names = [f"{name}{i}" for i in range(steps)]
+    return [
+        Task(n, note, (file, n), tuple(names[max(0, i - 1) : i]), priority)
+        for i, n in enumerate(names)
+    ]
+
+
+@EXECUTORS
+def test_every_task_comes_after_those_that_it_names(executor: Any, tmp_path: Path) -> None:
+    tasks = [*chain("a", tmp_path / "a", 4), *chain("b", tmp_path / "b", 4)]
+    with executor() as chosen:
+        ends = list(perform(tasks, chosen))
+    assert {end.task.name for end in ends} == {task.name for task in tasks}
+    assert all(end.state == "done" and end.attempts == 1 for end in ends)
+    for name in ("a", "b"):
+        assert (tmp_path / name).read_text().split() == [f"{name}{i}" for i in range(4)]
+
+
+@EXECUTORS
+def test_a_failure_stops_what_comes_after_it_and_nothing_else(
+    executor: Any, tmp_path: Path
+) -> None:
+    first, *others = chain("a", tmp_path / "a", 3)
+    broken = Task(first.name, refuse, ("no keypoints",))
+    with executor() as chosen:
+        ends = {
+            e.task.name: e
+            for e in perform([broken, *others, *chain("b", tmp_path / "b", 2)], chosen)
+        }
+    assert [(ends[n].state, ends[n].fault) for n in ("a0", "a1", "a2")] == [
+        ("failed", "no keypoints"),
+        ("skipped", "a0 failed"),
+        ("skipped", "a0 failed"),
+    ]
+    assert ends["b0"].state == ends["b1"].state == "done"
+    assert not (tmp_path / "a").exists()
+
+
+@EXECUTORS
+def test_a_fault_of_the_program_is_a_sentence(executor: Any) -> None:
+    with executor() as chosen:
+        (end,) = perform([Task("t", divide, (0,))], chosen)
+    assert end.state == "failed"
+    assert end.fault.startswith("ZeroDivisionError")
+
+
+def divide(report: Report, by: int) -> float:
+    return 1 / by
+
+
+@EXECUTORS
+def test_progress_names_its_task(executor: Any, tmp_path: Path) -> None:
+    events: list[Begun | Progressed] = []
+    with executor() as chosen:
+        list(perform(chain("a", tmp_path / "a", 2), chosen, events.append))
+    told = [(type(e).__name__, e.task.name) for e in events]
+    assert told == [(k, n) for n in ("a0", "a1") for k in ("Begun", "Progressed")]
+    assert events[1] == Progressed(events[1].task, 0.5, "a0")
+
+
+def test_what_has_priority_begins_first(tmp_path: Path) -> None:
+    file = tmp_path / "order"
+    tasks = [*chain("late", file, 2, priority=1), *chain("early", file, 2, priority=0)]
+    list(perform(tasks, Serial()))
+    assert file.read_text().split() == ["early0", "early1", "late0", "late1"]
+
+
+@pytest.mark.parametrize(
+    "tasks",
+    [
+        [Task("a", note), Task("a", note)],
+        [Task("a", note, (), ("b",)), Task("b", note)],
+        [Task("a", note, (), ("a",))],
+    ],
+)
+def test_a_graph_with_a_cycle_or_two_of_one_name_is_refused(tasks: list[Task]) -> None:
+    with pytest.raises(ValueError, match=r"task a: expected a new name"):
+        Schedule(tasks)
+
+
+def die_once(report: Report, file: Path) -> int:
+    if not file.exists():
+        file.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return os.getpid()
+
+
+@needs_proc
+def test_a_worker_that_is_killed_is_replaced_and_its_task_tried_again(tmp_path: Path) -> None:
+    tasks = [Task("d", die_once, (tmp_path / "died",)), *chain("a", tmp_path / "a", 3)]
+    with worker_processes(2) as executor:
+        ends = {e.task.name: e for e in perform(tasks, executor, retries=1)}
+    assert ends["d"].state == "done"
+    assert ends["d"].attempts == 2
+    assert all(ends[f"a{i}"].state == "done" for i in range(3))
+
+
+@needs_proc
+def test_a_task_that_kills_every_worker_fails_with_a_sentence(tmp_path: Path) -> None:
+    task = Task("d", os_kill, ())
+    with worker_processes(1) as executor:
+        (end,) = perform([task], executor, retries=1)
+    assert (end.state, end.attempts) == ("failed", 2)
+    assert "SIGKILL, as the system does when memory runs out" in end.fault
+    assert end.fault.endswith("(tried 2 times)")
+
+
+def os_kill(report: Report) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def fill_memory(report: Report) -> int:
+    return len(bytearray(8 << 30))
+
+
+@needs_proc
+def test_a_worker_takes_no_more_memory_than_it_may() -> None:
+    with worker_processes(1, memory_bytes=1 << 30) as executor:
+        (end,) = perform([Task("m", fill_memory)], executor)
+    assert end.state == "failed"
+    assert end.fault.startswith("not enough memory")
+
+
+def threads(report: Report) -> tuple[str | None, str | None]:
+    return os.environ.get("OMP_NUM_THREADS"), os.environ.get("PYTHONSAFEPATH")
+
+
+def test_workers_compute_with_one_thread_and_the_outer_process_as_before(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "5")
+    monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
+    with worker_processes(1) as executor:
+        (end,) = perform([Task("t", threads)], executor)
+    assert end.result == ("1", None)
+    assert os.environ["OMP_NUM_THREADS"] == "5"
+
+
+def sleep(report: Report, file: Path) -> None:
+    file.write_text(str(os.getpid()))
+    time.sleep(3600)
+
+
+@needs_proc
+def test_workers_end_with_the_body(tmp_path: Path) -> None:
+    file = tmp_path / "pid"
+
+    def stop_when_begun(event: object) -> None:
+        while not file.exists() or not file.read_text():
+            time.sleep(0.01)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt), worker_processes(1) as executor:
+        list(perform([Task("s", sleep, (file,))], executor, stop_when_begun))
+    pid = int(file.read_text())
+    end = time.monotonic() + 30
+    while Path(f"/proc/{pid}").exists() and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not Path(f"/proc/{pid}").exists()
+    assert threading.active_count() < 20
