@@ -6,6 +6,8 @@ several workers (`distributed.scheduler.allowed-failures`).
 
 from __future__ import annotations
 
+import importlib.util
+import logging
 import queue
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -92,7 +94,7 @@ def dask_cluster(
         workers: processes of a cluster on this machine, each with one thread.
         address: of a scheduler, instead of a cluster on this machine.
         memory_bytes: largest memory of a worker of a cluster on this machine.
-        announce: called with the address of the dashboard.
+        announce: called with the address of the dashboard, where bokeh is installed.
 
     WorkFailed where distributed is not installed or the scheduler does not answer.
     """
@@ -101,6 +103,7 @@ def dask_cluster(
         from distributed import Client, LocalCluster
     except ImportError:
         raise WorkFailed(MISSING) from None
+    has_dashboard = importlib.util.find_spec("bokeh") is not None
     with dask.config.set({"distributed.worker.daemon": False}):
         if address is not None:
             cluster: Any = address
@@ -109,7 +112,8 @@ def dask_cluster(
                 n_workers=workers,
                 threads_per_worker=1,
                 memory_limit=memory_bytes or 0,
-                dashboard_address=None,
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.ERROR,
             )
         try:
             client = Client(cluster, timeout=CONNECT_S)
@@ -117,7 +121,8 @@ def dask_cluster(
             raise WorkFailed(
                 f"no Dask scheduler answers at {address}: {error}; start one with `dask scheduler`"
             ) from None
-        announce(client.dashboard_link or "")
+        if has_dashboard:
+            announce(f"Dask's dashboard: {client.dashboard_link}")
         executor = Cluster(client)
         try:
             yield executor

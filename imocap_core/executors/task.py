@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, runtime_checkable
 
 Report = Callable[[float, str], None]
 """Called by a task with the share of its work that is done (0 to 1), and what it is doing."""
@@ -78,6 +78,7 @@ Event = Begun | Progressed | Ended
 Watch = Callable[[Begun | Progressed], None]
 
 
+@runtime_checkable
 class Executor(Protocol):
     """Carries out attempts at tasks."""
 

@@ -65,3 +65,16 @@ def test_a_scheduler_that_does_not_answer_is_a_sentence(monkeypatch: pytest.Monk
         dask_cluster(1, address),
     ):
         pass
+
+
+def test_a_cluster_that_exists_is_used_and_left_running(tmp_path: Path) -> None:
+    from distributed import Client, LocalCluster
+
+    with LocalCluster(
+        1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0"
+    ) as c:
+        with dask_cluster(1, c.scheduler_address) as cluster:
+            (end,) = perform([Task("t", note, (tmp_path / "notes", "text"))], cluster)
+        assert end.state == "done"
+        with Client(c.scheduler_address) as client:
+            assert client.submit(abs, -1).result(timeout=30) == 1
