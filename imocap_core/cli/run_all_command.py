@@ -61,7 +61,7 @@ def run_all_command(
     if bool(actions) == every:
         raise WrongUse("expected actions, or --all for every one below actions/: one of them")
     limit = None if memory is None else memory_size(memory)
-    choice = ExecutorChoice(executor, workers, address, limit, retries)  # type: ignore[arg-type]
+    choice = ExecutorChoice(executor, workers, address, limit, retries)
     check_choice(choice)
     chosen = None if every else actions
     if as_json:

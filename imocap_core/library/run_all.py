@@ -18,20 +18,19 @@ from imocap_core.memory_limit import can_limit_memory
 from imocap_core.workers import cores
 from imocap_core.workspace import Workspace
 
-Name = Literal["serial", "processes", "dask"]
-NAMES: tuple[Name, ...] = ("serial", "processes", "dask")
+NAMES = ("serial", "processes", "dask")
 
 
 @dataclass(frozen=True)
 class ExecutorChoice:
     """Where tasks run.
 
-    workers: processes on this machine; None for one a core. address: of a Dask scheduler, instead
+    name: serial, processes or dask. workers: processes on this machine; None for one a core. address: of a Dask scheduler, instead
     of a cluster on this machine. memory_bytes: largest memory of a worker. retries: further
     attempts at a task whose worker died.
     """
 
-    name: Name = "processes"
+    name: str = "processes"
     workers: int | None = None
     address: str | None = None
     memory_bytes: int | None = None
@@ -85,7 +84,7 @@ def run_all(
     *,
     root: str | Path = ".",
     params: Params = None,
-    executor: ExecutorChoice | Name = "processes",
+    executor: ExecutorChoice | str = "processes",
     listener: Listener | None = None,
 ) -> list[ActionEnd]:
     """Run actions to their reports, several at once; those named first end first.

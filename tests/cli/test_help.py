@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 Capture = pytest.CaptureFixture[str]
 ORDER = (
-    *("init", "run", "view", "export", "video", "report", "compare", "sync", "status", "list"),
+    *("init", "run", "run-all", "view", "export", "video", "report", "compare", "sync"),
+    *("status", "list"),
     *("explain", "stage", "detect", "people", "params", "clean", "benchmark", "doctor"),
 )
 HEAVY = ("numpy", "pydantic", "scipy", "torch", "rich.table", "yaml", "imocap_core.library")
