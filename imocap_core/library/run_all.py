@@ -25,9 +25,9 @@ NAMES = ("serial", "processes", "dask")
 class ExecutorChoice:
     """Where tasks run.
 
-    name: serial, processes or dask. workers: processes on this machine; None for one a core. address: of a Dask scheduler, instead
-    of a cluster on this machine. memory_bytes: largest memory of a worker. retries: further
-    attempts at a task whose worker died.
+    name: serial, processes or dask. workers: processes on this machine; None for one a core.
+    address: of a Dask scheduler, instead of a cluster on this machine. memory_bytes: largest memory
+    of a worker. retries: further attempts at a task whose worker died.
     """
 
     name: str = "processes"
