@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 
 from imocap_core.artifacts.schemas import (
@@ -12,7 +13,9 @@ from imocap_core.artifacts.schemas import (
     VideoKeypoints,
 )
 from imocap_core.camera.background import rescaled, track_background
+from imocap_core.camera.feature_tracks import track_features
 from imocap_core.camera.motion import CameraMotionEstimate, estimate_camera_motion, static_camera
+from imocap_core.camera.parallax import ParallaxTest, parallax_test
 from imocap_core.camera.projection import warp
 from imocap_core.cli import stage_main
 from imocap_core.io.video import read_gray
@@ -77,8 +80,24 @@ def _look(video: VideoKeypoints, path: Path, params: CameraMotionParams) -> Came
         video.focal_px,
         assumed_focal_factor=params.assumed_focal_factor,
         threshold_px=params.reprojection_threshold_px / scale,
+        parallax=partial(_parallax, video, path, scale, params),
     )
     return camera_at_used_frames(camera, video)
+
+
+def _parallax(
+    video: VideoKeypoints, path: Path, scale: float, params: CameraMotionParams
+) -> ParallaxTest:
+    first, last = int(video.frames[0]), int(video.frames[-1])
+    tracks = track_features(
+        (picture for _, picture in read_gray(path, first, last + 1, scale=scale)),
+        (video.person_box_px[nearest_used(video)] + 0.5) * scale - 0.5,
+        video.fps,
+        max_features=params.max_features,
+    )
+    width, height = (round(side * scale) for side in video.size)
+    focal = video.focal_px * scale if video.focal_px else None
+    return parallax_test(tracks, last + 1 - first, (width, height), focal)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ conditioned, and its residuals tell a rotating camera from a translating one.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -17,6 +17,7 @@ from scipy.optimize import minimize_scalar
 
 from imocap_core.camera.averaging import angle_deg, nearest_rotation
 from imocap_core.camera.background import Matches, chain
+from imocap_core.camera.parallax import ParallaxTest
 from imocap_core.camera.projection import intrinsics, project_camera, rays, warp
 from imocap_core.camera.zooming import homographies, rotations_and_zooms
 from imocap_core.robust import geman_mcclure, geman_mcclure_weight
@@ -80,6 +81,7 @@ def estimate_camera_motion(
     *,
     assumed_focal_factor: float,
     threshold_px: float,
+    parallax: Callable[[], ParallaxTest] | None = None,
 ) -> CameraMotionEstimate:
     """Motion, rotations and focal length of one camera from its matched background (section 3.2).
 
@@ -88,6 +90,7 @@ def estimate_camera_motion(
         focal_px: the focal length where it is given; None solves it when the camera rotates enough,
             and otherwise assumes ``assumed_focal_factor`` times the larger side.
         threshold_px: largest error of a point that counts as explained.
+        parallax: makes the test for parallax, which a static camera does not need; None: no test.
     """
     inliers = np.array([int(match.inlier.sum()) for match in matches], dtype=np.int64)
     still = replace(
@@ -104,6 +107,11 @@ def estimate_camera_motion(
         residual = float(np.median(movement))
         static = replace(still, motion="static", residual_px=residual)
         return replace(static, note="stands still" + unmatched)
+    test = None if parallax is None else parallax()
+    if test is not None and test.moves:
+        still = replace(still, residual_px=test.off_px)
+        return _translating(matches, still, _rotations(matches, still.K), test.words + unmatched)
+    unmatched += "" if test is None else f"; {test.words}"
     solved = None if focal_px else solve_focal(matches, size)
     if solved:
         solved_start = replace(still, K=intrinsics(solved, size), focal_source="rotation")
@@ -136,16 +144,32 @@ def _simplest_motion(
     zooming = _zooming(matches, start, threshold_px, unmatched)
     if zooming is not None:
         return zooming
+    why = f"a rotation explains only {explained:.0%} of the background ({residual:.1f} px off)"
+    return _translating(matches, replace(start, residual_px=residual), R, why + unmatched)
+
+
+def _translating(
+    matches: Sequence[Matches],
+    start: CameraMotionEstimate,
+    R: Float[np.ndarray, "T 3 3"],
+    why: str,
+) -> CameraMotionEstimate:
+    """``start`` with plain homographies: a camera that moves, its path unknown."""
     H = chain(matches, np.stack([match.H_key_from_frame for match in matches]))
     return replace(
         start,
         motion="translating",
         H_first_from_frame=H / H[:, 2:, 2:],
         R_first_from_frame=R,
-        residual_px=residual,
-        note=f"a rotation explains only {explained:.0%} of the background ({residual:.1f} px off): "
-        "the camera moves, and keypoints are warped by plain homographies" + unmatched,
+        note=f"the camera moves from its place: {why}; keypoints are warped by plain homographies",
     )
+
+
+def _rotations(
+    matches: Sequence[Matches], K: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "T 3 3"]:
+    """Rotations to the first frame that explain the background best."""
+    return chain(matches, np.stack([rotation_key_from_frame(match, K)[0] for match in matches]))
 
 
 def _zooming(

@@ -55,8 +55,13 @@ class FilmCamera:
 
     @property
     def centre(self) -> Float[np.ndarray, "3"]:
-        """The camera centre in the world, the same in every frame."""
-        return -self.R_cam_from_world[0].T @ self.t[0]
+        """The camera centre in the world in the first frame: in every frame, unless it walks."""
+        return self.centres[0]
+
+    @property
+    def centres(self) -> Float[np.ndarray, "T 3"]:
+        """The camera centre in the world in every frame."""
+        return -np.einsum("tji,tj->ti", self.R_cam_from_world, self.t)
 
 
 # Four sides, near and wide to far and narrow, from the knee's height to above the head.

@@ -7,6 +7,7 @@ K R_t R_plate^T K_plate^-1.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -116,41 +117,69 @@ def render_plate(surfaces: list[Surface], camera: FilmCamera, size: tuple[int, i
     shift = np.array([[1.0, 0.0, -low[0]], [0.0, 1.0, -low[1]], [0.0, 0.0, 1.0]])
     K = shift @ camera.K
     plate_size = (int(high[0] - low[0]), int(high[1] - low[1]))
-    return Plate(_raycast(surfaces, K, middle, camera.centre, plate_size), K, middle)
+    return Plate(raycast(surfaces, K, middle, camera.centre, plate_size), K, middle)
 
 
-def _raycast(
-    surfaces: list[Surface],
+def raycast(
+    surfaces: Sequence[Surface],
     K: Float[np.ndarray, "3 3"],
     R: Float[np.ndarray, "3 3"],
     centre: Float[np.ndarray, "3"],
     size: tuple[int, int],
+    supersample: int = _SUPERSAMPLE,
 ) -> UInt8[np.ndarray, "H W 3"]:
-    """RGB picture of textured rectangles by a pinhole camera at `centre`."""
-    fine = (size[0] * _SUPERSAMPLE, size[1] * _SUPERSAMPLE)
-    x = (np.arange(fine[0]) + 0.5) / _SUPERSAMPLE - 0.5
-    y = (np.arange(fine[1]) + 0.5) / _SUPERSAMPLE - 0.5
+    """RGB picture of textured rectangles by a pinhole camera at `centre`, of so many rays a pixel
+    in each direction."""
+    fine = (size[0] * supersample, size[1] * supersample)
+    x = (np.arange(fine[0]) + 0.5) / supersample - 0.5
+    y = (np.arange(fine[1]) + 0.5) / supersample - 0.5
     pixels = np.stack([*np.meshgrid(x, y), np.ones(fine[::-1])], axis=-1)
     directions = pixels @ (np.linalg.inv(K).T @ R)
     image = np.full((fine[1], fine[0], 3), (188, 196, 204), np.uint8)
     nearest = np.full(fine[::-1], np.inf)
+    K_fine = np.diag([supersample, supersample, 1.0]) @ K
     for surface in surfaces:
+        rows, columns = _region(surface, K_fine, R, centre, fine)
         normal = np.cross(surface.along, surface.down)
-        slope = directions @ normal
+        slope = directions[rows, columns] @ normal
         slope[np.abs(slope) < 1e-9] = 1e-9
         distance = ((surface.corner - centre) @ normal) / slope
-        hit = centre - surface.corner + distance[..., None] * directions
+        hit = centre - surface.corner + distance[..., None] * directions[rows, columns]
         column = hit @ surface.along * PX_PER_M
         row = hit @ surface.down * PX_PER_M
         high, wide = surface.texture.shape[:2]
-        on = (distance > 0) & (distance < nearest)
+        on = (distance > 0) & (distance < nearest[rows, columns])
         on &= (column >= 0) & (column < wide - 1) & (row >= 0) & (row < high - 1)
+        if not on.any():
+            continue
         sampled = cv2.remap(
             surface.texture, column.astype(np.float32), row.astype(np.float32), cv2.INTER_LINEAR
         )
-        image[on] = sampled[on]
-        nearest[on] = distance[on]
+        image[rows, columns][on] = sampled[on]
+        nearest[rows, columns][on] = distance[on]
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+
+
+def _region(
+    surface: Surface,
+    K: Float[np.ndarray, "3 3"],
+    R: Float[np.ndarray, "3 3"],
+    centre: Float[np.ndarray, "3"],
+    size: tuple[int, int],
+) -> tuple[slice, slice]:
+    """Rows and columns of a picture that a rectangle lies in: all where it reaches behind the
+    camera."""
+    high, wide = (n / PX_PER_M for n in surface.texture.shape[:2])
+    corners = surface.corner + np.array(
+        [a * wide * surface.along + b * high * surface.down for a in (0, 1) for b in (0, 1)]
+    )
+    in_view = (corners - centre) @ R.T @ K.T
+    if (in_view[:, 2] < 1e-2).any():
+        return slice(None), slice(None)
+    pixels = in_view[:, :2] / in_view[:, 2:]
+    low = np.clip(np.floor(pixels.min(axis=0)) - 2, 0, size).astype(int)
+    end = np.clip(np.ceil(pixels.max(axis=0)) + 3, 0, size).astype(int)
+    return slice(low[1], end[1]), slice(low[0], end[0])
 
 
 def backdrop(
