@@ -17,6 +17,7 @@ from imocap_core.cli.init_command import init_command
 from imocap_core.cli.list_command import list_command
 from imocap_core.cli.params_command import params_command
 from imocap_core.cli.people_command import people_command
+from imocap_core.cli.pick_command import pick_command
 from imocap_core.cli.report_command import report_command
 from imocap_core.cli.run_all_command import run_all_command
 from imocap_core.cli.run_commands import run_command, stage_command
@@ -36,6 +37,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("init")(init_command)
+app.command("pick")(pick_command)
 app.command("run")(run_command)
 app.command("run-all")(run_all_command)
 app.command("view")(view_command)

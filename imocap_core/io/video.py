@@ -64,7 +64,7 @@ def read_rgb(
     ValueError when the file cannot be read.
     """
     for number, frame in _frames(path, first, stop):
-        yield number, _upright(np.asarray(frame.to_ndarray(format="rgb24"), np.uint8), frame)
+        yield number, upright(np.asarray(frame.to_ndarray(format="rgb24"), np.uint8), frame)
 
 
 def read_gray(
@@ -91,7 +91,7 @@ def read_checked_gray(
             format="gray",
             interpolation="AREA",
         )
-        picture = _upright(np.asarray(small.to_ndarray(), np.uint8), frame)
+        picture = upright(np.asarray(small.to_ndarray(), np.uint8), frame)
         yield number, picture, not frame.is_corrupt
 
 
@@ -221,7 +221,7 @@ def _frames(path: Path, first: int, stop: int | None) -> Iterator[tuple[int, av.
                 yield number, frame
 
 
-def _upright(picture: UInt8[np.ndarray, "..."], frame: av.VideoFrame) -> UInt8[np.ndarray, "..."]:
+def upright(picture: UInt8[np.ndarray, "..."], frame: av.VideoFrame) -> UInt8[np.ndarray, "..."]:
     """Turned by the rotation that phones store beside a sideways picture."""
     turns = round(frame.rotation / 90)
     return np.ascontiguousarray(np.rot90(picture, turns)) if turns % 4 else picture

@@ -148,8 +148,12 @@ def find_action(name_or_path: str, root: Path) -> Path:
 
 def read_action(folder: Path) -> Action:
     """Read and check folder/action.yaml. WorkFailed names every fault in it at once."""
-    file = folder / FILE_NAME
-    parsed = parse(_ActionFile, load_yaml(file), str(file))
+    return action_of(load_yaml(folder / FILE_NAME), folder)
+
+
+def action_of(data: Any, folder: Path) -> Action:
+    """The action that the content of folder/action.yaml declares. WorkFailed names every fault."""
+    parsed = parse(_ActionFile, data, str(folder / FILE_NAME))
     return Action(
         folder=folder.resolve(),
         name=parsed.name,

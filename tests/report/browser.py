@@ -100,6 +100,11 @@ class Browser:
         self.call("Page.navigate", url=file.resolve().as_uri())
         self.wait("document.readyState === 'complete' && location.protocol === 'file:'")
 
+    def visit(self, address: str) -> None:
+        """Open an address of a server and wait until its page has been read."""
+        self.call("Page.navigate", url=address)
+        self.wait(f"document.readyState === 'complete' && location.href === {json.dumps(address)}")
+
     def value(self, expression: str) -> Any:
         """What a JavaScript expression gives, promises awaited."""
         found = self.call(
@@ -130,6 +135,39 @@ class Browser:
         text = {"text": key} if len(key) == 1 else {}
         self.call("Input.dispatchKeyEvent", type="keyDown", key=key, **text)
         self.call("Input.dispatchKeyEvent", type="keyUp", key=key)
+
+    def press(self, key: str, code: int, shift: bool = False, control: bool = False) -> None:
+        """The same with the effects of a real key (Tab, Enter, ...); `code`: its Windows code."""
+        modifiers = 8 * shift + 2 * control
+        text = {"text": "\r"} if key == "Enter" else {}
+        for kind, extra in (("keyDown", text), ("keyUp", {})):
+            self.call(
+                "Input.dispatchKeyEvent", type=kind, key=key, windowsVirtualKeyCode=code,
+                modifiers=modifiers, **extra,
+            )  # fmt: skip
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float]) -> None:
+        """Press the left mouse button at one place, and release it at another."""
+        places = [start, ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2), end]
+        self._mouse("mouseMoved", start)
+        self._mouse("mousePressed", start)
+        for place in places[1:]:
+            self._mouse("mouseMoved", place, buttons=1)
+        self._mouse("mouseReleased", end)
+
+    def _mouse(self, kind: str, place: tuple[float, float], buttons: int = 0) -> None:
+        x, y = place
+        self.call(
+            "Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1,
+            buttons=buttons,
+        )  # fmt: skip
+
+    def touch(self, *places: tuple[float, float]) -> None:
+        """Put a finger down at the first place, move it along the others, and lift it."""
+        for n, (x, y) in enumerate(places):
+            kind = "touchStart" if n == 0 else "touchMove"
+            self.call("Input.dispatchTouchEvent", type=kind, touchPoints=[{"x": x, "y": y}])
+        self.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])
 
     def click(self, x: float, y: float) -> None:
         """Press and release the left mouse button, in CSS pixels."""

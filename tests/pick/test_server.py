@@ -1,0 +1,180 @@
+"""The page's requests over real HTTP: what it shows, and what it makes of action.yaml."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+
+from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.pick.pick import open_session, picking
+from tests.pick.conftest import CUT, FRAMES, SIZE
+from tests.pick.made import Asker
+
+
+def followed(state: dict) -> bool:
+    return all(video["people"]["state"] == "ready" for video in state["videos"])
+
+
+def test_the_state_shows_videos_people_and_what_would_run(asker: Asker) -> None:
+    state = asker.wait(lambda s: followed(s) and s["plan"])
+    first, second = state["files"]
+    assert (first["count"], tuple(first["size"]), first["cuts"]) == (FRAMES, SIZE, [CUT])
+    assert second["cuts"] == []
+    assert state["plan"]["stages"][0]["stage"] == "keypoints"
+    assert state["plan"]["stages"][0]["why"] == ["never run"]
+    assert state["warnings"] == []
+    assert state["fault"] is None
+    assert state["command"].endswith("run made")
+    answer, content = asker.ask(f"people/{state['videos'][0]['people']['key']}")
+    assert answer.status == 200
+    everybody = json.loads(content)["people"]
+    assert [person["number"] for person in everybody] == [1, 2]
+    assert everybody[0]["frames"] == list(range(FRAMES))
+    x0, _, x1, _ = everybody[0]["boxes"][10]
+    assert x0 < 60 + 3 * 10 < x1
+
+
+@pytest.mark.parametrize(("kind", "width"), [("thumb", 160), ("large", 320)])
+def test_pictures_are_of_their_frames(asker: Asker, kind: str, width: int) -> None:
+    asker.wait(lambda s: "count" in s["files"][0])
+    shown = {}
+    for number in (30, 2, 20, 19, 18):
+        answer, content = asker.ask(f"pictures/0/{kind}/{number}.jpg")
+        assert answer.getheader("Content-Type") == "image/jpeg"
+        shown[number] = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+        assert shown[number].shape[1] == width
+        place = int((60 + 3 * number) * width / SIZE[0])
+        blue, _, red = shown[number][shown[number].shape[0] // 2, place].astype(int)
+        assert red > blue + 60, "the walking figure is here"
+
+
+def test_an_edit_is_written_and_undone(asker: Asker) -> None:
+    asker.wait(lambda s: "count" in s["files"][0])
+    before = asker.file.read_text()
+    person = {"frame": 12, "box": [80, 20, 120, 150]}
+    status, state = asker.edit(
+        {"kind": "person", "video": "v1", "person": person},
+        {"kind": "frames", "video": "v1", "frames": [2, CUT]},
+    )
+    assert status == 200
+    assert state["videos"][0]["person"] == person
+    assert state["videos"][0]["frames"] == [2, CUT]
+    assert state["can_undo"]
+    text = asker.file.read_text()
+    assert "# first" in text
+    assert "# made for a test" in text
+    _, content = asker.ask("step", {"revision": state["revision"], "step": "undo"})
+    assert asker.file.read_text() == before
+    state = json.loads(content)
+    assert not state["can_undo"]
+    asker.ask("step", {"revision": state["revision"], "step": "redo"})
+    assert asker.file.read_text() == text
+
+
+def test_a_faulty_edit_is_told_in_plain_words(asker: Asker) -> None:
+    asker.wait(lambda s: "count" in s["files"][0])
+    before = asker.file.read_text()
+    status, document = asker.edit({"kind": "frames", "video": "v1", "frames": [30, 20]})
+    assert status == 422
+    assert document["error"] == (
+        "action.yaml: videos.0: frames: expected [first, one past last], got [30, 20]"
+    )
+    status, document = asker.edit({"kind": "frames", "video": "v1", "frames": [0, 999]})
+    assert status == 422
+    assert f"within [0, {FRAMES}]" in document["error"]
+    assert asker.file.read_text() == before
+
+
+def test_a_change_of_another_program_is_noticed(asker: Asker) -> None:
+    old = asker.state()["revision"]
+    asker.file.write_text(asker.file.read_text() + "# by hand\n")
+    status, document = asker.edit(
+        {"kind": "mirrored", "video": "v1", "mirrored": True}, revision=old
+    )
+    assert status == 409
+    assert "changed by another program" in document["error"]
+    assert asker.file.read_text().endswith("# by hand\n")
+    assert asker.state()["revision"] != old
+    assert asker.edit({"kind": "mirrored", "video": "v1", "mirrored": True})[0] == 200
+    assert asker.file.read_text().endswith("# by hand\n")
+
+
+def test_a_file_that_became_faulty_is_shown_with_its_fault(asker: Asker) -> None:
+    text = asker.file.read_text()
+    asker.file.write_text(text.replace("id: v2", "id: v1"))
+    state = asker.state()
+    assert state["fault"] == "action.yaml: (whole file): videos: expected unique ids, got v1 twice"
+    assert [video["id"] for video in state["videos"]] == ["v1", "v2"]
+    asker.file.write_text(text)
+    assert asker.state()["fault"] is None
+
+
+def test_several_entries_of_one_file_share_its_pictures(asker: Asker) -> None:
+    asker.wait(lambda s: "count" in s["files"][0])
+    _, state = asker.edit({"kind": "split", "video": "v1", "starts": [CUT]})
+    assert [video["id"] for video in state["videos"]] == ["v1", "v1_2", "v2"]
+    assert [video["file"] for video in state["videos"]] == [0, 0, 1]
+    assert len(state["files"]) == 2
+    assert state["videos"][1]["frames"] == [CUT, FRAMES]
+
+
+def test_what_a_run_would_refuse_is_a_warning(asker: Asker) -> None:
+    asker.wait(lambda s: all("count" in f for f in s["files"]))
+    _, state = asker.edit(
+        {"kind": "add_anchor", "frames": {"v1": 30, "v2": 31}},
+        {"kind": "person", "video": "v1", "person": {"frame": 35, "at": [100, 90]}},
+        {"kind": "frames", "video": "v1", "frames": [2, CUT]},
+    )
+    assert len(state["warnings"]) == 2
+    assert "The performer of v1 is named in frame 35, which is not used" in state["warnings"][0]
+    assert "Anchor 1 is on frame 30 of v1, which is not used" in state["warnings"][1]
+
+
+def test_a_video_that_is_none_is_named(root: Path) -> None:
+    (root / "actions" / "made" / "v2.mp4").write_text("no video")
+    with picking("made", [], root) as served:
+        asker = Asker(served, root / "actions" / "made" / "action.yaml")
+        state = asker.wait(lambda s: "fault" in s["files"][1] and "count" in s["files"][0])
+        assert "is not a readable video" in state["files"][1]["fault"]
+        assert asker.ask("pictures/1/thumb/0.jpg")[0].status == 404
+
+
+def test_detection_that_cannot_begin_says_why(
+    asker: Asker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: object, **__: object) -> None:
+        raise WorkFailed("the detector's environment needs the network once")
+
+    monkeypatch.setattr("imocap_core.pick.session.detect", refused)
+    assert asker.ask("detect", {})[0].status == 200
+    state = asker.wait(lambda s: s["detection"]["state"] == "failed")
+    assert "needs the network once" in state["detection"]["text"]
+
+
+def test_done_ends_it(asker: Asker) -> None:
+    assert asker.ask("done", {})[0].status == 200
+    assert asker.served.done.is_set()
+
+
+def test_a_new_action_is_made_as_by_init(tmp_path: Path, films: Path) -> None:
+    session = open_session("fresh", [films / "v1.mp4", films / "v2.mp4"], tmp_path)
+    session.close()
+    data = yaml.safe_load((tmp_path / "actions" / "fresh" / "action.yaml").read_text())
+    assert [video["id"] for video in data["videos"]] == ["v1", "v2"]
+    assert {video["keypoints"] for video in data["videos"]} == {"detect"}
+    open_session("fresh", [films / "v1.mp4", films / "v2.mp4"], tmp_path).close()
+    with pytest.raises(WrongUse, match="of other videos"):
+        open_session("fresh", [films / "v1.mp4"], tmp_path)
+
+
+def test_an_action_that_is_not_there_or_wrong_is_a_sentence(root: Path) -> None:
+    with pytest.raises(WrongUse, match="no action 'other'"):
+        open_session("other", [], root)
+    (root / "actions" / "made" / "action.yaml").write_text("name: 3\n")
+    with pytest.raises(WorkFailed, match="videos: is missing"):
+        open_session("made", [], root)
