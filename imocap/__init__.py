@@ -23,7 +23,7 @@ from imocap_core.camera.ground_plane import Ground
 from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS, SMPLH_JOINTS, SMPLH_PARENTS
 from imocap_core.errors import ImocapError, WorkFailed, WrongUse
 from imocap_core.library.new_action import init_action
-from imocap_core.library.outputs import ActionComparison, compare, export, report, view
+from imocap_core.library.outputs import ActionComparison, angles, compare, export, report, view
 from imocap_core.library.people import detect, people
 from imocap_core.library.person_summary import PersonSummary, VideoPeople
 from imocap_core.library.result import Result, load
@@ -64,6 +64,7 @@ __all__ = [
     "VideoSync",
     "WorkFailed",
     "WrongUse",
+    "angles",
     "compare",
     "detect",
     "explain",

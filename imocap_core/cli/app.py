@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from imocap_core.cli.angles_command import angles_command
 from imocap_core.cli.benchmark_command import add_benchmarks
 from imocap_core.cli.clean_command import clean_command
 from imocap_core.cli.compare_command import compare_command
@@ -42,6 +43,7 @@ app.command("run")(run_command)
 app.command("run-all")(run_all_command)
 app.command("view")(view_command)
 app.command("export")(export_command)
+app.command("angles")(angles_command)
 app.command("video")(video_command)
 app.command("report")(report_command)
 app.command("compare")(compare_command)

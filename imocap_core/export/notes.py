@@ -16,6 +16,7 @@ UNITS = {
     "glb": {"length": "metre", "angle": "unit quaternion x, y, z, w"},
     "trc": {"length": "millimetre", "angle": None},
     "csv": {"length": "metre", "angle": None},
+    "angles": {"length": None, "angle": "degree (ISB, docs/angles.md)"},
     "mcap": {"length": "metre", "angle": "unit quaternion x, y, z, w"},
 }
 REST = "T pose; joints' axes at rest are the world's; the body faces +z with y up, -y with z up"

@@ -83,6 +83,19 @@ def export(
 
 
 @plain_errors
+def angles(
+    action: str | Path, out: str | Path, *, root: str | Path = ".", params: Params = None
+) -> Exported:
+    """Write the joint angles of an action by ISB's recommendations, as CSV tables and a figure.
+
+    params: those that the result was made with, as of `run`.
+    """
+    from imocap_core.export.angles import export_angles
+
+    return export_angles(result_of(action, root, params), output_folder(out))
+
+
+@plain_errors
 def films(
     action: str | Path,
     *,

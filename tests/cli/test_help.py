@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 Capture = pytest.CaptureFixture[str]
 ORDER = (
-    *("init", "pick", "run", "run-all", "view", "export", "video", "report", "compare", "sync"),
+    *("init", "pick", "run", "run-all", "view", "export", "angles", "video", "report", "compare"),
+    "sync",
     *("status", "list"),
     *("explain", "stage", "detect", "people", "params", "clean", "benchmark", "doctor"),
 )

@@ -1,0 +1,1 @@
+"""Joint angles as biomechanics defines them (ISB's recommendations)."""

@@ -1,0 +1,85 @@
+"""The files of `imocap angles`: tables of joint angles, and their figure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from imocap_core.errors import WorkFailed
+from imocap_core.export.formats import Exported
+from imocap_core.export.notes import notes_of, write_notes
+from imocap_core.export.placing import digests_of, place
+from imocap_core.figures.angle_figure import angle_figure
+from imocap_core.figures.style import quiet, save
+from imocap_core.io.writers.angles_csv import write_angles_csv
+from imocap_core.result.angles import MeanAngles, mean_angles, video_angles
+from imocap_core.result.result import ActionResult
+from imocap_core.result.video import VideoResult
+from imocap_core.whole_files import draft_folder
+
+FORMAT = "angles"
+UP = "y"
+Columns = dict[str, Float[np.ndarray, " T"]]
+
+
+def export_angles(result: ActionResult, out: Path) -> Exported:
+    """Write joint angles of every video and their mean over the performances below `out`.
+
+    WorkFailed when `out` cannot be written, or a file there must not be replaced (`placing`).
+    """
+    level = result if result.up_axis == UP else result.levelled(UP)
+    common = level if level.time == "common" else _on_common_time(level)
+    try:
+        with draft_folder(out, "angles") as folder:
+            files = [_video_table(folder, video) for video in level]
+            if common is not None:
+                mean = mean_angles(common)
+                files += [_mean_table(folder, mean), _figure(folder, result.action, mean)]
+            notes = notes_of(level, FORMAT) | {"files": digests_of(files)}
+            files.append(write_notes(folder, notes))
+            files = place(files, out, files[-1].name)
+    except OSError as error:
+        raise WorkFailed(f"cannot write to {out}: {error.strerror}") from None
+    return Exported(files, [])
+
+
+def _on_common_time(result: ActionResult) -> ActionResult | None:
+    """The result on the common time axis; None where no video has a place on it."""
+    placed = any(np.isfinite(video.phase_s).any() for video in result)
+    return result.on_common_time() if placed else None
+
+
+def _video_table(folder: Path, video: VideoResult) -> Path:
+    angles = video_angles(video)
+    columns: Columns = {
+        "time_s": video.time_s,
+        "frame": video.frames.astype(np.float64),
+        "phase_s": video.phase_s,
+    }
+    for name, values in angles.angles_deg.items():
+        columns[f"{name}_deg"] = values
+        if name in angles.sd_deg:
+            columns[f"{name}_sd_deg"] = angles.sd_deg[name]
+    file = folder / f"{video.id}_angles.csv"
+    write_angles_csv(file, columns)
+    return file
+
+
+def _mean_table(folder: Path, mean: MeanAngles) -> Path:
+    first = next(iter(mean.curves.values()))
+    columns: Columns = {"phase_s": mean.phase_s, "performances": first.n.astype(np.float64)}
+    for name, curve in mean.curves.items():
+        columns[f"{name}_mean_deg"] = curve.mean_deg
+        columns[f"{name}_sd_deg"] = curve.sd_deg
+    file = folder / "mean_angles.csv"
+    write_angles_csv(file, columns)
+    return file
+
+
+def _figure(folder: Path, action: str, mean: MeanAngles) -> Path:
+    file = folder / "angles.png"
+    with quiet():
+        save(angle_figure(action, mean.phase_s, mean.curves), file)
+    return file
