@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from imocap_core.cli.options import action_names, root_of, speaker
+from imocap_core.errors import Stopped
 
 
 def pick_command(
@@ -19,7 +23,7 @@ def pick_command(
         ),
     ],
     videos: Annotated[
-        list[Path] | None, typer.Argument(help="Video files, to make a new action of.")
+        list[Path] | None, typer.Argument(help="Video files or folders, to make a new action of.")
     ] = None,
     open_page: Annotated[
         bool, typer.Option("--open/--no-open", help="Open the page in the browser.")
@@ -37,7 +41,10 @@ def pick_command(
     from imocap_core.pick.pick import picking
 
     console = speaker(markup=False)
-    with picking(name, videos or [], root_of(context), port, console.print) as served:
+    serving = picking(name, videos or [], root_of(context), port, console.print)
+    with serving as served, _interrupted():
+        for remark in served.remarks:
+            console.print(remark)
         console.print(f"Pick at {served.address}")
         console.print("The address is for you alone. Done on the page, or Ctrl-C, ends it.")
         if open_page:
@@ -45,3 +52,13 @@ def pick_command(
         while not served.done.wait(0.5):
             pass
     console.print(f"action.yaml is up to date. Next: imocap run {name}")
+
+
+@contextmanager
+def _interrupted() -> Iterator[None]:
+    """A body that Ctrl-C ends without an error."""
+    try:
+        yield
+    except Stopped as stop:
+        if stop.exit_code != 128 + signal.SIGINT:
+            raise

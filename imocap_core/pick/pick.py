@@ -14,14 +14,14 @@ from imocap_core.pipeline.action import find_action
 
 
 @plain_errors
-def open_session(name: str, videos: Sequence[Path], root: Path) -> Session:
-    """The session of an action, by name or folder; with videos it is made first, as by `init`.
+def open_session(name: str, videos: Sequence[Path], root: Path) -> tuple[Session, list[str]]:
+    """The session of an action, by name or folder, and remarks on its files.
 
-    WrongUse when there is none, WorkFailed when its action.yaml is wrong.
+    With videos it is made first, as by `init`. WrongUse when there is none, WorkFailed when its
+    action.yaml is wrong.
     """
-    if videos:
-        action_of_videos(root, name, videos)
-    return Session(root, name, find_action(name, root))
+    remarks = action_of_videos(root, name, videos)[1] if videos else []
+    return Session(root, name, find_action(name, root)), remarks
 
 
 @contextmanager
@@ -33,5 +33,6 @@ def picking(
     fault: Callable[[str], None] = lambda sentence: None,
 ) -> Iterator[Served]:
     """Serve the page of an action while the body runs (arguments: `open_session`, `serving`)."""
-    with serving(open_session(name, videos, root), port, fault) as served:
+    session, remarks = open_session(name, videos, root)
+    with serving(session, port, fault, remarks) as served:
         yield served

@@ -47,14 +47,17 @@ class _Server(ThreadingMixIn, WSGIServer):
 
 @dataclass(frozen=True)
 class Served:
-    """A page that is being served: its address, and whether its user is done."""
+    """A page that is being served: its address, whether its user is done, remarks for them."""
 
     address: str
     done: Event
+    remarks: list[str]
 
 
 @contextmanager
-def serving(session: Session, port: int, fault: Callable[[str], None]) -> Iterator[Served]:
+def serving(
+    session: Session, port: int, fault: Callable[[str], None], remarks: list[str]
+) -> Iterator[Served]:
     """Serve the page of a session while the body runs.
 
     port: 0 for any that is free. fault: called with a sentence about a fault of the program.
@@ -64,13 +67,14 @@ def serving(session: Session, port: int, fault: Callable[[str], None]) -> Iterat
     try:
         server = _Server((HOST, port), _Handler)
     except (OSError, OverflowError) as error:
+        session.close()
         raise WorkFailed(f"cannot listen on {HOST}:{port}: {error}; leave out --port") from None
     bound = int(server.server_address[1])
     server.set_app(guarded(routes(session, done.set), token, bound, fault))
     thread = Thread(target=server.serve_forever, args=(0.1,), name="server", daemon=True)
     thread.start()
     try:
-        yield Served(f"http://{HOST}:{bound}/{token}/", done)
+        yield Served(f"http://{HOST}:{bound}/{token}/", done, remarks)
     finally:
         server.shutdown()
         server.server_close()

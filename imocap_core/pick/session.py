@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import join
 from threading import Thread
 from typing import Any
 
@@ -12,7 +13,7 @@ from imocap_core.errors import ImocapError, WorkFailed
 from imocap_core.library.people import detect
 from imocap_core.library.status import status
 from imocap_core.pick.action_file import ActionFile, Version
-from imocap_core.pick.background import BackgroundThread
+from imocap_core.pick.background import END_S, BackgroundThread
 from imocap_core.pick.changes import person_fields
 from imocap_core.pick.contradictions import warnings_of
 from imocap_core.pick.media import Media
@@ -54,6 +55,7 @@ class Session:
         self.media = Media(self._reading)
         self.tracks = Tracks(self._thinking)
         self._valid = self.file.action(self.file.read())  # WorkFailed before a page is shown
+        self._detecting: Thread | None = None
         self._plan: RunPlan | None = None
         self._stamp: tuple[object, ...] = ()
         self._latest: tuple[str, dict[str, int]] = ("", {})
@@ -61,6 +63,8 @@ class Session:
     def close(self) -> None:
         """End what goes on in the background."""
         self._stopping.set()
+        if self._detecting is not None:
+            self._detecting.join(END_S)
         self._reading.close()
         self._thinking.close()
         self.media.close()
@@ -75,7 +79,8 @@ class Session:
         if self.detection.state == "running":
             raise ValueError("people are being looked for already")
         self.detection = Detection("running", 0.0, "starting")
-        Thread(target=self._detect, name="detection", daemon=True).start()
+        self._detecting = Thread(target=self._detect, name="detection", daemon=True)
+        self._detecting.start()
 
     def document(self) -> dict[str, Any]:
         """All that the page shows, apart from pictures and outlines."""
@@ -135,8 +140,9 @@ class Session:
         }
 
     def _command(self) -> str:
-        place = "" if self.root.resolve() == Path.cwd().resolve() else f" --root {self.root}"
-        return f"imocap{place} run {self.name}"
+        here = self.root.resolve() == Path.cwd().resolve()
+        place = [] if here else ["--root", str(self.root)]
+        return join(["imocap", *place, "run", self.name])
 
     def _look_again(self, version: Version, counts: dict[str, int]) -> None:
         """Queue what follows from a new text, newly counted frames or new detections."""

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import http.client
 import json
+import os
+import signal
+import subprocess
+import sys
 import threading
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -54,3 +58,19 @@ def test_an_action_that_does_not_exist_is_a_sentence(
     monkeypatch.setattr("sys.argv", ["imocap"])
     assert main(["--root", str(tmp_path), "pick", "nowhere", "--no-open"]) == 2
     assert "no action 'nowhere'" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_ctrl_c_ends_it_as_done_does(tmp_path: Path) -> None:
+    write_h264(tmp_path / "a.mp4", [picture(t, 0, False) for t in range(5)], 20.0)
+    line = [sys.executable, "-c", "from imocap_core.cli import main; raise SystemExit(main())"]
+    words = ["--root", str(tmp_path), "pick", "made", str(tmp_path / "a.mp4"), "--no-open"]
+    with subprocess.Popen([*line, *words], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        while not process.stdout.readline().startswith("Pick at http://127.0.0.1:"):
+            pass
+        process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        rest = process.stdout.read()
+    assert process.returncode == 0
+    assert "Next: imocap run made" in rest

@@ -55,10 +55,9 @@ def films(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture
-def root(tmp_path: Path, films: Path) -> Path:
+def working_folder(folder: Path, films: Path) -> Path:
     """A working folder with the action `made`."""
-    action = tmp_path / "actions" / "made"
+    action = folder / "actions" / "made"
     action.mkdir(parents=True)
     for name in ("v1", "v2"):
         (action / f"{name}.mp4").write_bytes((films / f"{name}.mp4").read_bytes())
@@ -69,7 +68,13 @@ def root(tmp_path: Path, films: Path) -> Path:
         f"  - {{id: v1, video: v1.mp4, keypoints: v1, {fields}}}   # first\n"
         f"  - {{id: v2, video: v2.mp4, keypoints: v2, {fields}}}\n"
     )
-    return tmp_path
+    return folder
+
+
+@pytest.fixture
+def root(tmp_path: Path, films: Path) -> Path:
+    """A working folder with the action `made`."""
+    return working_folder(tmp_path, films)
 
 
 @pytest.fixture

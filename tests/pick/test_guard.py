@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -10,14 +11,22 @@ import pytest
 
 from imocap_core.pick.guard import MOST_BYTES
 from imocap_core.pick.pick import picking
+from tests.pick.conftest import working_folder
 from tests.pick.made import Asker
 
 MIRROR = {"kind": "mirrored", "video": "v1", "mirrored": True}
 
 
-@pytest.fixture(autouse=True)
-def _nothing_else_is_written(asker: Asker) -> None:
-    asker.wait(lambda s: s["plan"])
+@pytest.fixture(scope="module")
+def asker(tmp_path_factory: pytest.TempPathFactory, films: Path) -> Iterator[Asker]:
+    """One page for all: what is refused changes nothing."""
+    root = working_folder(tmp_path_factory.mktemp("guarded"), films)
+    with picking("made", [], root) as served:
+        asker = Asker(served, root / "actions" / "made" / "action.yaml")
+        asker.wait(lambda s: s["plan"] and all("count" in f for f in s["files"]))
+        yield asker
+    files = {p.name for p in (root / "actions" / "made").iterdir()}
+    assert files == {"action.yaml", "v1", "v2", "v1.mp4", "v2.mp4"}
 
 
 def test_the_page_comes_with_its_protection(asker: Asker) -> None:

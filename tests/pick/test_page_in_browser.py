@@ -189,12 +189,19 @@ def test_everything_by_keyboard(page: Page) -> None:
     page.until(lambda: len(page.data()["videos"]) == 2 and "anchors" in page.data())
 
 
-def test_everything_has_a_name_for_screen_readers(page: Page) -> None:
+def test_everything_can_be_read(page: Page) -> None:
+    """Names for screen readers, and a contrast of at least 4.5 (WCAG 2.2, 1.4.3) in both themes."""
     tree = page.browser.call("Accessibility.getFullAXTree")["nodes"]
     roles = {"button", "slider", "combobox", "checkbox", "link", "textbox"}
     nodes = [n for n in tree if n.get("role", {}).get("value") in roles and not n.get("ignored")]
     assert len(nodes) > 25
     assert [n for n in nodes if not n.get("name", {}).get("value")] == []
+    for theme, ground in (("light", "rgb(241, 244, 247)"), ("dark", "rgb(19, 23, 28)")):
+        scheme = {"name": "prefers-color-scheme", "value": theme}
+        page.browser.call("Emulation.setEmulatedMedia", features=[scheme])
+        body = page.browser.value("getComputedStyle(document.body).backgroundColor")
+        assert body == ground
+        assert page.browser.value(CONTRAST.read_text()) == []
 
 
 def test_a_phone_and_a_finger(page: Page) -> None:
@@ -226,20 +233,7 @@ def test_a_phone_and_a_finger(page: Page) -> None:
         page.browser.call("Emulation.setTouchEmulationEnabled", enabled=False)
 
 
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_text_stands_out_from_its_ground(page: Page, theme: str) -> None:
-    """Contrast of at least 4.5 (WCAG 2.2, 1.4.3) for every text that is not disabled."""
-    scheme = {"name": "prefers-color-scheme", "value": theme}
-    page.browser.call("Emulation.setEmulatedMedia", features=[scheme])
-    poor = page.browser.value(CONTRAST.read_text())
-    assert poor == []
-    dark = (
-        page.browser.value("getComputedStyle(document.body).backgroundColor") == "rgb(19, 23, 28)"
-    )
-    assert dark == (theme == "dark")
-
-
-def test_a_fault_and_a_change_from_elsewhere_are_told(page: Page) -> None:
+def test_a_change_from_elsewhere_is_told_and_done_ends_the_page(page: Page) -> None:
     text = page.file.read_text()
     page.file.write_text(text.replace("id: v2", "id: v1"))
     page.browser.wait("document.getElementById('fault').textContent.includes('got v1 twice')")
@@ -248,9 +242,6 @@ def test_a_fault_and_a_change_from_elsewhere_are_told(page: Page) -> None:
     page.click('.chip[data-chip="1"]')
     page.until(lambda: "person" in page.video("v1"))
     assert page.file.read_text().endswith("# by hand\n")
-
-
-def test_done_ends_the_page(page: Page) -> None:
     page.click("#done")
     page.browser.wait("!document.getElementById('end').hidden")
     assert "run made" in page.browser.value("document.getElementById('end-command').textContent")

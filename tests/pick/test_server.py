@@ -162,12 +162,13 @@ def test_done_ends_it(asker: Asker) -> None:
 
 
 def test_a_new_action_is_made_as_by_init(tmp_path: Path, films: Path) -> None:
-    session = open_session("fresh", [films / "v1.mp4", films / "v2.mp4"], tmp_path)
+    session, remarks = open_session("fresh", [films / "v1.mp4", films / "v2.mp4"], tmp_path)
     session.close()
+    assert "Wrote" in remarks[-1]
     data = yaml.safe_load((tmp_path / "actions" / "fresh" / "action.yaml").read_text())
     assert [video["id"] for video in data["videos"]] == ["v1", "v2"]
     assert {video["keypoints"] for video in data["videos"]} == {"detect"}
-    open_session("fresh", [films / "v1.mp4", films / "v2.mp4"], tmp_path).close()
+    open_session("fresh", [films / "v1.mp4", films / "v2.mp4"], tmp_path)[0].close()
     with pytest.raises(WrongUse, match="of other videos"):
         open_session("fresh", [films / "v1.mp4"], tmp_path)
 
@@ -178,3 +179,11 @@ def test_an_action_that_is_not_there_or_wrong_is_a_sentence(root: Path) -> None:
     (root / "actions" / "made" / "action.yaml").write_text("name: 3\n")
     with pytest.raises(WorkFailed, match="videos: is missing"):
         open_session("made", [], root)
+
+
+def test_a_port_that_is_taken_is_a_sentence(root: Path, asker: Asker) -> None:
+    with (
+        pytest.raises(WorkFailed, match=f"cannot listen on 127.0.0.1:{asker.port}"),
+        picking("made", [], root, asker.port),
+    ):
+        pass

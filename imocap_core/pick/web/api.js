@@ -3,7 +3,7 @@
 import { loadOutlines, setState, store } from "./store.js";
 import { tell } from "./toast.js";
 
-const BUSY_MS = 500, IDLE_MS = 2500;
+const BUSY_MS = 300, IDLE_MS = 2000;
 let queue = Promise.resolve();
 let ended = false, pending = 0, timer = 0;
 

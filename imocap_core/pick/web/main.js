@@ -26,9 +26,11 @@ function drawTop(state) {
   get("find").classList.toggle("main", waiting && !running);
   get("fault").hidden = !state.fault;
   write(get("fault"), state.fault ? `action.yaml cannot be used as it is. Correct it in an editor:\n${state.fault}` : "");
-  get("progress").hidden = !running;
+  const failed = state.detection.state === "failed";
+  get("progress").hidden = !running && !failed;
+  get("progress").classList.toggle("bad", failed);
   get("bar").style.width = `${Math.round(100 * state.detection.share)}%`;
-  write(get("progress-text"), running ? `Finding people · ${state.detection.text}` : "");
+  write(get("progress-text"), running ? `Finding people · ${state.detection.text}` : failed ? `People could not be found: ${state.detection.text}` : "");
 }
 
 get("undo").addEventListener("click", () => step("undo"));

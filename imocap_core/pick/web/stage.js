@@ -47,8 +47,9 @@ export function drawStage(state) {
   drawFrame(video, frame, file);
   drawOutlines(video, frame);
   write(get("hint"), hintOf(state, video, file));
-  drawTransport(video, frame);
-  drawPeople(video, state);
+  const selected = selectedVideo();
+  drawTransport(selected, momentOf(selected));
+  drawPeople(selected, state);
 }
 
 function hintOf(state, video, file) {
