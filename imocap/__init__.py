@@ -26,6 +26,8 @@ from imocap_core.library.new_action import init_action
 from imocap_core.library.outputs import ActionComparison, angles, compare, export, report, view
 from imocap_core.library.people import detect, people
 from imocap_core.library.person_summary import PersonSummary, VideoPeople
+from imocap_core.library.pulling import Pulled, pull
+from imocap_core.library.pushing import PushedAction, push
 from imocap_core.library.result import Result, load
 from imocap_core.library.run_all import ActionEnd, ExecutorChoice, run_all
 from imocap_core.library.running import Run, run, run_stage
@@ -53,6 +55,8 @@ __all__ = [
     "ImocapError",
     "JointUncertainty",
     "PersonSummary",
+    "Pulled",
+    "PushedAction",
     "Result",
     "Run",
     "Synchronisation",
@@ -72,6 +76,8 @@ __all__ = [
     "init_action",
     "load",
     "people",
+    "pull",
+    "push",
     "report",
     "run",
     "run_all",

@@ -8,6 +8,7 @@ from pathlib import Path
 from imocap_core.artifacts.cache import CACHE
 from imocap_core.artifacts.file_memory import load_memory
 from imocap_core.artifacts.links import refuse_links
+from imocap_core.artifacts.shared import absolute_url, shared_files
 from imocap_core.artifacts.store import Store
 from imocap_core.errors import WorkFailed
 from imocap_core.pipeline import builtin_actions as demos
@@ -20,14 +21,19 @@ from imocap_core.pipeline.source import PROJECT
 
 @dataclass(frozen=True)
 class Workspace:
-    """The working folder, and what belongs to it."""
+    """The working folder, and what belongs to it.
+
+    shared: URL or folder of a store that several machines share (artifacts/shared.py).
+    """
 
     root: Path
+    shared: str | None = None
 
     @property
     def store(self) -> Store:
         """The artifacts of this folder."""
-        return Store(self.root / "artifacts")
+        shared = None if self.shared is None else shared_files(absolute_url(self.shared))
+        return Store(self.root / "artifacts", shared)
 
     def pipeline_file(self) -> Path:
         """This folder's own pipeline.yaml, else the checkout's, else the one that is installed."""
@@ -66,6 +72,10 @@ class Workspace:
                 demos.ensure(action, folder, self.pipeline().seed, display)
         job = self.job(action, sets)
         check_files(job.action)
+        if self.shared is not None and job.action.detected:
+            from imocap_core.detect.detection import share_detections
+
+            share_detections(job.store, job.action.detected.values())
         if len(job.action.detected) == sum(video.detected for video in job.action.videos):
             return job
         from imocap_core.detect.action import detect

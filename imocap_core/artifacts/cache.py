@@ -30,6 +30,7 @@ LEFTOVERS = (
     f"{CACHE}/.*.part*",
     f"{CACHE}/*/.*.part*",
     f"{CACHE}/*/.detect-*",
+    f"{CACHE}/*/.shared-*",
     "*/.*.part*",
     "*/*/.*.part*",
     "*/*/*/.*.part*",

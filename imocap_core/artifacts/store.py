@@ -26,6 +26,7 @@ from imocap_core.artifacts.cache import CACHE, REPORT, mark_used
 from imocap_core.artifacts.file_memory import remembered
 from imocap_core.artifacts.links import refuse_links
 from imocap_core.artifacts.lock import exclusive
+from imocap_core.artifacts.shared_results import KEY, fetch_artifact, share_artifact, share_file
 from imocap_core.artifacts.side_files import check_names, has_files, replace_folder
 from imocap_core.errors import ArtifactCorrupt
 from imocap_core.whole_files import appearing
@@ -33,9 +34,9 @@ from imocap_core.whole_files import appearing
 if TYPE_CHECKING:  # numpy, MCAP and protobuf are imported only where an artifact is read
     from imocap_core.artifacts.codec import Content
     from imocap_core.artifacts.schemas.base import Artifact
+    from imocap_core.artifacts.shared import SharedFiles
 
 Kind = TypeVar("Kind", bound="Artifact")
-KEY = "key"
 
 
 @dataclass(frozen=True)
@@ -71,9 +72,13 @@ class Stored:
 
 @dataclass(frozen=True)
 class Store:
-    """The artifacts below one folder."""
+    """The artifacts below one folder.
+
+    shared: where results are looked for that are not here, and published.
+    """
 
     folder: Path
+    shared: SharedFiles | None = None
 
     def current(self, action: str, stage: str) -> Path:
         """Path of a stage's current artifact."""
@@ -97,12 +102,12 @@ class Store:
 
     def find(self, action: str, stage: str, key: str) -> Stored | None:
         """The result made under `key`, read and checked; None when there is none or it can't be
-        read back."""
-        return self._first(action, stage, key, _read)
+        read back. One of the shared store is copied into the cache."""
+        return self._first(action, stage, key, _read) or self._fetch(stage, key)
 
     def look_up(self, action: str, stage: str, key: str) -> Stored | None:
         """As `find`, but a file that was read before and has not changed is not read again."""
-        return self._first(action, stage, key, _unread)
+        return self._first(action, stage, key, _unread) or self._fetch(stage, key)
 
     def _first(
         self, action: str, stage: str, key: str, read: Callable[[Path], Stored]
@@ -112,6 +117,29 @@ class Store:
                 if file.is_file() and (stored := read(file)).key == key:
                     return stored
         return None
+
+    def _fetch(self, stage: str, key: str) -> Stored | None:
+        if self.shared is None:
+            return None
+        file = self.cached(stage, key)
+        content = fetch_artifact(self.shared, stage, key, file)
+        return None if content is None else stored_as(file, content)
+
+    def share(self, stage: str, stored: Stored, *, made: bool) -> Stored:
+        """Publish a result in the shared store; the result that counts.
+
+        made: it was made now. Where the store has another one under this key, that one counts.
+        """
+        if self.shared is None:
+            return stored
+        file = self.cached(stage, stored.key)
+        if not made:
+            if not file.is_file():  # an action can have its current artifact alone
+                _link(stored.file, file)
+            share_file(self.shared, stage, file)
+            return stored
+        theirs = share_artifact(self.shared, stage, stored.key, file, stored.digest)
+        return stored if theirs is None else stored_as(file, theirs)
 
     def put(
         self,

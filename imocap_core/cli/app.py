@@ -22,6 +22,7 @@ from imocap_core.cli.pick_command import pick_command
 from imocap_core.cli.report_command import report_command
 from imocap_core.cli.run_all_command import run_all_command
 from imocap_core.cli.run_commands import run_command, stage_command
+from imocap_core.cli.share_commands import pull_command, push_command
 from imocap_core.cli.status_commands import explain_command, status_command
 from imocap_core.cli.sync_command import sync_command
 from imocap_core.cli.video_command import video_command
@@ -55,6 +56,8 @@ app.command("stage")(stage_command)
 app.command("detect")(detect_command)
 app.command("people")(people_command)
 app.command("params")(params_command)
+app.command("push")(push_command)
+app.command("pull")(pull_command)
 app.command("clean")(clean_command)
 add_benchmarks(app)
 app.command("doctor")(doctor_command)

@@ -10,6 +10,7 @@ from imocap_core.cli.json_output import print_json
 from imocap_core.cli.options import (
     Json,
     Sets,
+    SharedStore,
     Verbose,
     action_names,
     ask_about_scripts,
@@ -47,6 +48,7 @@ def run_all_command(
     ] = None,
     retries: Annotated[int, typer.Option(help="Further attempts at a task whose worker died.")] = 1,
     sets: Sets = [],  # noqa: B006
+    store: SharedStore = None,
     verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
@@ -65,7 +67,7 @@ def run_all_command(
     check_choice(choice)
     chosen = None if every else actions
     if as_json:
-        ends = run_all(chosen, root=root_of(context), params=sets, executor=choice)
+        ends = run_all(chosen, root=root_of(context), params=sets, executor=choice, store=store)
         print_json({"actions": ends})
     else:
         ask_about_scripts(context)
@@ -76,6 +78,7 @@ def run_all_command(
                 root=root_of(context),
                 params=sets,
                 executor=choice,
+                store=store,
                 listener=display.listener(),
             )
         _print_summary(console, ends, verbose)

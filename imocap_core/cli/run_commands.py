@@ -12,6 +12,7 @@ from imocap_core.cli.options import (
     ActionName,
     Json,
     Sets,
+    SharedStore,
     StageName,
     Verbose,
     action_names,
@@ -48,6 +49,7 @@ def run_command(
     until: Annotated[
         str | None, typer.Option(help="Stop after this stage.", autocompletion=stage_names)
     ] = None,
+    store: SharedStore = None,
     verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
@@ -60,7 +62,13 @@ def run_command(
 
     def solve(progress: Progress) -> Run:
         return run_action(
-            action, root=root_of(context), params=sets, force=force, until=until, progress=progress
+            action,
+            root=root_of(context),
+            params=sets,
+            force=force,
+            until=until,
+            store=store,
+            progress=progress,
         )
 
     if as_json:

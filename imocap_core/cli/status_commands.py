@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING
 import typer
 
 from imocap_core.cli.json_output import print_json
-from imocap_core.cli.options import ActionName, Json, Sets, StageName, root_of, speaker
+from imocap_core.cli.options import (
+    ActionName,
+    Json,
+    Sets,
+    SharedStore,
+    StageName,
+    root_of,
+    speaker,
+)
 
 if TYPE_CHECKING:
     from imocap_core.library.status import Explanation
@@ -17,12 +25,13 @@ def status_command(
     context: typer.Context,
     action: ActionName,
     sets: Sets = [],  # noqa: B006
+    store: SharedStore = None,
     as_json: Json = False,
 ) -> None:
     """Show which stages are cached, and why others would run."""
     from imocap_core.library.status import left_out, status, verdict
 
-    stages = status(action, root=root_of(context), params=sets)
+    stages = status(action, root=root_of(context), params=sets, store=store)
     missing = left_out(action, root=root_of(context), params=sets)
     if as_json:
         rows = [

@@ -8,7 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from imocap_core.artifacts.store import Store
-from imocap_core.detect.detection import detect_video, detections_file
+from imocap_core.detect.detection import (
+    detect_video,
+    detections_file,
+    fetch_detections_of,
+    share_detections,
+)
 from imocap_core.detect.detectors import Detector, detector_of
 from imocap_core.detect.setup import set_up
 from imocap_core.errors import WorkFailed
@@ -31,7 +36,11 @@ def with_detections(action: Action, params: DetectParams, store: Store) -> Actio
     return replace(
         action,
         videos=tuple(_declared(v, detector) if v.detected else v for v in action.videos),
-        detected={video: file for video, file in files.items() if file and file.is_file()},
+        detected={
+            video: file
+            for video, file in files.items()
+            if file is not None and fetch_detections_of(store, file)
+        },
     )
 
 
@@ -62,6 +71,7 @@ def detect(action: Action, params: DetectParams, store: Store, display: Display)
         if file.is_file():  # the same video under another name
             continue
         detect_video(action.folder / declared.video, file, detector, python, display.progress)
+        share_detections(store, [file])
 
 
 def detect_one(
@@ -79,6 +89,7 @@ def detect_one(
     display.started("detect", [f"{video} has no detections of {detector.version}"])
     python = set_up(detector, lambda what: display.progress(0.0, what))
     detect_video(action.folder / str(declared.video), file, detector, python, display.progress)
+    share_detections(store, [file])
 
 
 def _readable(action: Action, waiting: Sequence[Declaration]) -> list[Declaration]:

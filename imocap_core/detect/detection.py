@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from imocap_core.artifacts.shared_results import fetch_detections, share_file
 from imocap_core.artifacts.store import Store
 from imocap_core.detect.detectors import Detector
 from imocap_core.detect.process import Worker
@@ -41,6 +42,20 @@ def decoded_ahead(video: Path) -> Iterator[Iterator[tuple[int, RgbPicture]]]:
     finally:
         if isinstance(pictures, Generator):
             pictures.close()
+
+
+def fetch_detections_of(store: Store, file: Path) -> bool:
+    """Whether a video's detections are here, or can be fetched from the shared store."""
+    if file.is_file():
+        return True
+    return store.shared is not None and fetch_detections(store.shared, file)
+
+
+def share_detections(store: Store, files: Iterable[Path]) -> None:
+    """Publish the detections of videos in the shared store, where there is one."""
+    for file in files:
+        if store.shared is not None:
+            share_file(store.shared, FOLDER, file)
 
 
 def detect_video(

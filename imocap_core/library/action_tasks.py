@@ -14,7 +14,6 @@ from imocap_core.executors.task import Report, Task
 from imocap_core.library.progress import FunctionDisplay
 from imocap_core.library.running import run_action
 from imocap_core.pipeline import builtin_actions
-from imocap_core.pipeline.graph import Pipeline
 from imocap_core.workspace import Workspace
 
 WHOLE = "all stages"
@@ -46,20 +45,19 @@ def tasks_of(workspace: Workspace, action: str, sets: Sequence[str], priority: i
     ImocapError when its action.yaml cannot be used.
     """
     root = workspace.root
-    pipeline = workspace.pipeline()
     if action in builtin_actions.BUILT_IN:
         made = Task(task_name(action, "demo"), make_built_in, (root, action), (), priority)
-        stages = _stage_tasks(pipeline, root, action, sets, (made.name,), priority)
+        stages = _stage_tasks(workspace, action, sets, (made.name,), priority)
         return [made, *stages]
     declared = workspace.job(action, list(sets)).action
     if any(video.repetitions for video in declared.videos):  # its parts are known only later
-        whole = (root, action, tuple(sets), None)
+        whole = (root, action, tuple(sets), workspace.shared, None)
         return [Task(task_name(action, WHOLE), run_to, whole, (), priority)]
     detections = [
         Task(
             task_name(action, f"detect {video.id}"),
             detect_video,
-            (root, action, tuple(sets), video.id),
+            (root, action, tuple(sets), workspace.shared, video.id),
             (),
             priority,
         )
@@ -67,24 +65,22 @@ def tasks_of(workspace: Workspace, action: str, sets: Sequence[str], priority: i
         if video.detected
     ]
     after = tuple(task.name for task in detections)
-    return [*detections, *_stage_tasks(pipeline, root, action, sets, after, priority)]
+    return [*detections, *_stage_tasks(workspace, action, sets, after, priority)]
 
 
 def _stage_tasks(
-    pipeline: Pipeline,
-    root: Path,
+    workspace: Workspace,
     action: str,
     sets: Sequence[str],
     after: tuple[str, ...],
     priority: int,
 ) -> list[Task]:
     tasks = []
-    stages = list(pipeline.stages)
+    stages = list(workspace.pipeline().stages)
     for stage in stages:
         until = None if stage == stages[-1] else stage
-        task = Task(
-            task_name(action, stage), run_to, (root, action, tuple(sets), until), after, priority
-        )
+        arguments = (workspace.root, action, tuple(sets), workspace.shared, until)
+        task = Task(task_name(action, stage), run_to, arguments, after, priority)
         tasks.append(task)
         after = (task.name,)
     return tasks
@@ -100,18 +96,28 @@ def make_built_in(report: Report, root: Path, name: str) -> None:
 
 
 def detect_video(
-    report: Report, root: Path, action: str, sets: tuple[str, ...], video: str
+    report: Report,
+    root: Path,
+    action: str,
+    sets: tuple[str, ...],
+    shared: str | None,
+    video: str,
 ) -> None:
     """Detect the people in one video, unless that was done."""
     from imocap_core.detect.action import detect_one
 
-    job = Workspace(root).job(action, list(sets))
+    job = Workspace(root, shared).job(action, list(sets))
     display = FunctionDisplay(lambda stage, share, text: report(share, text))
     detect_one(job.action, video, job.settings.params.detect, job.store, display)
 
 
 def run_to(
-    report: Report, root: Path, action: str, sets: tuple[str, ...], until: str | None
+    report: Report,
+    root: Path,
+    action: str,
+    sets: tuple[str, ...],
+    shared: str | None,
+    until: str | None,
 ) -> StageEnd:
     """Bring an action up to date to a stage (None: to its report); earlier ones are cached."""
     done = run_action(
@@ -119,6 +125,7 @@ def run_to(
         root=root,
         params=list(sets),
         until=until,
+        store=shared,
         progress=lambda stage, share, text: report(share, text),
     )
     last = done.outcomes[-1]

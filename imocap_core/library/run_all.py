@@ -8,12 +8,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
+from imocap_core.artifacts.shared import absolute_url
 from imocap_core.errors import ImocapError, WrongUse
 from imocap_core.executors.perform import perform
 from imocap_core.executors.task import Executor, Task, TaskEnd, Watch
 from imocap_core.library.action_tasks import StageEnd, tasks_of
 from imocap_core.library.door import plain_errors
 from imocap_core.library.one_off import Params, one_off
+from imocap_core.library.running import run_action
+from imocap_core.library.worker_folders import shared_tasks_of
 from imocap_core.memory_limit import can_limit_memory
 from imocap_core.workers import cores
 from imocap_core.workspace import Workspace
@@ -85,6 +88,7 @@ def run_all(
     root: str | Path = ".",
     params: Params = None,
     executor: ExecutorChoice | str = "processes",
+    store: str | None = None,
     listener: Listener | None = None,
 ) -> list[ActionEnd]:
     """Run actions to their reports, several at once; those named first end first.
@@ -94,14 +98,17 @@ def run_all(
     Args:
         actions: names below root/actions, paths, or built-in ones; None for all below
             root/actions.
-        root: the working folder; with an address, one that every worker of the cluster has under
-            this path.
+        root: the working folder; with an address and no store, one that every worker of the cluster
+            has under this path.
         params: one-off parameters of all of them.
+        store: URL or folder of a store that several machines share. With an address each worker
+            works in a folder of its own, and has the actions and the results of others from there.
 
     Returns:
         One end for each action, in their order.
     """
-    workspace = Workspace(Path(root).resolve())
+    shared = None if store is None else absolute_url(store)
+    workspace = Workspace(Path(root).resolve(), shared)
     names = all_actions(workspace) if actions is None else [str(action) for action in actions]
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
@@ -109,12 +116,17 @@ def run_all(
     choice = ExecutorChoice(executor) if isinstance(executor, str) else executor
     check_choice(choice)
     listener = listener or Listener()
-    planned, ends = _planned(workspace, names, one_off(params))
+    apart = shared is not None and choice.address is not None
+    planned, ends = _planned(
+        workspace, names, one_off(params), shared_tasks_of if apart else tasks_of
+    )
     listener.planned({name: len(tasks) for name, tasks in planned.items()})
     for end in ends.values():
         listener.action_ended(end)
     with executing(choice, listener) as chosen:
         for end in _carried_out(planned, chosen, choice.retries, listener):
+            if apart and end.state == "done":
+                end = _fetched(workspace, end, one_off(params))
             ends[end.action] = end
             listener.action_ended(end)
     return [ends[name] for name in names]
@@ -176,17 +188,29 @@ def executing(choice: ExecutorChoice, listener: Listener) -> Iterator[Executor]:
 
 
 def _planned(
-    workspace: Workspace, names: Sequence[str], sets: list[str]
+    workspace: Workspace,
+    names: Sequence[str],
+    sets: list[str],
+    tasks: Callable[[Workspace, str, Sequence[str], int], list[Task]],
 ) -> tuple[dict[str, list[Task]], dict[str, ActionEnd]]:
     """The tasks of each action, and the ends of those that cannot begin."""
     planned: dict[str, list[Task]] = {}
     ends: dict[str, ActionEnd] = {}
     for priority, name in enumerate(names):
         try:
-            planned[name] = tasks_of(workspace, name, sets, priority)
+            planned[name] = tasks(workspace, name, sets, priority)
         except ImocapError as error:
             ends[name] = ActionEnd(name, "failed", str(error))
     return planned, ends
+
+
+def _fetched(workspace: Workspace, end: ActionEnd, sets: list[str]) -> ActionEnd:
+    """The end of an action after its results were copied from the shared store."""
+    try:
+        run_action(end.action, root=workspace.root, params=sets, store=workspace.shared)
+    except ImocapError as error:
+        return replace(end, state="failed", fault=f"fetching its results: {error}")
+    return end
 
 
 def _carried_out(

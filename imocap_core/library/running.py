@@ -47,6 +47,7 @@ def run(
     params: Params = None,
     force: bool = False,
     until: str | None = None,
+    store: str | None = None,
     progress: Progress = None,
 ) -> Result:
     """Capture an action: run every stage that has changed since the last run, to the report.
@@ -66,6 +67,8 @@ def run(
             names, units and defaults are those of pipeline.yaml.
         force: run what is cached too.
         until: stop after this stage: smpl_ba, refine_sync, or one that needs one of them.
+        store: URL or folder of a store that several machines share: results that are there are
+            fetched, and others published.
         progress: a function of (stage, share, text), True for a bar on the terminal, None for
             silence.
 
@@ -82,7 +85,15 @@ def run(
         action, _ = action_of_videos(Path(root), name, [Path(video) for video in videos])
     assert action is not None
     motion_stage = _motion_stage(Workspace(Path(root)), until)
-    done = run_action(action, root=root, params=params, force=force, until=until, progress=progress)
+    done = run_action(
+        action,
+        root=root,
+        params=params,
+        force=force,
+        until=until,
+        store=store,
+        progress=progress,
+    )
     stored = {outcome.stage: outcome.stored for outcome in done.outcomes}
     return Result.of_stages(done.job.action, stored, motion_stage)
 
@@ -95,6 +106,7 @@ def run_action(
     params: Params = None,
     force: bool = False,
     until: str | None = None,
+    store: str | None = None,
     progress: Progress = None,
 ) -> Run:
     """Run every stage of an action that has changed, to its report; arguments as of `run`."""
@@ -104,7 +116,7 @@ def run_action(
     with displaying(progress) as display:
         began = time.perf_counter()
         cache_limit_bytes()  # a wrong one is noticed before the work
-        workspace = Workspace(Path(root))
+        workspace = Workspace(Path(root), store)
         job, notes = job_in_parts(workspace, str(action), one_off(params), display)
         notes = [*notes, *repeated_files(job.action)]
         stages = list(job.pipeline.stages) if until is None else upstream(job, until)

@@ -126,6 +126,7 @@ def run(
                 why = ["forced"] if forced else _reasons(job, stage, needed)
                 display.started(stage, why)
                 stored = _make(job, stage, needed, done, display.progress)
+            stored = job.store.share(stage, stored, made=how == "made")
             job.store.publish(job.action.name, stage, stored)
             done[stage] = stored
             most = peak_bytes() if how == "made" else None

@@ -35,7 +35,9 @@ def came(stage):
     with (root / "ran").open("a") as stream:
         print(stage, file=stream)
     how = os.environ.get("TOY_" + stage.upper())
-    if how == "kill":
+    once = root / "killed"
+    if how == "kill" or (how == "kill once" and not once.exists()):
+        once.touch()
         os.kill(os.getpid(), signal.SIGKILL)
     if how and how.startswith("signal"):
         os.kill(os.getpid(), int(how.split()[1]))

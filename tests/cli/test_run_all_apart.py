@@ -1,0 +1,124 @@
+"""`imocap run-all` on a cluster whose workers have folders of their own and share a store."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from imocap_core.pipeline.allowed_scripts import VARIABLE
+from imocap_core.pipeline.source import PROJECT
+from tests.s3_server import needs_s3, s3_store
+
+if TYPE_CHECKING:
+    from tests.pipeline.conftest import Toy
+
+Capture = pytest.CaptureFixture[str]
+pytest.importorskip("distributed", reason="the extra dask is not installed")
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="kills a process as Linux does")
+
+
+def free_port() -> int:
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        return int(unused.getsockname()[1])
+
+
+@contextmanager
+def cluster(roots: list[Path], environment: dict[str, str]) -> Iterator[str]:
+    """A scheduler and a worker in each of these working folders; the scheduler's address."""
+    address = f"127.0.0.1:{free_port()}"
+    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": PROJECT}
+    with ExitStack() as stack:
+
+        def start(words: list[str], **more: str) -> None:
+            process = subprocess.Popen(
+                words,
+                env={**os.environ, "PYTHONPATH": str(PROJECT), **environment, **more},
+                **quiet,
+            )
+            stack.callback(process.wait)
+            stack.callback(process.terminate)
+
+        start([*dask, "--host", "127.0.0.1", "--port", address[10:], "--no-dashboard"])
+        for root in roots:
+            worker = [sys.executable, "-m", "distributed.cli.dask_worker", address]
+            worker += ["--nthreads", "1", "--no-dashboard", "--local-directory", str(root / "dask")]
+            start(
+                worker,
+                IMOCAP_ROOT=str(root),
+                DASK_DISTRIBUTED__WORKER__DAEMON="False",
+                **{VARIABLE: str(root)},
+            )
+        yield address
+
+
+def wait_for_workers(address: str, count: int) -> None:
+    from distributed import Client
+
+    with Client(address, timeout=30) as client:
+        client.wait_for_workers(count, timeout=30)
+
+
+def worker_folder(toy: Toy, name: str) -> Path:
+    """A working folder with the toy's pipeline and nothing else."""
+    root = toy.root / name
+    root.mkdir()
+    shutil.copy(toy.root / "pipeline.yaml", root)
+    shutil.copytree(toy.root / "toys", root / "toys")
+    return root
+
+
+@pytest.fixture(params=["folder", pytest.param("s3", marks=needs_s3)])
+def store(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
+    if request.param == "folder":
+        (tmp_path / "shared").mkdir()
+        yield str(tmp_path / "shared")
+    else:
+        with s3_store(tmp_path) as url:
+            yield url
+
+
+def test_workers_with_folders_of_their_own_give_what_one_machine_gives(
+    toy: Toy, capsys: Capture, store: str
+) -> None:
+    assert toy.imocap(["run", "toy"]) == 0
+    alone = toy.digests()
+    shutil.rmtree(toy.root / "artifacts")
+    toy.ran()
+    capsys.readouterr()
+    roots = [worker_folder(toy, "first"), worker_folder(toy, "second")]
+    with cluster(roots, {"TOY_SCALE": "kill once"}) as address:
+        wait_for_workers(address, 2)
+        words = ["toy", "--executor", "dask", "--address", address, "--store", store]
+        assert toy.imocap(["run-all", *words, "--json"]) == 0
+    (end,) = json.loads(capsys.readouterr().out)["actions"]
+    assert [stage["how"] for stage in end["stages"]] == ["made"] * 3
+    assert toy.digests() == alone
+    assert toy.ran() == ["gather", "scale", "scale", "evaluate"]
+    assert any((root / "actions" / "toy" / "v1.txt").is_file() for root in roots)
+
+
+def test_a_worker_with_another_pipeline_is_a_sentence(
+    toy: Toy, capsys: Capture, tmp_path: Path
+) -> None:
+    (tmp_path / "shared").mkdir()
+    root = worker_folder(toy, "first")
+    text = (root / "pipeline.yaml").read_text()
+    (root / "pipeline.yaml").write_text(text.replace("seed: 7", "seed: 8"))
+    with cluster([root], {}) as address:
+        words = ["toy", "--executor", "dask", "--address", address]
+        assert toy.imocap(["run-all", *words, "--store", str(tmp_path / "shared")]) == 1
+    assert "has another version of imocap, or another pipeline.yaml" in capsys.readouterr().out
+    assert toy.ran() == []
