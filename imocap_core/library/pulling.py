@@ -93,7 +93,7 @@ def bring_up_to_date(workspace: Workspace, shared: SharedFiles, record: ActionRe
             fresh.mkdir()
             for path, digest in record.files.items():
                 _fetch(shared, path, digest, draft, fresh)
-            _must_name_nothing_else(workspace, fresh, record)
+            _must_be_usable(workspace, fresh, record)
             (fresh / PULLED).write_text(json.dumps({"files": record.files}, indent=1) + "\n")
             if folder.exists():
                 os.replace(folder, old)
@@ -123,15 +123,17 @@ def _fetch(shared: SharedFiles, path: str, digest: str, draft: Path, fresh: Path
         )
 
 
-def _must_name_nothing_else(workspace: Workspace, fresh: Path, record: ActionRecord) -> None:
-    """WorkFailed when action.yaml names a file that is not in the record, or is of another name."""
-    declared = read_action(fresh)
+def _must_be_usable(workspace: Workspace, fresh: Path, record: ActionRecord) -> None:
+    """WorkFailed unless action.yaml is of this name and names files of its folder only."""
+    try:
+        declared = read_action(fresh)
+        chosen = settings(workspace.pipeline(), declared.params, declared.file, [])
+        action_files(declared, chosen)
+    except WorkFailed as error:
+        text = str(error).replace(str(fresh.resolve()), record.name)
+        raise WorkFailed(f"the action that was pushed cannot be used: {text}") from None
     if declared.name != record.name:
         raise WorkFailed(f"{FILE_NAME} of {record.name} is of {declared.name}; it is not used")
-    chosen = settings(workspace.pipeline(), declared.params, declared.file, [])
-    others = sorted(set(action_files(declared, chosen)) - set(record.files))
-    if others:
-        raise WorkFailed(f"{FILE_NAME} of {record.name} names {others[0]}, which was not pushed")
 
 
 def _pull_results(workspace: Workspace, record: ActionRecord) -> tuple[list[str], list[str]]:

@@ -1,0 +1,220 @@
+"""A shared store: names stand for one content, what may pass is waited for, nothing is trusted."""
+
+from __future__ import annotations
+
+import errno
+import itertools
+import logging
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imocap_core.artifacts import patience
+from imocap_core.artifacts.patience import PatientFiles
+from imocap_core.artifacts.schemas import Sync
+from imocap_core.artifacts.shared import SharedFiles, shared_files
+from imocap_core.artifacts.shared_folder import FolderFiles
+from imocap_core.artifacts.shared_results import fetch_detections
+from imocap_core.artifacts.store import Store, Stored
+from imocap_core.errors import WorkFailed
+
+NUMBERS = itertools.count()
+KEY = "k" * 64
+
+
+@pytest.fixture(params=["folder", "memory"])
+def shared(request: pytest.FixtureRequest, tmp_path: Path) -> SharedFiles:
+    if request.param == "memory":
+        return shared_files(f"memory://lab/{next(NUMBERS)}")
+    folder = tmp_path / "shared"
+    folder.mkdir()
+    return shared_files(f"file://{folder}")
+
+
+class Flaky(FolderFiles):
+    """Fails a number of times, as the function says, then works."""
+
+    def __init__(self, folder: Path, times: int, error: Callable[[], Exception]) -> None:
+        super().__init__(folder)
+        self.left, self.error = times, error
+
+    def has(self, name: str) -> bool:
+        if self.left:
+            self.left -= 1
+            raise self.error()
+        return super().has(name)
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(patience, "FIRST_PAUSE_S", 0.01)
+    monkeypatch.setattr(patience, "PATIENCE_S", 0.3)
+
+
+def machine(tmp_path: Path, shared: SharedFiles, name: str) -> Store:
+    return Store(tmp_path / name, shared)
+
+
+def put(store: Store, sync: Sync, status: str) -> Stored:
+    made = store.put("sync", KEY, sync.model_copy(update={"status": status}), {}, {"a.txt": b"1"})
+    return store.share("sync", made, made=True)
+
+
+def remote(shared: SharedFiles) -> str:
+    return f"results/sync/{KEY}.mcap"
+
+
+def test_what_is_published_is_fetched(tmp_path: Path, shared: SharedFiles) -> None:
+    file, copy = tmp_path / "file", tmp_path / "copy"
+    file.write_bytes(b"content")
+    copy.write_bytes(b"something longer that was here")
+    assert not shared.has("inputs/a")
+    assert not shared.fetch("inputs/a", copy)
+    shared.publish(file, "inputs/a")
+    assert shared.has("inputs/a")
+    assert not shared.has("inputs")
+    assert shared.fetch("inputs/a", copy)
+    assert copy.read_bytes() == b"content"
+
+
+def test_a_result_of_one_machine_is_one_of_all(
+    tmp_path: Path, shared: SharedFiles, sync: Sync
+) -> None:
+    here, there = machine(tmp_path, shared, "here"), machine(tmp_path, shared, "there")
+    assert there.find("yoga", "sync", KEY) is None
+    made = put(here, sync, "first")
+    fetched = there.find("yoga", "sync", KEY)
+    assert fetched is not None
+    assert fetched.digest == made.digest
+    assert fetched.content.files == {"a.txt": b"1"}
+    shared.publish(tmp_path / "here/.cache/sync" / f"{KEY}.mcap", "elsewhere")
+    assert Store(there.folder).find("yoga", "sync", KEY) is not None  # without the shared store
+
+
+def test_what_is_damaged_or_of_another_key_is_absent_and_made_anew(
+    tmp_path: Path, shared: SharedFiles, sync: Sync
+) -> None:
+    here, there = machine(tmp_path, shared, "here"), machine(tmp_path, shared, "there")
+    good = put(here, sync, "first").file.read_bytes()
+    foreign = here.put("sync", "other", sync, {}, {}).file.read_bytes()
+    file = tmp_path / "file"
+    for wrong in (good[:-20], good[:300] + b"x" + good[301:], foreign, b""):
+        file.write_bytes(wrong)
+        shared.publish(file, remote(shared))
+        assert there.find("yoga", "sync", KEY) is None
+        assert not list(there.folder.rglob("*.mcap"))
+    made = put(there, sync, "first")
+    fetched = machine(tmp_path, shared, "third").find("yoga", "sync", KEY)
+    assert fetched is not None
+    assert fetched.digest == made.digest
+
+
+def test_of_two_results_under_one_key_the_first_counts_and_that_is_said(
+    tmp_path: Path, shared: SharedFiles, sync: Sync, caplog: pytest.LogCaptureFixture
+) -> None:
+    here, there = machine(tmp_path, shared, "here"), machine(tmp_path, shared, "there")
+    first = put(here, sync, "first")
+    assert not caplog.records
+    assert put(there, sync, "first").digest == first.digest
+    assert not caplog.records
+    (tmp_path / "there/.cache/sync" / f"{KEY}.mcap").unlink()
+    second = put(there, sync, "second")
+    assert second.digest == first.digest
+    assert second.decode(Sync).status == "first"
+    assert "two results under the key kkkkkkkkkkkk differ" in caplog.text
+
+
+def test_a_result_that_is_only_here_is_published_by_the_next_run(
+    tmp_path: Path, shared: SharedFiles, sync: Sync
+) -> None:
+    alone = Store(tmp_path / "here")
+    alone.publish("yoga", "sync", put(alone, sync, "first"))
+    alone.cached("sync", KEY).unlink()  # the current one remains
+    here = machine(tmp_path, shared, "here")
+    stored = here.find("yoga", "sync", KEY)
+    assert stored is not None
+    here.share("sync", stored, made=False)
+    assert shared.has(remote(shared))
+
+
+def test_detections_that_cannot_be_read_are_absent(tmp_path: Path, shared: SharedFiles) -> None:
+    source, file = tmp_path / "source.npz", tmp_path / "artifacts/.cache/detections/key.npz"
+    assert not fetch_detections(shared, file)
+    np.savez(source, joints=np.zeros((3, 2)))
+    for content, fine in ((b"PK nonsense", False), (source.read_bytes(), True)):
+        (tmp_path / "file").write_bytes(content)
+        shared.publish(tmp_path / "file", "results/detections/key.npz")
+        assert fetch_detections(shared, file) == fine
+        assert file.is_file() == fine
+    assert [path.name for path in file.parent.iterdir()] == ["key.npz"]
+
+
+@pytest.mark.usefixtures("impatient")
+def test_an_error_that_passes_is_waited_for_and_said_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    files = PatientFiles(Flaky(tmp_path, 3, lambda: OSError(errno.EBUSY, "slow down")))
+    assert not files.has("inputs/a")
+    (record,) = caplog.records
+    assert record.levelno == logging.WARNING
+    assert "does not answer (slow down); trying again" in record.getMessage()
+
+
+@pytest.mark.usefixtures("impatient")
+def test_a_store_that_does_not_answer_is_a_sentence_and_may_be_tried_elsewhere(
+    tmp_path: Path,
+) -> None:
+    files = PatientFiles(Flaky(tmp_path, 10**6, lambda: TimeoutError("no route")))
+    with pytest.raises(WorkFailed, match=r"did not answer for 0 s \(no route\).*run again") as info:
+        files.has("inputs/a")
+    assert isinstance(info.value.__cause__, ConnectionError)
+
+
+@pytest.mark.parametrize(
+    ("error", "sentence"),
+    [
+        (PermissionError("Forbidden"), r"refuses access \(Forbidden\); check its credentials"),
+        (OSError(errno.ENOSPC, "No space left on device"), r"is full \(No space left"),
+        (FileNotFoundError("no such bucket"), r"does not exist \(no such bucket\)"),
+        (type("NoCredentialsError", (Exception,), {})("Unable"), r"needs credentials \(Unable\)"),
+    ],
+)
+def test_where_waiting_does_not_help_the_sentence_comes_at_once(
+    tmp_path: Path, error: Exception, sentence: str
+) -> None:
+    flaky = Flaky(tmp_path, 1, lambda: error)
+    with pytest.raises(WorkFailed, match=sentence):
+        PatientFiles(flaky).has("inputs/a")
+    assert flaky.left == 0
+
+
+def test_a_full_disk_of_this_machine_is_its_own(
+    tmp_path: Path, sync: Sync, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "shared").mkdir()
+    put(machine(tmp_path, FolderFiles(tmp_path / "shared"), "here"), sync, "first")
+
+    def full(self: FolderFiles, name: str, file: Path) -> bool:
+        file.write_bytes(b"part")
+        raise OSError(errno.ENOSPC, "No space left on device", str(file))
+
+    monkeypatch.setattr(FolderFiles, "fetch", full)
+    there = machine(tmp_path, PatientFiles(FolderFiles(tmp_path / "shared")), "there")
+    with pytest.raises(OSError, match="No space left"):
+        there.find("yoga", "sync", KEY)
+    assert not list((tmp_path / "there").rglob("*.mcap"))
+    monkeypatch.undo()
+    assert there.find("yoga", "sync", KEY) is not None
+
+
+def test_a_folder_that_is_not_mounted_is_no_empty_store(tmp_path: Path) -> None:
+    with pytest.raises(WorkFailed, match="does not exist; make or mount it"):
+        shared_files(str(tmp_path / "nowhere")).has("inputs/a")
+
+
+@pytest.mark.parametrize("url", ["nonsense://a/b", "github://a"])
+def test_a_store_of_an_unknown_kind_is_a_sentence(url: str) -> None:
+    with pytest.raises(WorkFailed, match=f"store .*{url}"):
+        shared_files(url)
