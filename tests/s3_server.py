@@ -1,4 +1,4 @@
-"""A server that speaks S3 (moto), where it is installed beside s3fs: `pip install s3fs 'moto[server]'`."""
+"""A server that speaks S3, where it is installed: `pip install s3fs 'moto[server]'`."""
 
 from __future__ import annotations
 

@@ -21,7 +21,8 @@ ORDER = (
     *("init", "pick", "run", "run-all", "view", "export", "angles", "video", "report", "compare"),
     "sync",
     *("status", "list"),
-    *("explain", "stage", "detect", "people", "params", "clean", "benchmark", "doctor"),
+    *("explain", "stage", "detect", "people", "params", "push", "pull", "clean"),
+    *("benchmark", "doctor"),
 )
 HEAVY = ("numpy", "pydantic", "scipy", "torch", "rich.table", "yaml", "imocap_core.library")
 
