@@ -8,6 +8,7 @@ from imocap_core.io.video import VideoInfo, open_video, probe
 from imocap_core.limits import LEAST_FRAMES
 
 BEGINNING_BYTES = 1024
+FASTEST_FPS = 1000.0  # of a film of a person; above it the stamps are wrong
 PICTURE, TEXT = "a picture", "text"
 
 
@@ -15,12 +16,17 @@ def check_video(path: Path) -> VideoInfo:
     """Frame rate, size and frame count of a video that has a motion.
 
     ValueError for a file that is empty, text, a picture, audio, cut short, of another kind than
-    video, or of fewer than LEAST_FRAMES frames.
+    video, of wrong time stamps, or of fewer than LEAST_FRAMES frames.
     """
     other = _other_kind(path)
     if other is not None:
         raise ValueError(f"{path}: expected a video, got {other}")
     info = probe(path)
+    if info.fps > FASTEST_FPS:
+        raise ValueError(
+            f"{path}: its time stamps say {info.fps:,.0f} frames a second; convert it to its true "
+            f"frame rate first"
+        )
     if info.frame_count < LEAST_FRAMES:
         raise ValueError(
             f"{path}: expected at least {LEAST_FRAMES} frames, as fewer have no motion, got "

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from imocap_core.io.video_check import check_video
+from tests.io.made_times import write_timed
 from tests.io.made_videos import write_video
 
 
@@ -67,3 +68,9 @@ def test_a_file_that_was_cut_short(tmp_path, flags):
     assert check_video(path).frame_count == 30
     path.write_bytes(path.read_bytes()[: path.stat().st_size * 3 // 4])
     assert "cut short" in refused(path)
+
+
+def test_stamps_that_are_all_the_same(tmp_path):
+    path = tmp_path / "a.mp4"
+    write_timed(path, np.zeros(40), ticks=15360)
+    assert "frames a second; convert it" in refused(path)

@@ -9,6 +9,7 @@ left and right swapped. Which of them is right the other videos tell (`sync.hypo
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -120,7 +121,7 @@ def reversed_starts(
     body: Body, library: Library, motion: MotionState, observation: Observation
 ) -> dict[str, Start]:
     """Starts at the reversals of a motion (batch of 1): its depth, its facing, and its reflection
-    in depth with the sides swapped."""
+    in depth with the sides swapped; those that no frame's keypoints can place are left out."""
     R_local = motion.R_local[0]
     joints = _about_root(body, motion).cpu().numpy()
     half_turn = torch.diag(R_local.new_tensor([-1.0, 1.0, -1.0]))
@@ -132,7 +133,11 @@ def reversed_starts(
         "facing": turned,
         "sides": reflected,
     }
-    return {name: start_at_joints(body, R, observation) for name, R in rotations.items()}
+    starts = {}
+    for name, R in rotations.items():
+        with suppress(ValueError):
+            starts[name] = start_at_joints(body, R, observation)
+    return starts
 
 
 def _fits_of(
