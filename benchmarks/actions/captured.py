@@ -133,10 +133,17 @@ def protocol_videos(file: Path, sampling: str, videos: int) -> list[CapturedVide
 
 def trial_videos(file: Path, videos: int) -> list[CapturedVideo]:
     """Another performance for each video: the first ones of the file."""
-    with np.load(file) as stored:
-        index, fps = stored["common14_idx"], float(stored["fps"])
-        count = min(videos, len(stored["trial_ids"]))
-        trials = [stored[f"trial_{v:02d}"].astype(np.float64) for v in range(count)]
+    return videos_of_performances([file], videos)
+
+
+def videos_of_performances(files: Sequence[Path], videos: int) -> list[CapturedVideo]:
+    """The first performances of each file, all of one action and one skeleton, in one scene."""
+    trials: list[np.ndarray] = []
+    for file in files:
+        with np.load(file) as stored:
+            index, fps = stored["common14_idx"], float(stored["fps"])
+            count = min(videos, len(stored["trial_ids"]))
+            trials += [stored[f"trial_{v:02d}"].astype(np.float64) for v in range(count)]
     return [
         CapturedVideo(
             p.joints_m,
@@ -146,7 +153,7 @@ def trial_videos(file: Path, videos: int) -> list[CapturedVideo]:
             p.R_common_from_scene,
             p.t_common,
             skeleton_m=skeleton,
-            segments=_segments(file, skeleton),
+            segments=_segments(files[0], skeleton),
         )
         for p, skeleton in _on_stage(trials, index)
     ]

@@ -20,8 +20,8 @@ from imocap_core.motion.multiview.cameras import Cameras
 from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.multiview.smpl_ba import (
     common_then_deviations,
-    one_body,
     recover_motion,
+    shared_shapes,
 )
 from imocap_core.motion.state import MotionState
 from imocap_core.params import MotionParams, Params
@@ -54,7 +54,9 @@ def fit_with_cameras(
     """The steps of `recover_motion` after its first cameras, with cameras that stay fixed."""
     if len(scene.observations) == 1:
         return recover_motion(scene, start, options)
-    return common_then_deviations(scene, one_body(start), cameras, options, cameras_known=True)
+    return common_then_deviations(
+        scene, shared_shapes(start, scene.performers), cameras, options, cameras_known=True
+    )
 
 
 def true_sync(estimated: SyncSummary, truth: Truth) -> SyncSummary:

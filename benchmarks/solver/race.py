@@ -28,7 +28,7 @@ from imocap_core.motion.multiview.common_keypoints import common_keypoints
 from imocap_core.motion.multiview.common_motion import ROBUST_STAGES, common_problem
 from imocap_core.motion.multiview.consensus import consensus_motion
 from imocap_core.motion.multiview.offset_spread import initial_offset_sd
-from imocap_core.motion.multiview.smpl_ba import one_body
+from imocap_core.motion.multiview.smpl_ba import shared_shapes
 from imocap_core.motion.solver.gauss_newton import Solution, gauss_newton
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.solver.objective import objective
@@ -160,7 +160,7 @@ def first_common_problem(
     made: MadeScene, options: MotionParams, *, rigid_offsets: bool
 ) -> tuple[list[Term], MotionState]:
     """The terms and the start of the first fit of one motion to all views."""
-    scene, state = made.scene, one_body(made.start)
+    scene, state = made.scene, shared_shapes(made.start, made.scene.performers)
     aligned = align(scene.body, state, scene.timeline)
     cameras = cameras_from_motion(aligned, scene.K.to(state.trans), scene.reference)
     keypoints = common_keypoints(scene.observations, scene.timeline)

@@ -28,6 +28,7 @@ class Observation:
         noise_share: detector noise (one standard deviation) as a share of the person's size.
         focal_spread: standard deviation of the logarithm of K's focal length; 0: it is known.
         R_mean_from_first: (3, 3) mean rotation of the turning camera relative to its first frame.
+        performer: number of the person shown, from 0; videos of one share a body shape.
     """
 
     xy_px: Float[np.ndarray, "T K 2"]
@@ -38,6 +39,7 @@ class Observation:
     noise_share: float = field(kw_only=True)
     focal_spread: float = 0.0
     R_mean_from_first: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
+    performer: int = 0
 
     @cached_property
     def size_px(self) -> Float[np.ndarray, " T"]:

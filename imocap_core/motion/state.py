@@ -30,6 +30,7 @@ class MotionState:
         valid: (B, T) bool; False pads shorter motions; padding adds to no cost.
         camera_R: (B, C, 3, 3), camera_t: (B, C, 3) free cameras from the state's axes; C may be 0.
         log_focal: (B, F) free focal lengths, logarithms over those of their views; F may be 0.
+        other_betas: (B, P - 1, 10) shapes of P performers but the first, whose is ``betas``.
     """
 
     R_local: Float[Tensor, "B T 24 3 3"]
@@ -39,6 +40,7 @@ class MotionState:
     camera_R: Float[Tensor, "B C 3 3"]
     camera_t: Float[Tensor, "B C 3"]
     log_focal: Float[Tensor, "B F"]
+    other_betas: Float[Tensor, "B p 10"]
 
     @classmethod
     def of(
@@ -51,7 +53,8 @@ class MotionState:
         """A state without free cameras."""
         none = trans.new_zeros(len(trans), 0, 3)
         no_rotation, no_focal = none[..., None].expand(-1, 0, 3, 3), none[..., 0]
-        return cls(R_local, trans, betas, valid, no_rotation, none, no_focal)
+        no_other = betas.new_zeros(len(betas), 0, betas.shape[1])
+        return cls(R_local, trans, betas, valid, no_rotation, none, no_focal, no_other)
 
     def cached(self, owners: tuple[object, ...], make: Callable[[], T]) -> T:
         """What ``owners`` compute from this state, computed at the first request.
@@ -78,8 +81,19 @@ class MotionState:
 
     @property
     def unknown_globals(self) -> int:
-        """Number of unknowns that all frames share: 10 of shape, 6 a camera, 1 a focal length."""
-        return self.betas.shape[1] + 6 * self.camera_t.shape[1] + self.log_focal.shape[1]
+        """Number of unknowns that all frames share: 10 of shape, 6 a camera, 1 a focal length, 10
+        of every other performer's shape."""
+        return sum(self._global_sizes)
+
+    @property
+    def _global_sizes(self) -> list[int]:
+        cameras, focal_lengths = 6 * self.camera_t.shape[1], self.log_focal.shape[1]
+        return [
+            self.betas.shape[1],
+            cameras,
+            focal_lengths,
+            self.other_betas.shape[1] * self.betas.shape[1],
+        ]
 
     def camera_columns(self, camera: int) -> slice:
         """Indices of a free camera's (rotation, translation) among the globals."""
@@ -89,6 +103,26 @@ class MotionState:
     def focal_column(self, focal: int) -> int:
         """Index of a free focal length among the globals."""
         return self.betas.shape[1] + 6 * self.camera_t.shape[1] + focal
+
+    def shape_columns(self, performer: int = 0) -> slice:
+        """Indices of a performer's shape among the globals."""
+        count = self.betas.shape[1]
+        if performer == 0:
+            return slice(0, count)
+        start = sum(self._global_sizes[:3]) + (performer - 1) * count
+        return slice(start, start + count)
+
+    def of_performer(self, performer: int) -> MotionState:
+        """The motion with a performer's shape in place of the first one's."""
+        if performer == 0:
+            return self
+        return self._bodies.setdefault(
+            performer, replace(self, betas=self.other_betas[:, performer - 1])
+        )
+
+    @cached_property
+    def _bodies(self) -> dict[int, MotionState]:
+        return {}
 
     def retract(
         self, d_frames: Float[Tensor, "B T 75"], d_globals: Float[Tensor, "B m"]
@@ -100,8 +134,7 @@ class MotionState:
         """
         d_frames = torch.where(self.valid[..., None], d_frames, 0.0)
         delta = d_frames[..., :POSE].reshape(*self.R_local.shape[:-2], 3)
-        sizes = [self.betas.shape[1], 6 * self.camera_t.shape[1], self.log_focal.shape[1]]
-        d_betas, d_cameras, d_focal = d_globals.split(sizes, dim=1)
+        d_betas, d_cameras, d_focal, d_other = d_globals.split(self._global_sizes, dim=1)
         change = d_cameras.reshape(*self.camera_t.shape[:2], 6)
         turned = exp(change[..., :3]) @ self.camera_R
         before, after = (
@@ -115,6 +148,7 @@ class MotionState:
             camera_R=turned,
             camera_t=self.camera_t + change[..., 3:] + before - after,
             log_focal=self.log_focal + d_focal,
+            other_betas=self.other_betas + d_other.view_as(self.other_betas),
         )
 
     def pivot(self) -> Float[Tensor, "B 3"]:

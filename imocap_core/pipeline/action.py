@@ -47,6 +47,7 @@ class Declaration(BaseModel):
     initial_format: InitialFormat | None = None
     mirrored: bool | None = None  # None: sync decides
     person: Person | None = None  # the performer; None: the program chooses
+    performer: Id | None = None  # who it is; videos of one performer share a body
     repetitions: bool | None = None  # True: a long clip, cut into its repetitions
 
     @property
@@ -88,6 +89,11 @@ class _ActionFile(BaseModel):
         repeated = sorted({i for i in ids if ids.count(i) > 1})
         if repeated:
             raise ValueError(f"videos: expected unique ids, got {', '.join(repeated)} twice")
+        without = [v.id for v in self.videos if v.performer is None]
+        if without and len(without) < len(self.videos):
+            raise ValueError(
+                f"performer: expected of every video or of none, got none of {', '.join(without)}"
+            )
         faults = hint_faults(self.anchors, self.forbidden, ids)
         if faults:
             raise ValueError("; ".join(faults))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -149,6 +150,7 @@ def joint_motion_of(
 def _stored_common(motion: JointMotion, ids: list[str]) -> CommonMotion | None:
     if motion.common is None or motion.spread is None:
         return None
+    others = motion.common.other_betas[0]
     return CommonMotion(
         ids=ids,
         theta=unwrap(log(motion.common.R_local[0])).flatten(1).numpy(),
@@ -156,6 +158,7 @@ def _stored_common(motion: JointMotion, ids: list[str]) -> CommonMotion | None:
         trans=motion.common.trans[0].numpy(),
         rigid_offset_sd=motion.spread.offset_sd,
         keypoint_sd_m=motion.spread.keypoints_m,
+        other_betas=others.numpy() if len(others) else None,
     )
 
 
@@ -163,4 +166,7 @@ def _common_state(common: CommonMotion) -> MotionState:
     theta, trans, betas = (torch.as_tensor(x) for x in (common.theta, common.trans, common.betas))
     valid = torch.ones(1, len(trans), dtype=torch.bool)
     R_local = exp(theta.reshape(1, -1, 24, 3))
-    return MotionState.of(R_local, trans[None], betas[None], valid)
+    state = MotionState.of(R_local, trans[None], betas[None], valid)
+    if common.other_betas is None:
+        return state
+    return replace(state, other_betas=torch.as_tensor(common.other_betas)[None])

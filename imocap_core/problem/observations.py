@@ -45,7 +45,7 @@ def observations_of(
         layout: slice(end - len(columns[layout]), end)
         for layout, end in zip(columns, ends, strict=True)
     }
-    observations = []
+    observations, people = [], performers_of(keypoints)
     for video, camera in zip(keypoints.videos, camera_motion.videos, strict=True):
         xy = np.full((len(video.frames), ends[-1], 2), np.nan)
         confidence = np.zeros(xy.shape[:2])
@@ -62,9 +62,15 @@ def observations_of(
                 noise_share=noise_share_of(video.layout, fit),
                 focal_spread=fit.focal_spread if camera.focal_source == "assumed" else 0.0,
                 R_mean_from_first=camera.R_first_from_frame.mean(axis=0).T,
+                performer=people.index(video.performer),
             )
         )
     return observations
+
+
+def performers_of(keypoints: Keypoints) -> list[str | None]:
+    """The performers that are declared, in order of appearance; None: not declared."""
+    return list(dict.fromkeys(video.performer for video in keypoints.videos))
 
 
 def noise_share_of(layout: str, fit: FitParams) -> float:

@@ -48,6 +48,7 @@ def performer_keypoints(
         note=_note_of(video, performer, params),
         hands=_hands_of(video, performer),
         damaged=None if survey is None else survey.damaged_spans(people.frames),
+        performer=declared.performer,
     )
     even = at_even_moments(of_frames, video.time_s)
     return with_corrected_marks(even) if params.correct_marks else even

@@ -50,7 +50,8 @@ def body() -> Body:
 
 @pytest.fixture(scope="module")
 def state() -> MotionState:
-    """Two motions of five frames, one padded frame, one free camera, two free focal lengths."""
+    """Two motions of five frames, one padded frame, one free camera, two free focal lengths, two
+    performers."""
     valid = torch.ones(B, T, dtype=torch.bool)
     valid[1, 4] = False
     return MotionState(
@@ -61,6 +62,7 @@ def state() -> MotionState:
         exp(normal(B, 1, 3, seed=3, spread=0.1)),
         normal(B, 1, 3, seed=4, spread=0.1),
         normal(B, 2, seed=16, spread=0.1),
+        normal(B, 1, 10, seed=17, spread=0.3),
     )
 
 
@@ -96,6 +98,14 @@ def with_rigid_offsets(body: Body, state: MotionState) -> Reprojection:
     return Reprojection(body, (replace(view, xy_px=noisy, offset_precision=precision),), 30.0)
 
 
+def of_two_performers(body: Body, state: MotionState) -> Reprojection:
+    """Views of either performer, free and known cameras, with and without rigid offsets."""
+    (offset,) = with_rigid_offsets(body, state).views
+    views = reprojection(body, state).views[1:3]  # type: ignore[attr-defined]
+    every = (offset, *views, *(replace(view, performer=1) for view in (offset, *views)))
+    return Reprojection(body, every, 30.0)
+
+
 def pose_prior(_: Body, __: MotionState) -> Term:
     rng = np.random.default_rng(0)
     factor = 0.1 * rng.standard_normal((3, 69, 69))
@@ -112,6 +122,7 @@ def arm_weights() -> torch.Tensor:
 
 TERMS: dict[str, Callable[[Body, MotionState], Term]] = {
     "reprojection": reprojection,
+    "reprojection of two performers": of_two_performers,
     "pose prior": pose_prior,
     "shape prior": lambda b, s: ShapePrior.of_body(b.model, 2.0, 5.0),
     "focal prior": lambda b, s: FocalPrior(
@@ -229,7 +240,7 @@ def test_padding_takes_no_part(name: str, body: Body, state: MotionState) -> Non
     moved[1, 4] += 0.5
     other = MotionState(
         *(state.R_local, moved, state.betas, state.valid),
-        *(state.camera_R, state.camera_t, state.log_focal),
+        *(state.camera_R, state.camera_t, state.log_focal, state.other_betas),
     )
     assert torch.allclose(term.cost(state), term.cost(other), rtol=1e-12)
 

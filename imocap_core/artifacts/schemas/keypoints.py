@@ -38,7 +38,9 @@ class VideoKeypoints(Value):
     A used frame is one of the source or, of a file of variable frame rate, one of even moments.
     """
 
-    OPTIONAL: ClassVar[frozenset[str]] = frozenset({"hands", "damaged", "moments", "corrected"})
+    OPTIONAL: ClassVar[frozenset[str]] = frozenset(
+        {"hands", "damaged", "moments", "corrected", "performer"}
+    )
 
     id: Id
     fps: float  # used frames a second
@@ -59,6 +61,7 @@ class VideoKeypoints(Value):
     damaged: list[tuple[int, int]] | None = None  # source frames, first and last: undecodable
     moments: SourceMoments | None = None  # None where the frame rate is constant
     corrected: CorrectedMarks | None = None  # None where the keypoints are as detected
+    performer: Id | None = None  # as declared; None: the action has one
 
     @model_validator(mode="after")
     def _every_frame_has_a_moment(self) -> VideoKeypoints:

@@ -83,12 +83,15 @@ class CommonMotion(Value):
     fit: of every layout in use, the ones that the body model has.
     """
 
+    OPTIONAL: ClassVar[frozenset[str]] = frozenset({"other_betas"})
+
     ids: list[Id]
     theta: Annotated[Floats, Shape("N", 72)]  # axis-angle radians, joint 0 about the pelvis
-    betas: Annotated[Floats, Shape(10)]
+    betas: Annotated[Floats, Shape(10)]  # of the first video's performer
     trans: Annotated[Floats, Shape("N", 3)]  # metres, as in smplx
     rigid_offset_sd: Annotated[Floats, Shape("M", 6)]  # of every frame: rad three times, m three
     keypoint_sd_m: Annotated[Floats, Shape("M", "N", "K")]  # per coordinate
+    other_betas: Annotated[Floats, Shape("P", 10)] | None = None  # of the other performers
 
 
 class SmplBa(Artifact):

@@ -30,12 +30,14 @@ class CommonKeypoints:
         xy_px: (M, N, K, 2); weight: (M, N, K) 1/px^2, 0 where missing; sigma_px: (M, N) noise.
         offset_sd: (M, 6) standard deviations of each performance's per-frame rigid offset from the
             common motion (three rotations, rad, and three translations, m), or None: rigid copies.
+        performers: of each video, the number of the person shown.
     """
 
     xy_px: Float[np.ndarray, "M N K 2"]
     weight: Float[np.ndarray, "M N K"]
     sigma_px: Float[np.ndarray, "M N"]
     offset_sd: Float[np.ndarray, "M 6"] | None = None
+    performers: tuple[int, ...] = ()
 
 
 def common_keypoints(observations: Sequence[Observation], timeline: Timeline) -> CommonKeypoints:
@@ -49,7 +51,8 @@ def common_keypoints(observations: Sequence[Observation], timeline: Timeline) ->
         xy.append(value)
         weight.append(confidence * trust[:, None] / noise[:, None] ** 2)
         sigma.append(noise)
-    return CommonKeypoints(np.stack(xy), np.stack(weight), np.stack(sigma))
+    performers = tuple(o.performer for o in observations)
+    return CommonKeypoints(np.stack(xy), np.stack(weight), np.stack(sigma), performers=performers)
 
 
 def common_estimates(
@@ -108,7 +111,8 @@ def views_of(
             sharp = torch.as_tensor(keypoints.offset_sd[v] ** -2.0).to(template)
             precision = sharp.expand(1, xy.shape[1], -1)
         R, t = cameras.R[v][None], cameras.t[v][None]
-        views.append(View(xy, weight, K, R, t, camera, focal, precision))
+        performer = keypoints.performers[v] if keypoints.performers else 0
+        views.append(View(xy, weight, K, R, t, camera, focal, precision, performer))
     return tuple(views)
 
 

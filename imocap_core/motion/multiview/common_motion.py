@@ -214,14 +214,14 @@ def fit_common_motion(
     image, state = common_problem(
         body, start, keypoints, cameras, free, robust_scale=robust_scale, focal=focal
     )
-    solution = solve([*image, *terms], state, max_steps, one_body=False)
+    solution = solve([*image, *terms], state, max_steps)
     state = solution.state
     R, t = cameras.R.clone(), cameras.t.clone()
     index = torch.tensor(free, dtype=torch.long, device=start.trans.device)
     R[index], t[index] = state.camera_R[0], state.camera_t[0]
     K = focal.intrinsics(cameras.K, state.log_focal[0])
     motion = MotionState.of(state.R_local, state.trans, state.betas, state.valid)
-    return motion, Cameras(R, t, K), solution
+    return replace(motion, other_betas=state.other_betas), Cameras(R, t, K), solution
 
 
 def misfit(

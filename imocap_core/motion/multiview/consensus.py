@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
@@ -79,7 +80,14 @@ def consensus_motion(
     )
     R = chordal_mean(world.R_local, follows * world.weight[..., None])
     path = world.root[scene.reference]
-    betas = state.betas.mean(0, keepdim=True)
-    rest = scene.body.model.shape(betas).joints_rest[:, 0]
+    shapes = mean_shapes(state, scene.performers)
+    rest = scene.body.model.shape(shapes[:1]).joints_rest[:, 0]
     valid = torch.ones(1, len(path), dtype=torch.bool, device=path.device)
-    return MotionState.of(R[None], (path - rest)[None], betas, valid)
+    motion = MotionState.of(R[None], (path - rest)[None], shapes[:1], valid)
+    return replace(motion, other_betas=shapes[None, 1:])
+
+
+def mean_shapes(state: MotionState, performers: Sequence[int]) -> Float[Tensor, "P 10"]:
+    """Of each performer the mean shape of the videos that show it."""
+    rows = torch.tensor(list(performers), device=state.betas.device)
+    return torch.stack([state.betas[rows == p].mean(0) for p in range(max(performers) + 1)])

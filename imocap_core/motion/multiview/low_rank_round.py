@@ -51,7 +51,7 @@ def low_rank_round(
     path_weight = torch.full_like(targets.trust, options.coupling_path_m**-2)
     terms = per_video_terms(scene, state.trans)
     terms += coupling_terms(scene.body, targets, state, joint_weight, path_weight)
-    solution = solve(terms, state, options.max_steps, one_body=True)
+    solution = solve(terms, state, options.max_steps, performers=scene.performers)
     state = solution.state
     cameras = cameras_from_motion(
         align(scene.body, state, scene.timeline), cameras.K, scene.reference

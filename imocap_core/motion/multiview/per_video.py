@@ -65,7 +65,7 @@ def fit_deviations(
         start = _replaced(replace(state, betas=carried.betas), carried, astray)
     terms = [*per_video_terms(scene, start.trans), foot_contact_term(scene, carried, state)]
     terms += deviation_terms(scene, carried, common, cameras, spread, options, faces)
-    solution = solve(terms, start, options.max_steps, one_body=True)
+    solution = solve(terms, start, options.max_steps, performers=scene.performers)
     return solution.state, solution.costs[-1]
 
 
@@ -130,12 +130,13 @@ def common_at_video_frames(
     """The common motion at every video's matched frames; unmatched ones stay as in ``state``."""
     targets = targets_of(scene, state, common, cameras)
     matched = (targets.trust > 0)[..., None]
-    rest = scene.body.model.shape(common.betas).joints_rest[:, 0]
+    betas = torch.cat([common.of_performer(p).betas for p in scene.performers])
+    rest = scene.body.model.shape(betas).joints_rest[:, 0]
     return replace(
         state,
         R_local=torch.where(matched[..., None, None], targets.R_local, state.R_local),
         trans=torch.where(matched, targets.root - rest[:, None], state.trans),
-        betas=common.betas.expand_as(state.betas).clone(),
+        betas=betas,
     )
 
 
@@ -145,5 +146,6 @@ def targets_of(
     """The common motion at every video's frames and in its camera's axes."""
     videos = len(scene.observations)
     Z = common.R_local.expand(videos, -1, -1, -1, -1)
-    Y = root_positions(scene.body, common).expand(videos, -1, -1)
+    paths = [root_positions(scene.body, common.of_performer(p)) for p in scene.performers]
+    Y = torch.cat(paths)
     return to_video_axes(Z, Y, cameras, scene.timeline, scene.confidences, state)

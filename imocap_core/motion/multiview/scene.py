@@ -51,6 +51,11 @@ class Scene:
         return replace(self, observations=with_intrinsics(self.observations, cameras))
 
     @property
+    def performers(self) -> list[int]:
+        """Of each video, the number of the person shown."""
+        return [o.performer for o in self.observations]
+
+    @property
     def fps(self) -> float:
         """Frame rate of the reference."""
         return self.observations[self.reference].fps
@@ -105,14 +110,22 @@ def with_intrinsics(observations: Sequence[Observation], cameras: Cameras) -> li
     return [replace(o, K=K) for o, K in rows]
 
 
-def solve(terms: Sequence[Term], state: MotionState, max_steps: int, *, one_body: bool) -> Solution:
-    """Minimise by damped Gauss-Newton; ``one_body``: the motions of the batch share their shape."""
+def solve(
+    terms: Sequence[Term],
+    state: MotionState,
+    max_steps: int,
+    *,
+    performers: Sequence[int] | None = None,
+) -> Solution:
+    """Minimise by damped Gauss-Newton; the motions of one of the ``performers`` share their shape,
+    without any every motion has its own."""
     return gauss_newton(
         terms,
         state,
         max_steps=max_steps,
         relative_tolerance=TOLERANCE,
-        shared_globals=one_body,
+        shared_globals=performers is not None,
+        bodies=performers,
     )
 
 

@@ -8,6 +8,7 @@ evidence asks for. ``single`` stops before that last step: one motion for all vi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
@@ -16,7 +17,7 @@ from imocap_core.motion.monocular.fit import Progress
 from imocap_core.motion.multiview.aligned import align
 from imocap_core.motion.multiview.cameras import Cameras, cameras_from_motion
 from imocap_core.motion.multiview.common_motion import estimate_spread, fit_in_stages, misfit
-from imocap_core.motion.multiview.consensus import consensus_motion
+from imocap_core.motion.multiview.consensus import consensus_motion, mean_shapes
 from imocap_core.motion.multiview.low_rank_round import low_rank_round
 from imocap_core.motion.multiview.per_video import common_at_video_frames, fit_deviations
 from imocap_core.motion.multiview.relocalisation import relocalise
@@ -44,7 +45,7 @@ def recover_motion(
     """
     if len(scene.observations) == 1:
         return _single_video(scene, start)
-    state = one_body(start)
+    state = shared_shapes(start, scene.performers)
     if cameras is not None and options.objective != "paper":
         scene = with_sides_of_others(scene, state, cameras)
         return common_then_deviations(scene, state, cameras, options, progress, warm=True)
@@ -74,7 +75,7 @@ def common_then_deviations(
     """One motion for all views, then each video's deviation from it.
 
     Args:
-        state: every video's motion in its own camera's axes, one body.
+        state: every video's motion in its own camera's axes, one body a performer.
         cameras: where they start, or where they are and stay (``cameras_known``).
         warm: state and cameras are an earlier result of this function.
     """
@@ -98,10 +99,9 @@ def common_then_deviations(
     return JointMotion(state, cameras, motion, common.spread, costs, status, fit)
 
 
-def one_body(state: MotionState) -> MotionState:
-    """The mean shape for every video: all show one performer."""
-    mean = state.betas.mean(0, keepdim=True)
-    return replace(state, betas=mean.expand_as(state.betas).clone())
+def shared_shapes(state: MotionState, performers: Sequence[int]) -> MotionState:
+    """The mean shape of a performer's videos for every one of them."""
+    return replace(state, betas=mean_shapes(state, performers)[list(performers)])
 
 
 def _alternate(

@@ -80,9 +80,18 @@ def motion_posterior(
         joints = joint_covariance(scene.body, fits[v].state, covariance, posterior.response)
         return joints, posterior.schur
 
+    performers = scene.performers
     joints, schurs = zip(*at_once(joints_given_shape, range(videos)), strict=True)
-    shape = torch.linalg.inv(torch.stack(schurs).sum(0))
-    covariances = [of_video.covariance(shape).cpu().numpy() for of_video in joints]
+    shapes = [
+        torch.linalg.inv(
+            torch.stack([s for s, q in zip(schurs, performers, strict=True) if q == p]).sum(0)
+        )
+        for p in range(max(performers) + 1)
+    ]
+    covariances = [
+        of_video.covariance(shapes[p]).cpu().numpy()
+        for of_video, p in zip(joints, performers, strict=True)
+    ]
     rotations = [common.camera_rotation_sd_rad(v) for v in range(videos)]
     return MotionPosterior(covariances, rotations, evidence.motion, common.normal, common)
 

@@ -63,6 +63,7 @@ def gauss_newton(
     relative_tolerance: float = 1e-4,
     shared_globals: bool = False,
     free_shape: bool = True,
+    bodies: Sequence[int] | None = None,
 ) -> Solution:
     """Levenberg-Marquardt on the block-banded system.
 
@@ -76,6 +77,8 @@ def gauss_newton(
         relative_tolerance: a motion has converged when a step lowers its objective by less than
             this share.
         shared_globals: one body for the batch; free_shape: False holds the betas.
+        bodies: number of each motion's body; with ``shared_globals``, those of one body alone
+            share their globals.
     """
     motions = split_batch(terms, state)
     alone = len(motions) == 1
@@ -88,16 +91,23 @@ def gauss_newton(
             return descend(problem, group, max_steps=max_steps, tolerance=relative_tolerance)
 
         if shared_globals or alone:
-            descents = [bring_down(motions, on(pool))]
+            rows = _rows_of_bodies(bodies or [0] * len(motions))
+            descents = [bring_down([motions[v] for v in row], on(pool)) for row in rows]
         else:
+            rows = [[v] for v in range(len(motions))]
             groups = [[motion] for motion in motions]
             descents = on(pool)(lambda group: bring_down(group, in_turn), groups)
-    minima = [motion.state for descent in descents for motion in descent.state]
+    solved = {
+        v: (motion.state, bool(descent.converged[0]))
+        for row, descent in zip(rows, descents, strict=True)
+        for v, motion in zip(row, descent.state, strict=True)
+    }
+    minima = [solved[v][0] for v in range(len(motions))]
     steps = max(len(d.costs) for d in descents)
     costs = [
         float(sum(d.costs[min(k, len(d.costs) - 1)][0] for d in descents)) for k in range(steps)
     ]
-    converged = [bool(d.converged[0]) for d in descents for _ in d.state]
+    converged = [solved[v][1] for v in range(len(motions))]
     status = (
         f"converged after {steps - 1} steps"
         if all(converged)
@@ -105,6 +115,11 @@ def gauss_newton(
     )
     flags = torch.tensor(converged, device=state.valid.device)
     return Solution(merge_batch(state, minima), costs, flags, status)
+
+
+def _rows_of_bodies(bodies: Sequence[int]) -> list[list[int]]:
+    """The motions of each body."""
+    return [[v for v, b in enumerate(bodies) if b == body] for body in dict.fromkeys(bodies)]
 
 
 def split_batch(terms: Sequence[Term], state: MotionState) -> list[SolverMotion]:
@@ -130,6 +145,7 @@ def merge_batch(batch: MotionState, motions: Sequence[MotionState]) -> MotionSta
         camera_R=torch.cat([m.camera_R for m in motions]),
         camera_t=torch.cat([m.camera_t for m in motions]),
         log_focal=torch.cat([m.log_focal for m in motions]),
+        other_betas=torch.cat([m.other_betas for m in motions]),
     )
 
 

@@ -34,5 +34,6 @@ class FocalPrior:
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """A constant diagonal."""
         first = state.focal_column(0)
-        torch.diagonal(normal.corner, dim1=-2, dim2=-1)[:, first:] += self.weight
-        normal.corner_gradient[:, first:] += self.weight * (state.log_focal - self.assumed)
+        columns = slice(first, first + len(self.weight))
+        torch.diagonal(normal.corner, dim1=-2, dim2=-1)[:, columns] += self.weight
+        normal.corner_gradient[:, columns] += self.weight * (state.log_focal - self.assumed)

@@ -59,6 +59,7 @@ class Reprojection:
         return state.cached((self, view), lambda: self._solve_offsets(view, state))
 
     def _solve_offsets(self, view: View, state: MotionState) -> tuple[Tensor, Tensor]:
+        state = state.of_performer(view.performer)
         xyz = self.body.positions(self.body.keypoints, state).xyz
         if view.offset_precision is None:
             return xyz, xyz.new_zeros(*xyz.shape[:2], RIGID)
@@ -73,6 +74,7 @@ class Reprojection:
         start: Float[Tensor, "B T 6"] | None = None,
     ) -> tuple[Float[Tensor, "B T 6"], Float[Tensor, "B T 6 6"]]:
         """A view's rigid offsets and their precision matrices (`solve_rigid_offsets`)."""
+        state = state.of_performer(view.performer)
         xyz = self.body.positions(self.body.keypoints, state).xyz
         pivot = self._pivot(state)
         return solve_rigid_offsets(
@@ -84,11 +86,14 @@ class Reprojection:
         return state.trans + rest[:, None]
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
-        """All views at once (`view_residuals`)."""
+        """All views of one performer at once (`view_residuals`)."""
         keypoints = self.body.keypoints
-        points = self.body.derivatives(keypoints, state)
-        views = [self._residuals(view, state) for view in self.views]
-        add_view_residuals(normal, points, views, keypoints.movers)
+        for performer in sorted({view.performer for view in self.views}):
+            points = self.body.derivatives(keypoints, state.of_performer(performer))
+            shown = [view for view in self.views if view.performer == performer]
+            views = [self._residuals(view, state) for view in shown]
+            shapes = state.shape_columns(performer)
+            add_view_residuals(normal, points, views, keypoints.movers, shapes)
 
     def _residuals(self, fixed: View, state: MotionState) -> ViewResiduals:
         """One view's weighted residuals and their derivatives."""
@@ -109,7 +114,8 @@ class Reprojection:
             rows = _by_camera(view, state, xyz, by_camera_axes, off_centre)
             residuals = replace(residuals, by_camera=rows.flatten(2, 3), columns=columns)
         if view.offset_precision is not None:
-            rows = by_rigid_offset(by_point, xyz, self._pivot(state), d).flatten(2, 3)
+            pivot = self._pivot(state.of_performer(view.performer))
+            rows = by_rigid_offset(by_point, xyz, pivot, d).flatten(2, 3)
             residuals = replace(
                 residuals,
                 by_common_point=residuals.by_point @ exp(d[..., :3]),

@@ -42,14 +42,20 @@ class ShapePrior:
 
     def cost(self, state: MotionState) -> Float[Tensor, " B"]:
         """Cost of each motion."""
-        return torch.einsum("bi,ij,bj->b", state.betas, self._precision(state), state.betas)
+        precision = self._precision(state)
+        cost = torch.einsum("bi,ij,bj->b", state.betas, precision, state.betas)
+        others = state.other_betas
+        if others.shape[1]:
+            cost = cost + torch.einsum("bpi,ij,bpj->b", others, precision, others)
+        return cost
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
-        """A constant block."""
+        """A constant block for every performer."""
         precision = self._precision(state)
-        count = state.betas.shape[1]
-        normal.corner[:, :count, :count] += precision
-        normal.corner_gradient[:, :count] += state.betas @ precision
+        for performer in range(1 + state.other_betas.shape[1]):
+            columns = state.shape_columns(performer)
+            normal.corner[:, columns, columns] += precision
+            normal.corner_gradient[:, columns] += state.of_performer(performer).betas @ precision
 
     def _precision(self, state: MotionState) -> Float[Tensor, "n n"]:
         return self.precision.to(state.betas)

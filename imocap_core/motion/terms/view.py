@@ -25,6 +25,7 @@ class View:
         focal: index of the state's free focal length that K's is multiplied by, or None.
         offset_precision: (B, T, 6) inverse variances (1/rad^2, 1/m^2) of this view's per-frame
             rigid offset against the state (`rigid_offset`), or None: no offset.
+        performer: index of the shape, among those of the state, of the body that it shows.
     """
 
     xy_px: Float[Tensor, "B T K 2"]
@@ -35,6 +36,7 @@ class View:
     camera: int | None = None
     focal: int | None = None
     offset_precision: Float[Tensor, "B T 6"] | None = None
+    performer: int = 0
 
     def of(self, v: int, frames: int) -> View:
         """The view of motion ``v`` (batch of 1) in its first frames."""

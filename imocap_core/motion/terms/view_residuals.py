@@ -53,12 +53,16 @@ def whitened(
 
 
 def add_view_residuals(
-    normal: NormalEquations, points: Points, views: Sequence[ViewResiduals], movers: int
+    normal: NormalEquations,
+    points: Points,
+    views: Sequence[ViewResiduals],
+    movers: int,
+    shapes: slice,
 ) -> None:
     """Add ``J^T W J`` and ``J^T W r`` of all views.
 
-    The unknowns of a frame are pose and translation; of the globals the shape and the cameras. Of
-    the pose the first ``movers`` joints alone move the points.
+    The unknowns of a frame are pose and translation; of the globals the shape (in the columns
+    ``shapes``) and the cameras. Of the pose the first ``movers`` joints alone move the points.
     """
     assert points.d_pose is not None
     assert points.d_beta is not None
@@ -80,7 +84,6 @@ def add_view_residuals(
     sizes = [x.shape[-1] for x in columns]
     together = torch.cat(columns, -1)
     of_pose, of_shape = ((x.mT @ together).split(sizes, -1) for x in (pose, shape))
-    shapes = slice(shape.shape[-1])
     normal.diagonal[..., of_joints, POSE:] += of_pose[0]
     normal.diagonal[..., POSE:, of_joints] += of_pose[0].mT
     normal.diagonal[..., POSE:, POSE:] += moved
@@ -91,10 +94,11 @@ def add_view_residuals(
     normal.gradient[..., POSE:] += pull
     normal.corner_gradient[:, shapes] += of_shape[2][..., 0].sum(1)
     for view, by_pose, by_shape in zip(cameras, of_pose[3:], of_shape[3:], strict=False):
-        _add_camera(normal, view, by_pose, by_shape)
+        _add_camera(normal, view, by_pose, by_shape, shapes)
     if offset:
         first = 3 + len(cameras)
-        _eliminate_offsets(normal, offset, *(torch.cat(x[first:], -1) for x in (of_pose, of_shape)))
+        by_pose, by_shape = (torch.cat(x[first:], -1) for x in (of_pose, of_shape))
+        _eliminate_offsets(normal, offset, by_pose, by_shape, shapes)
 
 
 def _metric(views: Sequence[ViewResiduals]) -> tuple[Tensor, Tensor, Tensor]:
@@ -125,11 +129,11 @@ def _at_points(by_common_point: Tensor, rows: Tensor | None) -> Tensor:
 
 
 def _add_camera(
-    normal: NormalEquations, view: ViewResiduals, by_pose: Tensor, by_shape: Tensor
+    normal: NormalEquations, view: ViewResiduals, by_pose: Tensor, by_shape: Tensor, shapes: slice
 ) -> None:
     """A free camera's equations; by_pose (B, T, 3J, m), by_shape (B, T, n, m): with the others."""
     assert view.by_camera is not None
-    columns, shapes = view.columns, slice(by_shape.shape[2])
+    columns = view.columns
     rows = view.by_camera.flatten(1, 2)
     normal.border[..., : by_pose.shape[2], columns] += by_pose
     normal.border[..., POSE:, columns] += view.by_point.mT @ view.by_camera
@@ -139,7 +143,11 @@ def _add_camera(
 
 
 def _eliminate_offsets(
-    normal: NormalEquations, views: Sequence[ViewResiduals], by_pose: Tensor, by_shape: Tensor
+    normal: NormalEquations,
+    views: Sequence[ViewResiduals],
+    by_pose: Tensor,
+    by_shape: Tensor,
+    shapes: slice,
 ) -> None:
     """Subtract what the rigid offsets of V views could explain: six rows a frame and view.
 
@@ -148,7 +156,6 @@ def _eliminate_offsets(
     Args:
         by_pose: (B, T, 3J, 6V) derivatives of the offsets by the pose; by_shape: (B, T, n, 6V).
     """
-    shapes = slice(by_shape.shape[2])
     by_translation = torch.cat(
         [view.by_offset @ view.by_point for view in views if view.by_offset is not None], -2
     )

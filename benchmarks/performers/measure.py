@@ -1,0 +1,116 @@
+"""Both performers together, declared and not, and each alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.parallel import ActionDisplay
+from benchmarks.performers.action import PERFORMERS, performances, ready_performers
+from benchmarks.performers.bodies import LIMBS, bone_lengths_m, limb_lengths_m
+from benchmarks.scoring.score import truth_of
+from imocap_core.artifacts.schemas import Keypoints, RefineSync
+from imocap_core.body import load_free_body
+from imocap_core.evaluate.results import StageResult
+from imocap_core.evaluate.scoreboard import against_truth
+from imocap_core.pipeline import runner
+from imocap_core.pipeline.runner import Display, Job
+
+LAST = "refine_sync"
+RUNS = ("declared", "not declared", "alone")
+
+
+@dataclass(frozen=True)
+class PerformerRow:
+    """One performer in one run. Errors: MPJPE (scaled) and after Procrustes alignment, mm; mean
+    error of the limbs' proportions, %; of the sync, % of the action; of the cameras, degrees."""
+
+    run: str
+    performer: str
+    mpjpe_scaled_mm: float
+    pa_mpjpe_mm: float
+    proportions_pct: float
+    sync_pct: float
+    camera_deg: float
+
+
+def measured(
+    root: Path, files: Sequence[Path], videos: int, detector: str, display: Display
+) -> list[PerformerRow]:
+    """Rows of every run and performer."""
+    job = ready_performers(root, files, videos, detector, display)
+    names = {v.id: PERFORMERS[i // videos] for i, v in enumerate(job.action.videos)}
+    lengths = _true_lengths(files, videos)
+    rows = []
+    for run in RUNS:
+        for group in [[name] for name in PERFORMERS] if run == "alone" else [list(PERFORMERS)]:
+            one = _job_of(job, names, group, declared=run == "declared")
+            rows += _rows(one, run, names, lengths, ActionDisplay(display, one.action.name))
+    return rows
+
+
+def _job_of(job: Job, names: dict[str, str], performers: list[str], *, declared: bool) -> Job:
+    """The job of some performers' videos alone."""
+    videos = tuple(
+        video.model_copy(update={"performer": names[video.id] if declared else None})
+        for video in job.action.videos
+        if names[video.id] in performers
+    )
+    word = "declared" if declared else "".join(performers)
+    name = f"{job.action.name}-{word}"
+    return replace(job, action=replace(job.action, name=name, videos=videos))
+
+
+def _rows(
+    job: Job,
+    run: str,
+    names: dict[str, str],
+    lengths: dict[str, dict[str, float]],
+    display: Display,
+) -> list[PerformerRow]:
+    outcomes = runner.run(job, display, job.pipeline.upstream(LAST))
+    done = {outcome.stage: outcome.stored for outcome in outcomes}
+    keypoints, refined = done["keypoints"].decode(Keypoints), done[LAST].decode(RefineSync)
+    truth = truth_of(job, keypoints)
+    rows = []
+    for performer in dict.fromkeys(names[v.id] for v in keypoints.videos):
+        index = [i for i, v in enumerate(keypoints.videos) if names[v.id] == performer]
+        shown = Keypoints(videos=[keypoints.videos[i] for i in index])
+        motions = [refined.motion.videos[i] for i in index]
+        poses = against_truth(StageResult("motion", motions), shown, truth)
+        whole = StageResult("all", refined.motion.videos, refined.motion.cameras, refined.sync)
+        scores = against_truth(whole, keypoints, truth)
+        betas = [motion.betas for motion in motions]
+        rows.append(
+            PerformerRow(
+                run,
+                performer,
+                poses["mpjpe_scaled_mm"],
+                poses["pa_mpjpe_mm"],
+                proportions_error_pct(betas, lengths[performer]),
+                scores.get("sync_error_pct", float("nan")),
+                scores.get("camera_rotation_error_deg", float("nan")),
+            )
+        )
+    return rows
+
+
+def proportions_error_pct(betas: Sequence[np.ndarray], true_m: dict[str, float]) -> float:
+    """Mean error of the limbs' lengths relative to each other, in % of a length."""
+    model = load_free_body()
+    errors = []
+    for shape in betas:
+        lengths = bone_lengths_m(model, shape)
+        ratio = np.log([lengths[bone] / true_m[bone] for bone in LIMBS])
+        errors.append(np.abs(ratio - ratio.mean()).mean())
+    return float(100 * np.mean(errors))
+
+
+def _true_lengths(files: Sequence[Path], videos: int) -> dict[str, dict[str, float]]:
+    captured = performances(files, videos)
+    return {
+        name: limb_lengths_m(captured[i * videos].joints_m) for i, name in enumerate(PERFORMERS)
+    }
