@@ -22,6 +22,7 @@ from imocap_core.problem.ground import with_ground, with_hands_on_ground
 from imocap_core.problem.hints import hints_of
 from imocap_core.problem.joint import JointProblem, problem_of
 from imocap_core.problem.loop_confidence import with_first_repetitions, with_independent_confidence
+from imocap_core.problem.sound import with_sound
 from imocap_core.problem.synchronisation import rates_of_motions, synchronise_motions
 
 
@@ -33,6 +34,8 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     problem = problem_of(keypoints, cameras, initial, first_sync, params.fit, params.motion)
     first = problem.solution(single_pass)
     hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))
+    if first_sync.sound_start_s is not None:
+        hints = with_sound(hints, first_sync.sound_start_s, keypoints)
     by_pictures = params.refine.evidence == "pictures"
     monocular = [video.joints for video in initial.videos]
     rates = rates_of_motions(monocular, keypoints, params.sync, hints)

@@ -8,6 +8,7 @@ from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.first_sync import synchronise_monocular
 from imocap_core.problem.hints import hints_of
+from imocap_core.problem.sound import event_sound, with_sound
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Sync:
@@ -15,10 +16,19 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Sync:
     keypoints, initial = inputs.get(Keypoints), inputs.get(InitialSmpl)
     hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))
     ctx.progress(0.1, "comparing all pairs of frames")
+    sound = None
+    if ctx.event():
+        ctx.progress(0.05, "listening")
+        sound = event_sound({v.id: ctx.video(v.id) for v in keypoints.videos}, keypoints)
+        hints = with_sound(hints, sound.start_s, keypoints)
     mirrored = [ctx.mirrored()[video.id] for video in keypoints.videos]
-    return synchronise_monocular(
+    sync = synchronise_monocular(
         initial, keypoints, params.sync, ctx.rng(), mirrored=mirrored, hints=hints
     )
+    if sound is None:
+        return sync
+    notes = [*sound.notes, *sync.notes]
+    return sync.model_copy(update={"notes": notes, "sound_start_s": sound.start_s})
 
 
 if __name__ == "__main__":

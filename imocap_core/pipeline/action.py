@@ -82,6 +82,7 @@ class _ActionFile(BaseModel):
     params: dict[str, Any] = Field(default_factory=dict)
     anchors: list[AnchorEntry] = Field(default_factory=list)
     forbidden: list[ForbiddenEntry] = Field(default_factory=list)
+    event: bool = False
 
     @model_validator(mode="after")
     def _belongs_together(self) -> _ActionFile:
@@ -111,6 +112,7 @@ class Action:
     params: dict[str, Any] = field(default_factory=dict)
     anchors: tuple[AnchorEntry, ...] = ()
     forbidden: tuple[ForbiddenEntry, ...] = ()
+    event: bool = False  # all videos film one and the same performance
     detected: Mapping[str, Path] = field(default_factory=dict)  # video id -> file of detections
 
     @property
@@ -168,6 +170,7 @@ def action_of(data: Any, folder: Path) -> Action:
         params=parsed.params,
         anchors=tuple(parsed.anchors),
         forbidden=tuple(parsed.forbidden),
+        event=parsed.event,
     )
 
 

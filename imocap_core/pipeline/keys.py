@@ -124,6 +124,8 @@ def _reads(kind: Read, action: Action) -> Iterator[tuple[str, str | Path]]:
             yield f"hints {name}", hashlib.sha256(text.encode()).hexdigest()
         mirrored = _canonical({video.id: video.mirrored for video in action.videos})
         yield "hints mirrored", hashlib.sha256(mirrored.encode()).hexdigest()
+        if action.event:
+            yield "hints event", hashlib.sha256(b"true").hexdigest()
         return
     if kind == "truth":
         for name in action.truth_files:

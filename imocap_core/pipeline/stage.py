@@ -121,6 +121,11 @@ class Context:
         self._must_read("hints")
         return {video.id: video.mirrored for video in self._action.videos}
 
+    def event(self) -> bool:
+        """Whether action.yaml says that all videos show one event (reads: hints)."""
+        self._must_read("hints")
+        return self._action.event
+
     def truth(self) -> Path | None:
         """truth.npz, for scoring only (reads: truth, which only evaluate may)."""
         self._must_read("truth")

@@ -102,7 +102,7 @@ def synchronise_action(
                 f"--reference {reference}: {'; '.join(sync.notes)}; choose another video, or keep "
                 f"it with --set sync.outliers=ignore"
             )
-        sync = _about(reference, job, keypoints, artifacts.get(InitialSmpl), display)
+        sync = _about(reference, job, keypoints, artifacts.get(InitialSmpl), sync, display)
     return SolvedSync(job, action, keypoints, sync, notes)
 
 
@@ -151,16 +151,25 @@ def _cut(
 
 
 def _about(
-    reference: str, job: Job, keypoints: Keypoints, initial: InitialSmpl, display: Display
+    reference: str,
+    job: Job,
+    keypoints: Keypoints,
+    initial: InitialSmpl,
+    former: Sync,
+    display: Display,
 ) -> Sync:
     """The synchronisation with another reference than the one that is chosen."""
     from imocap_core.problem.first_sync import synchronise_monocular
     from imocap_core.problem.hints import hints_of
+    from imocap_core.problem.sound import with_sound
 
     display.progress(0.5, f"again, with the reference {reference}")
     reads = frozenset(job.pipeline.stages[STAGE].reads)
     ctx = Context(STAGE, job.settings.seed, reads, display.progress, Path(), job.action)
     try:
+        hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))
+        if former.sound_start_s is not None:
+            hints = with_sound(hints, former.sound_start_s, keypoints)
         return synchronise_monocular(
             initial,
             keypoints,
@@ -168,7 +177,7 @@ def _about(
             ctx.rng(),
             reference=reference,
             mirrored=[ctx.mirrored()[video.id] for video in keypoints.videos],
-            hints=hints_of(*ctx.hints(), keypoints, str(ctx.action_file())),
+            hints=hints,
         )
     except ValueError as error:
         raise WorkFailed(f"{STAGE}: {error}") from None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import nan
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field, model_validator
 
@@ -94,5 +94,9 @@ class SyncSummary(Value):
 class Sync(Artifact, SyncSummary):
     """Correspondences with the affinity they came from (Eq. 2); N frames of all videos together."""
 
+    OPTIONAL: ClassVar[frozenset[str]] = frozenset({"sound_start_s"})
+
     affinity: Annotated[Floats32, Shape("N", "N")]
     relaxed: Annotated[Floats32, Shape("N", "N")]
+    # when each video of one event began, by its sound, NaN where that does not tell; else None
+    sound_start_s: Annotated[Floats, Shape("M")] | None = None
