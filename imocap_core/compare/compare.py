@@ -140,6 +140,22 @@ def pair_of(
     return _difference(first, second, index, m.position[index])
 
 
+def pair_on_one_axis(first: Technique, second: Technique) -> TechniquePair:
+    """Two performers of one action, at the moments of its common axis that both show.
+
+    WorkFailed when there are too few of them.
+    """
+    a, b = first.instances.phase_s, second.instances.phase_s
+    frame = np.interp(a, b, np.arange(len(b)), left=np.nan, right=np.nan)
+    index = np.flatnonzero(np.isfinite(frame))
+    if len(index) < LEAST:
+        raise WorkFailed(
+            f"{first.action} and {second.action} share {len(index)} moments of the action, and "
+            f"{LEAST} are needed; add videos that show the same part of it"
+        )
+    return _difference(first, second, index, frame[index])
+
+
 def _difference(
     first: Technique,
     second: Technique,

@@ -42,14 +42,25 @@ class Performances:
     left_out: tuple[str, ...]
 
 
-def performances_of(result: ActionResult, body: Shaped | None = None) -> Performances:
-    """Performances of an action, in a level world (y up), on `body` or the reference's.
+def performers_of(result: ActionResult) -> list[str]:
+    """The performers declared of the videos that can be compared, in order of appearance."""
+    placed = [v for v in result.on_common_time() if v.id not in result.sync.mirrored]
+    return list(dict.fromkeys(v.performer for v in placed if v.performer is not None))
+
+
+def performances_of(
+    result: ActionResult, body: Shaped | None = None, performer: str | None = None
+) -> Performances:
+    """Performances of an action, or of one performer in it, in a level world (y up), on `body` or
+    the reference's.
 
     WorkFailed when no video has a place on the common axis.
     """
     common = result.levelled("y").on_common_time()
     mirrored = [v.id for v in common if v.id in result.sync.mirrored]
     used = [v for v in common if v.id not in mirrored]
+    if performer is not None:
+        used = [v for v in used if v.performer == performer]
     shaped = body or _reference_body(result)
     R = np.stack([local_rotations(v.theta) for v in used])
     placed = shaped.pose(torch.as_tensor(R), torch.zeros(3, dtype=torch.float64)).joints.numpy()
@@ -69,7 +80,7 @@ def performances_of(result: ActionResult, body: Shaped | None = None) -> Perform
         for i in instances.ids
     ]
     return Performances(
-        action=result.action,
+        action=result.action if performer is None else performer,
         instances=instances,
         clock_s=np.stack(clocks),
         shaped=shaped,

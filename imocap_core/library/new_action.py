@@ -20,10 +20,10 @@ from imocap_core.standalone_sync.sources import VideoSource, labels
 from imocap_core.whole_files import write_whole
 
 HEAD = """\
-# One performer, one action, one to many videos. Paths are relative to this folder.
+# One action, one to many videos. Paths are relative to this folder.
 # keypoints: detect finds people with BlazePose (docs/detection.md). Or name what another detector
 #   wrote: a folder of per-frame JSON files, or one file; it tells its format and layout itself.
-# More fields (frames, focal_px, initial, truth, params): see docs/actions.md.
+# More fields (frames, focal_px, performer, event, truth, ...): see docs/actions.md.
 """
 
 

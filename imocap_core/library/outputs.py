@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -192,8 +193,10 @@ def compare(
 ) -> ActionComparison:
     """Technique: what performances of an action share and how they differ; or two performers.
 
+    Where action.yaml declares several performers, every two of them are compared.
+
     Args:
-        second: another performer of the action.
+        second: the action of another performer.
         out: folder to write to; else artifacts/ACTION/report/compare.
     """
     import numpy as np
@@ -201,12 +204,16 @@ def compare(
     from imocap_core.compare.compare import describe, pair_of
     from imocap_core.compare.pair_report import write_pair
     from imocap_core.compare.report import write_technique
-    from imocap_core.compare.sources import performances_of, several
+    from imocap_core.compare.sources import performances_of, performers_of, several
 
     job = _job(action, root, one_off(params))
     name = job.action.name
     folder = job.store.report(name) / COMPARE if out is None else output_folder(out)
-    first = performances_of(result_of(action, root, params))
+    result = result_of(action, root, params)
+    if second is None and len(performers_of(result)) > 1:
+        pairs, files = _performers_compared(result, folder)
+        return _compared(job, ActionComparison(None, pairs[0], files), out)
+    first = performances_of(result)
     if second is None:
         technique = describe(several(first))
         files = write_technique(folder, technique)
@@ -222,6 +229,22 @@ def compare(
     )
     files = write_pair(folder if out else folder / other, pair)
     return _compared(job, ActionComparison(None, pair, files), out)
+
+
+def _performers_compared(result: Result, folder: Path) -> tuple[list[TechniquePair], list[Path]]:
+    """Every two performers of one action, each two in a folder of their own where there are more
+    than two; on the body of the reference."""
+    from imocap_core.compare.compare import describe, pair_on_one_axis
+    from imocap_core.compare.pair_report import write_pair
+    from imocap_core.compare.sources import performances_of, performers_of
+
+    names = performers_of(result)
+    of = {name: describe(performances_of(result, performer=name)) for name in names}
+    pairs, files = [], list[Path]()
+    for a, b in combinations(names, 2):
+        pairs.append(pair_on_one_axis(of[a], of[b]))
+        files += write_pair(folder if len(names) == 2 else folder / f"{a}-{b}", pairs[-1])
+    return pairs, files
 
 
 def _compared(job: Job, made: ActionComparison, out: str | Path | None) -> ActionComparison:

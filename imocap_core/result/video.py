@@ -118,6 +118,11 @@ class VideoResult:
         return f"<VideoResult {self.id}: {len(self)} frames, {len(self.joint_names)} joints>"
 
     @property
+    def performer(self) -> str | None:
+        """Who performs, as action.yaml declares; None where it does not."""
+        return self.keypoints.performer
+
+    @property
     def joint_names(self) -> tuple[str, ...]:
         """(J,) SMPL's 24 names, or SMPL+H's 52 where the video has hands."""
         return tuple(SMPL_JOINTS if self.hands is None else SMPLH_JOINTS)

@@ -11,6 +11,7 @@ from imocap_core.verdict.detections import camera_findings, detection_findings
 from imocap_core.verdict.findings import Verdict
 from imocap_core.verdict.further_view import further_view
 from imocap_core.verdict.left_out_findings import damage_findings, left_out_findings
+from imocap_core.verdict.performer_findings import performer_findings
 from imocap_core.verdict.repetition_findings import repetition_findings
 from imocap_core.verdict.summary import summary_of
 from imocap_core.verdict.take_findings import take_findings
@@ -42,6 +43,7 @@ def verdict_of(
         *collapse_findings(sync, videos),
         *timing_findings(sync, keypoints.videos),
         *repetition_findings(sync),
+        *performer_findings(keypoints, camera_motion, refined),
         *body_findings(motion, sync, videos),
         *picture_findings(motion.videos, videos),
         *damage_findings(keypoints),

@@ -35,6 +35,11 @@ def test_a_good_action(tmp_path: Path) -> None:
         ("name: [", "is not YAML"),
         ("- 1", "expected fields like 'name: value', got [1]"),
         ("name: yoga", "action.yaml: videos: is missing"),
+        (
+            GOOD.replace("id: v2", "id: v2, performer: A"),
+            "performer: expected of every video or of none, got none of v1",
+        ),
+        (GOOD + "event: perhaps\n", "event: Input should be a valid boolean"),
         (GOOD.replace("v2", "v1"), "videos: expected unique ids, got v1 twice"),
         (
             GOOD.replace("[0, 120]", "[9, 9]"),

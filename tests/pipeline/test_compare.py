@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import csv
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from imocap_core.artifacts.schemas import RefineSync
-from imocap_core.compare.compare import describe, pair_of
+from imocap_core.artifacts.schemas import Keypoints, RefineSync
+from imocap_core.compare.compare import describe, pair_of, pair_on_one_axis
 from imocap_core.compare.pair_report import write_pair
 from imocap_core.compare.report import mean_clip, write_technique
-from imocap_core.compare.sources import compared_moments, performances_of, several
+from imocap_core.compare.sources import compared_moments, performances_of, performers_of, several
 from imocap_core.errors import WorkFailed
 from imocap_core.params import SyncParams
-from tests.pipeline.made_result import PHASES, Made, made_result, refined
+from tests.pipeline.made_result import PHASES, Made, keypoints, made_result, refined
 
 ELBOW, RIGHT_ANKLE, LEFT_KNEE = 18, 8, 4  # the left arm swings, the right knee bends
 
@@ -103,6 +104,35 @@ def test_two_actions_on_one_axis(made: Made, tmp_path: Path) -> None:
     files = write_pair(made.out, pair)
     assert "# Technique: walk and walk" in files[0].read_text()
     assert all(f.stat().st_size > 100 for f in files)
+
+
+def test_two_performers_of_one_action(made: Made) -> None:
+    """The second one lifts the arm by 10 degrees more."""
+    both = [
+        keypoints(video).model_copy(update={"performer": name})
+        for video, name in (("a", "Ann"), ("b", "Bo"))
+    ]
+    made.publish("keypoints", Keypoints(videos=both))
+    made.publish("refine_sync", swung(refined(PHASES), 10.0))
+    result = made.result()
+    assert result["a"].performer == "Ann"
+    assert performers_of(result) == ["Ann", "Bo"]
+    first, second = (describe(performances_of(result, performer=p)) for p in ("Ann", "Bo"))
+    assert first.instances.ids == ("a",)
+    pair = pair_on_one_axis(first, second)
+    angle = np.median(pair.difference.angle_deg, axis=0)
+    assert angle[16] == pytest.approx(10.0, abs=0.5)
+    assert np.delete(angle, 16).max() < 0.5
+    np.testing.assert_allclose(pair.second_s, pair.phase_s, atol=1e-9)
+    assert "# Technique: Ann and Bo" in write_pair(made.out, pair)[0].read_text()
+
+
+def test_performers_that_share_no_moment(made: Made) -> None:
+    first = describe(performances_of(made.result()))
+    later = replace(first.instances, phase_s=first.instances.phase_s + 100.0)
+    second = replace(first, performances=replace(first.performances, instances=later))
+    with pytest.raises(WorkFailed, match="share 0 moments of the action"):
+        pair_on_one_axis(first, second)
 
 
 def test_which_moments_are_compared() -> None:
