@@ -22,6 +22,7 @@ a function loads what it needs.
 from imocap_core.camera.ground_plane import Ground
 from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS, SMPLH_JOINTS, SMPLH_PARENTS
 from imocap_core.errors import ImocapError, WorkFailed, WrongUse
+from imocap_core.library.collecting import CollectedAction, collect
 from imocap_core.library.new_action import init_action
 from imocap_core.library.outputs import ActionComparison, angles, compare, export, report, view
 from imocap_core.library.people import detect, people
@@ -46,6 +47,7 @@ __all__ = [
     "SMPL_PARENTS",
     "ActionComparison",
     "ActionEnd",
+    "CollectedAction",
     "ExecutorChoice",
     "Explanation",
     "Finding",
@@ -69,6 +71,7 @@ __all__ = [
     "WorkFailed",
     "WrongUse",
     "angles",
+    "collect",
     "compare",
     "detect",
     "explain",

@@ -10,6 +10,7 @@ import typer
 from imocap_core.cli.angles_command import angles_command
 from imocap_core.cli.benchmark_command import add_benchmarks
 from imocap_core.cli.clean_command import clean_command
+from imocap_core.cli.collect_command import collect_command
 from imocap_core.cli.compare_command import compare_command
 from imocap_core.cli.detect_command import detect_command
 from imocap_core.cli.doctor_command import doctor_command
@@ -39,6 +40,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command("init")(init_command)
+app.command("collect")(collect_command)
 app.command("pick")(pick_command)
 app.command("run")(run_command)
 app.command("run-all")(run_all_command)

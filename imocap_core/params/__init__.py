@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from imocap_core.params.collect import CollectParams
 from imocap_core.params.evaluate import EvaluateParams
 from imocap_core.params.fit import FitParams
 from imocap_core.params.hands import HandsParams
@@ -29,6 +30,7 @@ class Params:
     fit: FitParams = field(default_factory=FitParams)
     sync: SyncParams = field(default_factory=SyncParams)
     repetitions: RepetitionParams = field(default_factory=RepetitionParams)
+    collect: CollectParams = field(default_factory=CollectParams)
     motion: MotionParams = field(default_factory=MotionParams)
     refine: RefineParams = field(default_factory=RefineParams)
     uncertainty: UncertaintyParams = field(default_factory=UncertaintyParams)
@@ -38,6 +40,7 @@ class Params:
 
 __all__ = [
     "CameraMotionParams",
+    "CollectParams",
     "DetectParams",
     "EvaluateParams",
     "FitParams",

@@ -1,0 +1,139 @@
+"""Replays: the same take shown again, at another speed, cropped, scaled or mirrored.
+
+Two showings of one take have the same keypoints up to one similarity of the picture and a map of
+time that only advances, and the same picture of the person along that map. Two performances in
+front of one camera have the same background, but neither of these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Float, Int, UInt8
+
+from imocap_core.verdict.person_size import person_size
+from imocap_core.verdict.same_take import (
+    moving_frames,
+    nearest,
+    picture_similarity,
+    upsampled,
+)
+
+NEAR = 0.022  # of the person's size: root mean square over the keypoints, median over frames
+ALIKE = 0.9  # correlation of the pictures of the person, median over frames
+ADVANCING = 0.8  # rank correlation of frames and the frames that repeat them
+LEAST_MOVING = 8  # frames
+POSITIONS_PER_FRAME = 4
+PATCH = 64  # side of the compared pictures of the person
+COMPARED = 9  # pictures
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Frames of one track that show those of another again.
+
+    rate: frames of the second a frame of the first. frames, repeated: corresponding frames, of the
+    first and of the second track. scale, shift, mirrored: x_first = scale x_second + shift, after
+    x -> -x where mirrored.
+    """
+
+    rate: float
+    residual: float
+    frames: Int[np.ndarray, " N"]
+    repeated: Int[np.ndarray, " N"]
+    scale: float
+    shift: Float[np.ndarray, "2"]
+    mirrored: bool
+
+
+def repeated_motion(
+    first_px: Float[np.ndarray, "T K 2"],
+    second_px: Float[np.ndarray, "S K 2"],
+    fps: float,
+    twins: Sequence[int],
+) -> Replay | None:
+    """Whether the moving frames of the first track are all in the second one, as far as keypoints
+    say; None if not, or where too little moves.
+
+    Args:
+        twins: each keypoint's left-right counterpart.
+    """
+    for mirrored in (False, True):
+        second = second_px[:, list(twins)] * [-1.0, 1.0] if mirrored else second_px
+        usable = np.isfinite(first_px).all(-1).mean(0) > 0.8
+        usable &= np.isfinite(second).all(-1).mean(0) > 0.8
+        if usable.sum() < 6:
+            continue
+        replay = _repeated(first_px[:, usable], second[:, usable], fps, mirrored)
+        if replay is not None:
+            return replay
+    return None
+
+
+def _repeated(
+    a: Float[np.ndarray, "T K 2"], b: Float[np.ndarray, "S K 2"], fps: float, mirrored: bool
+) -> Replay | None:
+    moving = moving_frames(a, fps)
+    complete = np.flatnonzero(np.isfinite(b).all((1, 2)))
+    if len(moving) < LEAST_MOVING or len(complete) < LEAST_MOVING:
+        return None
+    size = person_size(a)
+    x, y = a[moving], upsampled(b[complete], POSITIONS_PER_FRAME)
+    scale = size / person_size(b)
+    index, distance = nearest(x - x.mean(1, keepdims=True), scale * (y - y.mean(1, keepdims=True)))
+    if np.median(distance) > 2 * NEAR * size:
+        return None
+    shift = np.zeros(2)
+    for _ in range(4):
+        scale, shift = picture_similarity(y[index], x)
+        index, distance = nearest(x, scale * y + shift)
+    residual = float(np.median(distance) / size)
+    position = np.interp(index / POSITIONS_PER_FRAME, np.arange(len(complete)), complete)
+    rate = _slope(moving, position)
+    if residual > NEAR or rate <= 0:
+        return None
+    repeated = np.rint(position).astype(int)
+    return Replay(rate, residual, moving, repeated, scale, shift, mirrored)
+
+
+def _slope(frames: Int[np.ndarray, " N"], position: Float[np.ndarray, " N"]) -> float:
+    """Frames of the second a frame of the first (Theil-Sen); 0 where time does not advance."""
+    ranks = [np.argsort(np.argsort(x, kind="stable")) for x in (frames, position)]
+    if np.ptp(position) == 0 or np.atleast_2d(np.corrcoef(ranks))[0, 1] < ADVANCING:
+        return 0.0
+    later, risen = np.subtract.outer(frames, frames), np.subtract.outer(position, position)
+    apart = later > np.ptp(frames) / 4
+    return float(np.median(risen[apart] / later[apart])) if apart.any() else 0.0
+
+
+def compared_pairs(replay: Replay) -> list[tuple[int, int]]:
+    """Corresponding frames of both tracks whose pictures are to be compared."""
+    rows = np.unique(np.linspace(0, len(replay.frames) - 1, COMPARED).round().astype(int))
+    return [(int(replay.frames[row]), int(replay.repeated[row])) for row in rows]
+
+
+def same_picture(
+    first: UInt8[np.ndarray, "H W"],
+    second: UInt8[np.ndarray, "H2 W2"],
+    box_px: Float[np.ndarray, "4"],
+    replay: Replay,
+) -> float:
+    """Correlation of the first picture in the person's box with the second one brought onto it."""
+    x0, y0, x1, y1 = box_px
+    zoom = PATCH / max(x1 - x0, y1 - y0, 1.0)
+    to_patch = np.array([[zoom, 0, -zoom * x0], [0, zoom, -zoom * y0], [0, 0, 1]])
+    sign = -1.0 if replay.mirrored else 1.0
+    onto = np.array(
+        [[sign * replay.scale, 0, replay.shift[0]], [0, replay.scale, replay.shift[1]], [0, 0, 1]]
+    )
+    size = (max(8, round(zoom * (x1 - x0))), max(8, round(zoom * (y1 - y0))))
+    a, b = (
+        cv2.GaussianBlur(cv2.warpAffine(picture, warp[:2], size, flags=cv2.INTER_AREA), (0, 0), 1.5)
+        for picture, warp in ((first, to_patch), (second, to_patch @ onto))
+    )
+    a, b = (x.astype(float) - x.mean() for x in (a, b))
+    spread = float(np.sqrt((a * a).sum() * (b * b).sum()))
+    return float((a * b).sum()) / spread if spread > 0 else 0.0
