@@ -14,6 +14,7 @@ CHECKED: tuple[str, ...] = (
     "imocap_core.alignment",
     "imocap_core.body",
     "imocap_core.camera",
+    "imocap_core.collect",
     "imocap_core.compare",
     "imocap_core.detect",
     "imocap_core.evaluate",

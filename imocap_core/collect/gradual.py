@@ -49,7 +49,7 @@ def gradual_transitions(thumbs: UInt8[np.ndarray, "T h w"]) -> list[Transition]:
     """The gradual transitions of a film, from its pictures reduced in size, in order."""
     flat = thumbs.reshape(len(thumbs), -1).astype(np.float32)
     pictures = np.stack([without_bars(thumb) for thumb in thumbs])
-    fades = _fades(pictures, flat)
+    fades = _fades(flat)
     covered = np.zeros(len(thumbs), dtype=bool)
     for fade in fades:
         covered[fade.first : fade.stop] = True
@@ -57,7 +57,7 @@ def gradual_transitions(thumbs: UInt8[np.ndarray, "T h w"]) -> list[Transition]:
     for width in WIDTHS:
         begins = _unlike_pairs(pictures, flat, width)
         clear = [t for t in begins if not covered[t : t + width + 1].any()]
-        mixed |= _mixed_frames(flat, width, clear)
+        mixed |= _mixed_frames(pictures, flat, width, clear)
     dissolves = [
         Transition(a, b + 1, "dissolve") for a, b in runs(mixed, least=2) if b - a + 1 >= 2
     ]
@@ -65,8 +65,26 @@ def gradual_transitions(thumbs: UInt8[np.ndarray, "T h w"]) -> list[Transition]:
     return sorted([*fades, *wipes], key=lambda t: t.first)
 
 
+def without_flashes(thumbs: UInt8[np.ndarray, "T h w"]) -> UInt8[np.ndarray, "T h w"]:
+    """The film with bright blank frames replaced by the one before, where the pictures before and
+    after them are alike."""
+    calm = thumbs.copy()
+    flat = thumbs.reshape(len(thumbs), -1).astype(np.float32)
+    contrast, light = flat.std(axis=1), flat.mean(axis=1)
+    for a, b in runs(contrast < np.maximum(BLANK, PALE * np.median(contrast))):
+        inside = a > 0 and b + 1 < len(thumbs) and b - a < FLASH
+        if inside and light[a : b + 1].min() > max(light[a - 1], light[b + 1]):
+            before, after = (without_bars(thumbs[t]) for t in (a - 1, b + 1))
+            if _alike(before, after):
+                calm[a : b + 1] = thumbs[a - 1]
+    return calm
+
+
 def _mixed_frames(
-    flat: Float[np.ndarray, "T P"], width: int, begins: Sequence[int]
+    pictures: UInt8[np.ndarray, "T h w"],
+    flat: Float[np.ndarray, "T P"],
+    width: int,
+    begins: Sequence[int],
 ) -> Bool[np.ndarray, " T"]:
     """The frames within transitions from A, one of `begins`, to B, `width` frames later."""
     mixed = np.zeros(len(flat), dtype=bool)
@@ -88,7 +106,8 @@ def _mixed_frames(
             continue  # no frame of the shots beside it, but A and B
         mean_step = 1 / (len(between) + 1)
         at_rest = max(steps[0], steps[-1]) < RESTING * mean_step
-        if at_rest and steps.max() <= UNEVEN * mean_step:
+        even = at_rest and steps.max() <= UNEVEN * mean_step
+        if even and not _alike(pictures[t], pictures[t + width], UNLIKE):  # in another place too
             mixed[t + between[0] : t + between[-1] + 1] = True
     return mixed
 
@@ -112,9 +131,7 @@ def _unlike_pairs(
     ).tolist()
 
 
-def _fades(
-    pictures: UInt8[np.ndarray, "T h w"], flat: Float[np.ndarray, "T P"]
-) -> list[Transition]:
+def _fades(flat: Float[np.ndarray, "T P"]) -> list[Transition]:
     """Blank frames, and the frames about them in which the contrast grows from frame to frame."""
     contrast = flat.std(axis=1)
     usual = maximum_filter1d(contrast, 2 * LONGEST_FADE + 1)
@@ -122,29 +139,20 @@ def _fades(
     for a, b in runs(contrast < np.maximum(BLANK, PALE * usual)):
         first = a - _growing(contrast[max(0, a - LONGEST_FADE) : a + 1][::-1])
         stop = b + 1 + _growing(contrast[b : b + 1 + LONGEST_FADE])
-        inside = first > 0 and stop < len(flat)
-        if inside and b - a < FLASH and _is_flash(pictures, flat, first, stop):
-            continue
         fades.append(Transition(first, stop, "fade" if stop - first > b - a + 1 else "blank"))
     return _merged(fades)
 
 
 def _growing(contrast: Float[np.ndarray, " n"]) -> int:
-    """How many values after the first are larger than the one before them."""
+    """How many values after the first are larger than the one before and smaller than the next."""
     grows = contrast[1:] > GROWTH * contrast[:-1] + 0.05
-    return int(np.argmin(grows)) if not grows.all() else len(grows)
+    steps = int(np.argmin(grows)) if not grows.all() else len(grows)
+    return max(steps - 1, 0)
 
 
-def _is_flash(
-    pictures: UInt8[np.ndarray, "T h w"], flat: Float[np.ndarray, "T P"], first: int, stop: int
-) -> bool:
-    """Whether frames first to stop - 1 are brighter than the two beside them, which are alike."""
-    brighter = flat[first:stop].mean() > flat[[first - 1, stop]].mean()
-    return bool(brighter) and _alike(pictures[first - 1], pictures[stop])
-
-
-def _alike(a: UInt8[np.ndarray, "h w"], b: UInt8[np.ndarray, "h w"]) -> bool:
-    return best_correlation(thumbnail(a), thumbnail(b)) > ALIKE
+def _alike(a: UInt8[np.ndarray, "h w"], b: UInt8[np.ndarray, "h w"], least: float = ALIKE) -> bool:
+    """Whether two pictures correlate by more, as they are or moved a little."""
+    return best_correlation(thumbnail(a), thumbnail(b)) > least
 
 
 def _merged(fades: Sequence[Transition]) -> list[Transition]:

@@ -25,6 +25,7 @@ from imocap_core.params import CollectParams
 from imocap_core.sync.repetition.template_matching import subsequence_dtw
 
 USUAL_M2 = 0.04  # squared distance of unrelated poses, about
+LEAST_M2 = 0.02  # of the background, where films show little but the action
 OVERLAP = 0.3  # of the shorter: two matches of a track overlap by at most so much
 WORST = -0.3  # likeness of poses as unlike as can be: one bad stretch does not decide
 UNSEEN = 2.0  # times the level: squared distance to a frame without the person
@@ -69,7 +70,7 @@ class Match:
 def template_of(windows: Float[np.ndarray, "n P 3"], pool: Float[np.ndarray, "N P 3"]) -> Template:
     """A template, and how far all windows of the films, the pool, are from it."""
     squares = squared_distances(windows, pool, np.ones(pool.shape[:2]))
-    background = np.maximum(np.median(squares, axis=1), 1e-6)
+    background = np.maximum(np.median(squares, axis=1), LEAST_M2)
     typical = np.sqrt(np.mean(pose_change(pool) ** 2))
     moving = np.minimum(pose_change(windows) / max(typical, 1e-6), 1.0)
     return Template(windows, background, moving * background / USUAL_M2)

@@ -24,9 +24,11 @@ from imocap_core.verdict.same_take import (
 
 NEAR = 0.022  # of the person's size: root mean square over the keypoints, median over frames
 ALIKE = 0.9  # correlation of the pictures of the person, median over frames
-ADVANCING = 0.8  # rank correlation of frames and the frames that repeat them
+ADVANCING = 0.7  # of the frames lie on one line of time,
+ASIDE = 0.1  # of the duration: or so near to it
 LEAST_MOVING = 8  # frames
 POSITIONS_PER_FRAME = 4
+PLAYED = np.geomspace(0.2, 5.0, 57)  # frames of the second a frame of the first
 PATCH = 64  # side of the compared pictures of the person
 COMPARED = 9  # pictures
 
@@ -90,23 +92,49 @@ def _repeated(
     for _ in range(4):
         scale, shift = picture_similarity(y[index], x)
         index, distance = nearest(x, scale * y + shift)
-    residual = float(np.median(distance) / size)
     position = np.interp(index / POSITIONS_PER_FRAME, np.arange(len(complete)), complete)
     rate = _slope(moving, position)
+    if rate <= 0:  # it goes back the way it came: the nearest frame may be on the way there
+        index, distance = _at_constant_rate(x, scale * y + shift, moving)
+        position = np.interp(index / POSITIONS_PER_FRAME, np.arange(len(complete)), complete)
+        rate = _slope(moving, position)
+    residual = float(np.median(distance) / size)
     if residual > NEAR or rate <= 0:
         return None
     repeated = np.rint(position).astype(int)
     return Replay(rate, residual, moving, repeated, scale, shift, mirrored)
 
 
+def _at_constant_rate(
+    x: Float[np.ndarray, "N K 2"], y: Float[np.ndarray, "P K 2"], frames: Int[np.ndarray, " N"]
+) -> tuple[Int[np.ndarray, " N"], Float[np.ndarray, " N"]]:
+    """The frames of y that x repeats if it is played at one speed, and their distances."""
+    flat_x, flat_y = x.reshape(len(x), -1), y.reshape(len(y), -1)
+    square = (flat_x**2).sum(1)[:, None] + (flat_y**2).sum(1) - 2 * flat_x @ flat_y.T
+    distance = np.sqrt(np.maximum(square, 0.0) / x.shape[1])
+    rows, elapsed = np.arange(len(x)), frames - frames[0]
+    best, chosen = np.inf, np.zeros(len(x), dtype=int)
+    for rate in PLAYED:
+        steps = np.rint(POSITIONS_PER_FRAME * rate * elapsed).astype(int)
+        begins = np.arange(max(0, len(y) - steps[-1]))
+        if len(begins):
+            columns = begins[:, None] + steps
+            medians = np.median(distance[rows, columns], axis=1)
+            if medians.min() < best:
+                best, chosen = float(medians.min()), columns[int(medians.argmin())]
+    return chosen, distance[rows, chosen]
+
+
 def _slope(frames: Int[np.ndarray, " N"], position: Float[np.ndarray, " N"]) -> float:
     """Frames of the second a frame of the first (Theil-Sen); 0 where time does not advance."""
-    ranks = [np.argsort(np.argsort(x, kind="stable")) for x in (frames, position)]
-    if np.ptp(position) == 0 or np.atleast_2d(np.corrcoef(ranks))[0, 1] < ADVANCING:
-        return 0.0
     later, risen = np.subtract.outer(frames, frames), np.subtract.outer(position, position)
     apart = later > np.ptp(frames) / 4
-    return float(np.median(risen[apart] / later[apart])) if apart.any() else 0.0
+    if not apart.any():
+        return 0.0
+    slope = float(np.median(risen[apart] / later[apart]))
+    offset = position - slope * frames
+    aside = np.abs(offset - np.median(offset))
+    return slope if (aside < ASIDE * slope * np.ptp(frames)).mean() > ADVANCING else 0.0
 
 
 def compared_pairs(replay: Replay) -> list[tuple[int, int]]:

@@ -11,12 +11,16 @@ import numpy as np
 from jaxtyping import UInt8
 
 from imocap_core.collect.bars import without_bars
-from imocap_core.collect.gradual import BLANK, Transition, gradual_transitions
-from imocap_core.people.shots import THUMB, find_cuts
+from imocap_core.collect.gradual import BLANK, Transition, gradual_transitions, without_flashes
+from imocap_core.people.shots import THUMB, best_correlation, find_cuts, thumbnail
 
 CHUNK, OVERLAP = 2000, 100  # frames looked through together
 STILL = 4.0  # grey levels: of a still shot hardly any pixel differs by more between two frames
 STILL_SHARE = 0.99  # of the pixels
+LEAST_CHANGE = 10.0  # grey levels
+LARGE_AREA = 0.3  # of the picture
+LEAST_STEP = 0.07  # 1 - correlation, across a cut between shots that are composed alike,
+TIMES = 6.0  # and so many times that between the frames beside it
 LEAST_FRAMES = 3  # what is shorter is a part of a transition
 
 
@@ -45,7 +49,7 @@ def find_shots(pictures: Iterable[UInt8[np.ndarray, "H W"]]) -> list[Shot]:
     reduced = [small(picture) for picture in pictures]
     if not reduced:
         return []
-    thumbs = np.stack(reduced)
+    thumbs = without_flashes(np.stack(reduced))
     boundaries = _boundaries(thumbs)
     edges = [Transition(0, 0, "start"), *boundaries, Transition(len(thumbs), len(thumbs), "end")]
     return [
@@ -62,7 +66,8 @@ def _boundaries(thumbs: UInt8[np.ndarray, "T h w"]) -> list[Transition]:
     for begin in range(0, len(thumbs), CHUNK):
         first = max(0, begin - OVERLAP)
         part = thumbs[first : begin + CHUNK + OVERLAP]
-        cuts |= {first + cut for cut in find_cuts(map(without_bars, part))}
+        pictures = [without_bars(thumb) for thumb in part]
+        cuts |= {first + cut for cut in (*find_cuts(pictures), *_faint_cuts(pictures))}
         gradual += [
             Transition(first + t.first, first + t.stop, t.kind) for t in gradual_transitions(part)
         ]
@@ -73,6 +78,22 @@ def _boundaries(thumbs: UInt8[np.ndarray, "T h w"]) -> list[Transition]:
         if not any(t.first <= cut <= t.stop for t in merged)
     ]
     return sorted([*merged, *hard], key=lambda t: t.first)
+
+
+def _faint_cuts(pictures: Sequence[UInt8[np.ndarray, "h w"]]) -> list[int]:
+    """Cuts between shots that are composed alike (a light wall over a dark floor in both): a large
+    part of the picture changes at once, and much more than between the frames on either side."""
+    stack = np.stack(pictures).astype(np.float32)
+    area = (np.abs(np.diff(stack, axis=0)) > LEAST_CHANGE).mean(axis=(1, 2))
+    cuts = []
+    for t in (np.flatnonzero(area > LARGE_AREA) + 1).tolist():
+        near = [thumbnail(picture) for picture in pictures[max(0, t - 2) : t + 2]]
+        middle = min(t, 2)
+        unlike = [1 - best_correlation(a, b) for a, b in pairwise(near)]
+        step = unlike.pop(middle - 1)
+        if step > LEAST_STEP and TIMES * max(unlike, default=0.0) < step:
+            cuts.append(t)
+    return cuts
 
 
 def _without_overlap(transitions: Sequence[Transition]) -> list[Transition]:

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 Capture = pytest.CaptureFixture[str]
 ORDER = (
-    *("init", "pick", "run", "run-all", "view", "export", "angles", "video", "report", "compare"),
+    *("init", "collect"),
+    *("pick", "run", "run-all", "view", "export", "angles", "video", "report", "compare"),
     "sync",
     *("status", "list"),
     *("explain", "stage", "detect", "people", "params", "push", "pull", "clean"),

@@ -1,0 +1,108 @@
+"""A film with its people detected becomes an action, its list, and a table."""
+
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+import imocap
+from imocap_core.cli import main
+from imocap_core.collect.listing import read_collected
+from imocap_core.pipeline.action import read_action
+
+Film = tuple[Path, Path]
+EXAMPLE = (0.2, 1.8)  # s
+
+
+def run(*words: object) -> int:
+    sys.argv = ["imocap", *map(str, words)]
+    return main()
+
+
+@pytest.fixture(scope="session")
+def collected(film: Film) -> imocap.CollectedAction:
+    root, file = film
+    few = {"collect.least_height_px": 20}
+    return imocap.collect("squat", [file], example=(file, *EXAMPLE), root=root, params=few)
+
+
+def test_every_shot_is_listed_with_what_became_of_it(collected: imocap.CollectedAction) -> None:
+    (film,) = collected.listing.films
+    assert [shot.frames for shot in film.shots] == [
+        (0, 60), (60, 100), (100, 160), (160, 400), (400, 420),
+    ]  # fmt: skip
+    outcomes = [shot.outcome for shot in film.shots]
+    assert outcomes[0] == "s001: a video"
+    assert outcomes[1].startswith("nothing like the action")
+    assert outcomes[2] == "s003: a video"
+    assert re.fullmatch(r"s004: replay of s001 at 0\.2\d times its speed", outcomes[3])
+    assert outcomes[4] == "still picture"
+
+
+def test_the_occurrences_are_videos_of_the_action(collected: imocap.CollectedAction) -> None:
+    assert collected.action_file is not None
+    action = read_action(collected.action_file.parent)
+    assert [video.id for video in action.videos] == ["s001", "s003"]
+    assert [(action.folder / str(v.video)).resolve().name for v in action.videos] == [
+        "long film.mp4"
+    ] * 2
+    first, second = (video.frames for video in action.videos)
+    assert first is not None
+    assert second is not None
+    assert 0 <= first[0] < 15
+    assert 45 < first[1] <= 60
+    assert 100 <= second[0] < second[1] <= 160
+    text = collected.action_file.read_text(encoding="utf-8")
+    assert "# long film.mp4, shot 3, 0:03." in text
+
+
+def test_the_list_is_read_back(collected: imocap.CollectedAction) -> None:
+    assert collected.list_file is not None
+    assert read_collected(collected.list_file) == collected.listing
+    collected.list_file.with_name("other.json").write_text("{}")
+    with pytest.raises(imocap.WorkFailed, match="is no list of"):
+        read_collected(collected.list_file.with_name("other.json"))
+
+
+def test_the_movement_that_is_repeated_is_found_without_an_example(film: Film) -> None:
+    root, file = film
+    done = imocap.collect(
+        "any", [file], root=root, dry_run=True, params={"collect.least_height_px": 20}
+    )
+    assert {occurrence.shot for occurrence in done.listing.occurrences} >= {1, 3}
+    assert not (root / "actions" / "any").exists()
+
+
+def test_the_command_prints_the_shots_and_what_is_next(
+    film: Film, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root, file = film
+    words = ["--like", file, "--from", EXAMPLE[0], "--to", EXAMPLE[1], "--root", root]
+    assert run("collect", "again", file, *words, "--set", "collect.least_height_px=20") == 0
+    out = capsys.readouterr().out
+    assert "s001: a video" in out
+    assert "Next: imocap run again" in out
+    assert run("collect", "again", file, *words) == 2
+    assert "exists already" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--like", "FILM"], "--like, --from and --to: expected all three"),
+        (["--like", "FILM", "--from", "2", "--to", "1"], "expected from before to"),
+        (["--like", "FILM", "--from", "1", "--to", "99"], "which is 14.00 s long"),
+        (["--like", "FILM", "--from", "1", "--to", "3"], "shots begin at 0.00, 2.00"),
+        (["--like", "nothing.mp4", "--from", "1", "--to", "3"], "there is no video nothing.mp4"),
+    ],
+)
+def test_a_wrong_example_is_one_sentence(
+    film: Film, capsys: pytest.CaptureFixture[str], words: list[str], sentence: str
+) -> None:
+    root, file = film
+    given = [str(file) if word == "FILM" else word for word in words]
+    assert run("collect", "wrong", file, *given, "--root", root) == 2
+    message = capsys.readouterr().err
+    assert sentence in message
+    assert message.count("\n") == 1

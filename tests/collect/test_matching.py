@@ -1,0 +1,92 @@
+"""A movement is found from any side, at any speed, in a mirror, and in nothing else."""
+
+import numpy as np
+import pytest
+
+from imocap_core.collect.dominant import dominant_template
+from imocap_core.collect.features import RATES, samples_of
+from imocap_core.collect.matching import Match, Template, matches_in, template_of
+from imocap_core.collect.tracks import ShotTrack
+from imocap_core.params import CollectParams
+from tests.collect.made_tracks import FPS, movement, track
+
+PARAMS = CollectParams()
+SOUGHT, OTHERS = movement(1), [movement(seed) for seed in (2, 3, 4)]
+POOL = [track(m, shot=k) for k, m in enumerate((SOUGHT, *OTHERS))]
+
+
+def windows(of: ShotTrack) -> np.ndarray:
+    return samples_of(of, 1.0).windows
+
+
+def template() -> Template:
+    pool = np.concatenate([windows(t) for t in POOL])
+    samples = samples_of(POOL[0], 1.0)
+    inside = (samples.frame >= 0.5 * FPS) & (samples.frame < 2.5 * FPS)
+    return template_of(samples.windows[inside], pool)
+
+
+def found(of: ShotTrack) -> list[Match]:
+    matches = matches_in(0, of, [samples_of(of, rate) for rate in RATES], template(), PARAMS)
+    return [match for match in matches if match.score >= PARAMS.least_score]
+
+
+@pytest.mark.parametrize("azimuth_deg", [0.0, 70.0, 180.0])
+@pytest.mark.parametrize("rate", [0.25, 0.5, 1.0, 2.0])
+def test_the_view_and_the_speed_do_not_matter(rate: float, azimuth_deg: float) -> None:
+    (match,) = found(track(SOUGHT, shot=7, rate=rate, azimuth_deg=azimuth_deg))
+    assert match.rate == pytest.approx(rate, rel=0.25)
+    assert not match.mirrored
+    begin, end = 0.5 * FPS / rate, 2.5 * FPS / rate
+    shared = min(match.stop, end) - max(match.first, begin)
+    assert shared / (max(match.stop, end) - min(match.first, begin)) > 0.7
+
+
+def test_a_mirrored_shot_is_recognised() -> None:
+    (match,) = found(track(SOUGHT, shot=8, mirrored=True, azimuth_deg=40))
+    assert match.mirrored
+    assert match.mirror_margin > PARAMS.mirror_margin
+
+
+@pytest.mark.parametrize("other", [0, 1, 2])
+def test_another_movement_is_not_found(other: int) -> None:
+    assert found(track(OTHERS[other], shot=9, azimuth_deg=30)) == []
+
+
+def test_who_stands_still_is_not_found() -> None:
+    moving = track(SOUGHT, shot=3)
+    first = np.repeat(moving.joints[:1], len(moving.joints), axis=0)
+    assert found(ShotTrack(**{**vars(moving), "joints": first})) == []
+
+
+def test_a_movement_twice_in_a_shot_is_found_twice() -> None:
+    once = track(SOUGHT, shot=5)
+    rows = ("joints", "visible", "xy_px", "confidence", "box_px")
+    twice = {name: np.concatenate([vars(once)[name]] * 2) for name in rows}
+    assert len(found(ShotTrack(**{**vars(once), **twice}))) == 2
+
+
+def test_what_is_repeated_most_is_the_dominant_movement() -> None:
+    tracks = [track(m, shot=k) for k, m in enumerate(OTHERS)]
+    tracks += [track(SOUGHT, shot=10 + k, azimuth_deg=80.0 * k) for k in range(4)]
+    samples = [[samples_of(t, rate) for rate in RATES] for t in tracks]
+    pool = np.concatenate([windows(t) for t in tracks])
+    best = dominant_template(samples, pool, lambda a, b: False, PARAMS)
+    assert best is not None
+    assert best[1] >= len(OTHERS)
+
+
+def test_where_nothing_is_repeated_there_is_no_dominant_movement() -> None:
+    tracks = [track(m, shot=k) for k, m in enumerate(OTHERS)]
+    samples = [[samples_of(t, rate) for rate in RATES] for t in tracks]
+    pool = np.concatenate([windows(t) for t in tracks])
+    assert dominant_template(samples, pool, lambda a, b: False, PARAMS) is None
+
+
+def test_replays_of_one_take_alone_are_no_repeated_movement() -> None:
+    tracks = [track(m, shot=k) for k, m in enumerate((SOUGHT, *OTHERS))]
+    tracks.append(track(SOUGHT, shot=9))
+    samples = [[samples_of(t, rate) for rate in RATES] for t in tracks]
+    pool = np.concatenate([windows(t) for t in tracks])
+    same = {(0, 4), (4, 0)}
+    assert dominant_template(samples, pool, lambda a, b: (a, b) in same, PARAMS) is None
