@@ -15,6 +15,8 @@ from pathlib import Path
 
 import pytest
 
+from imocap_core.artifacts.shared import shared_files
+
 HAS_S3 = all(importlib.util.find_spec(name) for name in ("s3fs", "moto", "flask"))
 needs_s3 = pytest.mark.skipif(not HAS_S3, reason="needs s3fs and moto's server")
 BUCKET = "lab"
@@ -34,12 +36,17 @@ def environment(values: dict[str, str]) -> Iterator[None]:
                 os.environ[name] = value
 
 
+def free_port() -> int:
+    """A port at which nobody answers."""
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        return int(unused.getsockname()[1])
+
+
 @contextmanager
 def s3_server(**settings: str) -> Iterator[int]:
     """The port of a server without buckets."""
-    with socket.socket() as unused:
-        unused.bind(("127.0.0.1", 0))
-        port = int(unused.getsockname()[1])
+    port = free_port()
     process = subprocess.Popen(
         [sys.executable, "-m", "moto.server", "-H", "127.0.0.1", "-p", str(port)],
         env={**os.environ, **settings},
@@ -60,18 +67,16 @@ def s3_server(**settings: str) -> Iterator[int]:
 
 
 @contextmanager
-def reaching(port: int) -> Iterator[None]:
+def reaching(port: int, *, keys: bool = True) -> Iterator[None]:
     """Processes of the body use the server at a port."""
     import s3fs
 
-    values = {
-        "AWS_ACCESS_KEY_ID": "a",
-        "AWS_SECRET_ACCESS_KEY": "b",
-        "AWS_DEFAULT_REGION": "us-east-1",
-        "AWS_ENDPOINT_URL": f"http://127.0.0.1:{port}",
-    }
+    values = {"AWS_DEFAULT_REGION": "us-east-1", "AWS_ENDPOINT_URL": f"http://127.0.0.1:{port}"}
+    if keys:
+        values |= {"AWS_ACCESS_KEY_ID": "a", "AWS_SECRET_ACCESS_KEY": "b"}
     with environment(values):
         s3fs.S3FileSystem.clear_instance_cache()
+        shared_files.cache_clear()
         yield
 
 

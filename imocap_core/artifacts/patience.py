@@ -60,7 +60,7 @@ class PatientFiles:
         self._patiently(lambda: self._files.publish(file, name))
 
     def _patiently(self, work: Callable[[], Value]) -> Value:
-        began, pause_s = time.monotonic(), FIRST_PAUSE_S
+        began, pause_s, warned = time.monotonic(), FIRST_PAUSE_S, False
         while True:
             try:
                 return work()
@@ -74,7 +74,8 @@ class PatientFiles:
                         f"({_reason(error)}). What was finished is stored on this machine; run "
                         "again to go on, and to publish it"
                     ) from ConnectionError(str(error))
-                if pause_s == FIRST_PAUSE_S:
+                if not warned:
+                    warned = True
                     LOG.warning(
                         "the store %s does not answer (%s); trying again for %.0f s",
                         *(self.url, _reason(error), PATIENCE_S),

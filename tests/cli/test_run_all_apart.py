@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -17,7 +16,7 @@ import pytest
 
 from imocap_core.pipeline.allowed_scripts import VARIABLE
 from imocap_core.pipeline.source import PROJECT
-from tests.s3_server import needs_s3, s3_store
+from tests.s3_server import free_port, needs_s3, s3_store
 
 if TYPE_CHECKING:
     from tests.pipeline.conftest import Toy
@@ -25,12 +24,6 @@ if TYPE_CHECKING:
 Capture = pytest.CaptureFixture[str]
 pytest.importorskip("distributed", reason="the extra dask is not installed")
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="kills a process as Linux does")
-
-
-def free_port() -> int:
-    with socket.socket() as unused:
-        unused.bind(("127.0.0.1", 0))
-        return int(unused.getsockname()[1])
 
 
 @contextmanager
