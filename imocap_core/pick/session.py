@@ -102,7 +102,7 @@ class Session:
         return {
             "action": action.name,
             "name": self.name,
-            "file": str(self.file.file),
+            "file": self._short_name(),
             "command": self._command(),
             "revision": None if version is None else version.revision,
             "fault": fault,
@@ -138,6 +138,11 @@ class Session:
             "no_keypoints": video.keypoints is None,
             "people": self.tracks.state(video.id),
         }
+
+    def _short_name(self) -> str:
+        """The path of action.yaml, below the working folder where it lies in it."""
+        file, root = self.file.file.resolve(), self.root.resolve()
+        return str(file.relative_to(root) if file.is_relative_to(root) else file)
 
     def _command(self) -> str:
         here = self.root.resolve() == Path.cwd().resolve()

@@ -129,7 +129,7 @@ def test_mirrored_shots_and_dropping(page: Page) -> None:
         "s.value = 'true'; s.dispatchEvent(new Event('change')); })()"
     )
     page.until(lambda: page.video("v2").get("mirrored") is True)
-    buttons = f"[...document.querySelectorAll({strip('v1', 'header button')!r})]"
+    buttons = f"[...document.querySelectorAll({strip('v1', 'footer button')!r})]"
     page.browser.value(f"{buttons}.find(b => b.textContent === 'Split into 2 shots').click()")
     page.until(lambda: len(page.data()["videos"]) == 3)
     assert page.video("v1")["frames"] == [0, CUT]

@@ -29,6 +29,7 @@ def test_the_state_shows_videos_people_and_what_would_run(asker: Asker) -> None:
     assert state["plan"]["stages"][0]["why"] == ["never run"]
     assert state["warnings"] == []
     assert state["fault"] is None
+    assert state["file"] == "actions/made/action.yaml"
     assert state["command"].endswith("run made")
     answer, content = asker.ask(f"people/{state['videos'][0]['people']['key']}")
     assert answer.status == 200

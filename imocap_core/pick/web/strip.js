@@ -212,9 +212,8 @@ export class Strip {
       context.restore();
     };
     if (video.file === null) { paint(null); return; }
-    const address = addressOf(video.file, "thumb", frame), stamp = this.drawn;
-    const image = picture(address, () => { if (this.drawn === stamp) paint(picture(address)); });
-    if (image) paint(image);
+    const again = () => { this.drawn = ""; changed(); };
+    paint(picture(addressOf(video.file, "thumb", frame), again));
   }
 
   paintLanes(context, everybody, declared, [a, b], width) {
@@ -223,13 +222,24 @@ export class Strip {
       context.fillStyle = colourOf(person.number);
       context.globalAlpha = !declared || person === declared ? 1 : 0.45;
       const top = FILM + 2 + n * (high + 1);
-      for (const frame of person.frames) {
-        if (frame < a || frame >= b) continue;
-        context.fillRect(((frame - a) / (b - a)) * width, top, (everybody.step / (b - a)) * width + 0.6, high - 1);
+      const x = (frame) => ((Math.max(a, Math.min(b, frame)) - a) / (b - a)) * width;
+      for (const [first, stop] of runs(person.frames, everybody.step)) {
+        if (stop > a && first < b) context.fillRect(x(first), top, x(stop) - x(first), high - 1);
       }
     });
     context.globalAlpha = 1;
   }
+}
+
+/** Spans [first, one past last] of frames that follow each other. */
+function runs(frames, step) {
+  const spans = [];
+  for (const frame of frames) {
+    const last = spans.at(-1);
+    if (last && frame - last[1] < step) last[1] = frame + step;
+    else spans.push([frame, frame + step]);
+  }
+  return spans;
 }
 
 function slider(node, video, frame, [least, most]) {

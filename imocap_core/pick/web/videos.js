@@ -46,8 +46,8 @@ function cardOf(id) {
   };
   card.drop.setAttribute("aria-label", `Drop ${id}`);
   card.node = element("article", { class: "video", "aria-label": `Video ${id}` },
-    element("header", {}, element("h3", {}, name), card.file, card.used, card.shot, card.shots, card.zoom, select, card.drop),
-    card.strip.node, card.state);
+    element("header", {}, element("h3", {}, name), card.file, card.used, select, card.drop),
+    card.strip.node, element("footer", {}, card.state, card.zoom, card.shot, card.shots));
   card.node.addEventListener("focusin", () => { if (view.selected !== id) { view.selected = id; changed(); } });
   card.node.addEventListener("pointerdown", () => { if (view.selected !== id) { view.selected = id; changed(); } });
   return card;
