@@ -24,7 +24,15 @@ from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS, SMPLH_JOINTS, SMP
 from imocap_core.errors import ImocapError, WorkFailed, WrongUse
 from imocap_core.library.collecting import CollectedAction, collect
 from imocap_core.library.new_action import init_action
-from imocap_core.library.outputs import ActionComparison, angles, compare, export, report, view
+from imocap_core.library.outputs import (
+    ActionComparison,
+    ExportOptions,
+    angles,
+    compare,
+    export,
+    report,
+    view,
+)
 from imocap_core.library.people import detect, people
 from imocap_core.library.person_summary import PersonSummary, VideoPeople
 from imocap_core.library.pulling import Pulled, pull
@@ -50,6 +58,7 @@ __all__ = [
     "CollectedAction",
     "ExecutorChoice",
     "Explanation",
+    "ExportOptions",
     "Finding",
     "FrameMatches",
     "Ground",

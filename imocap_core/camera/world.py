@@ -68,3 +68,21 @@ def align_camera_to_ground(camera: Extrinsics, ground: GroundAlignment) -> Extri
     """The pose of a camera relative to the upright world."""
     R_cam_from_upright = camera.R @ ground.R_upright_from_world.T
     return Extrinsics(R_cam_from_upright, camera.t - R_cam_from_upright @ ground.t)
+
+
+def y_up_axes(up: str) -> Float[np.ndarray, "3 3"]:
+    """Rotation from a world whose y or z points up to one whose y does: (x, y, z) to (x, z, -y)."""
+    return (
+        np.eye(3) if up == "y" else np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+    )
+
+
+def on_floor(points: Float[np.ndarray, "... 3"], up: str) -> Float[np.ndarray, "... 3"]:
+    """Points projected to the floor of a levelled world whose y or z points up."""
+    return points * np.where(np.array(["x", "y", "z"]) == up, 0.0, 1.0)
+
+
+def heading(R: Float[np.ndarray, "T 3 3"]) -> Float[np.ndarray, "T 3 3"]:
+    """Twist of rotations over time about y, which points up; it does not jump."""
+    angle = np.unwrap(2 * np.arctan2(R[:, 0, 2] - R[:, 2, 0], 1 + np.trace(R, axis1=1, axis2=2)))
+    return np.asarray(Rotation.from_rotvec(angle[:, None] * np.array([0.0, 1.0, 0.0])).as_matrix())

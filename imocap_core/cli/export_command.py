@@ -28,14 +28,41 @@ def export_command(
         Literal["own", "common"],
         typer.Option(help="Each video's own frames, or one common time axis for all videos."),
     ] = "own",
+    video: Annotated[
+        list[str] | None, typer.Option(help="Only this video; may be given more than once.")
+    ] = None,
+    mean: Annotated[
+        bool, typer.Option("--mean", help="The mean of all performances, as one clip.")
+    ] = False,
+    origin: Annotated[
+        Literal["ground", "start"],
+        typer.Option(help="Under the bodies' mean place, or where the motion starts, ahead."),
+    ] = "ground",
+    names: Annotated[
+        Literal["smpl", "mixamo", "ue5", "rigify"],
+        typer.Option(help="Joint names and rest pose of bvh and glb."),
+    ] = "smpl",
+    root_bone: Annotated[
+        bool, typer.Option("--root-bone", help="A bone on the floor carries the motion.")
+    ] = False,
+    scale: Annotated[Literal["m", "cm"], typer.Option(help="Unit of lengths of bvh.")] = "m",
     sets: ResultSets = [],  # noqa: B006
 ) -> None:
     """Write motion, cameras and sync for other programs."""
-    from imocap_core.library.outputs import export
+    from imocap_core.library.outputs import ExportOptions, export
+
+    options = ExportOptions(tuple(video or ()), mean, origin, names, root_bone, scale)
 
     console = speaker(markup=False)
     exported = export(
-        action, out, format=format, up=up, time=time, root=root_of(context), params=sets
+        action,
+        out,
+        format=format,
+        up=up,
+        time=time,
+        options=options,
+        root=root_of(context),
+        params=sets,
     )
     for line in [*exported.notes, *map(str, exported.files)]:
         console.print(line)

@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.export.clips import camera_of, clip_of
 from imocap_core.export.mcap_view import write_mcap
 from imocap_core.export.notes import notes_of, write_notes
+from imocap_core.export.options import ExportOptions
 from imocap_core.export.placing import digests_of, place
 from imocap_core.export.tables import npz_values, write_cameras_and_sync
 from imocap_core.io.writers.bvh import write_bvh
-from imocap_core.io.writers.clip_body import skin_of
+from imocap_core.io.writers.clip_body import Skin, skin_of
 from imocap_core.io.writers.export_npz import write_video
 from imocap_core.io.writers.gltf_scene import Actor, write_glb
 from imocap_core.io.writers.joints_csv import write_joints_csv
-from imocap_core.io.writers.motion_clip import MotionClip, upright_rest
+from imocap_core.io.writers.motion_clip import MotionClip, scaled, upright_rest
+from imocap_core.io.writers.rigs import as_rig, skin_as_rig
+from imocap_core.io.writers.root_bone import with_root_bone
 from imocap_core.io.writers.trc import write_trc
+from imocap_core.result.mean_performance import mean_performance
 from imocap_core.result.result import ActionResult, Time
+from imocap_core.result.start_origin import from_start
 from imocap_core.result.video_body import shaped_body
 from imocap_core.whole_files import draft_folder
 
@@ -29,6 +34,9 @@ DEFAULT_UP = {
     "trc": "y",
     "mcap": "z",
 }  # the others keep the reference camera's axes
+
+DEFAULT = ExportOptions()
+CENTIMETRES = 100.0  # a metre
 
 
 @dataclass(frozen=True)
@@ -40,7 +48,12 @@ class Exported:
 
 
 def export(
-    result: ActionResult, format: str, out: Path, up: str | None = None, time: Time = "own"
+    result: ActionResult,
+    format: str,
+    out: Path,
+    up: str | None = None,
+    time: Time = "own",
+    options: ExportOptions = DEFAULT,
 ) -> Exported:
     """Write a result below the folder `out`.
 
@@ -49,20 +62,25 @@ def export(
         up: the axis (y or z) that points up in a world levelled by the ground; None: as usual for
             the format (`DEFAULT_UP`), or as the result is.
         time: own: as the result is; common: all videos at the moments of one grid.
+        options: what of it, where its origin is, as what character.
 
     WrongUse for what a format cannot hold, WorkFailed when the result lacks something, `out` cannot
     be written, or a file there must not be replaced (`placing`).
     """
     check_format(format, up)
-    up = up or DEFAULT_UP.get(format)
+    options.check(format)
+    up = up or DEFAULT_UP.get(format) or ("y" if options.origin == "start" else None)
     placed = result if up in (None, result.up_axis) else result.levelled(str(up))
-    together = time == "common" and result.time != "common"
+    placed = from_start(placed) if options.origin == "start" else placed
+    together = (time == "common" or options.mean) and result.time != "common"
     written = placed.on_common_time() if together else placed
+    written = mean_performance(written) if options.mean else written.only(options.videos)
     try:
         with draft_folder(out, "export") as folder:
-            files = WRITERS[format](folder, written)
+            files = WRITERS[format](folder, written, options)
             files += write_cameras_and_sync(folder, placed)
             notes = notes_of(written, format) | {"files": digests_of(files)}
+            notes |= {"options": asdict(options)} if options != DEFAULT else {}
             files.append(write_notes(folder, notes))
             files = place(files, out, files[-1].name)
     except OSError as error:
@@ -81,22 +99,23 @@ def check_format(format: str, up: str | None) -> None:
         )
 
 
-def _npz(out: Path, result: ActionResult) -> list[Path]:
+def _npz(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
     return [write_video(out, npz_values(video, result)) for video in result]
 
 
-def _bvh(out: Path, result: ActionResult) -> list[Path]:
+def _bvh(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
     def write(file: Path, clip: MotionClip) -> None:
-        write_bvh(file, upright_rest(clip, result.up_axis))
+        character = upright_rest(as_character(clip, options, result.up_axis), result.up_axis)
+        write_bvh(file, scaled(character, CENTIMETRES) if options.scale == "cm" else character)
 
     return _a_file_each(out, result, ".bvh", write)
 
 
-def _trc(out: Path, result: ActionResult) -> list[Path]:
+def _trc(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
     return _a_file_each(out, result, ".trc", write_trc)
 
 
-def _csv(out: Path, result: ActionResult) -> list[Path]:
+def _csv(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
     return _a_file_each(out, result, "_joints.csv", write_joints_csv)
 
 
@@ -111,26 +130,45 @@ def _a_file_each(
     return files
 
 
-def _glb(out: Path, result: ActionResult) -> list[Path]:
+def _glb(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
     from imocap_core.figures.style import VIDEO_COLORS
 
     actors = []
     for k, video in enumerate(result):
         shaped = shaped_body(video)
         colour = linear(VIDEO_COLORS[k % len(VIDEO_COLORS)])
-        actors.append(Actor(clip_of(video, shaped), skin_of(shaped), camera_of(video), colour))
+        clip = clip_of(video, shaped)
+        skin = skin_of_character(skin_of(shaped), clip, options)
+        character = as_character(clip, options, result.up_axis)
+        actors.append(Actor(character, skin, camera_of(video), colour))
     file = out / f"{result.action}.glb"
     write_glb(file, actors, notes_of(result, "glb"))
     return [file]
 
 
-WRITERS: dict[str, Callable[[Path, ActionResult], list[Path]]] = {
+def _mcap(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
+    return write_mcap(out, result)
+
+
+def as_character(clip: MotionClip, options: ExportOptions, up: str) -> MotionClip:
+    """A clip with the joints' names, the rest pose and the root bone of a character."""
+    named = as_rig(clip, options.names)
+    return with_root_bone(named, up) if options.root_bone else named
+
+
+def skin_of_character(skin: Skin, clip: MotionClip, options: ExportOptions) -> Skin:
+    """The skin that belongs to `as_character` of a clip."""
+    posed = skin_as_rig(skin, clip, options.names)
+    return replace(posed, joints=posed.joints + 1) if options.root_bone else posed
+
+
+WRITERS: dict[str, Callable[[Path, ActionResult, ExportOptions], list[Path]]] = {
     "npz": _npz,
     "bvh": _bvh,
     "glb": _glb,
     "trc": _trc,
     "csv": _csv,
-    "mcap": write_mcap,
+    "mcap": _mcap,
 }
 
 

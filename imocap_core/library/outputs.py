@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.export.options import ExportOptions as ExportOptions
 from imocap_core.library.door import plain_errors
 from imocap_core.library.folders import output_folder
 from imocap_core.library.one_off import Params, one_off
@@ -69,18 +70,23 @@ def export(
     format: str = "npz",
     up: str | None = None,
     time: Time = "own",
+    options: ExportOptions | None = None,
     root: str | Path = ".",
     params: Params = None,
 ) -> Exported:
     """Write an action's motion, cameras and correspondences; arguments as of `Result.export`.
 
+    options: what of it is written, where its origin is, as what character.
+
     params: those that the result was made with, as of `run`.
     """
-    from imocap_core.export.formats import check_format
+    from imocap_core.export.formats import DEFAULT, check_format
     from imocap_core.export.formats import export as write
 
     check_format(format, up)
-    return write(result_of(action, root, params), format, output_folder(out), up, time)
+    chosen = DEFAULT if options is None else options
+    chosen.check(format)
+    return write(result_of(action, root, params), format, output_folder(out), up, time, chosen)
 
 
 @plain_errors

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from imocap_core.artifacts.store import Store, Stored
 from imocap_core.errors import WorkFailed, WrongUse
@@ -14,6 +14,9 @@ from imocap_core.pipeline.action import FILE_NAME, Action
 from imocap_core.result.artifacts import artifacts_in_store, artifacts_of_stages
 from imocap_core.result.result import ActionResult, Time
 from imocap_core.verdict.findings import Verdict
+
+if TYPE_CHECKING:
+    from imocap_core.export.options import ExportOptions
 
 MotionStage = Literal["refine_sync", "smpl_ba"]
 
@@ -35,7 +38,13 @@ class Result(ActionResult):
 
     @plain_errors
     def export(
-        self, format: str, out: str | Path, *, up: str | None = None, time: Time = "own"
+        self,
+        format: str,
+        out: str | Path,
+        *,
+        up: str | None = None,
+        time: Time = "own",
+        options: ExportOptions | None = None,
     ) -> list[Path]:
         """Write the motion, the cameras and the correspondences for other programs.
 
@@ -44,13 +53,14 @@ class Result(ActionResult):
             out: folder to write to.
             up: y or z: level the world by the ground, this axis up; None: as usual for the format.
             time: own: every video's own frames; common: all videos in lock-step.
+            options: which videos or their mean, origin, names and rest pose of a rig, root bone.
 
         Returns:
             The files. WorkFailed and WrongUse as of `imocap export`.
         """
-        from imocap_core.export.formats import export
+        from imocap_core.export.formats import DEFAULT, export
 
-        return export(self, format, Path(out), up, time).files
+        return export(self, format, Path(out), up, time, options or DEFAULT).files
 
     @plain_errors
     def view(self, out: str | Path) -> Path:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, TypeVar
@@ -128,6 +128,13 @@ class ActionResult:
             time="common",
             left_out=tuple(v.id for v in self.videos if v not in placed),
         )
+
+    def only(self: Kind, videos: Sequence[str]) -> Kind:
+        """The same with some of the videos, in the order given; all where none is named.
+
+        WrongUse when there is no such video.
+        """
+        return replace(self, videos=tuple(self[v] for v in videos)) if videos else self
 
     def at_phase(self, phase_s: float) -> dict[str, VideoMoment]:
         """The same moment in every video that shows it, by id; `phase_s`: seconds of the reference.

@@ -1,7 +1,8 @@
 """Biovision hierarchy (BVH): a joint tree, its offsets at rest, one line of channels per frame.
 
-Metres and degrees. The root has six channels, XYZ position (the pelvis in the world) and rotation;
-every other joint three rotations. Channels are Z, Y, X: R = R_z R_y R_x. Angles are continuous from
+Metres (or another unit of the clip) and degrees. The root has six channels, XYZ position (the
+pelvis in the world) and rotation; every other joint three rotations. A root bone and the pelvis
+below it have six each. Channels are Z, Y, X: R = R_z R_y R_x. Angles are continuous from
 frame to frame, so that programs may interpolate them.
 """
 
@@ -31,9 +32,13 @@ def bvh_text(clip: MotionClip) -> str:
     lines = ["HIERARCHY", *_joint(clip, 0, 0, order)]
     lines += ["MOTION", f"Frames: {len(clip.R_local)}", f"Frame Time: {1.0 / clip.fps:.9f}"]
     angles = euler_zyx_deg(clip.R_local[:, order])
-    for pelvis, row in zip(clip.pelvis, angles, strict=True):
-        numbers = [METRES.format(x) for x in pelvis] + [DEGREES.format(a) for a in row.ravel()]
-        lines.append(" ".join(numbers))
+    paths = [clip.pelvis] if clip.root is None else [clip.root, clip.pelvis_from_root]
+    for t, row in enumerate(angles):
+        places = [[METRES.format(x) for x in path[t]] for path in paths]
+        turns = [[DEGREES.format(a) for a in angle] for angle in row]
+        first = [text for place, turn in zip(places, turns, strict=False) for text in place + turn]
+        rest = [text for turn in turns[len(places) :] for text in turn]
+        lines.append(" ".join(first + rest))
     return "\n".join(lines) + "\n"
 
 
@@ -59,7 +64,8 @@ def _joint(clip: MotionClip, joint: int, depth: int, order: list[int]) -> list[s
     order.append(joint)
     pad, inside = "  " * depth, "  " * (depth + 1)
     kind = "JOINT" if depth else "ROOT"
-    channels = f"3 {ROTATIONS}" if depth else f"6 {POSITIONS} {ROTATIONS}"
+    moves = joint == 0 or (joint == 1 and clip.root is not None)
+    channels = f"6 {POSITIONS} {ROTATIONS}" if moves else f"3 {ROTATIONS}"
     lines = [
         f"{pad}{kind} {clip.joint_names[joint]}",
         f"{pad}{{",

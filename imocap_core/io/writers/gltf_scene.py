@@ -92,15 +92,17 @@ def _add_joints(tree: Tree, animation: _Animation, clip: MotionClip) -> list[int
     top = len(nodes)
     joints = [top + 1 + j for j in range(len(clip.parents))]
     rotations = [quaternions(clip.R_local[:, j]) for j in range(len(joints))]
+    paths = {0: clip.pelvis} if clip.root is None else {0: clip.root, 1: clip.pelvis_from_root}
     nodes.append({"name": clip.id, "children": [joints[0]]})
     for j, name in enumerate(clip.joint_names):
-        position = clip.pelvis[0] if j == 0 else clip.offsets[j]
+        position = paths[j][0] if j in paths else clip.offsets[j]
         rotation = rotations[j][0].tolist()
         node = {"name": name, "translation": position.tolist(), "rotation": rotation}
         children = [joints[c] for c, parent in enumerate(clip.parents) if parent == j]
         nodes.append({**node, "children": children} if children else node)
         animation.add(joints[j], "rotation", rotations[j])
-    animation.add(joints[0], "translation", clip.pelvis)
+    for j, path in paths.items():
+        animation.add(joints[j], "translation", path)
     tree["scenes"][0]["nodes"].append(top)
     return joints
 

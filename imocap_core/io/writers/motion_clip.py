@@ -29,6 +29,8 @@ class MotionClip:
         fps: frames of this clip per second. frames: source frame numbers, fractional between two.
         inside: False where the video does not show the moment and the body is frozen.
         phase_s: seconds of the reference; NaN where unknown.
+        root: where the clip has a root bone, joint 0, its path on the floor; the pelvis is joint 1
+            then, at the root's place at rest. `pelvis` is the pelvis' path in the world always.
     """
 
     id: str
@@ -42,6 +44,7 @@ class MotionClip:
     frames: Float[np.ndarray, " T"]
     inside: Bool[np.ndarray, " T"]
     phase_s: Float[np.ndarray, " T"]
+    root: Float[np.ndarray, "T 3"] | None = None
 
     def __post_init__(self) -> None:
         """ValueError names every array whose shape does not match the others."""
@@ -82,7 +85,29 @@ class MotionClip:
         """Joint positions by forward kinematics, metres, world."""
         R_world = world_rotations(torch.as_tensor(self.R_local), self.parents)
         rest, path = torch.as_tensor(self.rest), torch.as_tensor(self.pelvis)
-        return joint_positions(R_world, rest, path, self.parents).numpy()
+        if self.root is None:
+            return joint_positions(R_world, rest, path, self.parents).numpy()
+        below = tuple(parent - 1 for parent in self.parents[1:])
+        body = joint_positions(R_world[:, 1:], rest[1:], path, below).numpy()
+        return np.concatenate([self.root[:, None], body], axis=1)
+
+    @property
+    def pelvis_from_root(self) -> Float[np.ndarray, "T 3"]:
+        """The pelvis' path in the axes of the root bone; ValueError where the clip has none."""
+        if self.root is None:
+            raise ValueError(f"clip {self.id}: there is no root bone")
+        return np.einsum("tji,tj->ti", self.R_local[:, 0], self.pelvis - self.root)
+
+
+def scaled(clip: MotionClip, factor: float) -> MotionClip:
+    """The same motion with lengths in another unit, `factor` of which are a metre."""
+    return replace(
+        clip,
+        rest=factor * clip.rest,
+        tips={joint: factor * tip for joint, tip in clip.tips.items()},
+        pelvis=factor * clip.pelvis,
+        root=None if clip.root is None else factor * clip.root,
+    )
 
 
 def upright_rest(clip: MotionClip, up: str) -> MotionClip:

@@ -1,0 +1,50 @@
+"""What of a result is exported, where its origin is, and as what character."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from imocap_core.errors import WrongUse
+from imocap_core.io.writers.rigs import RIGS
+
+Origin = Literal["ground", "start"]
+Scale = Literal["m", "cm"]
+CHARACTERS = ("bvh", "glb")
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """Options of an export beside format, axes and timeline.
+
+    videos: those to export; all where empty. mean: the mean of the performances instead, as one
+    clip on the common timeline. origin: ground: under the mean place of the bodies; start: under
+    the first body's first pose, which faces forward. names: of the joints, with the rest pose of
+    that rig: smpl, mixamo, ue5 or rigify. root_bone: a bone on the floor carries the motion. scale:
+    unit of lengths, m or cm.
+    """
+
+    videos: tuple[str, ...] = ()
+    mean: bool = False
+    origin: str = "ground"
+    names: str = "smpl"
+    root_bone: bool = False
+    scale: str = "m"
+
+    def check(self, format: str) -> None:
+        """WrongUse for values that are none, and for what a format cannot hold."""
+        for option, given, allowed in (
+            ("--origin", self.origin, get_args(Origin)),
+            ("--names", self.names, ("smpl", *RIGS)),
+            ("--scale", self.scale, get_args(Scale)),
+        ):
+            if given not in allowed:
+                raise WrongUse(f"{option}: expected one of {', '.join(allowed)}, got {given}")
+        if format not in CHARACTERS and (self.names != "smpl" or self.root_bone):
+            raise WrongUse(
+                f"--names and --root-bone are of characters, in bvh and glb; {format} has none"
+            )
+        if self.scale != "m" and format != "bvh":
+            raise WrongUse(f"--scale cm: only bvh has no unit of its own; {format} has one")
+        if self.mean and self.videos:
+            raise WrongUse("--mean is of all performances; leave --video out")
