@@ -71,10 +71,12 @@ def export(
     options.check(format)
     up = up or DEFAULT_UP.get(format) or ("y" if options.origin == "start" else None)
     placed = result if up in (None, result.up_axis) else result.levelled(str(up))
-    placed = from_start(placed) if options.origin == "start" else placed
     together = (time == "common" or options.mean) and result.time != "common"
     written = placed.on_common_time() if together else placed
     written = mean_performance(written) if options.mean else written.only(options.videos)
+    if options.origin == "start":
+        first = written.videos[0]
+        placed, written = from_start(placed, first), from_start(written, first)
     try:
         with draft_folder(out, "export") as folder:
             files = WRITERS[format](folder, written, options)

@@ -19,7 +19,7 @@ from tests.library.conftest import SmallRun
 @pytest.mark.parametrize("up", ["y", "z"])
 def test_a_motion_starts_at_the_origin_facing_forward(small_run: SmallRun, up: str) -> None:
     level = small_run.result.levelled(up)
-    begun = from_start(level)
+    begun = from_start(level, level.videos[0])
     first = begun.videos[0]
     flat = [0, 2] if up == "y" else [0, 1]
     np.testing.assert_allclose(first.body_joints[0, 0, flat], 0, atol=1e-9)
