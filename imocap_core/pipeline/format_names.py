@@ -33,6 +33,8 @@ InitialFormat = Literal[
     "hmr2",
     "wham",
     "gvhmr",
+    "gem",
+    "prompthmr",
     "vibe",
     "hmmr",
     "tram",

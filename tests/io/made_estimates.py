@@ -166,6 +166,34 @@ def write_gvhmr(folder: Path, people: tuple[Truth, ...] = PEOPLE, **changes: Any
     return path
 
 
+def write_gem(folder: Path, people: tuple[Truth, ...] = PEOPLE, **changes: Any) -> Path:
+    content = torch.load(write_gvhmr(folder, people, **changes), weights_only=True)
+    content["body_params_incam"] = content.pop("smpl_params_incam")
+    path = folder / "smpl_params.pt"
+    torch.save(content, path)
+    return path
+
+
+def write_prompthmr(folder: Path, people: tuple[Truth, ...] = PEOPLE, **changes: Any) -> Path:
+    results = {
+        "camera": {}, "camera_world": {"Rwc": np.tile(np.eye(3), (FRAMES, 1, 1))}, "has_slam": True,
+        "people": {
+            n + 1: {
+                "track_id": n + 1,
+                "frames": np.arange(FRAMES),
+                "bboxes": p.box_px,
+                "smplx_cam": {
+                    "pose": np.pad(p.theta[:, :66], ((0, 0), (0, 99))).astype("f4"),
+                    "shape": np.zeros((FRAMES, 10)), "trans": np.zeros((FRAMES, 3)),
+                },
+                "smplx_world": {"pose": np.zeros((FRAMES, 165))},
+            } | changes
+            for n, p in enumerate(people)
+        },
+    }  # fmt: skip
+    return dump_joblib(results, folder / "results.pkl")
+
+
 def write_tram(folder: Path, people: tuple[Truth, ...] = PEOPLE, **changes: Any) -> Path:
     path = folder / "hps"
     path.mkdir()

@@ -26,6 +26,8 @@ WRITERS: dict[str, Callable[..., Path]] = {
     "vibe": made.write_vibe,
     "hmmr": made.write_hmmr,
     "gvhmr": made.write_gvhmr,
+    "gem": made.write_gem,
+    "prompthmr": made.write_prompthmr,
     "tram": made.write_tram,
     "sam3d_body": made.write_sam3d_body,
     "mediapipe_world": made.write_mediapipe,
@@ -37,12 +39,19 @@ FIELDS = {
     "vibe": ("bboxes", np.zeros((made.FRAMES - 1, 4)), None),
     "hmmr": ("poses", np.zeros((made.FRAMES, 23, 3, 3)), {}),
     "gvhmr": ("body_pose", torch.zeros(made.FRAMES, 62), 7),
+    "gem": ("body_pose", torch.zeros(made.FRAMES, 228), 7),
+    "prompthmr": ("bboxes", np.zeros((made.FRAMES, 3)), "text"),
     "tram": ("pred_rotmat", torch.zeros(made.FRAMES, 24, 9), ["a"]),
     "sam3d_body": ("pred_keypoints_3d", [[0.0, 0.0, 0.0]] * 69, "text"),
     "mediapipe_world": ("pose_world_landmarks", [[{"x": 0.0}] * 32], [7]),
 }
 ALL = pytest.mark.parametrize("kind", WRITERS)
-PICKLED = pytest.mark.parametrize("kind", ["hmr2", "wham", "vibe", "hmmr", "gvhmr", "tram"])
+PLACED = pytest.mark.parametrize(
+    "kind", ["hmr2", "wham", "vibe", "prompthmr", "tram", "sam3d_body", "mediapipe_world"]
+)
+PICKLED = pytest.mark.parametrize(
+    "kind", ["hmr2", "wham", "vibe", "hmmr", "gvhmr", "gem", "prompthmr", "tram"]
+)
 
 
 def wanted(first: int = 1, stop: int = made.FRAMES - 1) -> PerformerBoxes:
@@ -62,7 +71,7 @@ def expected(kind: str, who: made.Truth = made.PERFORMER) -> np.ndarray:
     if kind == "mediapipe_world":
         return made.joints_of(who, 33)[1:-1]
     R = who.R[1:-1].copy()
-    if kind == "gvhmr":  # it has no hands
+    if kind in ("gvhmr", "gem", "prompthmr"):  # without SMPL's hands
         R[:, 22:] = np.eye(3)
     return R
 
@@ -88,7 +97,7 @@ def test_one_person_needs_no_box(kind: str, tmp_path: Path) -> None:
     np.testing.assert_allclose(read(kind, path, nowhere), expected(kind), atol=1e-5)
 
 
-@pytest.mark.parametrize("kind", ["hmr2", "wham", "vibe", "tram", "sam3d_body", "mediapipe_world"])
+@PLACED
 def test_frames_without_an_estimate_are_nan(kind: str, tmp_path: Path) -> None:
     path = WRITERS[kind](tmp_path)
     estimate = read(kind, path, wanted(2, made.FRAMES + 2))
@@ -98,7 +107,7 @@ def test_frames_without_an_estimate_are_nan(kind: str, tmp_path: Path) -> None:
         read(kind, path, PerformerBoxes(np.array([50, 51]), made.PERFORMER.box_px[:2], made.SIZE))
 
 
-@pytest.mark.parametrize("kind", ["hmr2", "wham", "vibe", "tram", "sam3d_body", "mediapipe_world"])
+@PLACED
 def test_people_elsewhere_are_not_the_performer(kind: str, tmp_path: Path) -> None:
     path = WRITERS[kind](tmp_path)
     far = PerformerBoxes(wanted().frames, wanted().box_px + 150, made.SIZE)

@@ -10,10 +10,11 @@ from jaxtyping import Float
 
 from imocap_core.io.detectors.mediapipe import read_mediapipe_world
 from imocap_core.io.estimators.estimates import PerformerBoxes
-from imocap_core.io.estimators.gvhmr import read_gvhmr
+from imocap_core.io.estimators.gvhmr import read_gem, read_gvhmr
 from imocap_core.io.estimators.hmmr import read_hmmr
 from imocap_core.io.estimators.joints_npz import JointsEstimate, read_joints_npz
 from imocap_core.io.estimators.phalp import read_phalp
+from imocap_core.io.estimators.prompthmr import read_prompthmr
 from imocap_core.io.estimators.sam3d_body import read_sam3d_body
 from imocap_core.io.estimators.tram import read_tram
 from imocap_core.io.estimators.vibe import read_vibe
@@ -29,6 +30,8 @@ ROTATIONS: dict[str, Callable[[Path, PerformerBoxes], Float[np.ndarray, "T 24 3 
     "hmr2": read_phalp,
     "wham": read_wham,
     "gvhmr": read_gvhmr,
+    "gem": read_gem,
+    "prompthmr": read_prompthmr,
     "vibe": read_vibe,
     "hmmr": read_hmmr,
     "tram": read_tram,
