@@ -21,7 +21,7 @@ from imocap_core.sync.sound import (
     pair_offsets,
 )
 
-ANCHOR_EVERY_S = 0.25
+ANCHOR_EVERY_S, MOST_ANCHORS = 0.1, 40  # between two videos
 EDGE_S = 0.1  # of the overlap, without anchors
 
 
@@ -75,7 +75,7 @@ def _anchors(
     begin = max(first.time_s[0], second.time_s[0] + offset_s) + EDGE_S
     end = min(first.time_s[-1], second.time_s[-1] + offset_s) - EDGE_S
     ties = []
-    for time in np.arange(begin, end, ANCHOR_EVERY_S):
+    for time in np.arange(begin, end, max(ANCHOR_EVERY_S, (end - begin) / MOST_ANCHORS)):
         frame = int(np.abs(first.time_s - time).argmin())
         counterpart = np.interp(
             first.time_s[frame] - offset_s, second.time_s, np.arange(len(second.time_s))
