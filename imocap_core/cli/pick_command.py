@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -47,7 +49,7 @@ def pick_command(
             console.print(remark)
         console.print(f"Pick at {served.address}")
         console.print("The address is for you alone. Done on the page, or Ctrl-C, ends it.")
-        if open_page:
+        if open_page and _has_screen():
             webbrowser.open(served.address)
         while not served.done.wait(0.5):
             pass
@@ -62,3 +64,10 @@ def _interrupted() -> Iterator[None]:
     except Stopped as stop:
         if stop.exit_code != 128 + signal.SIGINT:
             raise
+
+
+def _has_screen() -> bool:
+    """Whether a browser has where to open: without, one for terminals would take this one."""
+    return sys.platform in ("darwin", "win32") or any(
+        os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
+    )

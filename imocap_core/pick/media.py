@@ -11,6 +11,8 @@ from imocap_core.pick.background import BackgroundThread
 from imocap_core.pick.pictures import Pictures
 from imocap_core.pick.strips import Strip, strip_of
 
+MOST_OPEN = 4
+
 
 @dataclass
 class MediaFile:
@@ -46,6 +48,7 @@ class Media:
         self._thread = thread
         self._files: list[MediaFile] = []
         self._numbers: dict[Path, int] = {}
+        self._open: list[Pictures] = []
         self._lock = Lock()
 
     def number(self, path: Path) -> int:
@@ -67,6 +70,21 @@ class Media:
         """Frames of a file, where they are counted."""
         strip = self._files[self._numbers[path]].strip if path in self._numbers else None
         return None if strip is None else strip.count
+
+    def picture(self, number: int, kind: str, frame: int) -> bytes | None:
+        """A frame of a file as JPEG (arguments as of `Pictures.get`); None where there is none.
+
+        The files that were asked last stay open, because open ones take much memory.
+        """
+        file = self.file(number)
+        if file is None or file.pictures is None:
+            return None
+        with self._lock:
+            self._open = [*(p for p in self._open if p is not file.pictures), file.pictures]
+            closing, self._open = self._open[:-MOST_OPEN], self._open[-MOST_OPEN:]
+        for pictures in closing:
+            pictures.close()
+        return file.pictures.get(kind, frame)
 
     def documents(self) -> list[dict[str, Any]]:
         """All files for the page, by number."""

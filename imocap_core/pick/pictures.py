@@ -10,7 +10,7 @@ from imocap_core.io.frame_access import FrameReader
 from imocap_core.pick.strips import LARGE_PX, THUMB_PX, Strip, jpeg
 
 BEHIND = 10  # frames before one that is stepped back to, which are prepared too
-MOST_BYTES = 96 * 2**20
+MOST_BYTES = 24 * 2**20
 
 SIDES_PX = {"thumb": THUMB_PX, "large": LARGE_PX}
 

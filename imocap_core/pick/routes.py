@@ -94,9 +94,8 @@ def _people(session: Session, key: str) -> HTTPResponse:
 
 
 def _picture(session: Session, number: int, kind: str, frame: int) -> HTTPResponse:
-    file = session.media.file(number)
     try:
-        picture = None if file is None or file.pictures is None else file.pictures.get(kind, frame)
+        picture = session.media.picture(number, kind, frame)
     except ValueError as error:
         return _error(422, str(error))
     if picture is None:

@@ -42,6 +42,7 @@ def test_a_new_action_is_served_until_done(
         return True
 
     monkeypatch.setattr("webbrowser.open", open_in_browser)
+    monkeypatch.setenv("BROWSER", "one")
     monkeypatch.setattr("sys.argv", ["imocap"])
     code = main(["--root", str(tmp_path), "pick", "made", *map(str, videos)])
     shown = capsys.readouterr()

@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 import yaml
+from hypothesis import given
+from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
 from imocap_core.errors import WorkFailed
@@ -221,3 +223,62 @@ def test_what_cannot_be_written_back_is_refused() -> None:
     twice = "name: a\nname: b\nvideos:\n- {id: v1, video: a.mp4}\n"
     with pytest.raises(WorkFailed, match=r"action\.yaml cannot be changed from here"):
         edited(twice, {"kind": "mirrored", "video": "v1", "mirrored": True})
+
+
+VIDEOS = st.sampled_from(["v1", "v2", "v3", "v1_2", "v2_2"])
+NUMBERS = st.integers(0, 60)
+SOME_EDIT = st.one_of(
+    st.fixed_dictionaries(
+        {"kind": st.just("mirrored"), "video": VIDEOS, "mirrored": st.booleans()}
+    ),
+    st.fixed_dictionaries(
+        {"kind": st.just("frames"), "video": VIDEOS, "frames": st.tuples(NUMBERS, NUMBERS)}
+    ),
+    st.fixed_dictionaries(
+        {"kind": st.just("split"), "video": VIDEOS, "starts": st.lists(NUMBERS, min_size=1)}
+    ),
+    st.fixed_dictionaries(
+        {
+            "kind": st.just("person"),
+            "video": VIDEOS,
+            "person": st.one_of(
+                st.none(),
+                st.fixed_dictionaries({"track": st.integers(1, 5)}),
+                st.fixed_dictionaries({"frame": NUMBERS, "at": st.tuples(NUMBERS, NUMBERS)}),
+            ),
+        }
+    ),
+    st.fixed_dictionaries({"kind": st.just("drop"), "video": VIDEOS}),
+    st.fixed_dictionaries(
+        {
+            "kind": st.just("add_anchor"),
+            "frames": st.dictionaries(VIDEOS, NUMBERS, min_size=2),
+            "hard": st.booleans(),
+        }
+    ),
+    st.fixed_dictionaries(
+        {
+            "kind": st.just("anchor"),
+            "number": st.integers(0, 2),
+            "hard": st.one_of(st.none(), st.booleans()),
+        }
+    ),
+)
+
+
+@given(st.sampled_from([BLOCKS, LINES]), st.lists(SOME_EDIT, min_size=1, max_size=6))
+def test_any_edits_in_any_order_can_be_written(text: str, edits: list[dict[str, Any]]) -> None:
+    """Step by step as on the page: the text follows the content, and no comment at the top goes."""
+    content = yaml.safe_load(text)
+    for edit in edits:
+        parsed = EDITS.validate_python([edit])
+        before = deepcopy(content)
+        try:
+            apply_edits(content, parsed, COUNTS)
+        except ValueError:
+            content = before
+            continue
+        text = edited_text(text, lambda data, parsed=parsed: apply_edits(data, parsed, COUNTS))
+        assert yaml.safe_load(text) == content
+    assert ("# my action" in text) == ("mine:" in text)
+    assert ("# last" in text) == ("mine:" in text)

@@ -87,7 +87,7 @@ def test_a_person_is_clicked(page: Page) -> None:
     x0, _, x1, _ = person["box"]
     assert x0 < 280 < x1
     page.browser.wait(
-        "document.querySelector('#outlines .chosen').dataset.number === '2' && "
+        "document.querySelector('#outlines .chosen')?.dataset.number === '2' && "
         f"document.querySelector({strip('v1', '.state')!r}).textContent.includes('person 2')"
     )
     page.click("#undo")

@@ -90,5 +90,6 @@ export async function done() {
   ended = await post("done", () => ({}));
   if (!ended) return;
   document.getElementById("end-command").textContent = command;
+  for (const part of document.querySelectorAll("#top, main")) part.inert = true;
   document.getElementById("end").hidden = false;
 }

@@ -1,12 +1,12 @@
 // A video along time: thumbnails with outlines, shots, the used span with two grips, the moment.
 
 import { use } from "./actions.js";
-import { declaredPerson, rowAt } from "./performer.js";
+import { declaredPerson, likelyPerson, rowAt } from "./performer.js";
 import { addressOf, picture } from "./pictures.js";
 import { changed, countOf, fileOf, fpsOf, momentOf, peopleOf, seek, shownFrame, sizeOf, spanOf, view, videoOf } from "./store.js";
 import { colourOf, element, seconds, write } from "./text.js";
 
-const FILM = 76, LANES = 16, LONG = 400; // pixels, pixels, frames
+const FILM = 76, LANES = 16, WIDEST = 92, LONG = 400; // pixels, pixels, pixels, frames
 const COMMIT_MS = 700;
 
 /** First frame shown and one past the last: of a long file, the span and what is around it. */
@@ -167,7 +167,7 @@ export class Strip {
     this.canvas.height = (FILM + LANES) * ratio;
     const context = this.canvas.getContext("2d");
     context.scale(ratio, ratio);
-    const [w, h] = sizeOf(video), number = Math.max(1, Math.round(width / ((FILM * w) / h)));
+    const [w, h] = sizeOf(video), number = Math.max(1, Math.round(width / Math.min(WIDEST, (FILM * w) / h)));
     const each = width / number;
     for (let i = 0; i < number; i += 1) {
       let frame = Math.min(b - 1, Math.floor(a + ((i + 0.5) * (b - a)) / number));
@@ -184,15 +184,17 @@ export class Strip {
     this.paintLanes(context, everybody, declared, [a, b], width);
   }
 
+  /** One frame, cut to the place of its thumbnail around the performer. */
   paintThumb(context, video, frame, left, wide) {
     const everybody = peopleOf(video), declared = declaredPerson(video), [w, h] = sizeOf(video);
-    const scale = Math.max(wide / w, FILM / h);
+    const scale = Math.max(wide / w, FILM / h), middle = scale * middleOf(video, frame);
+    const shift = Math.max(wide - w * scale, Math.min(0, wide / 2 - middle));
     const paint = (image) => {
       context.save();
       context.beginPath();
       context.rect(left, 0, wide, FILM);
       context.clip();
-      context.translate(left + (wide - w * scale) / 2, (FILM - h * scale) / 2);
+      context.translate(left + shift, (FILM - h * scale) / 2);
       context.scale(scale, scale);
       if (image) context.drawImage(image, 0, 0, w, h);
       for (const person of everybody?.people ?? []) {
@@ -229,6 +231,14 @@ export class Strip {
     });
     context.globalAlpha = 1;
   }
+}
+
+/** Where the performer is in a frame, across; the middle where nobody is. */
+function middleOf(video, frame) {
+  const person = declaredPerson(video) ?? likelyPerson(video);
+  const row = person ? rowAt(person, frame, peopleOf(video).step) : undefined;
+  if (row === undefined) return sizeOf(video)[0] / 2;
+  return (person.boxes[row][0] + person.boxes[row][2]) / 2;
 }
 
 /** Spans [first, one past last] of frames that follow each other. */
