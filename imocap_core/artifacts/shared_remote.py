@@ -12,7 +12,7 @@ from typing import Any
 from imocap_core.whole_files import writer
 
 OBJECT_STORES = frozenset({"s3", "s3a", "gs", "gcs", "az", "abfs", "abfss", "oci", "memory"})
-FEW_RETRIES = {"retries": {"max_attempts": 1}, "connect_timeout": 10, "read_timeout": 60}
+FEW_RETRIES = {"retries": {"total_max_attempts": 1}, "connect_timeout": 10, "read_timeout": 20}
 OPTIONS: dict[str, dict[str, Any]] = {  # patience.py is what tries again
     "s3": {"config_kwargs": FEW_RETRIES},
 }
@@ -75,4 +75,6 @@ def remote_files(url: str) -> RemoteFiles:
     configured = fsspec.config.conf.get(kind, {})
     options = OPTIONS.get(kind, {}) | configured | {"use_listings_cache": False}
     system, base = fsspec.core.url_to_fs(url, **options)
+    if hasattr(system, "retries"):
+        system.retries = 1
     return RemoteFiles(url, system, base, puts_whole=kind in OBJECT_STORES)
