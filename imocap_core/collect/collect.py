@@ -7,12 +7,17 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-
 from imocap_core.body.layouts import layout_names
 from imocap_core.collect.choice import decide
 from imocap_core.collect.dominant import dominant_template
-from imocap_core.collect.features import RATE_HZ, RATES, TrackSamples, samples_of
+from imocap_core.collect.features import (
+    RATE_HZ,
+    RATES,
+    TrackSamples,
+    part_of,
+    pooled,
+    samples_of,
+)
 from imocap_core.collect.films import LongFilm, look_through
 from imocap_core.collect.listing import (
     CollectedList,
@@ -24,7 +29,13 @@ from imocap_core.collect.listing import (
     occurrence_names,
     seconds,
 )
-from imocap_core.collect.matching import Match, Template, matches_in, template_of
+from imocap_core.collect.matching import (
+    Match,
+    Template,
+    matches_in,
+    score_threshold,
+    template_of,
+)
 from imocap_core.collect.occurrences import Occurrence, occurrence_of
 from imocap_core.collect.same_takes import showings, shows_again
 from imocap_core.collect.tracks import ShotTrack, shot_tracks
@@ -68,9 +79,9 @@ class Moving:
     samples: list[list[TrackSamples]]
 
     @property
-    def pool(self) -> np.ndarray:
+    def pool(self) -> TrackSamples:
         """All windows at the films' speed."""
-        return np.concatenate([_at_speed(rates).windows for rates in self.samples])
+        return pooled([_at_speed(rates) for rates in self.samples])
 
 
 def collect_films(
@@ -96,12 +107,14 @@ def collect_films(
         matches_in(i, track, rates, movement.template, collect)
         for i, (track, rates) in enumerate(zip(moving.tracks, moving.samples, strict=True))
     ]
-    matches = [m for of_track in lenient for m in of_track if m.score >= collect.least_score]
+    best = [max((m.score for m in of_track), default=0.0) for of_track in lenient]
+    least = score_threshold(best, collect)
+    matches = [m for of_track in lenient for m in of_track if m.score >= least]
     if not matches:
         raise WorkFailed(
             f"nothing in {', '.join(f.name for f in files)} is like "
             f"{'the example' if movement.given else 'anything else in it'}: give another example "
-            "with --like VIDEO --from S --to S, or a smaller --set collect.least_score"
+            "with --like VIDEO --from S --to S, or a smaller --set collect.least_contrast"
         )
     occurrences = [_occurrence(m, films, moving, collect) for m in matches]
     layout = films[0].people.layout
@@ -187,7 +200,7 @@ def _movement(
     template, index, start = best
     track = moving.tracks[index]
     frame = _at_speed(moving.samples[index]).frame
-    last = min(start + len(template.windows), len(frame)) - 1
+    last = min(start + len(template.background), len(frame)) - 1
     frames = (track.first + int(frame[start]), track.first + int(frame[last]) + 1)
     return SoughtMovement(template, films[track.film].path, frames, track.fps, given=False)
 
@@ -229,7 +242,7 @@ def _example(
     inside = (samples.frame >= first - there[0].first) & (samples.frame < stop - there[0].first)
     if inside.sum() < 0.3 * RATE_HZ:
         raise WrongUse(f"the example is {stop - first} frames long: expected at least 0.3 s")
-    template = template_of(samples.windows[inside], moving.pool)
+    template = template_of(part_of(samples, inside), moving.pool)
     return SoughtMovement(template, example.video, (first, stop), film.info.fps, given=True)
 
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.collect.features import RATE_HZ, TrackSamples
+from imocap_core.collect.features import RATE_HZ, TrackSamples, part_of
 from imocap_core.collect.matching import Template, similarity, template_of
 from imocap_core.params import CollectParams
 from imocap_core.sync.repetition.template_matching import (
@@ -26,7 +26,7 @@ TRIED_RATES = (0.25, 1.0)
 
 def dominant_template(
     tracks: Sequence[Sequence[TrackSamples]],
-    pool: Float[np.ndarray, "N P 3"],
+    pool: TrackSamples,
     same_take: Callable[[int, int], bool],
     params: CollectParams,
 ) -> tuple[Template, int, int] | None:
@@ -40,9 +40,9 @@ def dominant_template(
     shortest, longest = (round(s * RATE_HZ) for s in (params.shortest_s, params.longest_s))
     best: tuple[float, int, int, int] | None = None
     for track, start in _starts(tracks, shortest):
-        windows = _at_rate(tracks[track], 1.0).windows[start : start + longest]
-        template = template_of(windows, pool)
-        explained = np.zeros(len(windows))
+        stretch = part_of(_at_rate(tracks[track], 1.0), slice(start, start + longest))
+        template = template_of(stretch, pool)
+        explained = np.zeros(len(stretch.frame))
         for other, rates in enumerate(tracks):
             gain = _explained(template, rates, params)
             if gain.any() and other != track and not same_take(track, other):
@@ -54,8 +54,8 @@ def dominant_template(
     if best is None or best[0] <= 0:
         return None
     _, track, start, length = best
-    windows = _at_rate(tracks[track], 1.0).windows[start : start + length]
-    return template_of(windows, pool), track, start
+    stretch = part_of(_at_rate(tracks[track], 1.0), slice(start, start + length))
+    return template_of(stretch, pool), track, start
 
 
 def _explained(
@@ -69,7 +69,7 @@ def _explained(
         if samples.rate in TRIED_RATES:
             row = similarity(template, samples, params.match_level)
             total, begin = subsequence_dtw(row)
-            least = params.least_score * weight[:, None]
+            least = params.recurring_score * weight[:, None]
             value = np.where(total >= least, total - COUNTED * least, -np.inf)
             explained = np.maximum(explained, best_totals(value, begin)[:, -1])
     return explained

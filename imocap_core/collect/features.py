@@ -8,15 +8,15 @@ quarter of the speed, a film's frames are a quarter as far apart.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_filter1d
 
 from imocap_core.collect.tracks import ShotTrack
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.motion.mirror import mirrored_joints
+from imocap_core.motion.mirror import REFLECTION, TWINS
 from imocap_core.sync.pairwise.procrustes import procrustes_distances
 
 RATE_HZ = 12.0  # samples a second of the action
@@ -31,11 +31,17 @@ JOINTS = [
     )
 ]
 
+LEAST_SIGMA_M = 0.06  # the joints next to the pelvis do not decide alone
+USUAL_M = 0.1  # error of a lifted joint that has weight 1
+_ONE = [JOINTS.index(TWINS[joint]) for joint in JOINTS]
+MIRRORED = [len(JOINTS) * part + twin for part in range(3) for twin in _ONE]
+
 
 @dataclass(frozen=True)
 class TrackSamples:
     """A track's windows (3 * 14 joints) in metres, if it is played `rate` times as fast as the
-    action. weights: 0 where the person is not in the picture. frame: of the track, of each."""
+    action. weights: inverse variances of the lifted joints, 0 where the person is not in the
+    picture. frame: of the track, of each."""
 
     windows: Float[np.ndarray, "N P 3"]
     weights: Float[np.ndarray, "N P"]
@@ -52,26 +58,46 @@ def samples_of(track: ShotTrack, rate: float) -> TrackSamples:
     poses = poses - poses.mean(axis=1, keepdims=True)
     smooth = gaussian_filter1d(poses, max(0.4 * step, 0.5), axis=0, mode="nearest")
     parts = [_at(smooth, frames + offset) for offset in (-reach, 0.0, reach)]
-    shown = track.visible[np.minimum(np.rint(frames).astype(int), len(poses) - 1)]
     windows = np.concatenate(parts, axis=1)
-    weights = np.repeat(shown.astype(float)[:, None], windows.shape[1], axis=1)
+    nearest = np.minimum(np.rint(frames).astype(int), len(poses) - 1)
+    sigma = np.maximum(track.sigma_m[nearest][:, JOINTS], LEAST_SIGMA_M)
+    precision = (USUAL_M / sigma) ** 2
+    weights = np.concatenate([precision * track.visible[nearest][:, None]] * 3, axis=1)
     return TrackSamples(windows, weights, frames, rate)
 
 
-def mirrored(windows: Float[np.ndarray, "N P 3"]) -> Float[np.ndarray, "N P 3"]:
+def mirrored(samples: TrackSamples) -> TrackSamples:
     """The windows in a mirror."""
-    full = np.zeros((len(windows), 3, len(SMPL_JOINTS), 3))
-    full[:, :, JOINTS] = windows.reshape(len(windows), 3, len(JOINTS), 3)
-    return mirrored_joints(full)[:, :, JOINTS].reshape(windows.shape)
+    windows, weights = samples.windows[:, MIRRORED] * REFLECTION, samples.weights[:, MIRRORED]
+    return replace(samples, windows=windows, weights=weights)
 
 
-def squared_distances(
-    a: Float[np.ndarray, "N P 3"],
-    b: Float[np.ndarray, "M P 3"],
-    weights: Float[np.ndarray, "M P"],
-) -> Float[np.ndarray, "N M"]:
-    """Mean squared joint distances of windows, square metres; NaN where nobody is visible."""
-    return procrustes_distances(a, b, np.ones(a.shape[:2]), weights) ** 2
+def squared_distances(a: TrackSamples, b: TrackSamples) -> Float[np.ndarray, "N M"]:
+    """Weighted mean squared joint distances of windows, square metres; NaN where nobody is visible.
+
+    A joint that the lifter could only guess, hidden behind the body, counts little.
+    """
+    return procrustes_distances(a.windows, b.windows, a.weights, b.weights) ** 2
+
+
+def part_of(samples: TrackSamples, rows: slice | Bool[np.ndarray, " N"]) -> TrackSamples:
+    """Some of the windows."""
+    return replace(
+        samples,
+        windows=samples.windows[rows],
+        weights=samples.weights[rows],
+        frame=samples.frame[rows],
+    )
+
+
+def pooled(tracks: Sequence[TrackSamples]) -> TrackSamples:
+    """The windows of several tracks together."""
+    return replace(
+        tracks[0],
+        windows=np.concatenate([samples.windows for samples in tracks]),
+        weights=np.concatenate([samples.weights for samples in tracks]),
+        frame=np.concatenate([samples.frame for samples in tracks]),
+    )
 
 
 def pose_change(windows: Float[np.ndarray, "N P 3"]) -> Float[np.ndarray, " N"]:

@@ -25,7 +25,9 @@ from imocap_core.params import CollectParams
 from imocap_core.sync.repetition.template_matching import subsequence_dtw
 
 USUAL_M2 = 0.04  # squared distance of unrelated poses, about
-LEAST_M2 = 0.02  # of the background, where films show little but the action
+LEAST_M2 = 0.008  # of the background, where films show little but the action
+FEW = 8  # people, whose scores say little about others
+LEAST_SPREAD = 0.03  # median deviation of scores
 OVERLAP = 0.3  # of the shorter: two matches of a track overlap by at most so much
 WORST = -0.3  # likeness of poses as unlike as can be: one bad stretch does not decide
 UNSEEN = 2.0  # times the level: squared distance to a frame without the person
@@ -33,20 +35,20 @@ UNSEEN = 2.0  # times the level: squared distance to a frame without the person
 
 @dataclass(frozen=True)
 class Template:
-    """Windows of the movement that is looked for.
+    """Windows of the movement that is looked for, its `samples`.
 
     background: median squared distance of all windows of the films to each, square metres. weight:
     of each, largest where it moves, in poses that are seldom in the films.
     """
 
-    windows: Float[np.ndarray, "n P 3"]
+    samples: TrackSamples
     background: Float[np.ndarray, " n"]
     weight: Float[np.ndarray, " n"]
 
     @property
     def seconds(self) -> float:
         """How long it takes."""
-        return len(self.windows) / RATE_HZ
+        return len(self.background) / RATE_HZ
 
 
 @dataclass(frozen=True)
@@ -67,13 +69,15 @@ class Match:
     mirror_margin: float = 0.0
 
 
-def template_of(windows: Float[np.ndarray, "n P 3"], pool: Float[np.ndarray, "N P 3"]) -> Template:
+def template_of(samples: TrackSamples, pool: TrackSamples) -> Template:
     """A template, and how far all windows of the films, the pool, are from it."""
-    squares = squared_distances(windows, pool, np.ones(pool.shape[:2]))
-    background = np.maximum(np.median(squares, axis=1), LEAST_M2)
-    typical = np.sqrt(np.mean(pose_change(pool) ** 2))
-    moving = np.minimum(pose_change(windows) / max(typical, 1e-6), 1.0)
-    return Template(windows, background, moving * background / USUAL_M2)
+    squares = squared_distances(samples, pool)
+    unknown = ~np.isfinite(squares).any(axis=1)
+    squares[unknown] = LEAST_M2
+    background = np.maximum(np.nanmedian(squares, axis=1), LEAST_M2)
+    typical = np.sqrt(np.mean(pose_change(pool.windows) ** 2))
+    moving = np.minimum(pose_change(samples.windows) / max(typical, 1e-6), 1.0)
+    return Template(samples, background, np.where(unknown, 0.0, moving * background / USUAL_M2))
 
 
 def similarity(
@@ -81,8 +85,7 @@ def similarity(
 ) -> Float[np.ndarray, "n N"]:
     """1 for equal windows, 0 at `level` times the background's distance, at least WORST, all times
     the weight of the template's window."""
-    windows = mirrored(samples.windows) if mirror else samples.windows
-    squares = squared_distances(template.windows, windows, samples.weights)
+    squares = squared_distances(template.samples, mirrored(samples) if mirror else samples)
     scale = template.background[:, None]
     ratio = np.where(np.isfinite(squares), squares / (level * scale), UNSEEN)
     return np.clip(1.0 - ratio, WORST, 1.0) * template.weight[:, None]
@@ -109,6 +112,20 @@ def matches_in(
     return best
 
 
+def score_threshold(best: Sequence[float], params: CollectParams) -> float:
+    """The score from which on a match is an occurrence, from everybody's best scores.
+
+    Most people in long films do something else; their scores tell how like the template anything
+    is. Of few people nothing can be told.
+    """
+    if len(best) < FEW:
+        return 0.5 * (params.least_score + params.certain_score)
+    median = float(np.median(best))
+    spread = 1.4826 * max(float(np.median(np.abs(np.array(best) - median))), LEAST_SPREAD)
+    clear = median + params.least_contrast * spread
+    return min(max(clear, params.least_score), params.certain_score)
+
+
 def _candidates(
     index: int,
     track: ShotTrack,
@@ -118,7 +135,7 @@ def _candidates(
     mirror: bool,
 ) -> list[Match]:
     """The best match that ends with each sample."""
-    n = len(template.windows)
+    n = len(template.background)
     if 2 * len(samples.frame) < n:
         return []
     whole = float(template.weight.sum())

@@ -24,8 +24,8 @@ class ShotTrack:
     """One person in one shot of a film, in T frames without gaps.
 
     film, shot: indices. track: rank in the shot, from 0. first: frame of the film. joints: metres,
-    camera axes, about the pelvis; visible: whether the frame shows the person. box_px: NaN where it
-    does not.
+    camera axes, about the pelvis; sigma_m: their predicted errors. visible: whether the frame shows
+    the person. box_px: NaN where it does not.
     """
 
     film: int
@@ -34,6 +34,7 @@ class ShotTrack:
     first: int
     fps: float
     joints: Float[np.ndarray, "T 24 3"]
+    sigma_m: Float[np.ndarray, "T 24"]
     visible: Bool[np.ndarray, " T"]
     xy_px: Float[np.ndarray, "T K 2"]
     confidence: Float[np.ndarray, "T K"]
@@ -98,6 +99,7 @@ def _lifted(
         first + begin,
         people.fps,
         lifted.joints,
+        lifted.sigma_m,
         lifted.visible,
         xy,
         confidence,

@@ -50,7 +50,7 @@ def collect(
             that is repeated most.
         keep: most occurrences that become videos; else `collect.keep`.
         dry_run: only say what would be taken.
-        params: one-off parameters, as {"collect.least_score": 0.4}.
+        params: one-off parameters, as {"collect.least_contrast": 1.5}.
 
     Raises:
         WrongUse: the name is invalid or taken, a video is missing, the example is not in its video.

@@ -12,12 +12,23 @@ class CollectParams:
     """Occurrences of an action in long films (`imocap collect`; collect.md)."""
 
     match_level: Positive = param(
-        0.5,
+        0.6,
         "Squared distance of two poses up to which they count as alike, as a share of the median "
         "one between the template and all poses of the films.",
     )
     least_score: Share = param(
-        0.45, "Mean likeness of an occurrence to the template; below it nothing is one."
+        0.2, "Mean likeness of an occurrence to the template; below it nothing is one."
+    )
+    certain_score: Share = param(
+        0.65, "Mean likeness from which on a stretch is an occurrence, whatever else is like it."
+    )
+    least_contrast: NonNegative = param(
+        2.0,
+        "Between these two: by how many robust standard deviations of all people's best scores "
+        "an occurrence must exceed their median.",
+    )
+    recurring_score: Share = param(
+        0.6, "Without an example: mean likeness from which on a stretch counts as a repetition."
     )
     slowest: Share = param(0.2, "Slowest playback of an occurrence, times the template's speed.")
     fastest: Positive = param(2.5, "Fastest playback of an occurrence, times the template's speed.")
@@ -37,7 +48,7 @@ class CollectParams:
         0.8, "Share of an occurrence's frames in which the person must be detected."
     )
     mirror_margin: Share = param(
-        0.15,
+        0.3,
         "An occurrence is taken as mirrored where the mirrored template's score is larger by so "
         "much.",
     )

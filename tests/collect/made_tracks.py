@@ -56,6 +56,7 @@ def track(
         "first": 1000 * shot,
         "fps": FPS,
         "joints": joints,
+        "sigma_m": np.full(joints.shape[:2], 0.1),
         "visible": np.ones(count, dtype=bool),
         "xy_px": xy,
         "confidence": np.ones((count, 24)),

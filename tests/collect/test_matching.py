@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 
 from imocap_core.collect.dominant import dominant_template
-from imocap_core.collect.features import RATES, samples_of
-from imocap_core.collect.matching import Match, Template, matches_in, template_of
+from imocap_core.collect.features import RATES, TrackSamples, part_of, pooled, samples_of
+from imocap_core.collect.matching import (
+    Match,
+    Template,
+    matches_in,
+    score_threshold,
+    template_of,
+)
 from imocap_core.collect.tracks import ShotTrack
 from imocap_core.params import CollectParams
 from tests.collect.made_tracks import FPS, movement, track
@@ -15,20 +21,19 @@ SOUGHT, OTHERS = movement(1), [movement(seed) for seed in (2, 3, 4)]
 POOL = [track(m, shot=k) for k, m in enumerate((SOUGHT, *OTHERS))]
 
 
-def windows(of: ShotTrack) -> np.ndarray:
-    return samples_of(of, 1.0).windows
+def pool_of(tracks: list[ShotTrack]) -> TrackSamples:
+    return pooled([samples_of(t, 1.0) for t in tracks])
 
 
 def template() -> Template:
-    pool = np.concatenate([windows(t) for t in POOL])
     samples = samples_of(POOL[0], 1.0)
     inside = (samples.frame >= 0.5 * FPS) & (samples.frame < 2.5 * FPS)
-    return template_of(samples.windows[inside], pool)
+    return template_of(part_of(samples, inside), pool_of(POOL))
 
 
 def found(of: ShotTrack) -> list[Match]:
     matches = matches_in(0, of, [samples_of(of, rate) for rate in RATES], template(), PARAMS)
-    return [match for match in matches if match.score >= PARAMS.least_score]
+    return [match for match in matches if match.score >= PARAMS.certain_score]
 
 
 @pytest.mark.parametrize("azimuth_deg", [0.0, 70.0, 180.0])
@@ -61,7 +66,7 @@ def test_who_stands_still_is_not_found() -> None:
 
 def test_a_movement_twice_in_a_shot_is_found_twice() -> None:
     once = track(SOUGHT, shot=5)
-    rows = ("joints", "visible", "xy_px", "confidence", "box_px")
+    rows = ("joints", "sigma_m", "visible", "xy_px", "confidence", "box_px")
     twice = {name: np.concatenate([vars(once)[name]] * 2) for name in rows}
     assert len(found(ShotTrack(**{**vars(once), **twice}))) == 2
 
@@ -70,8 +75,7 @@ def test_what_is_repeated_most_is_the_dominant_movement() -> None:
     tracks = [track(m, shot=k) for k, m in enumerate(OTHERS)]
     tracks += [track(SOUGHT, shot=10 + k, azimuth_deg=80.0 * k) for k in range(4)]
     samples = [[samples_of(t, rate) for rate in RATES] for t in tracks]
-    pool = np.concatenate([windows(t) for t in tracks])
-    best = dominant_template(samples, pool, lambda a, b: False, PARAMS)
+    best = dominant_template(samples, pool_of(tracks), lambda a, b: False, PARAMS)
     assert best is not None
     assert best[1] >= len(OTHERS)
 
@@ -79,14 +83,21 @@ def test_what_is_repeated_most_is_the_dominant_movement() -> None:
 def test_where_nothing_is_repeated_there_is_no_dominant_movement() -> None:
     tracks = [track(m, shot=k) for k, m in enumerate(OTHERS)]
     samples = [[samples_of(t, rate) for rate in RATES] for t in tracks]
-    pool = np.concatenate([windows(t) for t in tracks])
-    assert dominant_template(samples, pool, lambda a, b: False, PARAMS) is None
+    assert dominant_template(samples, pool_of(tracks), lambda a, b: False, PARAMS) is None
 
 
 def test_replays_of_one_take_alone_are_no_repeated_movement() -> None:
     tracks = [track(m, shot=k) for k, m in enumerate((SOUGHT, *OTHERS))]
     tracks.append(track(SOUGHT, shot=9))
     samples = [[samples_of(t, rate) for rate in RATES] for t in tracks]
-    pool = np.concatenate([windows(t) for t in tracks])
     same = {(0, 4), (4, 0)}
-    assert dominant_template(samples, pool, lambda a, b: (a, b) in same, PARAMS) is None
+    assert dominant_template(samples, pool_of(tracks), lambda a, b: (a, b) in same, PARAMS) is None
+
+
+def test_an_occurrence_exceeds_what_everybody_else_is_like() -> None:
+    others = [0.30, 0.32, 0.34, 0.36, 0.38, 0.31, 0.33, 0.35]
+    assert 0.38 < score_threshold([*others, 0.6, 0.65], PARAMS) < 0.6
+    assert score_threshold([0.0] * 10, PARAMS) == PARAMS.least_score
+    assert score_threshold([0.9] * 10, PARAMS) == PARAMS.certain_score
+    few = score_threshold([0.1, 0.9], PARAMS)
+    assert PARAMS.least_score < few < PARAMS.certain_score
