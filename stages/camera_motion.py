@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from pathlib import Path
+
+import numpy as np
 
 from imocap_core.artifacts.schemas import (
     CameraMotion,
@@ -13,15 +14,15 @@ from imocap_core.artifacts.schemas import (
     VideoKeypoints,
 )
 from imocap_core.camera.background import rescaled, track_background
-from imocap_core.camera.feature_tracks import track_features
 from imocap_core.camera.motion import CameraMotionEstimate, estimate_camera_motion, static_camera
-from imocap_core.camera.parallax import ParallaxTest, parallax_test
+from imocap_core.camera.parallax import ParallaxTest
 from imocap_core.camera.projection import warp
 from imocap_core.cli import stage_main
 from imocap_core.io.video import read_gray
 from imocap_core.params import CameraMotionParams, Params
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.even_moments import camera_at_used_frames, nearest_used
+from imocap_core.problem.moving_camera import Background, background_of, followed
 from imocap_core.workers import cores
 
 
@@ -56,6 +57,7 @@ def _motion_of(
         zoom=turning.zoom,
         inliers=turning.inliers,
         xy_first_px=warp(turning.H_first_from_frame[:, None], video.marks_px),
+        **_path(turning),
     )
 
 
@@ -74,30 +76,44 @@ def _look(video: VideoKeypoints, path: Path, params: CameraMotionParams) -> Came
             f"{path}: expected frames {first} to {last}, the video ends after {len(small)} of "
             "them; change `frames` in action.yaml or re-encode the video"
         )
+    background: list[Background] = []
+
+    def parallax() -> ParallaxTest:
+        background.append(_background(video, path, scale, params))
+        return background[0].parallax(video.focal_px)
+
     camera = estimate_camera_motion(
         [rescaled(match, scale) for match in small],
         video.size,
         video.focal_px,
         assumed_focal_factor=params.assumed_focal_factor,
         threshold_px=params.reprojection_threshold_px / scale,
-        parallax=partial(_parallax, video, path, scale, params),
+        parallax=parallax,
     )
+    if background and params.structure:
+        camera = followed(camera, background[0], video.focal_px)
     return camera_at_used_frames(camera, video)
 
 
-def _parallax(
+def _background(
     video: VideoKeypoints, path: Path, scale: float, params: CameraMotionParams
-) -> ParallaxTest:
+) -> Background:
     first, last = int(video.frames[0]), int(video.frames[-1])
-    tracks = track_features(
+    return background_of(
         (picture for _, picture in read_gray(path, first, last + 1, scale=scale)),
         (video.person_box_px[nearest_used(video)] + 0.5) * scale - 0.5,
         video.fps,
-        max_features=params.max_features,
+        video.size,
+        scale,
+        params,
     )
-    width, height = (round(side * scale) for side in video.size)
-    focal = video.focal_px * scale if video.focal_px else None
-    return parallax_test(tracks, last + 1 - first, (width, height), focal)
+
+
+def _path(camera: CameraMotionEstimate) -> dict[str, np.ndarray]:
+    """The path as fields of the artifact; none where it is unknown."""
+    if camera.path is None or camera.path_sd is None:
+        return {}
+    return {"path": camera.path, "path_sd": camera.path_sd}
 
 
 if __name__ == "__main__":

@@ -37,7 +37,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
     model = load_free_body()
 
     ctx.progress(0.1, "scoring")
-    results = stage_results(initial, sync, inputs.get(SmplBa), refined)
+    results = stage_results(initial, sync, inputs.get(SmplBa), refined, camera_motion)
     scores = score_action(
         results, keypoints, camera_motion, sync, refined, claimed, hands, truth, model
     )

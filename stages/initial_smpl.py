@@ -15,6 +15,7 @@ from imocap_core.motion.monocular.fit import fit_monocular
 from imocap_core.motion.monocular.hypotheses import alternatives
 from imocap_core.motion.monocular.library import make_library
 from imocap_core.motion.monocular.starts import Start
+from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
@@ -22,6 +23,7 @@ from imocap_core.problem.estimates import estimate_of
 from imocap_core.problem.ground import grounds_of
 from imocap_core.problem.motions import alternatives_of, motions_of, starts_of
 from imocap_core.problem.observations import body_for, fit_of_single_views, observations_of
+from imocap_core.problem.path_units import path_units
 from imocap_core.problem.starts import initial_evidence, lifted_where_no_estimate, source_of, starts
 from imocap_core.problem.swapped_sides import refits_of_swapped
 from imocap_core.workers import at_once
@@ -46,11 +48,16 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
     )
     ids = [video.id for video in keypoints.videos]
 
-    def starts_of_video(v: int) -> list[Start]:
+    def starts_with(v: int, observation: Observation) -> list[Start]:
         estimate, joints = estimates[ids[v]], lifted.get(ids[v])
-        return starts(body, library, observations[v], estimate, joints, options)
+        return starts(body, library, observation, estimate, joints, options)
 
-    starts_of_all = at_once(starts_of_video, range(len(ids)))
+    units = path_units(
+        body, prior, keypoints, cameras, observations, starts_with, weights, options.stride_s
+    )
+    if units:
+        observations = observations_of(body, keypoints, cameras, weights, evidence, units)
+    starts_of_all = at_once(lambda v: starts_with(v, observations[v]), range(len(ids)))
     ctx.progress(0.4, "starts of all videos")
     slowest = min(o.fps for o in observations)
     fit = fit_monocular(
@@ -80,6 +87,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
         starts=starts_of(ids, fit.costs),
         alternatives=others,
         grounds=grounds_of(motions, keypoints, cameras, params.fit),
+        path_units=units,
     )
 
 

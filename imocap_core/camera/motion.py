@@ -23,7 +23,7 @@ from imocap_core.camera.zooming import homographies, rotations_and_zooms
 from imocap_core.robust import geman_mcclure, geman_mcclure_weight
 
 MotionKind = Literal["static", "rotating", "zooming", "translating", "unknown"]
-FocalSource = Literal["given", "rotation", "assumed"]
+FocalSource = Literal["given", "rotation", "structure", "assumed"]
 
 STATIC_PX = 0.6  # movement below which a camera is static, for pictures 1000 pixels large
 FOCAL_RANGE = (0.35, 5.0)  # of the larger side of the picture
@@ -38,7 +38,9 @@ class CameraMotionEstimate:
 
     ``K`` is the first frame's; ``zoom`` each frame's focal length divided by the first one's;
     ``inliers`` the number of matches that each frame's homography explains; ``residual_px`` their
-    median error; ``note`` a sentence for the report.
+    median error; ``note`` a sentence for the report. ``path``: places of a camera that moves, in
+    the first frame's axes and a unit of its own, and ``path_sd`` their standard deviations; None on
+    one spot, or unknown.
     """
 
     K: Float[np.ndarray, "3 3"]
@@ -50,6 +52,8 @@ class CameraMotionEstimate:
     inliers: Int64[np.ndarray, " T"]
     residual_px: float
     note: str
+    path: Float[np.ndarray, "T 3"] | None = None
+    path_sd: Float[np.ndarray, " T"] | None = None
 
 
 def static_camera(

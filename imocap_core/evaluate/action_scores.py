@@ -27,6 +27,7 @@ from imocap_core.evaluate.whole_body import (
 )
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.scoring import ScoreRow, over_videos
+from imocap_core.problem.relative_motion import relative_motions
 
 
 @dataclass(frozen=True)
@@ -84,9 +85,10 @@ def score_result(
 ) -> list[ScoreRow]:
     """Every metric of one result, with its body posed by `model`."""
     K = {c.id: c.K for c in result.cameras or camera_motion.videos}
+    filmed = relative_motions(result.motions, result.paths or {})
     points = {
         video.id: body_points(model, motion, video.layout, K[video.id])
-        for video, motion in zip(keypoints.videos, result.motions, strict=True)
+        for video, motion in zip(keypoints.videos, filmed, strict=True)
     }
     xy_first_px = {c.id: c.xy_first_px for c in camera_motion.videos}
     rows = score(result, keypoints, truth, points, xy_first_px)

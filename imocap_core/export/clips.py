@@ -39,5 +39,5 @@ def camera_of(video: VideoResult) -> ClipCamera:
         zoom=camera.zoom if np.ptp(camera.zoom) > STILL else camera.zoom[:1],
         size=camera.size,
         R_cam_from_world=camera.R_per_frame if turning else camera.R[None],
-        centre=camera.centre,
+        centre=camera.centre[None] if camera.path_m is None else camera.centre_per_frame,
     )

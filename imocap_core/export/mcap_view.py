@@ -74,7 +74,8 @@ def _camera(result: ActionResult, video: VideoResult, colour: foxglove.Colour) -
     for t, time in enumerate(times_ns(video)):
         R = camera.R_cam_from_world[t if len(camera.R_cam_from_world) > 1 else 0]
         topic = f"/{video.id}/camera"
-        where = foxglove.transform(time, video.id, R, camera.centre)
+        place = camera.centre[t if len(camera.centre) > 1 else 0]
+        where = foxglove.transform(time, video.id, R, place)
         yield entry(time, f"{topic}/transform", where)
         lens = foxglove.calibration(time, video.id, K[t], size)
         yield entry(time, f"{topic}/calibration", lens)

@@ -6,11 +6,13 @@ from pathlib import Path
 
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.writers.export_npz import (
+    CameraFrames,
     ExportedHands,
     ExportedVideo,
     write_cameras,
     write_sync,
 )
+from imocap_core.result.camera import VideoCamera
 from imocap_core.result.result import ActionResult
 from imocap_core.result.synchronisation import Synchronisation
 from imocap_core.result.video import VideoResult
@@ -34,6 +36,13 @@ def write_sync_table(out: Path, sync: Synchronisation) -> Path:
     )
 
 
+def per_frame(camera: VideoCamera) -> CameraFrames | None:
+    """The camera of every frame; None where it is static."""
+    if camera.is_static:
+        return None
+    return CameraFrames(camera.K_per_frame, camera.R_per_frame, camera.t_per_frame)
+
+
 def npz_values(video: VideoResult, result: ActionResult) -> ExportedVideo:
     """One video as its npz file holds it."""
     hands = None
@@ -54,6 +63,7 @@ def npz_values(video: VideoResult, result: ActionResult) -> ExportedVideo:
         R=video.camera.R,
         t=video.camera.t,
         model=video.model,
+        per_frame=per_frame(video.camera),
         up_axis=result.up_axis,
         hands=hands,
         inside=video.inside if common else None,

@@ -35,6 +35,7 @@ from imocap_core.figures.overlays import (
     windows,
 )
 from imocap_core.io.video import read_rgb
+from imocap_core.problem.relative_motion import paths_of, paths_of_initial, relative_motions
 
 COLUMNS = 6
 GAP_FRAMES = 4.0
@@ -62,14 +63,19 @@ def sheet_videos(
     files: Mapping[str, Path | None],
     model: Model,
 ) -> list[SheetVideo]:
-    """Each video with its monocular and its final motion; files: video id -> its file."""
+    """Each video with its monocular and its final motion, relative to the place of its camera.
+
+    files: video id -> its file.
+    """
+    alone = relative_motions(initial.videos, paths_of_initial(initial, camera_motion))
+    joint = relative_motions(refined.motion.videos, paths_of(refined.motion.cameras))
     return [
         SheetVideo(v, camera, files[v.id], model.points(v.layout).names, first, last, solved.K)
         for v, camera, first, last, solved in zip(
             keypoints.videos,
             camera_motion.videos,
-            initial.videos,
-            refined.motion.videos,
+            alone,
+            joint,
             refined.motion.cameras,
             strict=True,
         )

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync
+from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, RefineSync
 from imocap_core.errors import WorkFailed
+from imocap_core.problem.relative_motion import paths_of, paths_of_initial, relative_motions
 from imocap_core.result.read import read_monocular
 from imocap_core.result.result import ActionResult
 
@@ -50,8 +51,11 @@ def films_of(
     if motion == "final":
         solved = artifacts.get(RefineSync).motion
         motions, cameras = solved.videos, solved.cameras
+        paths = paths_of(solved.cameras)
     else:
         motions, cameras = read_monocular(artifacts), None
+        paths = paths_of_initial(artifacts.get(InitialSmpl), artifacts.get(CameraMotion))
+    motions = relative_motions(motions, paths)
     files = {video.id: video.video for video in result}
     camera_motion = artifacts.get(CameraMotion)
     bodies = overlay_bodies(keypoints, camera_motion, motions, cameras, files, model)

@@ -11,6 +11,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from imocap_core.camera.projection import project_camera
 from imocap_core.motion.terms.view import View
 
 HAMPEL_WINDOW = 3  # frames on each side
@@ -29,6 +30,10 @@ class Observation:
         focal_spread: standard deviation of the logarithm of K's focal length; 0: it is known.
         R_mean_from_first: (3, 3) mean rotation of the turning camera relative to its first frame.
         performer: number of the person shown, from 0; videos of one share a body shape.
+        centre_m: (T, 3) place of a camera that moves, in its first frame's axes, or None: on one
+            spot, or unknown.
+        place_sd_m: (T,) standard deviation of the performer's place that comes of a moving camera's
+            uncertain or unknown path, or None.
     """
 
     xy_px: Float[np.ndarray, "T K 2"]
@@ -40,6 +45,8 @@ class Observation:
     focal_spread: float = 0.0
     R_mean_from_first: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
     performer: int = 0
+    centre_m: Float[np.ndarray, "T 3"] | None = None
+    place_sd_m: Float[np.ndarray, " T"] | None = None
 
     @cached_property
     def size_px(self) -> Float[np.ndarray, " T"]:
@@ -54,14 +61,35 @@ class Observation:
 
 def every(observation: Observation, stride: int) -> Observation:
     """Every ``stride``-th frame of a video, as a video of a lower frame rate."""
-    joints = observation.joints
+    joints, centre, sd = observation.joints, observation.centre_m, observation.place_sd_m
     return replace(
         observation,
         xy_px=observation.xy_px[::stride],
         confidence=observation.confidence[::stride],
         fps=observation.fps / stride,
         joints=None if joints is None else joints[::stride],
+        centre_m=None if centre is None else centre[::stride],
+        place_sd_m=None if sd is None else sd[::stride],
     )
+
+
+def from_one_place(
+    observation: Observation, xyz_m: Float[np.ndarray, "T K 3"]
+) -> tuple[Observation, Float[np.ndarray, "3"]]:
+    """The keypoints as a camera in the middle of a moving camera's path would see them, and that
+    place; as they are, and the origin, where the camera is on one spot.
+
+    Args:
+        xyz_m: the keypoints' points in the axes of the first frame's camera: their parallax is
+            added to the keypoints, which keep their errors.
+    """
+    centre = observation.centre_m
+    if centre is None:
+        return observation, np.zeros(3)
+    middle, K = centre.mean(axis=0), observation.K
+    before, after = (project_camera(xyz_m - c, K) for c in (centre[:, None], middle))
+    xy_px = observation.xy_px + np.nan_to_num(after - before)
+    return replace(observation, xy_px=xy_px, centre_m=None), middle
 
 
 def person_size_px(observation: Observation) -> Float[np.ndarray, " T"]:
@@ -130,4 +158,25 @@ def per_video_view(observations: Sequence[Observation], template: Tensor) -> Vie
     eye = torch.eye(3).to(template).expand(batch, 3, 3)
     K = torch.as_tensor(np.stack([o.K for o in observations])).to(template)
     zero = torch.zeros(batch, 3).to(template)
-    return View(padded(xy, template), padded(weights, template), K, eye, zero)
+    places = centres(observations, template)
+    return View(padded(xy, template), padded(weights, template), K, eye, zero, centre=places)
+
+
+def centres(observations: Sequence[Observation], template: Tensor) -> Float[Tensor, "B T 3"] | None:
+    """Places of the cameras, each in its first frame's axes; None where none of them moves."""
+    if all(o.centre_m is None for o in observations):
+        return None
+    still = (np.zeros((len(o.xy_px), 3)) for o in observations)
+    rows = zip(observations, still, strict=True)
+    return padded([zero if o.centre_m is None else o.centre_m for o, zero in rows], template)
+
+
+def place_variance(
+    observations: Sequence[Observation], template: Tensor
+) -> Float[Tensor, "*batch"] | float:
+    """(B, T) variances of the performers' places that come of moving cameras; 0.0: none moves."""
+    if all(o.place_sd_m is None for o in observations):
+        return 0.0
+    still = (np.zeros(len(o.xy_px)) for o in observations)
+    rows = zip(observations, still, strict=True)
+    return padded([z if o.place_sd_m is None else o.place_sd_m for o, z in rows], template) ** 2

@@ -110,6 +110,11 @@ class CameraMotionParams:
         "pixels of the scaled picture.",
         unit="px",
     )
+    structure: bool = param(
+        True,
+        "Reconstruct the path of a camera that moves from its place from the background (structure "
+        "from motion; needs `pip install 'imocap[moving]'`).",
+    )
     assumed_focal_factor: Positive = param(
         1.0,
         "Focal length divided by the picture's larger side, assumed where neither action.yaml nor "

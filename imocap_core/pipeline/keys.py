@@ -10,6 +10,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -20,6 +21,7 @@ from imocap_core.pipeline.graph import Pipeline, RunSettings
 from imocap_core.pipeline.source import closure
 from imocap_core.pipeline.stage import Read
 
+OPTIONAL = {"imocap_core.io.colmap": "pycolmap"}  # module -> library that it can do without
 FORMAT = 1  # raise when the way artifacts are made or stored changes what they mean
 
 
@@ -60,8 +62,9 @@ def recipe(
             not exist; WorkFailed for any other that does not.
     """
     spec = pipeline.stages[stage]
+    code = closure(pipeline.script(stage))
     return Recipe(
-        code=closure(pipeline.script(stage)),
+        code={**code, **_optional_libraries(code)},
         params=settings.of(spec.params),
         seed=settings.seed,
         inputs=dict(inputs),
@@ -71,6 +74,19 @@ def recipe(
             for name, value in _reads(kind, action)
         },
     )
+
+
+def _optional_libraries(code: Mapping[str, str]) -> dict[str, str]:
+    """Versions of the optional libraries that some modules use, which may be installed later."""
+    used = {library for module, library in OPTIONAL.items() if module in code}
+    return {f"library {library}": _version(library) for library in sorted(used)}
+
+
+def _version(library: str) -> str:
+    try:
+        return version(library)
+    except PackageNotFoundError:
+        return "is not installed"
 
 
 def read_files(pipeline: Pipeline, stage: str, action: Action) -> dict[str, Path]:

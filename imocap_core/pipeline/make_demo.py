@@ -146,10 +146,15 @@ def _write_video(
         shaped = taichi_body(seed)
         clip = make_taichi_clip(seed, index, shaped)
     name = video_id(index)
-    _write_keypoints(draft / "keypoints" / name, name, clip)
+    write_keypoints(draft / "keypoints" / name, name, clip)
     video = draft / "videos" / f"{name}.mp4"
     video.parent.mkdir(parents=True, exist_ok=True)
     write_h264(video, pictures(clip, seed, index, shaped), clip.fps, crf=_CRF)
+    return clip_truth(clip, shaped)
+
+
+def clip_truth(clip: DemoClip, shaped: Shaped) -> dict[str, Float[np.ndarray, "..."]]:
+    """The truth of one video, as truth.npz has it."""
     hands = {} if clip.hands is None else {"hands": clip.hands.points_m}
     return hands | {
         "joints": clip.joints,
@@ -170,7 +175,7 @@ def demo_body(seed: int) -> Shaped:
     return model.shape(torch.as_tensor(draw_betas(seed, model.num_betas)))
 
 
-def _write_keypoints(folder: Path, name: str, clip: DemoClip) -> None:
+def write_keypoints(folder: Path, name: str, clip: DemoClip) -> None:
     """One OpenPose BODY_25 file per frame; the performer may come after a false person."""
     folder.mkdir(parents=True)
     for frame, false_person in enumerate(clip.false_people):

@@ -73,6 +73,8 @@ def camera_at_used_frames(
         H_first_from_frame=values_at(camera.H_first_from_frame, position),
         R_first_from_frame=nearest_rotation(values_at(camera.R_first_from_frame, position)),
         zoom=values_at(camera.zoom, position),
+        path=None if camera.path is None else values_at(camera.path, position),
+        path_sd=None if camera.path_sd is None else values_at(camera.path_sd, position),
         inliers=camera.inliers[np.rint(position).astype(np.int64)],
     )
 

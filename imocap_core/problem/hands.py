@@ -30,6 +30,7 @@ from imocap_core.hands.fit import FittedHands
 from imocap_core.hands.skeleton import SIDES, HandSkeleton, hand_skeleton
 from imocap_core.motion.multiview.timeline import Timeline, make_timeline
 from imocap_core.params import HandsParams
+from imocap_core.problem.relative_motion import paths_of, relative_motions
 from imocap_core.rotations import exp, log, unwrap
 
 ELBOWS = [SMPL_JOINTS.index(f"{side}_elbow") for side in SIDES]
@@ -68,8 +69,9 @@ def hands_problem(
 ) -> HandsProblem:
     """The hands' problem; body: a model with fingers, given the reference's shape."""
     sync, reference = refined.sync, refined.sync.reference
-    motions = {v.id: v for v in refined.motion.videos}
     solved = {c.id: c for c in refined.motion.cameras}
+    filmed = relative_motions(refined.motion.videos, paths_of(refined.motion.cameras))
+    motions = {v.id: v for v in filmed}
     moving = {c.id: c for c in camera_motion.videos}
     skeleton = hand_skeleton(body.shape(torch.as_tensor(motions[reference].betas)))
     videos = {

@@ -20,7 +20,7 @@ from imocap_core.motion.kinematics import Body
 from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.multiview.swapped_sides import with_sides_of_others
 from imocap_core.motion.multiview.timeline import make_timeline
-from imocap_core.motion.observations import Observation
+from imocap_core.motion.observations import Observation, from_one_place
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.motion.state import MotionState
 from imocap_core.params import FitParams, MotionParams
@@ -84,10 +84,12 @@ class JointProblem:
         rows = zip(observations, xyz, cameras.K, cameras.R, cameras.t, strict=True)
         for o, x, *camera in rows:
             K, R, t = (value.numpy() for value in camera)
-            world = (x[: len(o.xy_px)] - t) @ R
+            x = x[: len(o.xy_px)]
+            world = (x - t) @ R
             weight = o.confidence / o.sigma_px[:, None] ** 2
+            o, middle = from_one_place(o, x)
             xy = np.where(weight[..., None] > 0, o.xy_px, 0.0)
-            videos.append(CalibratedVideo(world, xy, weight, K, R, t))
+            videos.append(CalibratedVideo(world, xy, weight, K, R, t - middle))
         return ReprojectionEvidence(videos, self.options)
 
 
@@ -114,6 +116,7 @@ def problem_of(
         participants.camera_motion,
         fit,
         estimated_joints(participants.initial),
+        participants.initial.path_units,
     )
     scene = scene_of(body, observations, participants.sync(sync), fit)
     start = state_of(participants.initial.videos)

@@ -38,6 +38,7 @@ from imocap_core.motion.mirror import (
     mirrored_pose,
     mirrored_translation,
 )
+from imocap_core.problem.relative_motion import paths_of_initial
 
 
 @dataclass(frozen=True)
@@ -84,10 +85,14 @@ class Participants:
             return result
         motions = {v.id: self._reflected(v) for v in result.videos}
         cameras = {c.id: mirrored_camera(c) if c.id in self.mirrored else c for c in result.cameras}
+        paths = paths_of_initial(self.all_initial, self.all_cameras)
         for motion, camera in zip(self.all_initial.videos, self.all_cameras.videos, strict=True):
             if motion.id in self.excluded:
                 motions[motion.id] = motion
-                cameras[motion.id] = Camera(id=motion.id, K=camera.K, R=np.eye(3), t=np.zeros(3))
+                cameras[motion.id] = Camera(
+                    id=motion.id, K=camera.K, R=np.eye(3), t=np.zeros(3),
+                    path_m=paths.get(motion.id, np.zeros((0, 3))),
+                )  # fmt: skip
         ids = [v.id for v in self.all_initial.videos]
         return result.model_copy(
             update={"videos": [motions[i] for i in ids], "cameras": [cameras[i] for i in ids]}
@@ -158,7 +163,8 @@ def mirrored_motion(motion: VideoMotion, body: Model) -> VideoMotion:
 def mirrored_camera(camera: Camera) -> Camera:
     """The camera that films the mirror image of the world and shows the mirror image."""
     R, t = mirrored_extrinsics(camera.R, camera.t)
-    return camera.model_copy(update={"R": R, "t": t})
+    path = camera.path_m * (-1.0, 1.0, 1.0)
+    return camera.model_copy(update={"R": R, "t": t, "path_m": path})
 
 
 def mirrored_keypoints(video: VideoKeypoints, K: Float[np.ndarray, "3 3"]) -> VideoKeypoints:
@@ -175,8 +181,12 @@ def mirrored_keypoints(video: VideoKeypoints, K: Float[np.ndarray, "3 3"]) -> Vi
 
 
 def mirrored_detections(camera: VideoCameraMotion, layout: str) -> VideoCameraMotion:
-    """A camera's warped detections, reflected; the homographies stay those of the pictures."""
+    """A camera's warped detections and path, reflected; the homographies stay those of the
+    pictures."""
     twins = mirror_indices(layout_names(layout))
     return camera.model_copy(
-        update={"xy_first_px": mirrored_pixels(camera.xy_first_px, camera.K, twins)}
+        update={
+            "xy_first_px": mirrored_pixels(camera.xy_first_px, camera.K, twins),
+            "path": camera.path * (-1.0, 1.0, 1.0),
+        }
     )

@@ -109,14 +109,17 @@ def smpl_ba_of(
 ) -> SmplBa:
     """SMPL-BA's result as an artifact, as it was solved (`mirroring.Participants.as_filmed`)."""
     ids = [video.id for video in keypoints.videos]
-    rows = zip(ids, motion.cameras.K, motion.cameras.R, motion.cameras.t, strict=True)
+    none = np.zeros((0, 3))
+    paths = [none if o.centre_m is None else o.centre_m for o in observations]
+    solution = (motion.cameras.K, motion.cameras.R, motion.cameras.t)
+    rows = zip(ids, *(x.numpy() for x in solution), paths, strict=True)
     solved = with_intrinsics(observations, motion.cameras)
     return SmplBa(
         reference=reference,
         model=body.model.name,
         model_digest=body.model.digest,
         videos=motions_of(body, motion.state, solved, keypoints),
-        cameras=[Camera(id=i, K=K.numpy(), R=R.numpy(), t=t.numpy()) for i, K, R, t in rows],
+        cameras=[Camera(id=i, K=K, R=R, t=t, path_m=path) for i, K, R, t, path in rows],
         objective=motion.costs,
         misfit=motion.misfit,
         status=motion.status,

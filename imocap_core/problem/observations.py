@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints
+from imocap_core.artifacts.schemas import (
+    CameraMotion,
+    InitialSmpl,
+    Keypoints,
+    PathUnit,
+    VideoCameraMotion,
+)
 from imocap_core.body import load_free_body
 from imocap_core.body.layouts import layouts
 from imocap_core.io.estimators.by_name import JOINTS
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.observations import Observation
 from imocap_core.params import FitParams
+
+UNKNOWN_PATH_M = 0.3  # of the performer's place, where a camera moves along an unknown path
 
 
 def body_for(keypoints: Keypoints) -> Body:
@@ -33,12 +41,15 @@ def observations_of(
     camera_motion: CameraMotion,
     fit: FitParams,
     joints: Mapping[str, Float[np.ndarray, "_ 24 3"]] | None = None,
+    units: Sequence[PathUnit] = (),
 ) -> list[Observation]:
     """Keypoints in the first frame's image, each video's layout in its columns among all.
 
     Args:
         joints: monocular 3D joints of the videos that have them.
+        units: of the paths of moving cameras; a path without a unit is not used.
     """
+    metric = {unit.id: unit for unit in units}
     columns = {layout: list(body.model.points(layout).columns) for layout in layouts_of(keypoints)}
     ends = np.cumsum([len(indices) for indices in columns.values()])
     place = {
@@ -52,6 +63,7 @@ def observations_of(
         used, here = columns[video.layout], place[video.layout]
         xy[:, here], confidence[:, here] = camera.xy_first_px[:, used], video.confidence[:, used]
         confidence[~np.isfinite(xy).all(-1)] = 0.0
+        centre, place_sd = path_of(camera, metric.get(video.id))
         observations.append(
             Observation(
                 xy,
@@ -63,6 +75,8 @@ def observations_of(
                 focal_spread=fit.focal_spread if camera.focal_source == "assumed" else 0.0,
                 R_mean_from_first=camera.R_first_from_frame.mean(axis=0).T,
                 performer=people.index(video.performer),
+                centre_m=centre,
+                place_sd_m=place_sd,
             )
         )
     return observations
@@ -71,6 +85,20 @@ def observations_of(
 def performers_of(keypoints: Keypoints) -> list[str | None]:
     """The performers that are declared, in order of appearance; None: not declared."""
     return list(dict.fromkeys(video.performer for video in keypoints.videos))
+
+
+def path_of(
+    camera: VideoCameraMotion, unit: PathUnit | None
+) -> tuple[Float[np.ndarray, "T 3"] | None, Float[np.ndarray, " T"] | None]:
+    """Places of a moving camera in metres, and the standard deviation that the performer's place
+    has of them; both None on one spot, the first where the path is unknown."""
+    if camera.motion != "translating":
+        return None, None
+    if unit is None or not len(camera.path):
+        return None, np.full(len(camera.zoom), UNKNOWN_PATH_M)
+    centre = unit.unit_m * camera.path
+    from_middle = np.linalg.norm(centre - centre.mean(axis=0), axis=1)
+    return centre, np.hypot(unit.unit_m * camera.path_sd, unit.relative_sd * from_middle)
 
 
 def noise_share_of(layout: str, fit: FitParams) -> float:

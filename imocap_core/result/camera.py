@@ -14,7 +14,7 @@ STILL = 1e-9  # a camera whose rotations differ by less is static
 
 @dataclass(frozen=True, eq=False)
 class VideoCamera:
-    """A pinhole camera on one spot, which may turn and zoom; OpenCV's axes (x right, y down, z
+    """A pinhole camera, which may turn, zoom and move; OpenCV's axes (x right, y down, z
     forward), pixels, metres, no lens distortion.
 
     Attributes:
@@ -26,6 +26,8 @@ class VideoCamera:
         zoom: (T,) focal length of each frame over the first frame's.
         H_first_from_frame: (T, 3, 3) homographies from each frame's pixels to the first frame's,
             as they were measured on the background.
+        path_m: (T, 3) its places in the first frame's axes, metres; None on one spot, or where the
+            path is unknown.
     """
 
     id: str
@@ -36,17 +38,31 @@ class VideoCamera:
     R_first_from_frame: Float[np.ndarray, "T 3 3"]
     zoom: Float[np.ndarray, " T"]
     H_first_from_frame: Float[np.ndarray, "T 3 3"]
+    path_m: Float[np.ndarray, "T 3"] | None = None
 
     @property
     def is_static(self) -> bool:
-        """Whether the camera neither turns nor zooms."""
+        """Whether the camera neither turns, zooms nor moves."""
+        if self.path_m is not None:
+            return False
         turned = np.abs(self.R_first_from_frame - np.eye(3)).max() > STILL
         return not turned and float(np.ptp(self.zoom)) <= STILL
 
     @property
     def centre(self) -> Float[np.ndarray, " 3"]:
-        """Position of the camera in the world, metres."""
+        """Position of the camera in the world in the first used frame, metres."""
         return -self.R.T @ self.t
+
+    @property
+    def centre_per_frame(self) -> Float[np.ndarray, "T 3"]:
+        """Position of the camera in the world in every used frame, metres."""
+        moved = np.zeros((len(self.zoom), 3)) if self.path_m is None else self.path_m
+        return self.centre + moved @ self.R
+
+    @property
+    def t_per_frame(self) -> Float[np.ndarray, "T 3"]:
+        """Translation camera from world of every used frame, metres."""
+        return -np.einsum("tij,tj->ti", self.R_per_frame, self.centre_per_frame)
 
     @property
     def K_per_frame(self) -> Float[np.ndarray, "T 3 3"]:
@@ -82,6 +98,9 @@ class VideoCamera:
         """
         P = self.P_frame_from_first if index is None else self.P_frame_from_first[index]
         ahead = camera_from_world(points_m, self.R, self.t)
+        if self.path_m is not None:
+            path = self.path_m if index is None else self.path_m[index]
+            ahead = ahead - path[:, None]
         homogeneous = np.broadcast_to(ahead, (len(P), *ahead.shape[-2:])) @ P.swapaxes(1, 2)
         depth = np.where(homogeneous[..., 2:] > 0, homogeneous[..., 2:], np.nan)
         return np.asarray(homogeneous[..., :2] / depth)

@@ -74,6 +74,7 @@ def _resampled(
             R_first_from_frame=turns,
             zoom=values_at(camera.zoom, m.position),
             H_first_from_frame=values_at(camera.H_first_from_frame, m.position),
+            path_m=None if camera.path_m is None else values_at(camera.path_m, m.position),
         ),
         joint_uncertainty=None
         if uncertain is None

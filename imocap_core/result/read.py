@@ -194,6 +194,7 @@ def _camera(
         R_first_from_frame=turns,
         zoom=zoom,
         H_first_from_frame=H_first_from_frame,
+        path_m=camera.path_m if len(camera.path_m) == count else None,
     )
 
 

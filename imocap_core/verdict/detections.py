@@ -22,19 +22,28 @@ def detection_findings(videos: Sequence[VideoKeypoints]) -> list[Finding]:
 
 
 def camera_findings(cameras: Sequence[VideoCameraMotion]) -> list[Finding]:
-    """Cameras that move from their place, which the method does not model."""
+    """Cameras that move from their place: with a path as a remark, without one as a warning."""
     return [
-        Finding(
-            "camera",
-            camera.id,
-            f"the camera moves from its place, and only turning and zooming are modelled "
-            f"({camera.note or f'{camera.residual_px:.1f} px from a pure rotation'})",
-            "the camera moves",
-            "its path and place in the world are unreliable",
-        )
+        _walks(camera) if len(camera.path) else _lost(camera)
         for camera in cameras
         if camera.motion == "translating"
     ]
+
+
+def _walks(camera: VideoCameraMotion) -> Finding:
+    text = f"{camera.note}; the unit of its length is told by the performer's size and feet"
+    return Finding("remark", camera.id, text, "the camera moves along a known path")
+
+
+def _lost(camera: VideoCameraMotion) -> Finding:
+    why = camera.note or f"{camera.residual_px:.1f} px from a pure rotation"
+    return Finding(
+        "camera",
+        camera.id,
+        f"the camera moves from its place, and its path is unknown ({why})",
+        "the camera moves",
+        "its performer's place in the world is unreliable, and counts less than the others'",
+    )
 
 
 def remarks(video: VideoKeypoints) -> list[str]:

@@ -9,10 +9,17 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.artifacts.schemas import CameraMotion, Keypoints, SyncSummary, VideoMotion
+from imocap_core.artifacts.schemas import (
+    CameraMotion,
+    InitialSmpl,
+    Keypoints,
+    SyncSummary,
+    VideoMotion,
+)
 from imocap_core.body import Model
 from imocap_core.camera.projection import camera_from_world
 from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.problem.relative_motion import paths_of_initial, relative_motions
 from imocap_core.result.read import read_monocular
 from imocap_core.result.result import ActionResult
 from imocap_core.viewer.block import Block
@@ -113,8 +120,14 @@ def _video_entry(
     """Everything about video i but its bodies and pictures."""
     video, keypoints = result.videos[i], result.artifacts.get(Keypoints)
     camera = video.camera
-    K_alone = result.artifacts.get(CameraMotion).videos[i].K
+    cameras = result.artifacts.get(CameraMotion)
+    alone = relative_motions([alone], paths_of_initial(result.artifacts.get(InitialSmpl), cameras))[
+        0
+    ]
+    K_alone = cameras.videos[i].K
     final = camera_from_world(video.body_joints, camera.R, camera.t)
+    if camera.path_m is not None:
+        final = final - camera.path_m[:, None]
     return {
         **identity_entry(block, keypoints, i, result.sync.summary),
         "camera": camera_entry(block, level.videos[i].camera),

@@ -80,6 +80,7 @@ def camera_entry(block: Block, camera: VideoCamera) -> dict[str, Any]:
     return {
         **lens,
         "centre": camera.centre.tolist(),
+        "centres": None if camera.path_m is None else block.add(camera.centre_per_frame, "f4"),
         "axes": block.add(axes[:1] if static else axes, "f4"),
         "zoom": block.add(camera.zoom, "f4"),
     }
@@ -108,7 +109,8 @@ def skeleton_entry(
     camera: VideoCamera,
     K: Float[np.ndarray, "3 3"],
 ) -> dict[str, Any]:
-    """SMPL's joints (T, 24, 3), given in the first frame's axes, in the pixels of every frame.
+    """SMPL's joints (T, 24, 3), given in the first frame's axes and relative to the camera's place,
+    in the pixels of every frame.
 
     K: intrinsics of the first frame, which need not be the camera's.
     """

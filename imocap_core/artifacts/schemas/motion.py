@@ -29,7 +29,9 @@ class Camera(Value):
     id: Id
     K: Annotated[Floats, Shape(3, 3)]  # an assumed focal length is solved with the motion
     R: Annotated[Floats, Shape(3, 3)]
-    t: Annotated[Floats, Shape(3)]  # metres
+    t: Annotated[Floats, Shape(3)]  # metres; both of the first frame
+    # of a camera that moves from its place: its places in its first frame's axes, metres
+    path_m: Annotated[Floats, Shape("P", 3)] = Field(default_factory=lambda: np.zeros((0, 3)))
 
 
 class StartFit(Value):
@@ -61,6 +63,14 @@ class GroundPlane(Value):
     height_sd_mm: float
 
 
+class PathUnit(Value):
+    """The unit of a moving camera's path in metres, from the performer's size and feet."""
+
+    id: Id
+    unit_m: float
+    relative_sd: float  # of the unit
+
+
 class InitialSmpl(Artifact):
     """The monocular start: each video's motion from that video alone."""
 
@@ -73,6 +83,8 @@ class InitialSmpl(Artifact):
     alternatives: list[AlternativeMotion] = Field(default_factory=list)
     # each video's by itself, in the order of `videos`, in the axes of its first-frame camera
     grounds: list[GroundPlane] = Field(default_factory=list)
+    # of the cameras whose path is known
+    path_units: list[PathUnit] = Field(default_factory=list)
 
 
 class CommonMotion(Value):

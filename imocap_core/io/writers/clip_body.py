@@ -28,11 +28,11 @@ class Skin:
 
 @dataclass(frozen=True, eq=False)
 class ClipCamera:
-    """A camera with a fixed centre that may turn and zoom.
+    """A camera that may turn, zoom and move.
 
     K: pixels, of the first frame. zoom: focal length over K's, per frame of the clip or one. size:
     width, height. R_cam_from_world: per frame of the clip, or one when it never turns. centre:
-    world, metres.
+    world, metres, likewise.
     """
 
     id: str
@@ -40,7 +40,7 @@ class ClipCamera:
     zoom: Float[np.ndarray, " _"]
     size: tuple[int, int]
     R_cam_from_world: Float[np.ndarray, "_ 3 3"]
-    centre: Float[np.ndarray, "3"]
+    centre: Float[np.ndarray, "_ 3"]
 
 
 def skin_of(shaped: Shaped) -> Skin:

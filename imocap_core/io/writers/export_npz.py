@@ -28,6 +28,19 @@ class ExportedHands:
 
 
 @dataclass(frozen=True)
+class CameraFrames:
+    """Additional arrays of a camera that turns, zooms or moves: of every frame."""
+
+    K: Float[np.ndarray, "T 3 3"]
+    R: Float[np.ndarray, "T 3 3"]  # camera from world
+    t: Float[np.ndarray, "T 3"]  # metres
+
+    def arrays(self) -> dict[str, Float[np.ndarray, "T ..."]]:
+        """By their names in files."""
+        return {"K_frames": self.K, "R_frames": self.R, "t_frames": self.t}
+
+
+@dataclass(frozen=True)
 class ExportedVideo:
     """The arrays of `<id>.npz`, all in one world."""
 
@@ -50,6 +63,7 @@ class ExportedVideo:
     inside: Bool[np.ndarray, " T"] | None = None  # on the common timeline: the video shows it
     phase_s: Float[np.ndarray, " T"] | None = None  # on the common timeline: reference seconds
     time_s: Float[np.ndarray, " T"] | None = None  # in a file of variable frame rate
+    per_frame: CameraFrames | None = None  # K, R, t are those of the first frame
 
 
 def write_video(folder: Path, video: ExportedVideo) -> Path:
@@ -66,6 +80,8 @@ def write_video(folder: Path, video: ExportedVideo) -> Path:
         more |= {"inside": video.inside, "phase_s": video.phase_s}
     if video.time_s is not None:
         more["time_s"] = video.time_s
+    if video.per_frame is not None:
+        more |= video.per_frame.arrays()
     np.savez(
         file,
         poses=video.poses,
@@ -95,12 +111,22 @@ def write_cameras(folder: Path, videos: list[ExportedVideo], reference: str) -> 
         "convention": "x_cam = R x_world + t, metres; x right, y down, z forward; K in pixels",
         "up_axis": videos[0].up_axis,
         "cameras": {
-            v.id: {"K": v.K.tolist(), "R": v.R.tolist(), "t": v.t.tolist(), "size": list(v.size)}
+            v.id: {
+                "K": v.K.tolist(),
+                "R": v.R.tolist(),
+                "t": v.t.tolist(),
+                "size": list(v.size),
+                **({} if v.per_frame is None else _listed(v.per_frame)),
+            }
             for v in videos
         },
     }
     file.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     return file
+
+
+def _listed(frames: CameraFrames) -> dict[str, Any]:
+    return {name: values.tolist() for name, values in frames.arrays().items()}
 
 
 def write_sync(

@@ -153,12 +153,14 @@ def _add_camera(tree: Tree, animation: _Animation, camera: ClipCamera) -> None:
     node = len(tree["nodes"])
     if len(rotations) > 1:
         animation.add(node, "rotation", rotations)
+    if len(camera.centre) > 1:
+        animation.add(node, "translation", camera.centre)
     tree["scenes"][0]["nodes"].append(node)
     tree["nodes"].append(
         {
             "name": name,
             "camera": len(tree["cameras"]),
-            "translation": camera.centre.tolist(),
+            "translation": camera.centre[0].tolist(),
             "rotation": rotations[0].tolist(),
         }
     )

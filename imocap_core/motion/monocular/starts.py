@@ -117,7 +117,9 @@ def place(
     if len(keys) == 0:
         plane, keys = torch.zeros_like(plane), np.arange(len(plane))
     plane = _interpolate(plane[keys], keys, len(depth))
-    return torch.cat([plane, (depth - root[:, 2])[:, None]], -1)
+    place_of_body = torch.cat([plane, (depth - root[:, 2])[:, None]], -1)
+    centre = observation.centre_m
+    return place_of_body if centre is None else place_of_body + torch.as_tensor(centre).to(depth)
 
 
 def fit_rotations_to_joints(

@@ -13,6 +13,7 @@ from torch import Tensor
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.multiview.aligned import root_positions
 from imocap_core.motion.multiview.cameras import Cameras
+from imocap_core.motion.multiview.common_time import values_at
 from imocap_core.motion.multiview.timeline import Timeline, sample_keypoints
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.state import MotionState
@@ -31,6 +32,10 @@ class CommonKeypoints:
         offset_sd: (M, 6) standard deviations of each performance's per-frame rigid offset from the
             common motion (three rotations, rad, and three translations, m), or None: rigid copies.
         performers: of each video, the number of the person shown.
+        centre_m: (M, N, 3) places of the cameras, each in its first frame's axes, or None: none
+            of them moves.
+        place_sd_m: (M, N) standard deviations of the performers' places that come of the cameras'
+            uncertain paths, or None.
     """
 
     xy_px: Float[np.ndarray, "M N K 2"]
@@ -38,6 +43,12 @@ class CommonKeypoints:
     sigma_px: Float[np.ndarray, "M N"]
     offset_sd: Float[np.ndarray, "M 6"] | None = None
     performers: tuple[int, ...] = ()
+    centre_m: Float[np.ndarray, "M N 3"] | None = None
+    place_sd_m: Float[np.ndarray, "M N"] | None = None
+
+    def moves(self, video: int) -> bool:
+        """Whether the path of a video's camera is known."""
+        return self.centre_m is not None and bool(np.any(self.centre_m[video]))
 
 
 def common_keypoints(observations: Sequence[Observation], timeline: Timeline) -> CommonKeypoints:
@@ -51,8 +62,29 @@ def common_keypoints(observations: Sequence[Observation], timeline: Timeline) ->
         xy.append(value)
         weight.append(confidence * trust[:, None] / noise[:, None] ** 2)
         sigma.append(noise)
-    performers = tuple(o.performer for o in observations)
-    return CommonKeypoints(np.stack(xy), np.stack(weight), np.stack(sigma), performers=performers)
+    return CommonKeypoints(
+        np.stack(xy), np.stack(weight), np.stack(sigma),
+        performers=tuple(o.performer for o in observations),
+        centre_m=_sampled([o.centre_m for o in observations], timeline, 3),
+        place_sd_m=_sampled([o.place_sd_m for o in observations], timeline),
+    )  # fmt: skip
+
+
+def _sampled(
+    values: Sequence[Float[np.ndarray, "_ ..."] | None], timeline: Timeline, *shape: int
+) -> Float[np.ndarray, "M N ..."] | None:
+    """Values of every video at the reference's frames, 0 where a video has none; None where no
+    video has any."""
+    if all(of_video is None for of_video in values):
+        return None
+    sampled = []
+    for of_video, position in zip(values, timeline.from_reference, strict=True):
+        if of_video is None:
+            sampled.append(np.zeros((len(position), *shape)))
+            continue
+        frame = np.clip(np.nan_to_num(position), 0, len(of_video) - 1)
+        sampled.append(values_at(of_video, frame))
+    return np.stack(sampled)
 
 
 def common_estimates(
@@ -108,12 +140,28 @@ def views_of(
         camera = list(free).index(v) if v in free else None
         precision = None
         if keypoints.offset_sd is not None:
-            sharp = torch.as_tensor(keypoints.offset_sd[v] ** -2.0).to(template)
-            precision = sharp.expand(1, xy.shape[1], -1)
+            precision = offset_precision(keypoints, v, template)
         R, t = cameras.R[v][None], cameras.t[v][None]
         performer = keypoints.performers[v] if keypoints.performers else 0
-        views.append(View(xy, weight, K, R, t, camera, focal, precision, performer))
+        places = keypoints.centre_m
+        centre = None if places is None else torch.as_tensor(places[v]).to(template)[None]
+        views.append(View(xy, weight, K, R, t, camera, focal, precision, performer, centre))
     return tuple(views)
+
+
+def offset_precision(
+    keypoints: CommonKeypoints, video: int, template: Tensor
+) -> Float[Tensor, "1 N 6"]:
+    """Inverse variances of a performance's rigid offset; its translation is also as uncertain as
+    the camera's path."""
+    assert keypoints.offset_sd is not None
+    sharp = torch.as_tensor(keypoints.offset_sd[video] ** -2.0).to(template)
+    precision = sharp.expand(1, keypoints.xy_px.shape[1], -1)
+    if keypoints.place_sd_m is None:
+        return precision
+    place = torch.as_tensor(keypoints.place_sd_m[video]).to(template)[None, :, None]
+    variance = 1 / precision
+    return 1 / torch.cat([variance[..., :3], variance[..., 3:] + place.square()], -1)
 
 
 def reprojection_errors_px(
@@ -135,8 +183,12 @@ def reprojection_errors_px(
     return np.stack(errors)
 
 
-def root_depths_m(body: Body, motion: MotionState, cameras: Cameras) -> Float[np.ndarray, "M N"]:
+def root_depths_m(
+    body: Body, motion: MotionState, cameras: Cameras, keypoints: CommonKeypoints
+) -> Float[np.ndarray, "M N"]:
     """Depth of the common motion's root in every view, metres."""
     root = root_positions(body, motion)[0]
     z = torch.einsum("mj,nj->mn", cameras.R[:, 2], root) + cameras.t[:, None, 2]
+    if keypoints.centre_m is not None:
+        z = z - torch.as_tensor(keypoints.centre_m[..., 2]).to(z)
     return z.clamp_min(0.1).cpu().numpy()

@@ -36,7 +36,7 @@ def keypoint_spread_m(
     errors = reprojection_errors_px(
         scene.body, motion, keypoints, cameras, robust_scale=scene.fit.robust_scale_sigma
     )
-    depth = root_depths_m(scene.body, motion, cameras)
+    depth = root_depths_m(scene.body, motion, cameras, keypoints)
     return spread_beyond_noise_m(
         errors, keypoints.sigma_px, depth, cameras.focal_px, window=round(scene.fps / 2)
     )
@@ -50,7 +50,7 @@ def with_keypoint_spread(
     cameras: Cameras,
 ) -> CommonKeypoints:
     """Keypoints whose variance includes the performances' deviations."""
-    depth = root_depths_m(body, motion, cameras)
+    depth = root_depths_m(body, motion, cameras, keypoints)
     spread_px = spread_m * (cameras.focal_px[:, None] / depth)[..., None]
     sigma2 = keypoints.sigma_px[..., None] ** 2
     return replace(keypoints, weight=keypoints.weight * sigma2 / (sigma2 + spread_px**2))

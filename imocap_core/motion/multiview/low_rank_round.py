@@ -77,12 +77,12 @@ def refine_by_pnp(
 ) -> Cameras:
     """Each camera from the common motion's 3D keypoints over all frames (PnP, "Optimization").
 
-    A camera whose PnP fails keeps its place.
+    A camera whose PnP fails keeps its place, and so does one that moves.
     """
     xyz = body.positions(body.keypoints, motion).xyz[0].cpu().numpy()
     R, t = cameras.R.clone(), cameras.t.clone()
     for v in range(len(R)):
-        if v == reference or not (keypoints.weight[v] > 0).any():
+        if v == reference or not (keypoints.weight[v] > 0).any() or keypoints.moves(v):
             continue
         sigma = float(np.median(keypoints.sigma_px[v]))
         pose = pnp_over_frames(

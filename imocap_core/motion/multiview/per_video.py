@@ -25,6 +25,7 @@ from imocap_core.motion.multiview.scene import (
     per_video_terms,
     solve,
 )
+from imocap_core.motion.observations import place_variance
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import FootContact, Term
 from imocap_core.motion.terms.foot_contact import foot_contact_share
@@ -91,7 +92,8 @@ def deviation_terms(
     at_reference = torch.as_tensor(1 / (joints**2 * frames)).to(start.trans)
     joint_weight = to_video_frames(at_reference, scene.timeline, start)
     joint_weight[..., 0] *= faces
-    path_weight = torch.as_tensor(1 / (spread.offset_sd[:, 3:4] ** 2 * frames)).to(start.trans)
+    variance = torch.as_tensor(spread.offset_sd[:, 3:4] ** 2).to(start.trans)
+    path_weight = 1 / ((variance + place_variance(scene.observations, start.trans)) * frames)
     return coupling_terms(scene.body, targets, start, joint_weight, path_weight)
 
 

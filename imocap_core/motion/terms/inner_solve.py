@@ -84,7 +84,7 @@ class _CameraAxes:
         x_px, y_px = (view.xy_px - centre).unbind(-1)
         return cls(
             arms=R @ (xyz - pivot[..., None, :]).mT,
-            root=(R @ pivot[..., None])[..., 0] + view.t[:, None],
+            root=(R @ pivot[..., None])[..., 0] + view.shift,
             fx=view.K[:, 0, 0, None, None],
             fy=view.K[:, 1, 1, None, None],
             x_px=x_px.contiguous(),

@@ -26,6 +26,8 @@ class View:
         offset_precision: (B, T, 6) inverse variances (1/rad^2, 1/m^2) of this view's per-frame
             rigid offset against the state (`rigid_offset`), or None: no offset.
         performer: index of the shape, among those of the state, of the body that it shows.
+        centre: (B, T, 3) place of a camera that moves, in the axes that R and t lead to: a point
+            is seen at ``R x + t - centre``; None: on one spot.
     """
 
     xy_px: Float[Tensor, "B T K 2"]
@@ -37,10 +39,17 @@ class View:
     focal: int | None = None
     offset_precision: Float[Tensor, "B T 6"] | None = None
     performer: int = 0
+    centre: Float[Tensor, "B T 3"] | None = None
+
+    @property
+    def shift(self) -> Float[Tensor, "B #T 3"]:
+        """What is added to rotated points: the translation, less the place of a moving camera."""
+        t = self.t[:, None]
+        return t if self.centre is None else t - self.centre
 
     def of(self, v: int, frames: int) -> View:
         """The view of motion ``v`` (batch of 1) in its first frames."""
-        row, precision = slice(v, v + 1), self.offset_precision
+        row, precision, centre = slice(v, v + 1), self.offset_precision, self.centre
         return replace(
             self,
             xy_px=self.xy_px[row, :frames],
@@ -49,6 +58,7 @@ class View:
             R=self.R[row],
             t=self.t[row],
             offset_precision=None if precision is None else precision[row, :frames],
+            centre=None if centre is None else centre[row, :frames],
         )
 
     def with_camera_of(self, state: MotionState) -> View:
@@ -83,7 +93,7 @@ def project(
     view: View, xyz: Float[Tensor, "B T K 3"]
 ) -> tuple[Float[Tensor, "B T K 2"], Float[Tensor, "B T K 3"]]:
     """Pixels and camera-frame points of points in the state's axes."""
-    x_cam = torch.einsum("bij,btkj->btki", view.R, xyz) + view.t[:, None, None]
+    x_cam = torch.einsum("bij,btkj->btki", view.R, xyz) + view.shift[:, :, None]
     depth = x_cam[..., 2:].clamp_min(NEAREST_M)
     focal = torch.stack([view.K[:, 0, 0], view.K[:, 1, 1]], -1)[:, None, None]
     return x_cam[..., :2] / depth * focal + view.K[:, None, None, :2, 2], x_cam

@@ -16,7 +16,9 @@ function lensAt(video, frame) {
 function cameraAt(video, frame) {
   const all = video.camera.axes, start = 9 * Math.min(frame, all.length / 9 - 1);
   const axis = (c) => [0, 1, 2].map((r) => all[start + 3 * r + c]);
-  return { right: axis(0), down: axis(1), ahead: axis(2), centre: video.camera.centre };
+  const places = video.camera.centres, at = 3 * frame;
+  const centre = places ? [places[at], places[at + 1], places[at + 2]] : video.camera.centre;
+  return { right: axis(0), down: axis(1), ahead: axis(2), centre };
 }
 
 // Corners in space of a part [x, y, width, height] of a video's picture, else of all of it:
@@ -32,7 +34,7 @@ function pictureCorners(video, frame, part = [0, 0, ...video.size], depth = PLAN
 }
 
 function frustum(video, frame) {
-  const [a, b, c, d] = pictureCorners(video, frame), centre = video.camera.centre;
+  const [a, b, c, d] = pictureCorners(video, frame), centre = cameraAt(video, frame).centre;
   const color = [...rgb(video.color), 1];
   const edges = [[a, b], [b, d], [d, c], [c, a], ...[a, b, c, d].map((p) => [centre, p])];
   return edges.map(([from, to]) => [from, to, color]);

@@ -1,0 +1,1 @@
+"""Cameras that move from their place: told from tripods, and followed."""
