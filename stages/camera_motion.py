@@ -18,6 +18,7 @@ from imocap_core.camera.motion import CameraMotionEstimate, estimate_camera_moti
 from imocap_core.camera.parallax import ParallaxTest
 from imocap_core.camera.projection import warp
 from imocap_core.cli import stage_main
+from imocap_core.io.colmap import load_colmap
 from imocap_core.io.video import read_gray
 from imocap_core.params import CameraMotionParams, Params
 from imocap_core.pipeline.stage import Context, Inputs
@@ -30,6 +31,8 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> CameraMotion:
     """Track the background of every video, several videos at a time."""
     videos = inputs.get(Keypoints).videos
     paths = [ctx.video(video.id) for video in videos]
+    if params.camera_motion.structure and any(paths):
+        load_colmap()
     ctx.progress(0.0, f"tracking the background of {len(videos)} videos")
     # threads suffice: decoding, optical flow and robust fitting all run outside Python's lock
     with ThreadPoolExecutor(cores()) as pool:

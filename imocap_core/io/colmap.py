@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import signal
 import tempfile
+import threading
 from collections.abc import Sequence
 from importlib import import_module
 from importlib.util import find_spec
@@ -26,6 +28,19 @@ HALF_PIXEL = 0.5  # COLMAP's origin is the corner of the first pixel
 def colmap_installed() -> bool:
     """Whether the extra is installed."""
     return find_spec("pycolmap") is not None
+
+
+def load_colmap() -> None:
+    """Import the extra where it is installed, from the main thread: its handlers of signals, which
+    print a stack trace, are replaced by those that were there."""
+    if not colmap_installed():
+        return
+    kinds = (signal.SIGTERM, signal.SIGINT, signal.SIGABRT, signal.SIGSEGV, signal.SIGFPE)
+    before = {kind: signal.getsignal(kind) for kind in kinds}
+    import_module("pycolmap")
+    if threading.current_thread() is threading.main_thread():
+        for kind, handler in before.items():
+            signal.signal(kind, handler if handler is not None else signal.SIG_DFL)
 
 
 def reconstruct(

@@ -11,6 +11,7 @@ from jaxtyping import Float, UInt8
 
 from imocap_core.body import Shaped
 from imocap_core.camera.projection import camera_from_world, project_camera
+from imocap_core.camera.zooming import lens_of
 from imocap_core.render import draw_mesh
 from imocap_core.synthetic.cameras import YOGA_CAMERAS, FilmCamera, stature_px
 from imocap_core.synthetic.demo_body import outfit
@@ -21,6 +22,7 @@ from imocap_core.synthetic.walking_cameras import CameraWalk, walk_camera
 from imocap_core.synthetic.yoga_clip import LAYOUT, DemoClip, make_yoga_clip
 
 BOXES = 6
+RAYS = 1  # a pixel, in each direction
 _GRAIN = 2.0  # grey levels
 
 
@@ -46,10 +48,31 @@ def make_moving_clip(
     )
 
 
+def every_frame(clip: DemoClip, stride: int) -> DemoClip:
+    """Every ``stride``-th frame of a clip's camera, body and true points, at a lower frame rate."""
+    camera = clip.camera
+    return replace(
+        clip,
+        fps=clip.fps / stride,
+        transl=clip.transl[::stride],
+        R_smpl=clip.R_smpl[::stride],
+        joints=clip.joints[::stride],
+        camera=FilmCamera(camera.K, camera.R_cam_from_world[::stride], camera.t[::stride]),
+        xy_px=clip.xy_px[::stride],
+    )
+
+
 def moving_pictures(
-    clip: DemoClip, seed: int, index: int, shaped: Shaped, supersample: int = 1
+    clip: DemoClip,
+    seed: int,
+    index: int,
+    shaped: Shaped,
+    zoom: Float[np.ndarray, " T"] | None = None,
 ) -> Iterator[UInt8[np.ndarray, "H W 3"]]:
-    """The RGB frames of a clip in order, the room ray-cast anew for every place of the camera."""
+    """The RGB frames of a clip in order, the room ray-cast anew for every place of the camera.
+
+    zoom: of each frame, over the camera's focal length; None: it does not zoom.
+    """
     scene_rng, box_rng, grain, clothes = (
         np.random.default_rng([seed, 5, index, part]) for part in range(4)
     )
@@ -61,18 +84,15 @@ def moving_pictures(
     surfaces = room(index, clip.azimuth_deg, scene_rng)
     surfaces += furniture(clip.azimuth_deg, BOXES, box_rng)
     camera, centres = clip.camera, clip.camera.centres
-    for frame, (R, t) in enumerate(zip(camera.R_cam_from_world, camera.t, strict=True)):
+    lenses = lens_of(camera.K, np.ones(len(centres)) if zoom is None else zoom)
+    rows = zip(lenses, camera.R_cam_from_world, camera.t, strict=True)
+    for frame, (K, R, t) in enumerate(rows):
         posed = shaped.pose(
             torch.as_tensor(clip.R_smpl[frame]), torch.as_tensor(clip.transl[frame])
         )
         vertices = posed.mesh().vertices.numpy()
-        image = raycast(surfaces, camera.K, R, centres[frame], clip.size, supersample)
-        image = cast_shadow(image, vertices, camera.K, R, t)
-        image = draw_mesh(image, vertices, faces, colors, camera.K, R, t)
+        image = raycast(surfaces, K, R, centres[frame], clip.size, RAYS)
+        image = cast_shadow(image, vertices, K, R, t)
+        image = draw_mesh(image, vertices, faces, colors, K, R, t)
         noisy = image + grain.normal(0.0, _GRAIN, image.shape)
         yield np.clip(np.rint(noisy), 0, 255).astype(np.uint8)
-
-
-def path_of(camera: FilmCamera) -> Float[np.ndarray, "T 3"]:
-    """Places of the camera in its first frame's axes, metres."""
-    return (camera.centres - camera.centres[0]) @ camera.R_cam_from_world[0].T

@@ -30,7 +30,7 @@ def test_joints_within_a_tenth_of_a_millimetre(tmp_path: Path, format: str, up: 
         write_bvh(file, upright_rest(made.clip, up))
     else:
         K = np.array([[700.0, 0, 320], [0, 700, 180], [0, 0, 1]])
-        camera = ClipCamera("v1", K, np.ones(1), (640, 360), np.eye(3)[None], np.zeros(3))
+        camera = ClipCamera("v1", K, np.ones(1), (640, 360), np.eye(3)[None], np.zeros((1, 3)))
         write_glb(file, [Actor(made.clip, skin_of(made.shaped), camera, (0.5, 0.5, 0.5))], {})
     in_blender = read_in_blender(Path(str(BLENDER)), file, 30, FRAMES.tolist(), up)
     assert 1000 * joint_error_m(made.clip, FRAMES, in_blender, up) < 0.1

@@ -22,16 +22,17 @@ WIDTHS = {kind: shape for shape, kind in KINDS.items()}
 K = np.array([[700.0, 0, 320], [0, 690, 180], [0, 0, 1]])
 
 
-def camera(frames: int, turning: bool = True) -> ClipCamera:
+def camera(frames: int, turning: bool = True, walk_m: float = 0.0) -> ClipCamera:
     turns = Rotation.from_rotvec(np.linspace([0.1, 3.0, 0], [0, 3.4, 0.1], frames)).as_matrix()
-    return ClipCamera(
-        "v1", K, np.ones(1), (640, 360), turns if turning else turns[:1], np.array([0, 1.5, 3.0])
-    )
+    centre = np.array([[0, 1.5, 3.0]])
+    if walk_m:
+        centre = centre + np.linspace(0, walk_m, frames)[:, None]
+    return ClipCamera("v1", K, np.ones(1), (640, 360), turns if turning else turns[:1], centre)
 
 
-def actor(made: Made, **changes: Any) -> Actor:
+def actor(made: Made, walk_m: float = 0.0, **changes: Any) -> Actor:
     clip = replace(made.clip, **changes)
-    clip_camera = replace(camera(len(clip.frames)), id=clip.id)
+    clip_camera = replace(camera(len(clip.frames), walk_m=walk_m), id=clip.id)
     return Actor(clip, skin_of(made.shaped), clip_camera, (0.2, 0.3, 0.4))
 
 
@@ -141,11 +142,12 @@ def test_quaternions_do_not_flip() -> None:
     np.testing.assert_allclose(Rotation.from_quat(q).as_matrix(), R, atol=1e-12)
 
 
+@pytest.mark.parametrize("walk_m", [0.0, 0.4])
 @pytest.mark.parametrize("frame", [0, 11])
-def test_a_point_falls_on_the_pixel_that_our_camera_sees_it_at(frame: int) -> None:
+def test_a_point_falls_on_the_pixel_that_our_camera_sees_it_at(frame: int, walk_m: float) -> None:
     """Up to the principal point, which glTF's cameras have in the middle."""
     made = made_clip()
-    read = Read(scene_bytes([actor(made)], {}))
+    read = Read(scene_bytes([actor(made, walk_m)], {}))
     world = read.animated(0, frame)[read.node("v1_camera")]
     optics = read.tree["cameras"][0]["perspective"]
     point = made.clip.joints[frame, 0]
@@ -153,8 +155,8 @@ def test_a_point_falls_on_the_pixel_that_our_camera_sees_it_at(frame: int) -> No
     high = np.tan(optics["yfov"] / 2)
     clip = np.array([x / (-z * high * optics["aspectRatio"]), y / (-z * high)])
     pixel = np.array([320 + 320 * clip[0], 180 - 180 * clip[1]])
-    ours = camera(12)
-    in_camera = ours.R_cam_from_world[frame] @ (point - ours.centre)
+    ours = camera(12, walk_m=walk_m)
+    in_camera = ours.R_cam_from_world[frame] @ (point - ours.centre[frame if walk_m else 0])
     assert in_camera[2] > 0
     expected = [320 + 690 * in_camera[0] / in_camera[2], 180 + 690 * in_camera[1] / in_camera[2]]
     np.testing.assert_allclose(pixel, expected, atol=0.01)

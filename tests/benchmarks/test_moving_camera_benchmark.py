@@ -1,0 +1,62 @@
+"""The films of moving cameras are what they say, and their tables count them."""
+
+import numpy as np
+import pytest
+
+from benchmarks.moving_camera.films import KINDS, FilmRow, film_count
+from benchmarks.moving_camera.motions import CASES, METRICS, MotionRow
+from benchmarks.moving_camera.tables import markdown
+from imocap_core.pipeline.make_demo import demo_body
+from imocap_core.synthetic.cameras import CameraPlacement
+from imocap_core.synthetic.moving_yoga import every_frame, make_moving_clip, moving_pictures
+from imocap_core.synthetic.walking_cameras import CameraWalk, walk_camera
+
+PATH = np.tile([0.0, 0.0, 0.9], (60, 1))
+VIEW = CameraPlacement(30.0, 4.5, 1.4, 1.0)
+
+
+def film(kind: str, verdict: str, path_mm: float = float("nan")) -> FilmRow:
+    return FilmRow("1 v1", kind, verdict, 0.5, 1.0, path_mm, path_mm / 10)
+
+
+@pytest.mark.parametrize("metres", [-2.0, 0.5])
+def test_a_camera_walks_as_far_as_it_is_said_to(metres):
+    rng = np.random.default_rng(1)
+    camera = walk_camera(VIEW, CameraWalk(metres, 0.3), PATH, 25.0, (320, 180), rng)
+    steps = np.diff(camera.centres[:, :2], axis=0)
+    assert np.linalg.norm(steps, axis=1).sum() == pytest.approx(np.hypot(metres, 0.3), rel=0.05)
+    assert np.linalg.norm(camera.centres[-1, :2]) == pytest.approx(4.2)
+    there_and_back = walk_camera(
+        VIEW, CameraWalk(metres, bend=1.0, bob=False), PATH, 25.0, (320, 180), rng
+    )
+    np.testing.assert_allclose(there_and_back.centres[0], there_and_back.centres[-1], atol=1e-9)
+
+
+def test_a_tripod_stays_on_its_spot():
+    rng = np.random.default_rng(2)
+    camera = walk_camera(VIEW, CameraWalk(0.0, bob=False), PATH, 25.0, (320, 180), rng)
+    assert np.ptp(camera.centres, axis=0).max() < 1e-9
+
+
+def test_a_film_shows_the_performer_where_the_true_keypoints_are():
+    """The picture with the performer differs from an empty one near the keypoints alone."""
+    shaped = demo_body(3)
+    clip = every_frame(make_moving_clip(3, 1, shaped, CameraWalk(1.0), (320, 180)), 40)
+    frames = list(moving_pictures(clip, 3, 1, shaped))
+    assert len(frames) == len(clip.xy_px)
+    assert frames[0].shape == (180, 320, 3)
+    apart = clip.camera.centres[-1] - clip.camera.centres[0]
+    assert 0.5 < np.linalg.norm(apart) < 1.1
+    assert ((clip.xy_px > 0) & (clip.xy_px < (320, 180))).all()
+
+
+def test_tables_count_films_and_average_motions():
+    films = [film("walks", "found", 2.0), film("walks", "none"), film("turns", "untested")]
+    numbers = dict.fromkeys(METRICS, 20.0)
+    nan = float("nan")
+    motions = [MotionRow(1, CASES[0], numbers, nan, nan), MotionRow(1, CASES[2], numbers, 9.0, 3.0)]
+    text = markdown(films, motions)
+    assert "| walks 0.5 to 2 m and turns | 2 | 1 (50 %) | 0 | 0.50 | 1 | 2.0 | 2.0 | 0.2 |" in text
+    assert "| turns on a tripod | 1 | 0 (0 %) | 1 |" in text
+    assert f"| {CASES[2]} | 1 | " in text
+    assert film_count(2) == 8 * len(KINDS)
