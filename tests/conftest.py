@@ -28,6 +28,7 @@ CHECKED: tuple[str, ...] = (
     "imocap_core.metrics",
     "imocap_core.motion",
     "imocap_core.people",
+    "imocap_core.pick",
     "imocap_core.problem",
     "imocap_core.render",
     "imocap_core.rotations",

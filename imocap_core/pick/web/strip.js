@@ -1,26 +1,16 @@
-// A video along time: thumbnails with outlines, shots, the used span with two grips, the moment.
+// A video along time: its film, the used span with two grips, the moment, and anchors.
 
 import { use } from "./actions.js";
-import { declaredPerson, likelyPerson, rowAt } from "./performer.js";
-import { addressOf, picture } from "./pictures.js";
-import { changed, countOf, fileOf, fpsOf, momentOf, peopleOf, seek, shownFrame, sizeOf, spanOf, view, videoOf } from "./store.js";
-import { colourOf, element, seconds, write } from "./text.js";
+import { Film, windowOf } from "./film.js";
+import { changed, countOf, fileOf, fpsOf, momentOf, seek, shownFrame, spanOf, view, videoOf } from "./store.js";
+import { element, seconds, write } from "./text.js";
 
-const FILM = 76, LANES = 16, WIDEST = 92, LONG = 400; // pixels, pixels, pixels, frames
 const COMMIT_MS = 700;
-
-/** First frame shown and one past the last: of a long file, the span and what is around it. */
-export function windowOf(video) {
-  const count = countOf(video), span = video.frames;
-  if (!span || count <= LONG || view.whole.has(video.id)) return [0, Math.max(1, count)];
-  const margin = Math.max(Math.round((span[1] - span[0]) / 2), Math.round(fpsOf(video)));
-  return [Math.max(0, span[0] - margin), Math.min(count, span[1] + margin)];
-}
 
 export class Strip {
   constructor(id) {
     this.id = id;
-    this.canvas = element("canvas", { "aria-hidden": "true" });
+    this.film = new Film();
     this.left = element("div", { class: "shade" });
     this.right = element("div", { class: "shade" });
     this.frame = element("div", { class: "frame" });
@@ -30,10 +20,10 @@ export class Strip {
     this.reading = element("p", { class: "reading" });
     this.first = this.grip("first", "First frame used");
     this.last = this.grip("last", "Last frame used");
-    this.node = element("div", { class: "strip" }, this.canvas, this.left, this.right, this.frame, this.moment, this.first, this.last, this.head, this.flags, this.reading);
+    this.node = element("div", { class: "strip" }, this.film.canvas, this.left, this.right, this.frame, this.moment, this.first, this.last, this.head, this.flags, this.reading);
     this.moment.setAttribute("aria-label", `Moment of ${id}`);
     this.listen();
-    new ResizeObserver(() => { this.drawn = ""; changed(); }).observe(this.node);
+    new ResizeObserver(() => this.film.again()).observe(this.node);
   }
 
   get video() { return videoOf(this.id); }
@@ -140,7 +130,7 @@ export class Strip {
     slider(this.first, video, first, [0, stop - 3]);
     slider(this.last, video, stop - 1, [first + 2, count - 1]);
     this.drawFlags(state, [first, stop], place);
-    this.paint(video, file, [a, b]);
+    this.film.paint(video, file, [a, b]);
   }
 
   drawFlags(state, [first, stop], place) {
@@ -156,100 +146,6 @@ export class Strip {
     }));
   }
 
-  /** The film and below it a line for everybody who is tracked. */
-  paint(video, file, [a, b]) {
-    const width = this.node.clientWidth, ratio = Math.min(2, devicePixelRatio || 1);
-    const everybody = peopleOf(video), declared = declaredPerson(video);
-    const stamp = JSON.stringify([width, ratio, a, b, video.people.key, !!everybody, declared?.number, video.file]);
-    if (stamp === this.drawn || !width) return;
-    this.drawn = stamp;
-    this.canvas.width = width * ratio;
-    this.canvas.height = (FILM + LANES) * ratio;
-    const context = this.canvas.getContext("2d");
-    context.scale(ratio, ratio);
-    const [w, h] = sizeOf(video), number = Math.max(1, Math.round(width / Math.min(WIDEST, (FILM * w) / h)));
-    const each = width / number;
-    for (let i = 0; i < number; i += 1) {
-      let frame = Math.min(b - 1, Math.floor(a + ((i + 0.5) * (b - a)) / number));
-      if (file && b - a > 2 * number) frame = Math.min(file.count - 1, Math.round(frame / file.step) * file.step);
-      this.paintThumb(context, video, frame, i * each, each);
-    }
-    for (const cut of file?.cuts ?? []) {
-      const x = ((cut - a) / (b - a)) * width;
-      context.fillStyle = "#000";
-      context.fillRect(x - 3, 0, 6, FILM);
-      context.fillStyle = "#fff";
-      context.fillRect(x - 1, 0, 2, FILM);
-    }
-    this.paintLanes(context, everybody, declared, [a, b], width);
-  }
-
-  /** One frame, cut to the place of its thumbnail around the performer. */
-  paintThumb(context, video, frame, left, wide) {
-    const everybody = peopleOf(video), declared = declaredPerson(video), [w, h] = sizeOf(video);
-    const scale = Math.max(wide / w, FILM / h), middle = scale * middleOf(video, frame);
-    const shift = Math.max(wide - w * scale, Math.min(0, wide / 2 - middle));
-    const paint = (image) => {
-      context.save();
-      context.beginPath();
-      context.rect(left, 0, wide, FILM);
-      context.clip();
-      context.translate(left + shift, (FILM - h * scale) / 2);
-      context.scale(scale, scale);
-      if (image) context.drawImage(image, 0, 0, w, h);
-      for (const person of everybody?.people ?? []) {
-        const row = rowAt(person, frame, everybody.step);
-        if (row === undefined) continue;
-        const points = person.outlines[row];
-        context.beginPath();
-        for (let i = 0; i < points.length; i += 2) context.lineTo(points[i], points[i + 1]);
-        context.closePath();
-        context.lineWidth = (person === declared ? 4.5 : 3) / scale;
-        context.strokeStyle = "#000b";
-        context.stroke();
-        context.lineWidth = (person === declared ? 2.5 : 1.3) / scale;
-        context.strokeStyle = colourOf(person.number);
-        context.stroke();
-      }
-      context.restore();
-    };
-    if (video.file === null) { paint(null); return; }
-    const again = () => { this.drawn = ""; changed(); };
-    paint(picture(addressOf(video.file, "thumb", frame), again));
-  }
-
-  paintLanes(context, everybody, declared, [a, b], width) {
-    const people = (everybody?.people ?? []).slice(0, 3), high = 4;
-    people.forEach((person, n) => {
-      context.fillStyle = colourOf(person.number);
-      context.globalAlpha = !declared || person === declared ? 1 : 0.45;
-      const top = FILM + 2 + n * (high + 1);
-      const x = (frame) => ((Math.max(a, Math.min(b, frame)) - a) / (b - a)) * width;
-      for (const [first, stop] of runs(person.frames, everybody.step)) {
-        if (stop > a && first < b) context.fillRect(x(first), top, x(stop) - x(first), high - 1);
-      }
-    });
-    context.globalAlpha = 1;
-  }
-}
-
-/** Where the performer is in a frame, across; the middle where nobody is. */
-function middleOf(video, frame) {
-  const person = declaredPerson(video) ?? likelyPerson(video);
-  const row = person ? rowAt(person, frame, peopleOf(video).step) : undefined;
-  if (row === undefined) return sizeOf(video)[0] / 2;
-  return (person.boxes[row][0] + person.boxes[row][2]) / 2;
-}
-
-/** Spans [first, one past last] of frames that follow each other. */
-function runs(frames, step) {
-  const spans = [];
-  for (const frame of frames) {
-    const last = spans.at(-1);
-    if (last && frame - last[1] < step) last[1] = frame + step;
-    else spans.push([frame, frame + step]);
-  }
-  return spans;
 }
 
 function slider(node, video, frame, [least, most]) {

@@ -3,7 +3,8 @@
 import { cutsInside, drop, mirror, splitShots, useShot } from "./actions.js";
 import { declaredPerson, likelyPerson } from "./performer.js";
 import { changed, countOf, fileOf, peopleOf, view, videoOf } from "./store.js";
-import { Strip, windowOf } from "./strip.js";
+import { windowOf } from "./film.js";
+import { Strip } from "./strip.js";
 import { element, usedText, write } from "./text.js";
 
 const cards = new Map();
