@@ -39,7 +39,7 @@ class PatientFiles:
     def fetch(self, name: str, file: Path) -> bool:
         """Write the content of a file over `file`; False when there is none.
 
-        OSError when the disk of `file` is full.
+        OSError, with its folder, when the disk of `file` is full.
         """
 
         def fetch() -> bool | OSError:
@@ -52,7 +52,7 @@ class PatientFiles:
 
         fetched = self._patiently(fetch)
         if isinstance(fetched, OSError):
-            raise fetched
+            raise OSError(fetched.errno, fetched.strerror, str(file.parent)) from fetched
         return fetched
 
     def publish(self, file: Path, name: str) -> None:

@@ -92,12 +92,12 @@ def test_a_disk_that_is_full_while_a_result_is_fetched_is_a_sentence(
     toy.ran()
 
     def full(self: FolderFiles, name: str, file: Path) -> bool:
-        raise OSError(errno.ENOSPC, "No space left on device", str(file))
+        raise OSError(errno.ENOSPC, "No space left on device", "the source")
 
     with monkeypatch.context() as small:
         small.setattr(FolderFiles, "fetch", full)
         assert toy.imocap(["run", "toy", "--store", str(store)]) == 1
-    assert "the disk is full" in capsys.readouterr().err
+    assert f"the disk is full ({toy.root / 'artifacts'}" in capsys.readouterr().err
     assert toy.ran() == []
     assert toy.imocap(["run", "toy", "--store", str(store)]) == 0
     assert toy.ran() == []
