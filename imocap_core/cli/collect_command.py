@@ -24,7 +24,8 @@ def collect_command(
     context: typer.Context,
     name: Annotated[str, typer.Argument(help="Name of the new action.")],
     videos: Annotated[
-        list[Path], typer.Argument(help="Long videos: compilations, broadcasts, any number.")
+        list[Path],
+        typer.Argument(help="Long videos (compilations, broadcasts), or folders of them."),
     ],
     example: Annotated[
         Path | None, typer.Option("--like", help="Video that shows the action, with --from, --to.")
@@ -91,6 +92,8 @@ def _print(console: Console, name: str, done: CollectedAction) -> None:
     from rich.markup import escape
 
     listing = done.listing
+    for remark in done.remarks:
+        console.print(escape(remark))
     for film in listing.films:
         console.print(_table(film))
     console.print(escape(_template_sentence(listing)))

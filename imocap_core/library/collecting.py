@@ -11,7 +11,9 @@ from imocap_core.errors import WrongUse
 from imocap_core.library.door import plain_errors
 from imocap_core.library.one_off import Params, one_off
 from imocap_core.library.progress import Progress, displaying
+from imocap_core.library.video_files import video_files
 from imocap_core.pipeline.action import FILE_NAME, check_name
+from imocap_core.pipeline.repeated_files import repeated_paths
 from imocap_core.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -22,12 +24,13 @@ if TYPE_CHECKING:
 class CollectedAction:
     """What `collect` made: the list of all shots and occurrences, and the files.
 
-    action_file and list_file are None where nothing was to be written.
+    action_file and list_file are None where nothing was to be written. remarks: on the files.
     """
 
     listing: CollectedList
     action_file: Path | None
     list_file: Path | None
+    remarks: tuple[str, ...] = ()
 
 
 @plain_errors
@@ -45,7 +48,7 @@ def collect(
     """Make root/actions/NAME of the occurrences of one movement in long videos.
 
     Args:
-        videos: films of many shots; those of other movements are left out.
+        videos: films of many shots, or folders of them, in which what is no video is left out.
         example: a video that shows the movement, and from and to in seconds; else the movement
             that is repeated most.
         keep: most occurrences that become videos; else `collect.keep`.
@@ -63,9 +66,11 @@ def collect(
     from imocap_core.pipeline.graph import settings
 
     check_name(name)
-    files = [Path(video) for video in videos]
+    files, remarks = video_files([Path(video) for video in videos])
     source = None if example is None else Example(Path(example[0]), example[1], example[2])
-    _check_files([*files, *([source.video] if source else [])])
+    if source is not None:
+        video_files([source.video])
+    remarks = [*remarks, *repeated_paths(files)]
     workspace = Workspace(Path(root))
     folder = workspace.root / "actions" / name
     if (folder / FILE_NAME).exists() and not dry_run:
@@ -76,16 +81,8 @@ def collect(
     with displaying(progress) as display:
         listing, alone = collect_films(workspace, name, files, source, chosen, folder, display)
     if dry_run or not listing.chosen:
-        return CollectedAction(listing, None, None)
+        return CollectedAction(listing, None, None, tuple(remarks))
     folder.mkdir(parents=True, exist_ok=True)
     write_collected(folder / LIST_NAME, listing)
     action_file = write_action(folder, listing, alone)
-    return CollectedAction(listing, action_file, folder / LIST_NAME)
-
-
-def _check_files(files: Sequence[Path]) -> None:
-    missing = sorted({str(file) for file in files if not file.is_file()})
-    if missing:
-        raise WrongUse(f"there is no video {', '.join(missing)}")
-    if not files:
-        raise WrongUse("videos: expected at least one, got none")
+    return CollectedAction(listing, action_file, folder / LIST_NAME, tuple(remarks))

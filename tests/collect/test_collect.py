@@ -106,3 +106,17 @@ def test_a_wrong_example_is_one_sentence(
     message = capsys.readouterr().err
     assert sentence in message
     assert message.count("\n") == 1
+
+
+def test_a_folder_of_films_is_taken_and_what_is_no_video_is_named(film: Film) -> None:
+    root, file = film
+    folder = root / "films"
+    folder.mkdir()
+    (folder / "film.mp4").write_bytes(file.read_bytes())
+    (folder / "notes.txt").write_text("no video")
+    few = {"collect.least_height_px": 20}
+    done = imocap.collect("all", [folder], example=(file, *EXAMPLE), root=root, params=few)
+    assert [Path(f.video).name for f in done.listing.films] == ["film.mp4"]
+    assert any("notes.txt" in remark for remark in done.remarks)
+    with pytest.raises(imocap.WrongUse, match="notes"):
+        imocap.collect("text", [folder / "notes.txt"], root=root)
