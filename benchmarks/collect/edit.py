@@ -65,6 +65,14 @@ def write_film(file: Path, pieces: Sequence[Piece]) -> list[CutPiece]:
     return places
 
 
+def film_places(pieces: Sequence[Piece]) -> list[CutPiece]:
+    """Where each piece is in the film of some pieces, which is not written."""
+    places: list[CutPiece] = []
+    for _ in _cut(pieces, places):
+        pass
+    return places
+
+
 def _cut(pieces: Sequence[Piece], places: list[CutPiece]) -> Iterator[Picture]:
     """The film's pictures; `places` is filled on the way. A dissolve or wipe shows the end of one
     piece and the beginning of the next together."""

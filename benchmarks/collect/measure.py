@@ -9,7 +9,7 @@ from pathlib import Path
 from shutil import rmtree
 
 from benchmarks.actions.action_folder import action_key
-from benchmarks.collect.edit import CutPiece, write_film
+from benchmarks.collect.edit import CutPiece, film_places, write_film
 from benchmarks.collect.films import Compilation, reported_films
 from benchmarks.collect.motion import add_truth, clean_action
 from benchmarks.collect.truth import (
@@ -92,14 +92,18 @@ def measure(workspace: Workspace, folder: Path, display: Display, *, run: bool) 
 def _written(
     compilation: Compilation, folder: Path, display: Display
 ) -> tuple[list[Path], dict[int, list[CutPiece]]]:
-    """The films' files, and where every piece is in them."""
-    key = action_key([closure(Path(__file__).with_name("edit.py"))], [])[:12]
+    """The films' files, and where every piece is in them.
+
+    A film that is there stays: encoded again it may differ in a bit, and would be detected again.
+    """
+    code = [closure(Path(__file__).with_name(name)) for name in ("edit.py", "films.py")]
+    key = action_key(code, [])[:12]
     files, places = [], {}
     for number, (name, pieces) in enumerate(compilation.films.items()):
         display.progress(number / len(compilation.films), f"cutting {name}")
         file = folder / "films" / key / f"{name}.mp4"
         file.parent.mkdir(parents=True, exist_ok=True)
-        places[number] = write_film(file, pieces)
+        places[number] = film_places(pieces) if file.is_file() else write_film(file, pieces)
         files.append(file)
     return files, places
 
