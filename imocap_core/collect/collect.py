@@ -49,6 +49,7 @@ from imocap_core.standalone_sync.sources import VideoSource, labels
 from imocap_core.workspace import Workspace
 
 STEP = "collect"
+MAX_POOL = 4000  # windows that tell how far anything is from the template
 
 
 @dataclass(frozen=True)
@@ -80,8 +81,9 @@ class Moving:
 
     @property
     def pool(self) -> TrackSamples:
-        """All windows at the films' speed."""
-        return pooled([_at_speed(rates) for rates in self.samples])
+        """Windows of everybody at the films' speed, evenly thinned out."""
+        every = pooled([_at_speed(rates) for rates in self.samples])
+        return part_of(every, slice(None, None, -(-len(every.frame) // MAX_POOL)))
 
 
 def collect_films(
