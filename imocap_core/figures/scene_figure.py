@@ -38,11 +38,14 @@ def scene_figure(
         root = (motion.joints[:, 0] - camera.t) @ camera.R  # world = R^T (x_cam - t)
         root = root[np.isfinite(root).all(axis=1)] @ SHOWN_FROM_WORLD.T
         corners = _frustum(camera)
-        everything += [root, corners]
+        walk = (camera.path_m - camera.t) @ camera.R @ SHOWN_FROM_WORLD.T
+        everything += [root, corners, walk]
         _draw_solid(solid, corners, root, color, camera.id)
         _draw_camera(above, corners, color, camera.id)
         for ax in (above, path):
             _draw_path(ax, root, color)
+        if len(walk):
+            _draw_path(above, walk, color)
     _frame(solid, np.concatenate(everything))
     for ax, title in ((above, "from above"), (path, "the root's path, from above")):
         ax.set_aspect("equal", adjustable="datalim")
@@ -54,7 +57,7 @@ def scene_figure(
     headline(
         figure,
         "Cameras and the path of the root",
-        f"axes of the camera of {reference}; paths run from pale to dark, the dot is the end",
+        f"axes of the camera of {reference}; paths, also of cameras, run from pale to dark",
     )
     return figure
 

@@ -1,0 +1,73 @@
+"""The stage camera_motion on a film whose camera walks, with the extra and without it."""
+
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+
+from imocap_core.alignment import similarity
+from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
+from imocap_core.io.video import write_h264
+from imocap_core.params import CameraMotionParams, Params
+from imocap_core.pipeline.action import Action, Declaration
+from imocap_core.pipeline.make_demo import demo_body
+from imocap_core.pipeline.stage import Context, Inputs
+from imocap_core.problem import moving_camera
+from imocap_core.synthetic.moving_yoga import every_frame, make_moving_clip, moving_pictures
+from imocap_core.synthetic.walking_cameras import CameraWalk
+from stages import camera_motion
+
+SIZE = (400, 226)
+
+
+@pytest.fixture(scope="module")
+def film(tmp_path_factory):
+    """The folder of a film, its keypoints, and the clip."""
+    folder, shaped = tmp_path_factory.mktemp("walk"), demo_body(5)
+    clip = every_frame(make_moving_clip(5, 0, shaped, CameraWalk(1.2), SIZE), 4)
+    write_h264(folder / "v1.mp4", moving_pictures(clip, 5, 0, shaped), clip.fps, crf=16)
+    xy_px = clip.xy_px
+    video = VideoKeypoints(
+        id="v1", fps=clip.fps, size=SIZE, layout="body25", video="v1.mp4", focal_px=None,
+        initial=None, initial_format=None, frames=np.arange(len(xy_px)), xy_px=xy_px,
+        confidence=np.ones(xy_px.shape[:2]), tracks_found=1, presence=1.0, note="",
+        person_box_px=np.concatenate([xy_px.min(axis=1), xy_px.max(axis=1)], axis=1),
+    )  # fmt: skip
+    return folder, Keypoints(videos=[video]), clip
+
+
+def run(folder, keypoints, params=None):
+    declared = Declaration(id="v1", video="v1.mp4", fps=7.5, size=SIZE, keypoints="k",
+                           format="openpose", layout="body25")  # fmt: skip
+    context = Context(
+        stage="camera_motion", seed=0, reads=frozenset(("videos",)),
+        progress=lambda share, what: None, report=folder,
+        _action=Action(folder, "made", (declared,)),
+    )  # fmt: skip
+    inputs = Inputs("camera_motion", {}, {Keypoints: keypoints})
+    return camera_motion.run(context, inputs, params or Params()).videos[0]
+
+
+@pytest.mark.skipif(find_spec("pycolmap") is None, reason="needs the extra `moving` (pycolmap)")
+def test_a_walk_has_its_path_and_focal_length(film):
+    folder, keypoints, clip = film
+    camera = run(folder, keypoints)
+    true = clip.camera.centres
+    assert (camera.motion, camera.focal_source) == ("translating", "structure")
+    assert camera.K[0, 0] == pytest.approx(clip.camera.K[0, 0], rel=0.03)
+    fit = similarity(camera.path, true)
+    placed = fit.scale * camera.path @ fit.R_target_from_source.T + fit.t_target
+    assert np.linalg.norm(placed - true, axis=1).max() < 0.04
+    assert "path was reconstructed" in camera.note
+
+
+@pytest.mark.parametrize("wanted", [True, False])
+def test_without_the_extra_or_its_use_a_walk_is_told_all_the_same(film, monkeypatch, wanted):
+    folder, keypoints, _ = film
+    monkeypatch.setattr(moving_camera, "colmap_installed", lambda: False)
+    params = Params(camera_motion=CameraMotionParams(structure=wanted))
+    camera = run(folder, keypoints, params)
+    assert camera.motion == "translating"
+    assert not len(camera.path)
+    assert "parallax" in camera.note
+    assert ("pip install 'imocap[moving]'" in camera.note) == wanted
