@@ -71,7 +71,8 @@ def _merged(original: str, before: str, after: str) -> str | None:
     """The original with the lines that differ between two dumps of it, before and after a change.
 
     None where the dump has other lines than the original. A comment belongs to what follows it: new
-    lines come above the comments before their place, removed ones leave those behind them.
+    lines come above the comments before their place, removed ones leave those behind them, and the
+    comments on an item of a list go with it.
     """
     lines, a, b = (text.splitlines(keepends=True) for text in (original, before, after))
     if lines and not lines[-1].endswith("\n"):
@@ -87,6 +88,8 @@ def _merged(original: str, before: str, after: str) -> str | None:
             merged[place:place] = b[k:m]
         else:
             removed = lines[i:j]
+            if tag == "delete" and removed[0].lstrip().startswith("- "):
+                del merged[len(merged) - _comments_above(merged, removed[0]) :]
             behind = 0 if _trailing_comments(b[k:m]) else _trailing_comments(removed)
             merged += b[k:m] + removed[len(removed) - behind :]
     return "".join(merged)
@@ -98,5 +101,14 @@ def _trailing_comments(lines: Sequence[str]) -> int:
     for line in reversed(lines):
         if line.strip() and not line.lstrip().startswith("#"):
             break
+        count += 1
+    return count
+
+
+def _comments_above(lines: Sequence[str], item: str) -> int:
+    """Number of comments at the end that are directly above an item and as far to the right."""
+    indent = item[: len(item) - len(item.lstrip())]
+    count = 0
+    while count < len(lines) and lines[-1 - count].startswith(f"{indent}#"):
         count += 1
     return count

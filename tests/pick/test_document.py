@@ -102,11 +102,16 @@ def changed_lines(before: str, after: str) -> list[str]:
             {"kind": "add_anchor", "frames": {"v1": 40, "v3": 41}},
             ["+   - {v1: 40, v3: 41}"],
         ),
-        (BLOCKS, {"kind": "anchor", "number": 0, "hard": None}, ["-   - {v1: 3, v2: 4}"]),
+        (
+            BLOCKS,
+            {"kind": "anchor", "number": 0, "hard": None},
+            ["-   # foot", "-   - {v1: 3, v2: 4}"],
+        ),
         (
             BLOCKS,
             {"kind": "drop", "video": "v3"},
             [
+                "-   # third",
                 "-   - id: v3",
                 "-     video: videos/v3.mp4",
                 "-   - {v1: 13,   v2: 14, v3: 20, hard: true}  # exact",
@@ -173,6 +178,17 @@ def test_comments_survive_what_they_are_beside() -> None:
     remaining = {line.strip() for line in after.splitlines() if line.strip().startswith("#")}
     assert {"# my action", "# third", "# before params", "# last"} <= remaining
     assert 'mine: {a: 1,   b: "x"}\n' in after
+
+
+def test_a_comment_goes_with_the_item_that_it_is_above() -> None:
+    collected = "name: jumps\nvideos:\n" + "".join(
+        f"  # film.mp4, shot {n}\n  - id: v{n}\n    video: film.mp4\n    frames: [{n}0, {n}9]\n"
+        for n in (1, 2, 3)
+    )
+    for n in (1, 2, 3):
+        after = edited(collected, {"kind": "drop", "video": f"v{n}"})
+        blocks = collected.split("  # ")
+        assert after == "  # ".join(b for b in blocks if f"shot {n}\n" not in b)
 
 
 def test_parts_take_their_anchors_spans_and_performer() -> None:
