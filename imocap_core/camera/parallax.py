@@ -35,6 +35,7 @@ PARALLAX_SHARE = 0.2  # of a pair's tracks
 EXPLAINED_SHARE = 0.5  # of those off the tripod, that the other model explains
 PAIR_SHARE = 0.3  # of the wide pairs
 FEWEST_PAIRS = 2
+BENT_LENS = 0.04  # displacement of the picture's corner, as a share, that is worth a word
 FLAT_SHARE = 0.2  # of the pairs off the tripod: with fewer of depth the background is a plane
 
 
@@ -70,12 +71,22 @@ class ParallaxTest:
         if self.verdict == "none":
             return (
                 f"no parallax between {self.pairs} pairs of frames (a slow walk before a far or "
-                "flat background would show none)"
+                f"flat background would show none){self._lens}"
             )
         flat = ", which is nearly flat," if self.verdict == "flat" else ""
         return (
             f"in {self.share:.0%} of {self.pairs} pairs of frames the background{flat} shows "
             "parallax that no turning, zoom or lens explains"
+        )
+
+    @property
+    def _lens(self) -> str:
+        """What the turning tells about the lens, where it is far from a pinhole."""
+        if self.tripod is None or abs(self.tripod.distortion) < BENT_LENS:
+            return ""
+        return (
+            f"; its lens displaces the picture's corners by about {abs(self.tripod.distortion):.0%}"
+            ", which is not corrected: undistort the video"
         )
 
 

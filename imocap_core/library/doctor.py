@@ -37,6 +37,7 @@ def examine(root: str | Path = ".", models: Path | None = None) -> Iterator[Chec
     checks: tuple[Callable[[], str], ...] = (
         _python,
         _packages,
+        _moving_cameras,
         lambda: f"pipeline: {workspace.pipeline().file}",
         lambda: _folder(workspace),
         lambda: _actions(workspace),
@@ -61,6 +62,13 @@ def _python() -> str:
 def _packages() -> str:
     versions = [f"{name} {metadata.version(name)}" for name in ("imocap", *NEEDED)]
     return "packages: " + ", ".join(versions)
+
+
+def _moving_cameras() -> str:
+    try:
+        return f"paths of moving cameras: pycolmap {metadata.version('pycolmap')}"
+    except metadata.PackageNotFoundError:
+        return "paths of moving cameras: not installed (pip install 'imocap[moving]')"
 
 
 def _folder(workspace: Workspace) -> str:

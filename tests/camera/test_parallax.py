@@ -36,6 +36,7 @@ def test_a_turning_camera_shows_no_parallax_and_tells_its_lens(seed, distortion)
     assert test.verdict == "none"
     assert test.tripod.focal_px == pytest.approx(FOCAL, rel=0.06)
     assert test.tripod.distortion == pytest.approx(distortion, abs=0.03)
+    assert ("undistort the video" in test.words) == (distortion != 0)
 
 
 def test_a_zooming_camera_shows_no_parallax():
