@@ -8,7 +8,7 @@ from pathlib import Path
 from imocap_core.artifacts.cache import CACHE
 from imocap_core.artifacts.file_memory import load_memory
 from imocap_core.artifacts.links import refuse_links
-from imocap_core.artifacts.shared import absolute_url, shared_files
+from imocap_core.artifacts.open_shared import absolute_url, shared_files
 from imocap_core.artifacts.store import Store
 from imocap_core.errors import WorkFailed
 from imocap_core.pipeline import builtin_actions as demos

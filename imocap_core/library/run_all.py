@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
-from imocap_core.artifacts.shared import absolute_url
+from imocap_core.artifacts.open_shared import absolute_url
 from imocap_core.errors import ImocapError, WrongUse
 from imocap_core.executors.perform import perform
 from imocap_core.executors.task import Executor, Task, TaskEnd, Watch

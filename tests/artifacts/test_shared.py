@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts import patience
+from imocap_core.artifacts.open_shared import shared_files
 from imocap_core.artifacts.patience import PatientFiles
 from imocap_core.artifacts.schemas import Sync
-from imocap_core.artifacts.shared import SharedFiles, shared_files
+from imocap_core.artifacts.shared import SharedFiles
 from imocap_core.artifacts.shared_folder import FolderFiles
 from imocap_core.artifacts.shared_results import fetch_detections
 from imocap_core.artifacts.store import Store, Stored

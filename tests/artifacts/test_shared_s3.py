@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from imocap_core.artifacts import patience
-from imocap_core.artifacts.shared import SharedFiles, shared_files
+from imocap_core.artifacts.open_shared import shared_files
+from imocap_core.artifacts.shared import SharedFiles
 from imocap_core.errors import WorkFailed
 from tests.s3_server import BUCKET, HAS_S3, environment, free_port, reaching, s3_server
 
