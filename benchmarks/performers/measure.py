@@ -26,14 +26,13 @@ RUNS = ("declared", "not declared", "alone")
 @dataclass(frozen=True)
 class PerformerRow:
     """One performer in one run. Errors: MPJPE (scaled) and after Procrustes alignment, mm; mean
-    error of the limbs' proportions, %; of the sync, % of the action; of the cameras, degrees."""
+    error of the limbs' proportions, %; of the cameras, degrees."""
 
     run: str
     performer: str
     mpjpe_scaled_mm: float
     pa_mpjpe_mm: float
     proportions_pct: float
-    sync_pct: float
     camera_deg: float
 
 
@@ -91,7 +90,6 @@ def _rows(
                 poses["mpjpe_scaled_mm"],
                 poses["pa_mpjpe_mm"],
                 proportions_error_pct(betas, lengths[performer]),
-                scores.get("sync_error_pct", float("nan")),
                 scores.get("camera_rotation_error_deg", float("nan")),
             )
         )

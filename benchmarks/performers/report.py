@@ -20,7 +20,7 @@ FILES = (("trials", "cmu_walk_s07"), ("performers", "cmu_walk_s08"))  # of the t
 VIDEOS = 3  # of each
 HEAD = (
     *("run", "performer", "MPJPE scaled (mm)", "P-MPJPE (mm)", "limbs' proportions (%)"),
-    *("sync (%)", "cameras (deg)"),
+    "cameras (deg)",
 )
 
 
@@ -47,7 +47,6 @@ def markdown(rows: Sequence[PerformerRow]) -> str:
             cell(row.mpjpe_scaled_mm, 1),
             cell(row.pa_mpjpe_mm, 1),
             cell(row.proportions_pct, 2),
-            cell(row.sync_pct, 2),
             cell(row.camera_deg, 1),
         ]
         for row in rows

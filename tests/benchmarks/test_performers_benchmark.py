@@ -55,7 +55,7 @@ def test_performers_have_bodies_of_their_own() -> None:
 
 def test_the_page_has_a_row_for_every_run_and_performer() -> None:
     rows = [
-        PerformerRow(run, performer, 30.0, 25.0, 1.0, 2.0, 3.0)
+        PerformerRow(run, performer, 30.0, 25.0, 1.0, 3.0)
         for run in ("declared", "not declared", "alone")
         for performer in PERFORMERS
     ]
