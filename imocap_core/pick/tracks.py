@@ -11,9 +11,9 @@ from typing import Any
 from imocap_core.errors import ImocapError
 from imocap_core.params import KeypointsParams
 from imocap_core.pick.background import BackgroundThread
-from imocap_core.pick.outlines import MOST_FRAMES, outlines_of
 from imocap_core.pipeline.action import Action, Declaration
-from imocap_core.problem.tracked_video import followed_video
+
+LONGEST_WHOLE = 3000  # of a video that is followed whole; of a longer one, its used frames
 
 
 @dataclass
@@ -44,7 +44,7 @@ class Tracks:
             source = _source(action, declared)
             if source is None or (declared.video is not None and declared.id not in counts):
                 continue
-            whole = counts.get(declared.id, 0) <= MOST_FRAMES
+            whole = counts.get(declared.id, 0) <= LONGEST_WHOLE
             asked = declared.model_copy(
                 update={"person": None, "frames": None if whole else declared.frames}
             )
@@ -87,6 +87,9 @@ def _follow(
     params: KeypointsParams,
 ) -> Any:
     def job() -> None:
+        from imocap_core.pick.outlines import outlines_of  # loads torch: not before the page opens
+        from imocap_core.problem.tracked_video import followed_video
+
         video = None if asked.video is None else action.folder / asked.video
         try:
             followed = followed_video(asked, source, video, action.file, params)
