@@ -22,8 +22,10 @@ from imocap_core.verdict.same_take import (
     upsampled,
 )
 
-NEAR = 0.022  # of the person's size: root mean square over the keypoints, median over frames
-ALIKE = 0.9  # correlation of the pictures of the person, median over frames
+NEAR = 0.0125  # of the person's size: root mean square over the keypoints, median over frames
+CENTRE = 0.0045  # of the person's size: distance of the keypoints' centres, median over frames
+UNLIKE = 0.05  # as NEAR, of poses about their centres
+ALIKE = 0.95  # correlation of the pictures of the person, median over frames
 ADVANCING = 0.7  # of the frames lie on one line of time,
 ASIDE = 0.1  # of the duration: or so near to it
 LEAST_MOVING = 8  # frames
@@ -86,7 +88,7 @@ def _repeated(
     x, y = a[moving], upsampled(b[complete], POSITIONS_PER_FRAME)
     scale = size / person_size(b)
     index, distance = nearest(x - x.mean(1, keepdims=True), scale * (y - y.mean(1, keepdims=True)))
-    if np.median(distance) > 2 * NEAR * size:
+    if np.median(distance) > UNLIKE * size:
         return None
     shift = np.zeros(2)
     for _ in range(4):
@@ -99,7 +101,8 @@ def _repeated(
         position = np.interp(index / POSITIONS_PER_FRAME, np.arange(len(complete)), complete)
         rate = _slope(moving, position)
     residual = float(np.median(distance) / size)
-    if residual > NEAR or rate <= 0:
+    aside = np.linalg.norm((x - scale * y[index] - shift).mean(axis=1), axis=-1)
+    if residual > NEAR or np.median(aside) > CENTRE * size or rate <= 0:
         return None
     repeated = np.rint(position).astype(int)
     return Replay(rate, residual, moving, repeated, scale, shift, mirrored)
