@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 
 from imocap_core.pick.server import Served
 
-PATIENCE_S = 30.0
+PATIENCE_S = 90.0
 
 
 class Asker:
