@@ -29,7 +29,7 @@ class Compilation:
 
 
 def reported_films(root: Path, folder: Path) -> Compilation:
-    """Two films of 38 shots: serves, kicks and walks, and what is about them in a broadcast."""
+    """Two films of 35 shots: serves, kicks and walks, and what is about them in a broadcast."""
     serve = [Take(SERVE, t, p, room=p % 4) for t, p in ((0, 0), (1, 1), (2, 2), (3, 3), (5, 0))]
     slow_serve = Take(SERVE, 6, 4, room=1, slow=4)
     kick = [Take(KICK, t, p, room=p % 4) for t, p in ((0, 1), (1, 2), (2, 3), (3, 0))]
