@@ -165,7 +165,7 @@ def test_videos_alone_go_to_the_detector(
     run, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("IMOCAP_DETECT_PYTHON", str(tmp_path / "nowhere"))
-    clips = [_video(tmp_path / f"{name}.mp4", 2) for name in ("a", "b")]
+    clips = [_video(tmp_path / f"{name}.mp4", 3) for name in ("a", "b")]
     assert run(*clips) == 1
     shown = capsys.readouterr()
     assert "a has no detections of blazepose" in shown.out

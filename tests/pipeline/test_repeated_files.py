@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
 
-from imocap_core.library.new_action import repetitions_of
+from imocap_core.library.new_action import new_action
 from imocap_core.pipeline.action import Action, Declaration
 from imocap_core.pipeline.repeated_files import repeated_files
+from tests.io.made_videos import write_video
 
 
 def action(folder: Path, *frames: tuple[int, int] | None) -> Action:
@@ -44,7 +46,7 @@ def test_equal_content_with_common_frames_is_reported(
 
 
 def test_init_reports_equal_files(tmp_path: Path) -> None:
-    action(tmp_path, None, None)
-    files = [tmp_path / f"{name}.mp4" for name in ("a", "other", "b")]
-    (line,) = repetitions_of(files)
-    assert line.startswith(f"{files[2]} is the same file as {files[0]}")
+    files = [write_video(tmp_path / f"{name}.mp4", count=n) for name, n in (("a", 8), ("x", 5))]
+    files.append(Path(shutil.copy(files[0], tmp_path / "b.mp4")))
+    (remark,) = new_action("mine", files, tmp_path).remarks
+    assert remark.startswith(f"{files[2]} is the same file as {files[0]}")
