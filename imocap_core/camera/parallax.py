@@ -107,7 +107,7 @@ def parallax_test(
     wide = [pair for pair in pairs if pair.b > pair.a + 1]
     if not wide:
         return ParallaxTest("untested", tripod=tripod)
-    on_spot = [_norm(tripod.errors_px(PairPoints.of([pair], size))) for pair in wide]
+    on_spot = [_off_spot(pair, tripod, size) for pair in wide]
     kinds = [_kind(pair, error) for pair, error in zip(wide, on_spot, strict=True)]
     moved = len(wide) - kinds.count("spot")
     off = sorted(float(np.median(error)) for error in on_spot)
@@ -116,6 +116,14 @@ def parallax_test(
     if moved >= max(FEWEST_PAIRS, PAIR_SHARE * len(wide)):
         verdict = "flat" if kinds.count("depth") < FLAT_SHARE * moved else "found"
     return ParallaxTest(verdict, len(wide), moved / len(wide), worst, tripod)
+
+
+def _off_spot(
+    pair: TrackedPair, tripod: TripodCamera, size: tuple[int, int]
+) -> Float[np.ndarray, " P"]:
+    """The tripod's errors in pixels of the coarser of two pictures: a zoom magnifies noise too."""
+    error = _norm(tripod.errors_px(PairPoints.of([pair], size)))
+    return error * min(1.0, float(np.exp(tripod.log_zoom[pair.b] - tripod.log_zoom[pair.a])))
 
 
 def _key_frames(tracks: FeatureTracks, frames: int) -> list[int]:
