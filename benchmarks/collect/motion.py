@@ -63,7 +63,8 @@ def on_canvas(zoom: float) -> np.ndarray:
 def clean_action(
     folder: Path, collected: CollectedList, films: Mapping[int, Sequence[CutPiece]]
 ) -> None:
-    """The action of the same takes as clips of their own, with their truth, in a new folder."""
+    """The action of the same takes, each a film of its own of which the same part is used, with
+    their truth, in a new folder."""
     folder.mkdir(parents=True, exist_ok=True)
     parts: dict[str, Any] = {"joint_names": np.array(SMPL_JOINTS)}
     videos, ends = [], []
@@ -76,8 +77,16 @@ def clean_action(
         ends.append(float(take["phase"][-1]))
         parts["model"] = take.pop("model")
         parts |= {f"{occurrence.id}/{name}": value for name, value in take.items()}
-        video = str(place.piece.file.resolve())
-        videos.append({"id": occurrence.id, "video": video, "keypoints": "detect"})
+        rows = _rows(occurrence, place, len(take["phase"]))
+        parts[f"{occurrence.id}/frames"] = np.arange(len(take["phase"]))
+        videos.append(
+            {
+                "id": occurrence.id,
+                "video": str(place.piece.file.resolve()),
+                "keypoints": "detect",
+                "frames": [int(rows.min()), int(rows.max()) + 1],
+            }
+        )
     parts["phase_end"] = max(ends)
     np.savez(folder / TRUTH, **parts)
     action = {"name": folder.name, "videos": videos, "truth": TRUTH}
