@@ -154,7 +154,7 @@ def _looked_through(
     detector = detector_of(params.detect, workspace.root)
     films = []
     for file in files:
-        display.started(STEP, [f"{file.name} has not been looked through"])
+        display.started(STEP, [f"{file.name} may show the action"])
         films.append(look_through(file, detector, workspace.store, display))
     return films
 
