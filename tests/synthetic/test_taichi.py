@@ -53,7 +53,7 @@ def test_the_same_seed_gives_the_same_hands(clip: DemoClip) -> None:
 
 def test_readers_find_the_hands_with_the_performer(clip: DemoClip, tmp_path) -> None:
     assert clip.hands is not None
-    demo._write_keypoints(tmp_path / "v3", "v3", clip)
+    demo.write_keypoints(tmp_path / "v3", "v3", clip)
     frames = np.arange(TAICHI_SPANS[INDEX].frames)
     assert len(read_openpose(tmp_path / "v3", "body25").frames) == len(frames)
     body = np.where(clip.detections.confidence[..., None] > 0, clip.detections.xy_px, np.nan)
