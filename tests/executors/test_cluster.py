@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import socket
 import sys
 from pathlib import Path
@@ -13,27 +11,10 @@ import pytest
 from imocap_core.errors import WorkFailed
 from imocap_core.executors.cluster import dask_cluster
 from imocap_core.executors.perform import perform
-from imocap_core.executors.task import Begun, Progressed, Report, Task
+from imocap_core.executors.task import Begun, Progressed, Task
+from tests.executors.work import die_once, note, refuse
 
 pytest.importorskip("distributed", reason="the extra dask is not installed")
-
-
-def note(report: Report, file: Path, text: str) -> int:
-    report(0.5, text)
-    with file.open("a") as stream:
-        stream.write(text + "\n")
-    return os.getpid()
-
-
-def refuse(report: Report, sentence: str) -> None:
-    raise WorkFailed(sentence)
-
-
-def die_once(report: Report, file: Path) -> int:
-    if not file.exists():
-        file.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return os.getpid()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="kills a process as Linux does")

@@ -14,12 +14,12 @@ from typing import Any
 
 import pytest
 
-from imocap_core.errors import WorkFailed
 from imocap_core.executors.perform import perform
 from imocap_core.executors.processes import worker_processes
 from imocap_core.executors.schedule import Schedule
 from imocap_core.executors.serial import Serial
 from imocap_core.executors.task import Begun, Executor, Progressed, Report, Task
+from tests.executors.work import die_once, note, refuse
 
 needs_proc = pytest.mark.skipif(sys.platform != "linux", reason="kills a process as Linux does")
 
@@ -34,17 +34,6 @@ def processes() -> AbstractContextManager[Executor]:
 
 
 EXECUTORS = pytest.mark.parametrize("executor", [serial, processes])
-
-
-def note(report: Report, file: Path, text: str) -> int:
-    report(0.5, text)
-    with file.open("a") as stream:
-        stream.write(text + "\n")
-    return os.getpid()
-
-
-def refuse(report: Report, sentence: str) -> None:
-    raise WorkFailed(sentence)
 
 
 def chain(name: str, file: Path, steps: int, priority: int = 0) -> list[Task]:
@@ -126,13 +115,6 @@ def test_what_has_priority_begins_first(tmp_path: Path) -> None:
 def test_a_graph_with_a_cycle_or_two_of_one_name_is_refused(tasks: list[Task]) -> None:
     with pytest.raises(ValueError, match=r"task a: expected a new name"):
         Schedule(tasks)
-
-
-def die_once(report: Report, file: Path) -> int:
-    if not file.exists():
-        file.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return os.getpid()
 
 
 @needs_proc
