@@ -52,9 +52,9 @@ def run(
 ) -> Result:
     """Capture an action: run every stage that has changed since the last run, to the report.
 
-    While stages run, PyTorch computes with one thread in this process and, on Linux, freed memory
-    is kept for later arrays (`imocap_core.process.configure_process`); both stay so afterwards.
-    Importing imocap changes neither.
+    While stages run, PyTorch, NumPy and SciPy compute with one thread in this process and, on
+    Linux, freed memory is kept for later arrays (`imocap_core.process.configure_process`); both
+    stay so afterwards. Importing imocap changes neither.
 
     Args:
         action: its name below root/actions, the path of its folder, or a built-in one (yoga,
