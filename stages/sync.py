@@ -16,10 +16,10 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Sync:
     keypoints, initial = inputs.get(Keypoints), inputs.get(InitialSmpl)
     hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))
     ctx.progress(0.1, "comparing all pairs of frames")
-    sound = None
-    if ctx.event():
+    sound, files = None, ctx.event_sound()
+    if files is not None:
         ctx.progress(0.05, "listening")
-        sound = event_sound({v.id: ctx.video(v.id) for v in keypoints.videos}, keypoints)
+        sound = event_sound(files, keypoints)
         hints = with_sound(hints, sound.start_s, keypoints)
     mirrored = [ctx.mirrored()[video.id] for video in keypoints.videos]
     sync = synchronise_monocular(

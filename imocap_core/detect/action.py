@@ -68,10 +68,9 @@ def detect(action: Action, params: DetectParams, store: Store, display: Display)
         file = _file(action, declared, detector, store)
         assert file is not None
         assert declared.video is not None
-        if file.is_file():  # the same video under another name
-            continue
-        detect_video(action.folder / declared.video, file, detector, python, display.progress)
-        share_detections(store, [file])
+        if not file.is_file():  # else the same video under another name
+            detect_video(action.folder / declared.video, file, detector, python, display.progress)
+            share_detections(store, [file])
 
 
 def detect_one(

@@ -22,6 +22,7 @@ from imocap_core.pipeline.source import closure
 from imocap_core.pipeline.stage import Read
 
 OPTIONAL = {"imocap_core.io.colmap": "pycolmap"}  # module -> library that it can do without
+FIELDS = {"detections": "keypoints", "videos": "video", "sound": "video", "initial": "initial"}
 FORMAT = 1  # raise when the way artifacts are made or stored changes what they mean
 
 
@@ -140,14 +141,14 @@ def _reads(kind: Read, action: Action) -> Iterator[tuple[str, str | Path]]:
             yield f"hints {name}", hashlib.sha256(text.encode()).hexdigest()
         mirrored = _canonical({video.id: video.mirrored for video in action.videos})
         yield "hints mirrored", hashlib.sha256(mirrored.encode()).hexdigest()
-        if action.event:
-            yield "hints event", hashlib.sha256(b"true").hexdigest()
         return
     if kind == "truth":
         for name in action.truth_files:
             yield f"truth {name}", action.folder / name
         return
-    field = {"detections": "keypoints", "videos": "video", "initial": "initial"}[kind]
+    if kind == "sound" and not action.event:
+        return
+    field = FIELDS[kind]
     for video in action.videos:
         given = getattr(video, field)
         path = action.detected.get(video.id) if given == DETECT else given

@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     from imocap_core.artifacts.schemas.base import Artifact
     from imocap_core.artifacts.store import Stored
 
-Read = Literal["declarations", "detections", "videos", "initial", "hints", "truth"]
+Read = Literal["declarations", "detections", "videos", "sound", "initial", "hints", "truth"]
 Progress = Callable[[float, str], None]  # share done (0 to 1), what is being done
 Kind = TypeVar("Kind", bound="Artifact")
 
@@ -106,6 +106,14 @@ class Context:
         self._must_read("videos")
         return self._path(self._declared(video_id).video)
 
+    def event_sound(self) -> dict[str, Path | None] | None:
+        """The video files, for their sound (reads: sound); None unless action.yaml says that all
+        videos show one event."""
+        self._must_read("sound")
+        if not self._action.event:
+            return None
+        return {video.id: self._path(video.video) for video in self._action.videos}
+
     def initial(self, video_id: str) -> Path | None:
         """File or folder of a monocular estimator's result (reads: initial), or None."""
         self._must_read("initial")
@@ -120,11 +128,6 @@ class Context:
         """`mirrored` of each video in action.yaml, None where not given (reads: hints)."""
         self._must_read("hints")
         return {video.id: video.mirrored for video in self._action.videos}
-
-    def event(self) -> bool:
-        """Whether action.yaml says that all videos show one event (reads: hints)."""
-        self._must_read("hints")
-        return self._action.event
 
     def truth(self) -> Path | None:
         """truth.npz, for scoring only (reads: truth, which only evaluate may)."""

@@ -58,7 +58,7 @@ def run(action: Action, made: Made, reads: list[str]) -> stage.Sync:
 
 
 def test_the_offset_of_the_sound_is_used_and_said(folder: Path, made: Made) -> None:
-    sync = run(read_action(folder), made, ["hints", "videos"])
+    sync = run(read_action(folder), made, ["hints", "sound"])
     assert sync.sound_start_s is not None
     np.testing.assert_allclose(sync.sound_start_s, [0.0, START_S], atol=0.5 / FPS)
     assert sync.notes[0] == "by their sound, against the beginning of v1: v2 +0.60 s"
@@ -66,17 +66,18 @@ def test_the_offset_of_the_sound_is_used_and_said(folder: Path, made: Made) -> N
 
 def test_without_event_no_sound_is_read(folder: Path, made: Made) -> None:
     action = replace(read_action(folder), event=False)
-    sync = run(action, made, ["hints"])
+    sync = run(action, made, ["hints", "sound"])
     assert sync.sound_start_s is None
     assert not any("sound" in note for note in sync.notes)
 
 
-def test_declaring_an_event_makes_the_synchronisation_stale(folder: Path) -> None:
+def test_videos_are_read_for_their_sound_only_where_they_show_one_event(folder: Path) -> None:
     pipeline, action = Workspace(Path()).pipeline(), read_action(folder)
     chosen = settings(pipeline, {}, pipeline.file, [])
     one, other = (
         recipe(pipeline, "sync", replace(action, event=declared), chosen, {})
         for declared in (True, False)
     )
-    assert set(one.reads) - set(other.reads) == {"hints event"}
+    assert set(one.reads) - set(other.reads) == {f"sound {video.id}" for video in action.videos}
+    assert not any(name.startswith("sound") for name in other.reads)
     assert one.key != other.key
