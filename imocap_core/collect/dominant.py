@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.collect.features import RATE_HZ, TrackSamples, part_of
+from imocap_core.collect.features import RATE_HZ, TrackSamples, at_rate, part_of
 from imocap_core.collect.matching import Template, similarity, template_of
 from imocap_core.params import CollectParams
 from imocap_core.sync.repetition.template_matching import (
@@ -40,7 +40,7 @@ def dominant_template(
     shortest, longest = (round(s * RATE_HZ) for s in (params.shortest_s, params.longest_s))
     best: tuple[float, int, int, int] | None = None
     for track, start in _starts(tracks, shortest):
-        stretch = part_of(_at_rate(tracks[track], 1.0), slice(start, start + longest))
+        stretch = part_of(at_rate(tracks[track], 1.0), slice(start, start + longest))
         template = template_of(stretch, pool)
         explained = np.zeros(len(stretch.frame))
         for other, rates in enumerate(tracks):
@@ -54,7 +54,7 @@ def dominant_template(
     if best is None or best[0] <= 0:
         return None
     _, track, start, length = best
-    stretch = part_of(_at_rate(tracks[track], 1.0), slice(start, start + length))
+    stretch = part_of(at_rate(tracks[track], 1.0), slice(start, start + length))
     return template_of(stretch, pool), track, start
 
 
@@ -80,11 +80,7 @@ def _starts(tracks: Sequence[Sequence[TrackSamples]], shortest: int) -> list[tup
     possible = [
         (number, start)
         for number, rates in enumerate(tracks)
-        for start in range(0, max(0, len(_at_rate(rates, 1.0).frame) - shortest))
+        for start in range(0, max(0, len(at_rate(rates, 1.0).frame) - shortest))
     ]
     step = max(3, -(-len(possible) // MAX_STARTS))
     return possible[::step]
-
-
-def _at_rate(rates: Sequence[TrackSamples], rate: float) -> TrackSamples:
-    return next(samples for samples in rates if samples.rate == rate)

@@ -66,6 +66,11 @@ def samples_of(track: ShotTrack, rate: float) -> TrackSamples:
     return TrackSamples(windows, weights, frames, rate)
 
 
+def at_rate(rates: Sequence[TrackSamples], rate: float) -> TrackSamples:
+    """A track's samples at one of its rates."""
+    return next(samples for samples in rates if samples.rate == rate)
+
+
 def mirrored(samples: TrackSamples) -> TrackSamples:
     """The windows in a mirror."""
     windows, weights = samples.windows[:, MIRRORED] * REFLECTION, samples.weights[:, MIRRORED]
@@ -114,8 +119,3 @@ def _at(poses: Float[np.ndarray, "T J 3"], frames: Float[np.ndarray, " N"]) -> n
     high = np.minimum(low + 1, len(poses) - 1)
     share = (position - low)[:, None, None]
     return np.asarray((1 - share) * poses[low] + share * poses[high])
-
-
-def all_samples(tracks: Sequence[ShotTrack]) -> list[list[TrackSamples]]:
-    """Per track, its samples at every rate that its length allows."""
-    return [[samples_of(track, rate) for rate in RATES] for track in tracks]

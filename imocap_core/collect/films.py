@@ -51,8 +51,7 @@ def look_through(path: Path, detector: Detector, store: Store, display: Display)
     )
     people_of = dict(zip(detections.frames.tolist(), detections.people, strict=True))
     nobody = np.zeros((0, *detections.people[0].shape[1:]))
-    count = shots[-1].stop if shots else 0
-    everybody = [people_of.get(frame, nobody) for frame in range(count)]
+    everybody = [people_of.get(frame, nobody) for frame in range(info.frame_count)]
     return LongFilm(path, info, shots, FilmPeople(everybody, info.size, info.fps, detector.layout))
 
 

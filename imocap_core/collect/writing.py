@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -32,14 +31,6 @@ def write_action(folder: Path, collected: CollectedList, alone: dict[str, bool])
     file = folder / FILE_NAME
     write_whole(file, "".join(parts))
     return file
-
-
-def relative(file: Path, folder: Path) -> str:
-    """A file's path from a folder."""
-    try:
-        return Path(os.path.relpath(file.resolve(), folder.resolve())).as_posix()
-    except ValueError:  # another drive
-        return file.resolve().as_posix()
 
 
 def clock(time_s: float) -> str:

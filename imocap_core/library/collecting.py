@@ -59,17 +59,18 @@ def collect(
         WrongUse: the name is invalid or taken, a video is missing, the example is not in its video.
         WorkFailed: a video cannot be decoded, or nothing is found.
     """
-    from imocap_core.collect.collect import Example, collect_films
+    from imocap_core.collect.collect import collect_films
     from imocap_core.collect.listing import FILE_NAME as LIST_NAME
     from imocap_core.collect.listing import write_collected
+    from imocap_core.collect.movement import Example
     from imocap_core.collect.writing import write_action
     from imocap_core.pipeline.graph import settings
 
     check_name(name)
     files, remarks = video_files([Path(video) for video in videos])
     source = None if example is None else Example(Path(example[0]), example[1], example[2])
-    if source is not None:
-        video_files([source.video])
+    if source is not None and video_files([source.video])[0] != [source.video]:
+        raise WrongUse(f"{source.video}: expected the video of the example, got a folder")
     remarks = [*remarks, *repeated_paths(files)]
     workspace = Workspace(Path(root))
     folder = workspace.root / "actions" / name

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from imocap_core.library.door import plain_errors
 from imocap_core.library.video_files import video_files
 from imocap_core.pipeline.action import DETECT, FILE_NAME, check_name, read_action
 from imocap_core.pipeline.builtin_actions import BUILT_IN
+from imocap_core.pipeline.declared_paths import declared_path
 from imocap_core.pipeline.repeated_files import repeated_paths
 from imocap_core.standalone_sync.sources import VideoSource, labels
 from imocap_core.whole_files import write_whole
@@ -65,7 +65,7 @@ def _write_action(name: str, folder: Path, files: Sequence[Path]) -> None:
     sources = [VideoSource(file, None) for file in files]
     folder.mkdir(parents=True, exist_ok=True)
     entries = [
-        {"id": label, "video": _relative(file, folder), "keypoints": DETECT}
+        {"id": label, "video": declared_path(file, folder), "keypoints": DETECT}
         for label, file in zip(labels(sources), files, strict=True)
     ]
     body = yaml.safe_dump({"name": name, "videos": entries}, sort_keys=False)
@@ -123,10 +123,3 @@ def _name_of(paths: Sequence[Path], files: Sequence[Path]) -> str:
             return words
     named = [VideoSource(file, None) for file in files]
     return default_name("", labels(named), named)
-
-
-def _relative(video: Path, folder: Path) -> str:
-    try:
-        return Path(os.path.relpath(video.resolve(), folder.resolve())).as_posix()
-    except ValueError:  # another drive
-        return video.resolve().as_posix()

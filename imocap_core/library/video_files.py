@@ -12,9 +12,11 @@ from imocap_core.errors import WrongUse
 def video_files(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
     """Files that can be captured from, and a sentence on every other file of a folder among paths.
 
-    WrongUse with a line for every file named that is no video that can be used, and for a folder
-    without any.
+    WrongUse without paths, and with a line for every file named that is no video that can be used
+    and every folder without any.
     """
+    if not paths:
+        raise WrongUse("expected at least one video, or folder of videos, got none")
     files: list[Path] = []
     remarks: list[str] = []
     faults: list[str] = []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Mapping, Sequence
 from itertools import takewhile
 from pathlib import Path
@@ -14,6 +13,7 @@ import yaml
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.io.detectors.guess import guess_detections
 from imocap_core.pipeline.action import DETECT, FILE_NAME, Action, Declaration, check_name
+from imocap_core.pipeline.declared_paths import declared_path
 from imocap_core.standalone_sync.sources import Declared, VideoSource, labels
 from imocap_core.whole_files import write_whole
 
@@ -102,7 +102,7 @@ def _declaration(
 ) -> dict[str, Any]:
     if source.keypoints is None:
         assert source.video is not None
-        return {"id": label, "video": _relative(source.video, folder), "keypoints": DETECT}
+        return {"id": label, "video": declared_path(source.video, folder), "keypoints": DETECT}
     try:
         if declared.format is not None and declared.layout is not None:
             kind, layout = str(declared.format), str(declared.layout)
@@ -112,8 +112,11 @@ def _declaration(
         raise WorkFailed(str(error)) from None
     entry: dict[str, Any] = {"id": label}
     if source.video is not None:
-        entry["video"] = _relative(source.video, folder)
-    entry |= {"keypoints": _relative(source.keypoints, folder), "format": declared.format or kind}
+        entry["video"] = declared_path(source.video, folder)
+    entry |= {
+        "keypoints": declared_path(source.keypoints, folder),
+        "format": declared.format or kind,
+    }
     entry["layout"] = layout
     if source.video is None and declared.fps is not None and declared.size is not None:
         entry |= {"fps": declared.fps, "size": list(declared.size)}
@@ -125,12 +128,5 @@ def _moved(declaration: Declaration, old: Path, new: Path) -> dict[str, Any]:
     entry = declaration.model_dump(mode="json", exclude_none=True, by_alias=True)
     for field in ("video", "keypoints", "initial"):
         if entry.get(field, DETECT) != DETECT:
-            entry[field] = _relative(old / entry[field], new)
+            entry[field] = declared_path(old / entry[field], new)
     return entry
-
-
-def _relative(path: Path, folder: Path) -> str:
-    try:
-        return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
-    except ValueError:  # another drive
-        return path.resolve().as_posix()

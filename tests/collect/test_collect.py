@@ -32,6 +32,7 @@ def test_every_shot_is_listed_with_what_became_of_it(collected: imocap.Collected
     assert [shot.frames for shot in film.shots] == [
         (0, 60), (60, 100), (100, 160), (160, 400), (400, 420),
     ]  # fmt: skip
+    assert film.frame_count == 432
     outcomes = [shot.outcome for shot in film.shots]
     assert outcomes[0] == "s001: a video"
     assert outcomes[1].startswith("nothing like the action")
@@ -92,7 +93,10 @@ def test_the_command_prints_the_shots_and_what_is_next(
     [
         (["--like", "FILM"], "--like, --from and --to: expected all three"),
         (["--like", "FILM", "--from", "2", "--to", "1"], "expected from before to"),
-        (["--like", "FILM", "--from", "1", "--to", "99"], "which is 14.00 s long"),
+        (["--like", "FILM", "--from", "1", "--to", "99"], "which is 14.40 s long"),
+        (["--like", "FILM", "--from", "1", "--to", "inf"], "which is 14.40 s long"),
+        (["--like", "FILM", "--from", "14.1", "--to", "14.3"], "a part of one shot"),
+        (["--like", "FOLDER", "--from", "1", "--to", "1.5"], "expected the video of the example"),
         (["--like", "FILM", "--from", "1", "--to", "3"], "shots begin at 0.00, 2.00"),
         (["--like", "nothing.mp4", "--from", "1", "--to", "3"], "there is no video nothing.mp4"),
     ],
@@ -101,7 +105,8 @@ def test_a_wrong_example_is_one_sentence(
     film: Film, capsys: pytest.CaptureFixture[str], words: list[str], sentence: str
 ) -> None:
     root, file = film
-    given = [str(file) if word == "FILM" else word for word in words]
+    places = {"FILM": str(file), "FOLDER": str(file.parent)}
+    given = [places.get(word, word) for word in words]
     assert run("collect", "wrong", file, *given, "--root", root) == 2
     message = capsys.readouterr().err
     assert sentence in message
