@@ -1,12 +1,14 @@
 """The compilations that are measured, and the examples of their actions.
 
-The defaults were chosen on the other films of `tuning_films`: other actions, takes and transitions.
+The defaults were chosen on other films: other actions, takes and transitions.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from benchmarks.actions.captured import data_folder
 from benchmarks.collect.edit import Piece
@@ -17,6 +19,92 @@ WALK, OTHER_WALK = "trials/cmu_walk_s07", "performers/cmu_walk_s08"
 JUMP = "trials/cmu_jump_s13"
 ACTION_OF = {SERVE: "serve", KICK: "kick", WALK: "walk", OTHER_WALK: "walk"}
 WALKED = (0, 66)  # frames
+TAKES = {
+    "serve 0": Take(SERVE, 0, 0, room=0),
+    "serve 1": Take(SERVE, 1, 1, room=1),
+    "serve 2": Take(SERVE, 2, 2, room=2),
+    "serve 3": Take(SERVE, 3, 3, room=3),
+    "serve 4": Take(SERVE, 5, 0, room=0),
+    "slow serve": Take(SERVE, 6, 4, room=1, slow=4),
+    "kick 0": Take(KICK, 0, 1, room=1),
+    "kick 1": Take(KICK, 1, 2, room=2),
+    "kick 2": Take(KICK, 2, 3, room=3),
+    "kick 3": Take(KICK, 3, 0, room=0),
+    "walk 0": Take(WALK, 0, 0, room=0),
+    "walk 1": Take(WALK, 1, 1, room=1),
+    "walk 2": Take(WALK, 2, 3, room=3),
+    "walk 3": Take(WALK, 4, 0, room=0),
+    "walk 4": Take(OTHER_WALK, 0, 0, room=0, performer=1),
+    "walk 5": Take(OTHER_WALK, 1, 5, room=1, performer=1),
+    "walk 6": Take(OTHER_WALK, 2, 2, room=2, performer=1),
+    "talk 0": Take(SERVE, 0, 0, room=2, talks=True),
+    "talk 1": Take(OTHER_WALK, 0, 6, room=3, performer=1, talks=True),
+    "jump 0": Take(JUMP, 0, 1, room=2),
+    "jump 1": Take(JUMP, 1, 8, room=0),
+}
+EXAMPLES = {
+    "serve": Take(SERVE, 4, 3, room=1),
+    "kick": Take(KICK, 4, 1, room=3),
+    "walk": Take(WALK, 3, 1, room=2),
+}
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A piece as it is planned: `source` names a take, or a real video of the data folder; None is
+    blank."""
+
+    source: str | None
+    piece: Piece
+
+
+def scene(source: str | None, into: str = "cut", frames: int = 0, **how: Any) -> Scene:
+    """A piece of a source; `how`: the other fields of `Piece`."""
+    return Scene(source, Piece(None, into, frames, **how))
+
+
+BROADCAST = (
+    scene(None, length=20),
+    scene("talk 0", caption="INTERVIEW", zoom=1.6),
+    scene("serve 0"),
+    scene("slow serve", "wipe", 10, step=4),
+    scene("slow serve", "wipe", 10, span=(60, 260), caption="REPLAY"),
+    scene("balance_beam/cam01", "wipe", 12, step=2),
+    scene("walk 0", "dissolve", 12),
+    scene("kick 0"),
+    scene("walk 4", "fade", 10),
+    scene("serve 1", letterbox=True),
+    scene(None, length=9),
+    scene("jump 0"),
+    scene("kick 1", "dissolve", 16),
+    scene("kick 0", "dissolve", 8, span=(15, 60), repeat=4, caption="SLOW MOTION"),
+    scene("serve 3", mirrored=True),
+    scene("crowd/cam02", "dissolve", 20, step=2),
+    scene("serve 4"),
+    scene("walk 1", "wipe", 14),
+    scene("talk 1", "fade", 8, caption="COACH"),
+    scene("kick 2", zoom=1.2),
+)
+HIGHLIGHTS = (
+    scene("walk 5"),
+    scene("walk 2", "dissolve", 10),
+    scene("serve 2"),
+    scene("balance_beam/cam03", "fade", 12, step=2),
+    scene("serve 0", still=40),
+    scene("serve 0", "dissolve", 10, zoom=1.15),
+    scene("kick 3"),
+    scene("jump 1", "wipe", 8),
+    scene("walk 3"),
+    scene("slow serve", "dissolve", 14, span=(80, 240), letterbox=True, caption="1/4"),
+    scene("walk 6", "fade", 15),
+    scene(None, length=6, level=250),
+    scene("kick 1", mirrored=True),
+    scene("balance_beam/cam04", "wipe", 18, step=2),
+    scene("talk 0", zoom=2.2),
+    scene("walk 0", "dissolve", 10, span=(5, 55), repeat=2),
+    scene("serve 1", "fade", 8),
+    scene("kick 2", flash=30),
+)
 
 
 @dataclass(frozen=True)
@@ -25,85 +113,32 @@ class Compilation:
 
     films: dict[str, list[Piece]]
     examples: dict[str, Path]
-    takes: dict[Path, Take]
 
 
 def reported_films(root: Path, folder: Path) -> Compilation:
-    """Two films of 35 shots: serves, kicks and walks, and what is about them in a broadcast."""
-    serve = [Take(SERVE, t, p, room=p % 4) for t, p in ((0, 0), (1, 1), (2, 2), (3, 3), (5, 0))]
-    slow_serve = Take(SERVE, 6, 4, room=1, slow=4)
-    kick = [Take(KICK, t, p, room=p % 4) for t, p in ((0, 1), (1, 2), (2, 3), (3, 0))]
-    walk = [Take(WALK, t, p, room=p % 4) for t, p in ((0, 0), (1, 1), (2, 3), (4, 0))]
-    walk += [Take(OTHER_WALK, t, p, room=p % 4, performer=1) for t, p in ((0, 0), (1, 5), (2, 2))]
-    talks = [
-        Take(SERVE, 0, 0, room=2, talks=True),
-        Take(OTHER_WALK, 0, 6, room=3, performer=1, talks=True),
-    ]
-    jump = [Take(JUMP, 0, 1, room=2), Take(JUMP, 1, 8, room=0)]
-    examples = {"serve": Take(SERVE, 4, 3, room=1), "kick": Take(KICK, 4, 1, room=3)}
-    examples["walk"] = Take(WALK, 3, 1, room=2)
-    every = [*serve, slow_serve, *kick, *walk, *talks, *jump, *examples.values()]
-    files = make_takes(root, folder / "takes", every)
-
-    def cut(take: Take, into: str = "cut", frames: int = 0, **how: object) -> Piece:
-        shown = None if take.talks else ACTION_OF.get(take.file)
-        span = {"span": WALKED} if shown == "walk" else {}
-        label = None if shown is None else f"{shown}/{take.name}"
-        return Piece(files[take], into, frames, shown=label, **(span | how))  # type: ignore[arg-type]
-
-    real = [data_folder_video(root, name) for name in ("balance_beam/cam01", "crowd/cam02")]
-    real += [data_folder_video(root, name) for name in ("balance_beam/cam03", "balance_beam/cam04")]
-    first = [
-        Piece(None, length=20),
-        cut(talks[0], caption="INTERVIEW", zoom=1.6),
-        cut(serve[0]),
-        cut(slow_serve, "wipe", 10, step=4),
-        cut(slow_serve, "wipe", 10, span=(60, 260), caption="REPLAY"),
-        Piece(real[0], "wipe", 12, step=2),
-        cut(walk[0], "dissolve", 12),
-        cut(kick[0]),
-        cut(walk[4], "fade", 10),
-        cut(serve[1], letterbox=True),
-        Piece(None, length=9),
-        cut(jump[0]),
-        cut(kick[1], "dissolve", 16),
-        cut(kick[0], "dissolve", 8, span=(15, 60), repeat=4, caption="SLOW MOTION"),
-        cut(serve[3], mirrored=True),
-        Piece(real[1], "dissolve", 20, step=2),
-        cut(serve[4]),
-        cut(walk[1], "wipe", 14),
-        cut(talks[1], "fade", 8, caption="COACH"),
-        cut(kick[2], zoom=1.2),
-    ]
-    second = [
-        cut(walk[5]),
-        cut(walk[2], "dissolve", 10),
-        cut(serve[2]),
-        Piece(real[2], "fade", 12, step=2),
-        cut(serve[0], still=40),
-        cut(serve[0], "dissolve", 10, zoom=1.15),
-        cut(kick[3]),
-        cut(jump[1], "wipe", 8),
-        cut(walk[3]),
-        cut(slow_serve, "dissolve", 14, span=(80, 240), letterbox=True, caption="1/4"),
-        cut(walk[6], "fade", 15),
-        Piece(None, length=6, level=250),
-        cut(kick[1], mirrored=True),
-        Piece(real[3], "wipe", 18, step=2),
-        cut(talks[0], zoom=2.2),
-        cut(walk[0], "dissolve", 10, span=(5, 55), repeat=2),
-        cut(serve[1], "fade", 8),
-        cut(kick[2], flash=30),
-    ]
-    shown = {files[take]: take for take in every}
+    """Two films, 35 shots in all: serves, kicks and walks, and what is shown between them."""
+    files = make_takes(root, folder / "takes", [*TAKES.values(), *EXAMPLES.values()])
+    films = {"broadcast": BROADCAST, "highlights": HIGHLIGHTS}
     return Compilation(
-        {"broadcast": first, "highlights": second},
-        {name: files[take] for name, take in examples.items()},
-        shown,
+        {name: [_piece(s, root, files) for s in scenes] for name, scenes in films.items()},
+        {name: files[take] for name, take in EXAMPLES.items()},
     )
 
 
-def data_folder_video(root: Path, name: str) -> Path:
+def _piece(scene: Scene, root: Path, files: Mapping[Take, Path]) -> Piece:
+    """The piece with its file, and what it shows: the action and the take."""
+    if scene.source is None:
+        return scene.piece
+    if scene.source not in TAKES:
+        return replace(scene.piece, file=_real_video(root, scene.source))
+    take = TAKES[scene.source]
+    action = None if take.talks else ACTION_OF.get(take.file)
+    shown = None if action is None else f"{action}/{take.name}"
+    span = scene.piece.span or (WALKED if action == "walk" else None)
+    return replace(scene.piece, file=files[take], shown=shown, span=span)
+
+
+def _real_video(root: Path, name: str) -> Path:
     """A real video of the data folder, as `balance_beam/cam01`."""
     kind, camera = name.split("/")
     return data_folder(root, "trials").parent / kind / "videos" / f"{camera}.mp4"

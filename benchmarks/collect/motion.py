@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +26,8 @@ def add_truth(
     """Write the truth of a collected action's videos beside it; a mirrored video has none."""
     parts: dict[str, Any] = {"joint_names": np.array(SMPL_JOINTS)}
     ends = []
-    for occurrence in collected.chosen:
-        place = shown_by(occurrence, films[occurrence.film])
-        if place is None or place.piece.file is None or place.piece.shown is None:
-            continue
-        with np.load(place.piece.file.with_suffix(".npz")) as stored:
+    for occurrence, place, file in _takes_shown(collected, films):
+        with np.load(file.with_suffix(".npz")) as stored:
             take = dict(stored)
         ends.append(float(take["phase"][-1]))
         parts["model"] = take["model"]
@@ -44,6 +41,16 @@ def add_truth(
     np.savez(folder / TRUTH, **parts)
     file = folder / FILE_NAME
     file.write_text(f"{file.read_text(encoding='utf-8')}truth: {TRUTH}\n", encoding="utf-8")
+
+
+def _takes_shown(
+    collected: CollectedList, films: Mapping[int, Sequence[CutPiece]]
+) -> Iterator[tuple[ListedOccurrence, CutPiece, Path]]:
+    """Each chosen occurrence that shows a take, with its piece and the take's file."""
+    for occurrence in collected.chosen:
+        place = shown_by(occurrence, films[occurrence.film])
+        if place is not None and place.piece.file is not None and place.piece.shown is not None:
+            yield occurrence, place, place.piece.file
 
 
 def _rows(occurrence: ListedOccurrence, place: CutPiece, count: int) -> np.ndarray:
@@ -68,11 +75,8 @@ def clean_action(
     folder.mkdir(parents=True, exist_ok=True)
     parts: dict[str, Any] = {"joint_names": np.array(SMPL_JOINTS)}
     videos, ends = [], []
-    for occurrence in collected.chosen:
-        place = shown_by(occurrence, films[occurrence.film])
-        if place is None or place.piece.file is None or place.piece.shown is None:
-            continue
-        with np.load(place.piece.file.with_suffix(".npz")) as stored:
+    for occurrence, place, file in _takes_shown(collected, films):
+        with np.load(file.with_suffix(".npz")) as stored:
             take = dict(stored)
         ends.append(float(take["phase"][-1]))
         parts["model"] = take.pop("model")
@@ -82,7 +86,7 @@ def clean_action(
         videos.append(
             {
                 "id": occurrence.id,
-                "video": str(place.piece.file.resolve()),
+                "video": str(file.resolve()),
                 "keypoints": "detect",
                 "frames": [int(rows.min()), int(rows.max()) + 1],
             }
