@@ -140,7 +140,7 @@ def _fades(flat: Float[np.ndarray, "T P"]) -> list[Transition]:
         first = a - _growing(contrast[max(0, a - LONGEST_FADE) : a + 1][::-1])
         stop = b + 1 + _growing(contrast[b : b + 1 + LONGEST_FADE])
         fades.append(Transition(first, stop, "fade" if stop - first > b - a + 1 else "blank"))
-    return _merged(fades)
+    return fades
 
 
 def _growing(contrast: Float[np.ndarray, " n"]) -> int:
@@ -153,17 +153,6 @@ def _growing(contrast: Float[np.ndarray, " n"]) -> int:
 def _alike(a: UInt8[np.ndarray, "h w"], b: UInt8[np.ndarray, "h w"], least: float = ALIKE) -> bool:
     """Whether two pictures correlate by more, as they are or moved a little."""
     return best_correlation(thumbnail(a), thumbnail(b)) > least
-
-
-def _merged(fades: Sequence[Transition]) -> list[Transition]:
-    """Fades that touch as one."""
-    merged: list[Transition] = []
-    for fade in fades:
-        if merged and fade.first <= merged[-1].stop:
-            merged[-1] = Transition(merged[-1].first, max(fade.stop, merged[-1].stop), "fade")
-        else:
-            merged.append(fade)
-    return merged
 
 
 def _named(thumbs: UInt8[np.ndarray, "T h w"], t: Transition) -> Transition:

@@ -64,13 +64,15 @@ def _boundaries(thumbs: UInt8[np.ndarray, "T h w"]) -> list[Transition]:
     cuts: set[int] = set()
     gradual: list[Transition] = []
     for begin in range(0, len(thumbs), CHUNK):
-        first = max(0, begin - OVERLAP)
-        part = thumbs[first : begin + CHUNK + OVERLAP]
+        first, stop = max(0, begin - OVERLAP), begin + CHUNK
+        part = thumbs[first : stop + OVERLAP]
         pictures = [without_bars(thumb) for thumb in part]
-        cuts |= {first + cut for cut in (*find_cuts(pictures), *_faint_cuts(pictures))}
-        gradual += [
+        every = {first + cut for cut in (*find_cuts(pictures), *_faint_cuts(pictures))}
+        cuts |= {cut for cut in every if begin <= cut < stop}
+        moved = [
             Transition(first + t.first, first + t.stop, t.kind) for t in gradual_transitions(part)
         ]
+        gradual += [t for t in moved if t.stop > begin and t.first < stop]
     merged = _without_overlap(sorted(gradual, key=lambda t: (t.first, t.stop)))
     hard = [
         Transition(cut, cut, "cut")
@@ -97,12 +99,12 @@ def _faint_cuts(pictures: Sequence[UInt8[np.ndarray, "h w"]]) -> list[int]:
 
 
 def _without_overlap(transitions: Sequence[Transition]) -> list[Transition]:
-    """Transitions that touch or overlap as one, with the kind of the longer."""
+    """Transitions that touch or overlap as one, with the kind of the longest that is not blank."""
     merged: list[Transition] = []
     for t in transitions:
         if merged and t.first <= merged[-1].stop:
             last = merged[-1]
-            kind = max((last, t), key=lambda x: x.stop - x.first).kind
+            kind = max((last, t), key=lambda x: (x.kind != "blank", x.stop - x.first)).kind
             merged[-1] = Transition(last.first, max(last.stop, t.stop), kind)
         else:
             merged.append(t)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from imocap_core.collect import shots
 from imocap_core.collect.bars import content, without_bars
 from imocap_core.collect.shots import find_shots
 from tests.collect.made_shots import faded, mixed, place
@@ -28,16 +29,16 @@ def test_a_fade_through_black_is_one_boundary() -> None:
 
 def test_black_frames_are_no_shot() -> None:
     black = [np.zeros((90, 160), np.uint8)] * 9
-    shots = find_shots([*place(1, 30), *black, *place(2, 30)])
-    assert [(shot.first, shot.stop) for shot in shots] == [(0, 30), (39, 69)]
+    parts = find_shots([*place(1, 30), *black, *place(2, 30)])
+    assert [(shot.first, shot.stop) for shot in parts] == [(0, 30), (39, 69)]
 
 
 def test_cuts_are_on_their_frames_behind_letterbox_bars() -> None:
     film = [*place(1, 20), *place(2, 25), *place(3, 20)]
     for picture in film:
         picture[:, :30] = picture[:, -30:] = 4
-    shots = find_shots(film)
-    assert [(shot.first, shot.begins) for shot in shots] == [(0, "start"), (20, "cut"), (45, "cut")]
+    parts = find_shots(film)
+    assert [(shot.first, shot.begins) for shot in parts] == [(0, "start"), (20, "cut"), (45, "cut")]
 
 
 @pytest.mark.parametrize("speed", [0.0, 3.0, 9.0])
@@ -65,10 +66,20 @@ def test_a_still_picture_is_still() -> None:
     assert not moving.still
 
 
-def test_a_long_film_is_cut_as_its_parts() -> None:
-    parts = [mixed(place(k, 600), place(k + 50, 600), 12, "dissolve") for k in range(2)]
-    shots = find_shots([picture for part in parts for picture in part])
-    assert [s.begins for s in shots] == ["start", "dissolve", "cut", "dissolve"]
+@pytest.mark.parametrize("chunk", [61, 100, 137])
+def test_a_long_film_is_cut_as_a_short_one(chunk: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    black = [np.zeros((90, 160), np.uint8)] * 150
+    film = [
+        *mixed(place(1, 70), place(2, 90), 12, "dissolve"),
+        *faded(place(3, 60), place(4, 50), 15),
+        *mixed(place(5, 60), place(6, 40), 20, "wipe"),
+        *black,
+        *place(7, 40),
+    ]
+    whole = find_shots(film)
+    assert [s.begins for s in whole] == ["start", "dissolve", "cut", "fade", "cut", "wipe", "blank"]
+    monkeypatch.setattr(shots, "CHUNK", chunk)
+    assert find_shots(film) == whole
 
 
 def test_bars_are_what_is_dark_at_the_border() -> None:
