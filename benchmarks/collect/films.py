@@ -50,7 +50,7 @@ EXAMPLES = {
 
 
 @dataclass(frozen=True)
-class Scene:
+class PlannedPiece:
     """A piece as it is planned: `source` names a take, or a real video of the data folder; None is
     blank."""
 
@@ -58,52 +58,52 @@ class Scene:
     piece: Piece
 
 
-def scene(source: str | None, into: str = "cut", frames: int = 0, **how: Any) -> Scene:
+def planned(source: str | None, into: str = "cut", frames: int = 0, **how: Any) -> PlannedPiece:
     """A piece of a source; `how`: the other fields of `Piece`."""
-    return Scene(source, Piece(None, into, frames, **how))
+    return PlannedPiece(source, Piece(None, into, frames, **how))
 
 
 BROADCAST = (
-    scene(None, length=20),
-    scene("talk 0", caption="INTERVIEW", zoom=1.6),
-    scene("serve 0"),
-    scene("slow serve", "wipe", 10, step=4),
-    scene("slow serve", "wipe", 10, span=(60, 260), caption="REPLAY"),
-    scene("balance_beam/cam01", "wipe", 12, step=2),
-    scene("walk 0", "dissolve", 12),
-    scene("kick 0"),
-    scene("walk 4", "fade", 10),
-    scene("serve 1", letterbox=True),
-    scene(None, length=9),
-    scene("jump 0"),
-    scene("kick 1", "dissolve", 16),
-    scene("kick 0", "dissolve", 8, span=(15, 60), repeat=4, caption="SLOW MOTION"),
-    scene("serve 3", mirrored=True),
-    scene("crowd/cam02", "dissolve", 20, step=2),
-    scene("serve 4"),
-    scene("walk 1", "wipe", 14),
-    scene("talk 1", "fade", 8, caption="COACH"),
-    scene("kick 2", zoom=1.2),
+    planned(None, length=20),
+    planned("talk 0", caption="INTERVIEW", zoom=1.6),
+    planned("serve 0"),
+    planned("slow serve", "wipe", 10, step=4),
+    planned("slow serve", "wipe", 10, span=(60, 260), caption="REPLAY"),
+    planned("balance_beam/cam01", "wipe", 12, step=2),
+    planned("walk 0", "dissolve", 12),
+    planned("kick 0"),
+    planned("walk 4", "fade", 10),
+    planned("serve 1", letterbox=True),
+    planned(None, length=9),
+    planned("jump 0"),
+    planned("kick 1", "dissolve", 16),
+    planned("kick 0", "dissolve", 8, span=(15, 60), repeat=4, caption="SLOW MOTION"),
+    planned("serve 3", mirrored=True),
+    planned("crowd/cam02", "dissolve", 20, step=2),
+    planned("serve 4"),
+    planned("walk 1", "wipe", 14),
+    planned("talk 1", "fade", 8, caption="COACH"),
+    planned("kick 2", zoom=1.2),
 )
 HIGHLIGHTS = (
-    scene("walk 5"),
-    scene("walk 2", "dissolve", 10),
-    scene("serve 2"),
-    scene("balance_beam/cam03", "fade", 12, step=2),
-    scene("serve 0", still=40),
-    scene("serve 0", "dissolve", 10, zoom=1.15),
-    scene("kick 3"),
-    scene("jump 1", "wipe", 8),
-    scene("walk 3"),
-    scene("slow serve", "dissolve", 14, span=(80, 240), letterbox=True, caption="1/4"),
-    scene("walk 6", "fade", 15),
-    scene(None, length=6, level=250),
-    scene("kick 1", mirrored=True),
-    scene("balance_beam/cam04", "wipe", 18, step=2),
-    scene("talk 0", zoom=2.2),
-    scene("walk 0", "dissolve", 10, span=(5, 55), repeat=2),
-    scene("serve 1", "fade", 8),
-    scene("kick 2", flash=30),
+    planned("walk 5"),
+    planned("walk 2", "dissolve", 10),
+    planned("serve 2"),
+    planned("balance_beam/cam03", "fade", 12, step=2),
+    planned("serve 0", still=40),
+    planned("serve 0", "dissolve", 10, zoom=1.15),
+    planned("kick 3"),
+    planned("jump 1", "wipe", 8),
+    planned("walk 3"),
+    planned("slow serve", "dissolve", 14, span=(80, 240), letterbox=True, caption="1/4"),
+    planned("walk 6", "fade", 15),
+    planned(None, length=6, level=250),
+    planned("kick 1", mirrored=True),
+    planned("balance_beam/cam04", "wipe", 18, step=2),
+    planned("talk 0", zoom=2.2),
+    planned("walk 0", "dissolve", 10, span=(5, 55), repeat=2),
+    planned("serve 1", "fade", 8),
+    planned("kick 2", flash=30),
 )
 
 
@@ -120,22 +120,22 @@ def reported_films(root: Path, folder: Path) -> Compilation:
     files = make_takes(root, folder / "takes", [*TAKES.values(), *EXAMPLES.values()])
     films = {"broadcast": BROADCAST, "highlights": HIGHLIGHTS}
     return Compilation(
-        {name: [_piece(s, root, files) for s in scenes] for name, scenes in films.items()},
+        {name: [_piece(plan, root, files) for plan in plans] for name, plans in films.items()},
         {name: files[take] for name, take in EXAMPLES.items()},
     )
 
 
-def _piece(scene: Scene, root: Path, files: Mapping[Take, Path]) -> Piece:
+def _piece(plan: PlannedPiece, root: Path, files: Mapping[Take, Path]) -> Piece:
     """The piece with its file, and what it shows: the action and the take."""
-    if scene.source is None:
-        return scene.piece
-    if scene.source not in TAKES:
-        return replace(scene.piece, file=_real_video(root, scene.source))
-    take = TAKES[scene.source]
+    if plan.source is None:
+        return plan.piece
+    if plan.source not in TAKES:
+        return replace(plan.piece, file=_real_video(root, plan.source))
+    take = TAKES[plan.source]
     action = None if take.talks else ACTION_OF.get(take.file)
     shown = None if action is None else f"{action}/{take.name}"
-    span = scene.piece.span or (WALKED if action == "walk" else None)
-    return replace(scene.piece, file=files[take], shown=shown, span=span)
+    span = plan.piece.span or (WALKED if action == "walk" else None)
+    return replace(plan.piece, file=files[take], shown=shown, span=span)
 
 
 def _real_video(root: Path, name: str) -> Path:
