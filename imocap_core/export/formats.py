@@ -13,6 +13,7 @@ from imocap_core.export.notes import notes_of, write_notes
 from imocap_core.export.options import ExportOptions
 from imocap_core.export.placing import digests_of, place
 from imocap_core.export.tables import npz_values, write_cameras_and_sync
+from imocap_core.io.writers.amass_npz import write_amass
 from imocap_core.io.writers.bvh import write_bvh
 from imocap_core.io.writers.clip_body import Skin, skin_of
 from imocap_core.io.writers.export_npz import write_video
@@ -33,6 +34,7 @@ DEFAULT_UP = {
     "glb": "y",
     "trc": "y",
     "mcap": "z",
+    "amass": "z",
 }  # the others keep the reference camera's axes
 
 DEFAULT = ExportOptions()
@@ -99,10 +101,18 @@ def check_format(format: str, up: str | None) -> None:
             "--up z: a GLB file is y up by its specification, and programs of z up (Blender) turn "
             "it when they read it; leave --up out"
         )
+    if format == "amass" and up == "y":
+        raise WrongUse(
+            "--up y: AMASS's files are z up, and their readers turn them; leave --up out"
+        )
 
 
 def _npz(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
     return [write_video(out, npz_values(video, result)) for video in result]
+
+
+def _amass(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
+    return [write_amass(out, npz_values(video, result)) for video in result]
 
 
 def _bvh(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
@@ -171,6 +181,7 @@ WRITERS: dict[str, Callable[[Path, ActionResult, ExportOptions], list[Path]]] = 
     "trc": _trc,
     "csv": _csv,
     "mcap": _mcap,
+    "amass": _amass,
 }
 
 

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from imocap_core.io.writers.amass_npz import BETAS_NOTE
 from imocap_core.result.result import CAMERA_UP, ActionResult
 from imocap_core.result.run_record import run_record
 from imocap_core.result.video import VideoResult
@@ -18,6 +19,7 @@ UNITS = {
     "csv": {"length": "metre", "angle": None},
     "angles": {"length": None, "angle": "degree (ISB, docs/angles.md)"},
     "mcap": {"length": "metre", "angle": "unit quaternion x, y, z, w"},
+    "amass": {"length": "metre", "angle": "radian (axis-angle)"},
 }
 REST = "T pose; joints' axes at rest are the world's; the body faces +z with y up, -y with z up"
 PIVOT = (
@@ -28,6 +30,8 @@ SMPL_PIVOT = (
     "pelvis, in SMPL's convention: vertices = LBS(poses, turned about the rest pelvis) + trans, so "
     "the pelvis is at rest pelvis + trans; the free body's rest pelvis is the origin"
 )
+SMPL_FORMATS = ("npz", "amass")
+OUR_BETAS = "of this body model; another model's mean other shapes"
 CAMERA_WORLD = "the axes of the reference camera in its first used frame: x right, y down, z ahead"
 LEVEL_WORLD = (
     "level: {up} up, right-handed, the ground at {up} = 0, the origin on it under the bodies; the "
@@ -55,11 +59,11 @@ def notes_of(result: ActionResult, format: str) -> dict[str, Any]:
         "world": _world(result.up_axis),
         "handedness": "right",
         "units": UNITS[format],
-        "pivot": SMPL_PIVOT if format == "npz" else PIVOT,
+        "pivot": SMPL_PIVOT if format in SMPL_FORMATS else PIVOT,
         "time": COMMON if result.time == "common" else OWN,
         "reference": result.reference,
         "body_model": result.model,
-        "betas": "of this body model; another model's mean other shapes",
+        "betas": BETAS_NOTE if format == "amass" else OUR_BETAS,
         "videos": {video.id: _video(result, video) for video in result},
         "run": run_record(result.artifacts),
     }

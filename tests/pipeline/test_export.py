@@ -127,7 +127,6 @@ def test_what_lies_there(store: Store, tmp_path: Path) -> None:
         "trans": (20, 3),
         "joints": (20, 24, 3),
         "joint_names": (24,),
-        "gender": (),
         "fps": (),
         "mocap_framerate": (),
         "frames": (20,),

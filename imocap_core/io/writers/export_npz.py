@@ -1,8 +1,9 @@
 """`imocap export --format npz`: one npz per video, sync.csv and cameras.json.
 
 SMPL's own convention (global orientation about the pelvis, trans as in smplx), metres, radians.
-`trans`, `poses`, `betas`, `gender` and `mocap_framerate` are named as in AMASS. The same
-values give the same bytes.
+`trans`, `poses`, `betas` and `mocap_framerate` are named as in AMASS; there is no `gender`, so that
+readers of AMASS refuse the file instead of putting its betas on another body (`amass_npz` is for
+them). The same values give the same bytes.
 """
 
 from __future__ import annotations
@@ -89,7 +90,6 @@ def write_video(folder: Path, video: ExportedVideo) -> Path:
         trans=video.trans,
         joints=video.joints,
         joint_names=np.array(video.joint_names),
-        gender=np.array("neutral"),
         fps=np.float64(video.fps),
         mocap_framerate=np.float64(video.fps),
         frames=video.frames,

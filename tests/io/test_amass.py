@@ -1,0 +1,133 @@
+"""Files of AMASS's kind: the archive's names and shapes, no shape numbers of another body, and read
+by aitviewer. The last needs IMOCAP_AITVIEWER: an interpreter that has aitviewer."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imocap_core.body import load_free_body
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.io.estimators.smpl_npz import read_smpl_npz
+from imocap_core.result.body import posed_joints
+from tests.pipeline.made_result import BETAS, FPS, LENGTHS, Made, made_result
+
+AITVIEWER = os.environ.get("IMOCAP_AITVIEWER")
+READER = Path(__file__).resolve().parents[2] / "tools" / "aitviewer_joints.py"
+# What AMASS's files have: SMPL+H of 2019, and what those of 2021 add.
+ARCHIVE = {
+    "poses": ("T", 156),
+    "trans": ("T", 3),
+    "betas": (16,),
+    "dmpls": ("T", 8),
+    "gender": (),
+    "mocap_framerate": (),
+    "mocap_frame_rate": (),
+    "mocap_time_length": (),
+    "surface_model_type": (),
+    "root_orient": ("T", 3),
+    "pose_body": ("T", 63),
+    "pose_hand": ("T", 90),
+    "num_betas": (),
+}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
+    made = made_result(tmp_path_factory.mktemp("amass"))
+    made.export("amass")
+    return made
+
+
+def arrays(made: Made, video: str) -> dict[str, np.ndarray]:
+    with np.load(made.out / f"{video}_poses.npz", allow_pickle=False) as data:
+        return dict(data)
+
+
+@pytest.mark.parametrize("video", LENGTHS)
+def test_names_and_shapes_are_the_archives(made: Made, video: str) -> None:
+    data = arrays(made, video)
+    T = LENGTHS[video]
+    for name, shape in ARCHIVE.items():
+        assert data[name].shape == tuple(T if n == "T" else n for n in shape), name
+    parts = [data[name] for name in ("root_orient", "pose_body", "pose_hand")]
+    np.testing.assert_array_equal(np.concatenate(parts, axis=1), data["poses"])
+    assert data["gender"].item() == "neutral"
+    assert data["surface_model_type"].item() == "smplh"
+    assert data["mocap_framerate"] == data["mocap_frame_rate"] == FPS[video]
+    assert round(float(data["mocap_time_length"] * data["mocap_frame_rate"])) == T
+
+
+def test_our_shape_reaches_no_other_body(made: Made) -> None:
+    data = arrays(made, "a")
+    assert not data["betas"].any()
+    np.testing.assert_allclose(data["imocap_betas"], BETAS)
+    assert data["imocap_model"].item().startswith("free_body ")
+    assert "imocap_betas" in json.loads((made.out / "export_amass.json").read_text())["betas"]
+
+
+def test_readers_of_amass_refuse_plain_npz_as_it_has_no_gender(tmp_path: Path) -> None:
+    made = made_result(tmp_path)
+    made.export("npz")
+    with np.load(made.out / "a.npz") as ours:
+        assert "gender" not in ours.files
+        np.testing.assert_array_equal(ours["betas"], BETAS)
+
+
+def test_the_pose_through_our_body_gives_the_joints_z_up(made: Made) -> None:
+    data = arrays(made, "b")
+    model = load_free_body(hands=True)
+    joints = posed_joints(model, data["imocap_betas"], data["poses"], data["trans"])
+    np.testing.assert_allclose(joints[:, :22], data["imocap_joints"][:, :22], atol=1e-6)
+    head, foot = (joints[:, SMPL_JOINTS.index(name), 2] for name in ("head", "left_foot"))
+    assert (head - foot).min() > 1.2
+
+
+def test_our_own_reader_takes_it(made: Made) -> None:
+    read = read_smpl_npz(made.out / "b_poses.npz", np.arange(100, 121))
+    assert read.theta.shape == (21, 72)
+    assert not read.betas.any()
+
+
+def test_beside_npz_each_has_its_name_and_shared_names_are_refused(tmp_path: Path) -> None:
+    made = made_result(tmp_path)
+    made.export("npz")
+    cameras = (made.out / "cameras.json").read_bytes()
+    with pytest.raises(WorkFailed, match=r"cameras\.json belongs to export_npz\.json"):
+        made.export("amass")  # its cameras have other axes
+    assert (made.out / "cameras.json").read_bytes() == cameras
+    assert not list(made.out.glob("*_poses.npz"))
+
+
+def test_y_up_is_refused(made: Made) -> None:
+    with pytest.raises(WrongUse, match="z up"):
+        made.export("amass", up="y")
+
+
+@pytest.mark.skipif(AITVIEWER is None, reason="IMOCAP_AITVIEWER names no interpreter with it")
+def test_aitviewer_reads_it(made: Made, tmp_path: Path) -> None:
+    """With our body in the place of SMPL+H's, whose files have a licence of their own."""
+    model = load_free_body(hands=True)
+    (tmp_path / "smplh").mkdir()
+    np.savez_compressed(
+        tmp_path / "smplh" / "SMPLH_FEMALE.npz",
+        v_template=model.v_template.numpy(), shapedirs=model.shapedirs.numpy(),
+        posedirs=np.zeros((*model.v_template.shape, 459), np.float32),
+        J_regressor=model.J_regressor.numpy(), weights=model.weights.numpy(),
+        kintree_table=np.array([model.parents, range(52)]), f=model.faces.numpy(),
+        hands_meanl=np.zeros(45), hands_meanr=np.zeros(45),
+        hands_componentsl=np.eye(45), hands_componentsr=np.eye(45),
+    )  # fmt: skip
+    file, out = made.out / "b_poses.npz", tmp_path / "joints.npy"
+    command = [str(AITVIEWER), str(READER), str(file), str(tmp_path), str(out)]
+    run = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    data = arrays(made, "b")
+    ours = posed_joints(model, np.zeros(10), data["poses"], data["trans"])
+    np.testing.assert_allclose(np.load(out), ours[:, :22], atol=1e-5)  # it keeps the body's
