@@ -15,14 +15,14 @@ def export_command(
     action: ActionName,
     out: Annotated[Path, typer.Option(help="Folder to write to.")],
     format: Annotated[
-        Literal["npz", "amass", "bvh", "glb", "trc", "csv", "mcap"],
+        Literal["npz", "amass", "bvh", "glb", "trc", "csv", "c3d", "mcap"],
         typer.Option(help="File format."),
     ] = "npz",
     up: Annotated[
         Literal["y", "z"] | None,
         typer.Option(
             help="Align the world with the ground, this axis up (default: y for bvh, glb and trc, "
-            "z for mcap and amass; npz and csv keep the axes of the reference camera)."
+            "z for c3d, mcap and amass; npz and csv keep the axes of the reference camera)."
         ),
     ] = None,
     time: Annotated[

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.export.clips import camera_of, clip_of
+from imocap_core.export.laboratory import trial_of
 from imocap_core.export.mcap_view import write_mcap
 from imocap_core.export.notes import notes_of, write_notes
 from imocap_core.export.options import ExportOptions
@@ -15,6 +16,7 @@ from imocap_core.export.placing import digests_of, place
 from imocap_core.export.tables import npz_values, write_cameras_and_sync
 from imocap_core.io.writers.amass_npz import write_amass
 from imocap_core.io.writers.bvh import write_bvh
+from imocap_core.io.writers.c3d import write_c3d
 from imocap_core.io.writers.clip_body import Skin, skin_of
 from imocap_core.io.writers.export_npz import write_video
 from imocap_core.io.writers.gltf_scene import Actor, write_glb
@@ -33,6 +35,7 @@ DEFAULT_UP = {
     "bvh": "y",
     "glb": "y",
     "trc": "y",
+    "c3d": "z",
     "mcap": "z",
     "amass": "z",
 }  # the others keep the reference camera's axes
@@ -127,6 +130,14 @@ def _trc(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
     return _a_file_each(out, result, ".trc", write_trc)
 
 
+def _c3d(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
+    files = []
+    for video in result:
+        files.append(out / f"{video.id}.c3d")
+        write_c3d(files[-1], trial_of(video, result.up_axis))
+    return files
+
+
 def _csv(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
     return _a_file_each(out, result, "_joints.csv", write_joints_csv)
 
@@ -180,6 +191,7 @@ WRITERS: dict[str, Callable[[Path, ActionResult, ExportOptions], list[Path]]] = 
     "glb": _glb,
     "trc": _trc,
     "csv": _csv,
+    "c3d": _c3d,
     "mcap": _mcap,
     "amass": _amass,
 }

@@ -17,6 +17,7 @@ UNITS = {
     "glb": {"length": "metre", "angle": "unit quaternion x, y, z, w"},
     "trc": {"length": "millimetre", "angle": None},
     "csv": {"length": "metre", "angle": None},
+    "c3d": {"length": "millimetre", "angle": "degree (ISB, docs/angles.md)"},
     "angles": {"length": None, "angle": "degree (ISB, docs/angles.md)"},
     "mcap": {"length": "metre", "angle": "unit quaternion x, y, z, w"},
     "amass": {"length": "metre", "angle": "radian (axis-angle)"},

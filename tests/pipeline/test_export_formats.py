@@ -62,9 +62,13 @@ def test_every_format_writes_its_files_and_says_what_they_are(
     assert {"up_axis", "world", "units", "pivot", "time", "videos", "body_model"} <= set(notes)
     rates = [notes["videos"][v]["frames_per_second"] for v in LENGTHS]
     assert rates == ([30.0, 20.0] if time == "own" else [30.0, 30.0])
-    assert notes["up_axis"] == {"npz": "-y", "csv": "-y", "mcap": "z", "amass": "z"}.get(
-        format, "y"
-    )
+    assert notes["up_axis"] == {
+        "npz": "-y",
+        "csv": "-y",
+        "mcap": "z",
+        "c3d": "z",
+        "amass": "z",
+    }.get(format, "y")
     frames = [notes["videos"][v]["frames"] for v in LENGTHS]
     assert frames == ([31, 21] if time == "own" else [34, 34])
 

@@ -1,0 +1,86 @@
+"""A video as a trial of a motion laboratory: markers and joint angles, as C3D files hold them."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+
+from imocap_core.biomechanics.joint_angles import MIDDLE, PAIRED
+from imocap_core.biomechanics.markers import marker_vertices
+from imocap_core.biomechanics.segments import SIDES
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.io.writers.c3d import C3dTrial
+from imocap_core.result.angles import video_angles
+from imocap_core.result.video import VideoResult
+from imocap_core.result.video_body import body_model_of
+
+MM = 1000.0
+CHUNK = 64  # frames whose surface is computed at once
+COMPONENTS = {"pelvis": ("tilt", "obliquity", "rotation")}  # X, Y, Z; else in the joint's order
+
+
+def trial_of(video: VideoResult, up: str) -> C3dTrial:
+    """One video in a levelled world whose axis `up` points up; moments it does not show missing."""
+    shown = np.where(video.inside, 1.0, np.nan)
+    joints = MM * video.joints * shown[:, None, None]
+    markers = {name: joints[:, j] for j, name in enumerate(video.joint_names)}
+    surface = surface_points_m(video)
+    markers |= {name: MM * points * shown[:, None] for name, points in surface.items()}
+    sigma = video.uncertainty
+    sd = {} if sigma is None else dict(zip(SMPL_JOINTS, sigma.T, strict=True))
+    angles, about = _angle_points(video, up)
+    return C3dTrial(
+        subject=video.performer or video.action,
+        up=up,
+        fps=float(video.fps),
+        first=_first_frame(video),
+        markers_mm=markers,
+        sd_mm=sd,
+        angles_deg={label: values * shown[:, None] for label, values in angles.items()},
+        descriptions=dict.fromkeys(surface, "surface marker") | about,
+    )
+
+
+def surface_points_m(video: VideoResult) -> dict[str, Float[np.ndarray, "T 3"]]:
+    """The surface markers of a video's body, metres, world; by name."""
+    model = body_model_of(video, hands=video.hands is not None)
+    vertices = marker_vertices(
+        model.v_template.numpy(),
+        model.weights.numpy(),
+        model.joints_template.numpy(),
+        model.joint_names,
+    )
+    index = list(vertices.values())
+    parts = [
+        video.vertices(np.arange(first, min(first + CHUNK, len(video))))[:, index]
+        for first in range(0, len(video), CHUNK)
+    ]
+    points = np.concatenate(parts)
+    return {name: points[:, k] for k, name in enumerate(vertices)}
+
+
+def _angle_points(
+    video: VideoResult, up: str
+) -> tuple[dict[str, Float[np.ndarray, "T 3"]], dict[str, str]]:
+    """Three angles of a joint as one point, under the labels that laboratories use; and what they
+    are. An angle that is not given is 0."""
+    angles = video_angles(video, up).angles_deg
+    sided = [(f"{side[0].upper()}", side + "_", PAIRED) for side in SIDES]
+    points, about = {}, {}
+    for letter, prefix, joints in [("", "", MIDDLE), *sided]:
+        for joint, definition in joints.items():
+            names = COMPONENTS.get(joint, tuple(name for name, _ in definition.angles))
+            columns = [angles.get(f"{prefix}{joint}_{n}", np.zeros(len(video))) for n in names]
+            label = f"{letter}{joint.capitalize()}Angles"
+            points[label] = np.stack(columns, axis=1)
+            about[label] = "X, Y, Z: " + ", ".join(
+                n if f"{prefix}{joint}_{n}" in angles else "none" for n in names
+            )
+    return points, about
+
+
+def _first_frame(video: VideoResult) -> int:
+    """The number, from 1, of the first frame in the file; 1 where frames are no even steps."""
+    steps = np.diff(video.frames)
+    whole = len(steps) == 0 or bool(np.all(steps == 1))
+    return int(video.frames[0]) + 1 if whole and float(video.frames[0]).is_integer() else 1
