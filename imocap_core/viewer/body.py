@@ -66,6 +66,7 @@ def model_entry(block: Block, model: Model) -> dict[str, object]:
     bones, weights = strongest_bones(model.weights.numpy())
     return {
         "parents": list(model.parents),
+        "joints": [name.replace("_", " ") for name in model.joint_names],
         "head": model.joint_names.index("head"),
         "faces": block.add(model.faces.numpy(), "u2"),
         "bones": block.add(bones, "u1"),

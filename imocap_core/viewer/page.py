@@ -57,7 +57,7 @@ def write_viewer(result: ActionResult, out: Path, progress: Callable[[float, str
 def _stamp(result: ActionResult) -> str:
     """Digest of all that the page is made from; of videos, their sizes."""
     total = hashlib.sha256(viewer.sources().encode())
-    stages = [result.artifacts.stored(stage) for stage in (*NEEDED, "hands")]
+    stages = [result.artifacts.stored(stage) for stage in (*NEEDED, "uncertainty", "hands")]
     for stored in stages:
         total.update(b"" if stored is None else stored.digest.encode())
     for video in sorted(result, key=lambda v: v.id):

@@ -14,6 +14,7 @@ from imocap_core.artifacts.schemas import (
     InitialSmpl,
     Keypoints,
     SyncSummary,
+    Uncertainty,
     VideoMotion,
 )
 from imocap_core.body import Model
@@ -39,9 +40,10 @@ from imocap_core.viewer.video import (
     identity_entry,
     skeleton_entry,
     timeline_entry,
+    uncertainty_entry,
 )
 
-LEGEND = "grid 0.5 m · paths run from pale to full · body: "
+LEGEND = "grid 0.5 m · paths start pale · "
 ASIDE_RAD = 0.45  # the view opens from this far beside the reference camera
 ABOUT_BODY_M = 0.25  # from the outermost joints to the outermost skin
 
@@ -132,6 +134,7 @@ def _video_entry(
         **identity_entry(block, keypoints, i, result.sync.summary),
         "camera": camera_entry(block, level.videos[i].camera),
         "detected": detected_entry(block, video.keypoints),
+        "sigma": uncertainty_entry(block, result.artifacts.find(Uncertainty), video.id),
         "projected": {
             "initial": skeleton_entry(block, alone.joints, camera, K_alone),
             "final": skeleton_entry(block, final, camera, camera.K),

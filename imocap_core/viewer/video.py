@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.artifacts.schemas import Keypoints, SyncSummary, VideoKeypoints
+from imocap_core.artifacts.schemas import Keypoints, SyncSummary, Uncertainty, VideoKeypoints
 from imocap_core.camera.projection import project_camera
 from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
 from imocap_core.figures.style import color_of
@@ -63,12 +64,30 @@ def phase_of(sync: SyncSummary, keypoints: Keypoints, i: int) -> Float[np.ndarra
 
 
 def timeline_entry(keypoints: Keypoints, sync: SyncSummary) -> dict[str, float]:
-    """From the first frame of any synchronised video to the last; a step is a reference frame."""
+    """From the first frame of any synchronised video to the last; a step is a reference frame.
+
+    shared: the first moment at which all of them have a matched frame; else that has most of them.
+    """
     used = [i for i, v in enumerate(keypoints.videos) if v.id not in sync.excluded]
     phases = [phase_of(sync, keypoints, i).astype(np.float32) for i in used]
     fps = next(v.fps for v in keypoints.videos if v.id == sync.reference)
     first, last = min(float(p[0]) for p in phases), max(float(p[-1]) for p in phases)
-    return {"first": first, "last": last, "step": 1 / fps}
+    matched = [
+        np.isfinite(next(m for m in sync.maps if m.id == keypoints.videos[i].id).reference_frame)
+        for i in used
+    ]
+    shared = first_shared([p[m] for p, m in zip(phases, matched, strict=True) if m.any()], first)
+    return {"first": first, "last": last, "step": 1 / fps, "shared": shared}
+
+
+def first_shared(moments: Sequence[Float[np.ndarray, " _"]], otherwise: float) -> float:
+    """The first moment that lies within the most of some spans, each from the first to the last of
+    its ascending moments; `otherwise` without any."""
+    starts = sorted(float(m[0]) for m in moments)
+    spans = [(float(m[0]), float(m[-1])) for m in moments]
+    return max(
+        starts, key=lambda s: sum(low <= s <= high for low, high in spans), default=otherwise
+    )
 
 
 def camera_entry(block: Block, camera: VideoCamera) -> dict[str, Any]:
@@ -101,6 +120,14 @@ def detected_entry(block: Block, video: VideoKeypoints) -> dict[str, Any]:
     confidence = np.where(visible, np.clip(np.nan_to_num(video.confidence), 0, 1), 0)
     sure = block.add(np.ceil(255 * confidence), "u1")
     return {"xy": xy, "unit": unit, "count": video.xy_px.shape[1], "sure": sure}
+
+
+def uncertainty_entry(block: Block, claimed: Uncertainty | None, video: str) -> Entry | None:
+    """The standard deviation of each of SMPL's joints in every frame, whole mm; None if unknown."""
+    for deviations in claimed.videos if claimed is not None else ():
+        if deviations.id == video:
+            return block.add(np.round(np.clip(np.nan_to_num(deviations.sigma_mm), 0, 65535)), "u2")
+    return None
 
 
 def skeleton_entry(

@@ -21,7 +21,7 @@ from imocap_core.figures.bodies import surfaces
 from imocap_core.viewer.block import Block, quantised, read_entry
 from imocap_core.viewer.body import strongest_bones
 from imocap_core.viewer.pictures import LONGEST_PX, stride, windows
-from imocap_core.viewer.video import phase_of
+from imocap_core.viewer.video import first_shared, phase_of
 from tests.report.made import K, Made
 from tests.report.viewed import Page, page_of, write_clip
 
@@ -169,6 +169,18 @@ def test_phases_never_fall_and_agree_with_the_matches(made: Made) -> None:
         )
     steps = np.diff(phase_of(sync, made.keypoints, 2)[-4:])
     np.testing.assert_allclose(steps, 1 / 30, atol=1e-9)  # unmatched: at its own pace
+
+
+def test_the_first_shared_moment() -> None:
+    spans = [np.array([0.0, 2.0]), np.array([-0.5, 1.0]), np.array([0.3, 0.9])]
+    assert first_shared(spans, -0.5) == 0.3
+    assert first_shared([*spans, np.array([5.0, 6.0])], -0.5) == 0.3  # that most videos show
+    assert first_shared([], -0.5) == -0.5
+
+
+def test_uncertainty_comes_back_in_millimetres(page: Page, made: Made) -> None:
+    sigma = page.array(page.header["videos"][2]["sigma"], -1, 24)
+    np.testing.assert_allclose(sigma, made.claimed.videos[2].sigma_mm, atol=0.5)
 
 
 def test_a_video_without_any_match_begins_at_nought(made: Made) -> None:

@@ -66,6 +66,7 @@ def result_of(
         camera_motion or made.camera_motion,
         made.initial,
         refined,
+        made.claimed,
         Hands(videos=videos, model=body.name, model_digest=body.digest, size=1.0, status="made"),
     )
     return read_result(artifacts, ActionResult)

@@ -5,17 +5,40 @@ const APART_M = 1.5;
 function makeActions(page, redraw) {
   const { first, last, step } = page.timeline, count = page.videos.length;
   const state = {
-    phase: first, playing: false, speed: 1, on: page.videos.map(() => true), answer: "final",
-    apart: false, cameras: true, paths: true, through: -1, help: false,
+    phase: page.timeline.shared, playing: false, speed: 1, on: page.videos.map(() => true),
+    answer: "final", apart: false, cameras: true, paths: true, through: -1, help: false,
+    skeletons: false, uncertainty: false, loop: [],
+    curves: { joints: [page.model.joints.indexOf("right wrist")], quantity: "height" },
     marks: { detected: false, skeleton: true }, offsets: page.videos.map(() => [0, 0, 0]),
   };
   const then = (change) => (...given) => { change(...given); redraw(); };
   const act = {
-    state,
+    state, page,
     play: then((on = !state.playing) => {
       if (on && state.phase >= last - 1e-6) state.phase = first;
       state.playing = on;
     }),
+    // Time goes on by so many seconds; from the end of the loop, or of all, to its beginning.
+    advance: (seconds) => {
+      const [from, to] = state.loop.length === 2 ? state.loop : [first, last];
+      state.phase += seconds;
+      if (state.phase > to || state.phase < from) state.phase = from;
+    },
+    // The first time its beginning, then its end, then no loop.
+    loop: then(() => {
+      const ends = state.loop.length === 2 ? [] : [...state.loop, state.phase].sort((a, b) => a - b);
+      state.loop = ends.length === 2 && ends[1] - ends[0] < step / 2 ? [] : ends;
+    }),
+    // From an address: a phase and a loop, each if it is one.
+    go: then(({ phase, loop }) => {
+      if (Number.isFinite(phase)) state.phase = clamp(phase, first, last);
+      if (loop) state.loop = loop.map((s) => clamp(s, first, last));
+      if (Number.isFinite(phase)) state.playing = false;
+    }),
+    joint: then((j, on) => {
+      state.curves.joints = on ? [...state.curves.joints, j] : state.curves.joints.filter((k) => k !== j);
+    }),
+    quantity: then((name) => { state.curves.quantity = name; }),
     seek: then((phase) => { state.phase = clamp(phase, first, last); }),
     step: then((frames) => {
       state.playing = false;
@@ -48,7 +71,7 @@ function makeActions(page, redraw) {
       act.through(i < count ? i : -1);
     },
     help: then(() => { state.help = !state.help; }),
-    fit: () => {},
+    fit: () => {}, snapshot: () => {}, link: () => {},
   };
   return act;
 }

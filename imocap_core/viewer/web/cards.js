@@ -10,7 +10,9 @@ class Card {
     this.box = make("input", label, { type: "checkbox", checked: true, title: `Show or hide (${index + 1})` });
     make("span", label, { textContent: video.id });
     make("small", head, { textContent: video.role });
-    this.canvas = make("canvas", this.root, { title: "Look through this camera" });
+    this.canvas = make("canvas", this.root, { title: "Look through this camera", tabIndex: 0 });
+    this.canvas.setAttribute("role", "button");
+    this.canvas.addEventListener("keydown", (e) => e.key === "Enter" && actions.through(index));
     const foot = make("footer", this.root);
     this.frame = make("span", foot);
     this.match = make("span", foot);
@@ -33,6 +35,7 @@ class Card {
     else if (!video.pictures) { pen.fillStyle = "#2a2e34"; pen.fillRect(0, 0, width, height); }
     if (!now) {
       this.frame.textContent = "not synchronised"; this.match.textContent = "";
+      this.canvas.setAttribute("aria-label", `${video.id}, not synchronised`);
       return;
     }
     const t = Math.round(now.at);
@@ -44,6 +47,7 @@ class Card {
     }
     if (!now.inside) { pen.fillStyle = "#14171ab0"; pen.fillRect(0, 0, width, height); }
     this.frame.textContent = `frame ${video.frames[t]}`;
+    this.canvas.setAttribute("aria-label", `Frame ${video.frames[t]} of ${video.id}: look through its camera`);
     this.match.textContent = !now.inside ? (now.at > 0 ? "after the clip" : "before the clip") : now.confidence > 0 ? `sure ${Math.round(100 * now.confidence)} %` : "unmatched";
   }
 }

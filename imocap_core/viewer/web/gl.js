@@ -39,7 +39,7 @@ function filled(gl, target, data) {
   return buffer;
 }
 
-// A surface that bones will carry; one for each shape.
+// A surface that bones will carry, one for each shape, with fine and with coarse triangles.
 function bodyMesh(gl, made, model, shape) {
   const array = gl.createVertexArray();
   gl.bindVertexArray(array);
@@ -49,9 +49,15 @@ function bodyMesh(gl, made, model, shape) {
   put("a_bone", model.bones, 4, { kind: gl.UNSIGNED_BYTE, whole: true });
   put("a_weight", model.weights, 4, { kind: gl.UNSIGNED_SHORT, normal: true });
   put("a_shade", model.shades, 1, { kind: gl.UNSIGNED_BYTE, normal: true });
-  filled(gl, gl.ELEMENT_ARRAY_BUFFER, model.faces);
+  const coarse = coarseFaces(model, shape), start = model.faces.length;
+  const both = new Uint16Array(start + coarse.length);
+  both.set(model.faces); both.set(coarse, start);
+  filled(gl, gl.ELEMENT_ARRAY_BUFFER, both);
   gl.bindVertexArray(null);
-  return { array, count: model.faces.length, scale: shape.scale };
+  return {
+    array, scale: shape.scale,
+    fine: { count: start, at: 0 }, coarse: { count: coarse.length, at: 2 * start },
+  };
 }
 
 // Lines from a list of [from, to, color]; colors are four numbers from 0 to 1.

@@ -8,56 +8,34 @@ function start() {
     for (const answer of Object.values(video.answers)) answer.rotations = quaternions(answer.local);
   $("name").textContent = page.title;
   $("lead").textContent = page.lead;
-  $("legend").textContent = page.legend;
   showHelp($("help"));
 
-  let waiting = false, before = 0;
+  let waiting = 0, before = 0, theme = readTheme(), message = "", written = 0;
   const redraw = () => {
-    if (!waiting) waiting = true, requestAnimationFrame(draw);
+    waiting ||= requestAnimationFrame(draw);
   };
   const act = makeActions(page, redraw), state = act.state;
+  const detail = new Detail(redraw);
   const orbit = new Orbit($("stage"), (byHand) => {
     if (byHand) state.through = -1;
     redraw();
   });
-  const scene = new Scene($("stage"), page);
-  const showTools = makeTools($("tools"), $("marks"), act);
+  const scene = new Scene($("stage"), page, !detail.software);
+  const showTools = makeTools($("tools"), $("marks"), act), showChoice = makeChooser(page, act);
   const cards = page.videos.map((video, i) => new Card(video, i, $("cards"), act));
   const pictures = page.videos.map((video) => new Pictures(video, redraw));
-  const labels = page.videos.map((video) => ["", "camera"].map((kind) => {
-    const made = $("labels").appendChild(document.createElement("span"));
-    made.className = kind; made.textContent = video.id;
-    made.style[kind ? "color" : "background"] = video.color;
-    return made;
-  }));
+  const labels = new Labels($("labels"), page), curves = new Curves(page);
 
-  // Where every video is at this moment.
-  const moments = () => page.videos.map((video) => {
-    const now = video.excluded ? null : frameAt(video.phase, state.phase);
-    return now && { ...now, confidence: video.confidence[Math.round(now.at)] / 255 };
-  });
+  const dress = () => {
+    theme = readTheme();
+    scene.dress(theme); labels.dress(theme);
+    redraw();
+  };
+  onThemeChange(dress);
 
-  function actorsAt(now) {
-    const actors = [];
-    page.videos.forEach((video, i) => {
-      if (!state.on[i] || !now[i] || (state.through >= 0 && state.through !== i)) return;
-      for (const name of ["final", "initial"]) {
-        if (state.answer !== name && state.answer !== "both") continue;
-        const answer = video.answers[name], shape = page.shapes[answer.shape];
-        const ghost = (state.answer === "both" && name === "initial") || !now[i].inside;
-        const own = rgb(video.color), plain = state.answer === "both" && name === "initial";
-        actors.push({
-          ...pose(page.model, shape, answer, now[i].at), mesh: scene.meshes[answer.shape], video: i,
-          color: plain ? mix(own, [0.45, 0.45, 0.45], 0.75) : own, offset: state.offsets[i],
-          alpha: ghost ? GHOST : state.through >= 0 ? 0.82 : 1,
-        });
-      }
-    });
-    return actors;
-  }
-
-  function view(frames) {
-    const canvas = $("stage"), density = Math.min(devicePixelRatio || 1, 2);
+  function view(frames, level) {
+    const canvas = $("stage"), dense = level.coarse || !detail.software ? devicePixelRatio || 1 : 2;
+    const density = Math.min(dense, level.density);
     const width = Math.max(1, Math.round(canvas.clientWidth * density));
     const height = Math.max(1, Math.round(canvas.clientHeight * density));
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
@@ -66,50 +44,52 @@ function start() {
     const at = cameraAt(page.videos[i], frames[i]);
     const rows = [at.right, scaled(at.down, -1), scaled(at.ahead, -1)];
     const lens = pinhole(lensAt(page.videos[i], frames[i]), page.videos[i].view, width, height, 0.05, 200);
-    const matrix = times(lens, viewOf(rows, at.centre));
-    return { ...free, matrix, eye: at.centre, through: i };
-  }
-
-  function placeLabels(seen, actors, frames) {
-    page.videos.forEach((video, i) => {
-      const actor = actors.find((a) => a.video === i);
-      const head = actor && seen.through < 0 && state.apart ? add(add(actor.joints[page.model.head], actor.offset), [0, 0.32, 0]) : null;
-      const wanted = state.cameras && state.on[i] && !video.excluded && !state.apart && seen.through < 0;
-      const corner = wanted ? mix(...pictureCorners(video, frames[i]).slice(0, 2), 0.5) : null;
-      [head, corner].forEach((place, k) => {
-        const at = place && landing(seen.matrix, place, seen.width / seen.density, seen.height / seen.density);
-        labels[i][k].hidden = !at;
-        if (at) labels[i][k].style.transform = `translate(${at.x}px, ${at.y - 4}px) translate(-50%, -100%)`;
-      });
-    });
+    return { ...free, matrix: times(lens, viewOf(rows, at.centre)), eye: at.centre, through: i };
   }
 
   function draw(time) {
-    waiting = false;
-    if (state.playing) {
-      const passed = before ? Math.min(time - before, 200) / 1000 : 0;
-      state.phase += passed * state.speed;
-      if (state.phase > page.timeline.last) state.phase = page.timeline.first;
-    }
+    cancelAnimationFrame(waiting);
+    waiting = 0;
+    if (state.playing) act.advance(before ? (Math.min(time - before, 200) / 1000) * state.speed : 0);
     before = state.playing ? time : 0;
-    const now = moments(), frames = now.map((n) => (n ? Math.round(n.at) : 0));
+    const level = detail.now(time, state.playing);
+    const now = momentsAt(page, state.phase), frames = now.map((n) => (n ? Math.round(n.at) : 0));
     const bitmaps = pictures.map((own, i) => own.at(frames[i]) ?? scene.shown[i]);
     bitmaps.forEach((bitmap, i) => bitmap && bitmap.width && scene.show(i, bitmap));
-    const actors = actorsAt(now), seen = view(frames);
-    scene.draw(seen, actors, frames, state);
-    placeLabels(seen, actors, frames);
+    const actors = actorsAt(page, scene.meshes, state, now), seen = view(frames, level);
+    scene.draw(seen, actors, frames, state, level);
+    labels.place(seen, actors, frames, state);
     cards.forEach((card, i) => card.draw(now[i], bitmaps[i]?.width ? bitmaps[i] : null, state));
-    seekers[0] = drawLanes($("lanes"), page, state);
-    seekers[1] = drawWarps($("warps"), page, state);
+    seekers[0] = drawLanes($("lanes"), page, state, theme);
+    seekers[1] = drawWarps($("warps"), page, state, theme);
+    seekers[2] = curves.draw($("curves"), state, theme);
     showTools(state);
+    showChoice(state);
+    showState();
+    if (state.playing) redraw();
+    clearTimeout(written);
+    if (!state.playing) written = setTimeout(() => writeAddress(state), 300);
+  }
+
+  function showState() {
+    const seconds = (s) => s.toFixed(2), loop = state.loop.map(seconds).join(" – ");
     $("play").textContent = state.playing ? "❚❚" : "▶";
     $("play").setAttribute("aria-label", state.playing ? "Pause" : "Play");
     $("scrub").value = state.phase;
+    $("scrub").setAttribute("aria-valuetext", `${seconds(state.phase)} seconds`);
     $("speed").value = String(state.speed);
+    $("loop").textContent = ["A–B", `${loop} –`, `${loop} ✕`][state.loop.length];
+    $("loop").setAttribute("aria-pressed", String(state.loop.length === 2));
     $("help").hidden = !state.help;
     $("scene").classList.toggle("through", state.through >= 0);
-    $("clock").textContent = `${state.phase.toFixed(2)} of ${page.timeline.last.toFixed(2)} s of ${page.reference}`;
-    if (state.playing) redraw();
+    $("ramp").hidden = !state.uncertainty;
+    $("legend").textContent = message || page.legend;
+    $("clock").textContent = `${seconds(state.phase)} of ${seconds(page.timeline.last)} s of ${page.reference}`;
+  }
+
+  function say(text) {
+    message = text; redraw();
+    setTimeout(() => { message = ""; redraw(); }, 2500);
   }
 
   // all: how much of the way from the performers to the cameras is to be seen, 0 to 1.
@@ -117,7 +97,7 @@ function start() {
     state.through = -1;
     if (frontal) orbit.azimuth = Math.atan2(-page.right[2], page.right[0]);
     const on = page.videos.map((_, i) => i).filter((i) => state.on[i] && !page.videos[i].excluded);
-    const points = on.flatMap((i) => page.bounds[i].map((p) => add(p, state.offsets[i])));
+    const points = on.flatMap((i) => reachOf(page, i).map((p) => add(p, state.offsets[i])));
     if (all && !state.apart)
       for (const i of on) {
         const camera = [...pictureCorners(page.videos[i], 0), page.videos[i].camera.centre];
@@ -125,8 +105,15 @@ function start() {
       }
     orbit.fit(points.length ? points : [[-1, 0, 0], [1, 2, 0]], $("stage").clientWidth, $("stage").clientHeight);
   };
-  const seekers = [null, null];
-  for (const [k, id] of ["lanes", "warps"].entries()) {
+  act.snapshot = () => {
+    detail.still = !state.playing;
+    draw(performance.now());
+    const said = `${page.title} · ${state.phase.toFixed(2)} s of ${page.reference} · imocap`;
+    snapshot($("stage"), said, theme, `${page.title}_${state.phase.toFixed(2)}s.png`);
+  };
+  act.link = () => copyLink(state).then(say);
+  const seekers = [null, null, null];
+  for (const [k, id] of ["lanes", "warps", "curves"].entries()) {
     const to = (e) => seekers[k] && act.seek(seekers[k](e.offsetX));
     $(id).addEventListener("pointerdown", (e) => { $(id).setPointerCapture(e.pointerId); to(e); });
     $(id).addEventListener("pointermove", (e) => e.buttons && to(e));
@@ -134,10 +121,10 @@ function start() {
   Object.assign($("scrub"), { min: page.timeline.first, max: page.timeline.last });
   $("scrub").addEventListener("input", () => act.seek(Number($("scrub").value)));
   $("speed").addEventListener("change", () => act.speed(Number($("speed").value)));
-  $("play").addEventListener("click", () => act.play());
-  $("back").addEventListener("click", () => act.step(-1));
-  $("forth").addEventListener("click", () => act.step(1));
+  for (const [id, does] of [["play", () => act.play()], ["back", () => act.step(-1)], ["forth", () => act.step(1)], ["loop", () => act.loop()]])
+    $(id).addEventListener("click", does);
   listenToKeys(act, page.videos.length);
+  addEventListener("hashchange", () => act.go(momentOf(location.hash)));
   const arrange = () => {
     const stacked = matchMedia("(max-width: 760px)").matches;
     const room = [$("side").clientWidth - 20, stacked ? innerHeight : $("side").clientHeight - 48];
@@ -148,9 +135,13 @@ function start() {
   };
   new ResizeObserver(arrange).observe($("page"));
   orbit.azimuth = page.azimuth;
-  act.fit(1);
-  window.imocap = { act, page, orbit, pose: (i, name, at) => pose(page.model, page.shapes[page.videos[i].answers[name].shape], page.videos[i].answers[name], at) };
-  redraw();
+  act.go(momentOf(location.hash));
+  act.fit(0);
+  dress();
+  window.imocap = {
+    act, page, orbit, scene, curves, rgb, contrast, readable, theme: () => theme, detail: () => ({ level: detail.level, software: detail.software }),
+    pose: (i, name, at) => pose(page.model, page.shapes[page.videos[i].answers[name].shape], page.videos[i].answers[name], at),
+  };
 }
 
 try {

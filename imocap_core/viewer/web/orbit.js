@@ -1,5 +1,7 @@
 // The eye: it turns about a point, or looks through one of the cameras.
 
+const LOWEST_M = 0.08; // the eye stays above the ground, so that the grid is seen from above
+
 class Orbit {
   constructor(canvas, changed) {
     this.target = [0, 0.9, 0]; this.azimuth = 0.5; this.elevation = 0.25; this.distance = 4;
@@ -31,6 +33,7 @@ class Orbit {
     else {
       this.azimuth -= dx * 0.008;
       this.elevation = clamp(this.elevation + dy * 0.008, -0.2, 1.55);
+      this.aboveGround();
       this.changed(true);
     }
     this.fingers.set(e.pointerId, now);
@@ -39,12 +42,21 @@ class Orbit {
   pan(dx, dy) {
     const [right, up] = this.rows(), step = (1.1 * this.distance) / this.canvas.clientHeight;
     this.target = add(this.target, add(scaled(right, -dx * step), scaled(up, dy * step)));
+    this.aboveGround();
     this.changed(true);
   }
 
   zoom(factor) {
     this.distance = clamp(this.distance * factor, 0.4, 60);
+    this.aboveGround();
     this.changed(true);
+  }
+
+  // Turned, moved or zoomed below the ground, the eye rises to just above it.
+  aboveGround() {
+    this.target[1] = Math.max(this.target[1], LOWEST_M);
+    const lowest = Math.asin(clamp((LOWEST_M - this.target[1]) / this.distance, -1, 1));
+    this.elevation = Math.max(this.elevation, lowest);
   }
 
   rows() {

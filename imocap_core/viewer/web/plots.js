@@ -26,29 +26,28 @@ function ticks(first, last, most) {
 }
 
 // A colour for each of 256 confidences, from the empty bar's to the video's own.
-function shadesOf(color) {
-  const empty = [0.925, 0.937, 0.949], full = rgb(color);
-  return Array.from({ length: 256 }, (_, i) =>
-    `rgb(${mix(empty, full, (0.9 * i) / 255).map((c) => Math.round(255 * c)).join(",")})`);
+function shadesOf(color, empty) {
+  return Array.from({ length: 256 }, (_, i) => css(mix(rgb(empty), rgb(color), (0.9 * i) / 255)));
 }
 
 // One lane a video: a bar from its first to its last frame, full where the match is sure.
-function drawLanes(canvas, page, state) {
+function drawLanes(canvas, page, state, theme) {
   const { pen, width, height } = sized(canvas), axis = page.timeline, bottom = height - 16;
   const x = (s) => LEFT + ((s - axis.first) / (axis.last - axis.first || 1)) * (width - LEFT - RIGHT);
-  pen.fillStyle = "#6a727b"; pen.textAlign = "center";
+  pen.textAlign = "center";
   for (const tick of ticks(axis.first, axis.last, width / 80)) {
-    pen.fillRect(x(tick.at), 0, 0.5, bottom);
+    pen.fillStyle = theme.line; pen.fillRect(x(tick.at), 0, 1, bottom);
+    pen.fillStyle = theme.quiet;
     pen.fillText(`${tick.text} s`, clamp(x(tick.at), LEFT + 8, width - 14), bottom + 9);
   }
   const lane = bottom / page.videos.length, bar = clamp(lane * 0.56, 4, 18);
-  const shades = page.shades ??= page.videos.map((video) => shadesOf(video.color));
+  const shades = theme.shades ??= page.videos.map((video) => shadesOf(video.color, theme.empty));
   page.videos.forEach((video, i) => {
     const y = lane * (i + 0.5);
-    pen.globalAlpha = state.on[i] ? 1 : 0.3;
-    pen.textAlign = "left"; pen.fillStyle = video.color;
+    pen.textAlign = "left"; pen.fillStyle = state.on[i] ? readable(video.color, theme.paper) : theme.quiet;
     pen.fillText(video.id, 2, y, LEFT - 8);
-    pen.fillStyle = "#eceff2";
+    pen.globalAlpha = state.on[i] ? 1 : 0.3;
+    pen.fillStyle = theme.empty;
     const n = video.phase.length, found = video.phase[0] <= video.phase[n - 1];
     if (found) pen.fillRect(x(video.phase[0]), y - bar / 2, x(video.phase[n - 1]) - x(video.phase[0]), bar);
     for (let t = 0; found && t + 1 < n; t++) {
@@ -56,24 +55,25 @@ function drawLanes(canvas, page, state) {
       const from = Math.round(x(video.phase[t])), to = Math.round(x(video.phase[t + 1]));
       if (to > from) pen.fillRect(from, y - bar / 2, to - from, bar);
     }
+    pen.globalAlpha = 1;
   });
-  pen.globalAlpha = 1;
-  cursor(pen, x(state.phase), 0, bottom);
+  loopShade(pen, x, state.loop, 0, bottom, theme);
+  cursor(pen, x(state.phase), 0, bottom, theme);
   return (px) => axis.first + ((px - LEFT) / (width - LEFT - RIGHT)) * (axis.last - axis.first);
 }
 
 // Every video's own seconds against the common axis; a straight even line is one that keeps pace.
-function drawWarps(canvas, page, state) {
+function drawWarps(canvas, page, state, theme) {
   const { pen, width, height } = sized(canvas), axis = page.timeline;
   const left = 34, top = 18, bottom = height - 17, right = width - 6;
   const longest = Math.max(...page.videos.map((v) => v.phase.length / v.fps));
   const x = (s) => left + ((s - axis.first) / (axis.last - axis.first || 1)) * (right - left);
   const y = (s) => bottom - (s / longest) * (bottom - top);
-  pen.fillStyle = "#6a727b"; pen.textAlign = "left";
+  pen.fillStyle = theme.quiet; pen.textAlign = "left";
   pen.fillText("own time (s) at each common time (s); thin: not sure", 2, 7, width - 4);
   for (const tick of ticks(0, longest, (bottom - top) / 28)) {
-    pen.fillRect(left, y(tick.at), right - left, 0.4);
-    pen.textAlign = "right"; pen.fillText(tick.text, left - 5, y(tick.at));
+    pen.fillStyle = theme.line; pen.fillRect(left, y(tick.at), right - left, 1);
+    pen.fillStyle = theme.quiet; pen.textAlign = "right"; pen.fillText(tick.text, left - 5, y(tick.at));
   }
   pen.textAlign = "center";
   for (const tick of ticks(axis.first, axis.last, (right - left) / 60))
@@ -93,11 +93,21 @@ function drawWarps(canvas, page, state) {
     if (!now || !now.inside) return;
     pen.beginPath(); pen.arc(x(state.phase), y(now.at / video.fps), 4, 0, 7); pen.fill();
   });
-  cursor(pen, x(state.phase), top, bottom);
+  loopShade(pen, x, state.loop, top, bottom, theme);
+  cursor(pen, x(state.phase), top, bottom, theme);
   return (px) => axis.first + ((px - left) / (right - left)) * (axis.last - axis.first);
 }
 
-function cursor(pen, x, top, bottom) {
-  pen.fillStyle = "#22262b";
+function cursor(pen, x, top, bottom, theme) {
+  pen.fillStyle = theme.ink;
   pen.fillRect(x - 0.75, top, 1.5, bottom - top);
+}
+
+// The span that is played again and again; of one of its ends, a line.
+function loopShade(pen, x, loop, top, bottom, theme) {
+  pen.fillStyle = theme.accent;
+  for (const end of loop) pen.fillRect(x(end) - 0.75, top, 1.5, bottom - top);
+  pen.globalAlpha = 0.12;
+  if (loop.length === 2) pen.fillRect(x(loop[0]), top, x(loop[1]) - x(loop[0]), bottom - top);
+  pen.globalAlpha = 1;
 }

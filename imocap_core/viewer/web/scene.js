@@ -4,20 +4,27 @@ const LIGHT = unit([0.45, 1, 0.55]);
 const GHOST = 0.38;
 
 class Scene {
-  constructor(canvas, page) {
-    const gl = canvas.getContext("webgl2", { alpha: false, antialias: true, stencil: true });
+  constructor(canvas, page, antialias) {
+    const gl = canvas.getContext("webgl2", { alpha: false, antialias, stencil: true });
     if (!gl) throw new Error("This browser has no WebGL 2, so the scene can't be drawn.");
     Object.assign(this, { gl, canvas, page });
     const bones = page.model.parents.length;
-    this.bodies = program(gl, BODY_VERTEX.replace("BONES", String(bones)), BODY_FRAGMENT);
+    this.bodies = program(gl, BODY_VERTEX.replaceAll("BONES", String(bones)), BODY_FRAGMENT);
     this.lines = program(gl, LINE_VERTEX, LINE_FRAGMENT);
     this.pictures = program(gl, PICTURE_VERTEX, PICTURE_FRAGMENT);
     this.meshes = page.shapes.map((shape) => bodyMesh(gl, this.bodies, page.model, shape));
-    this.floor = lineSet(gl, this.lines, floor(page.middle));
-    this.paths = page.videos.map((video) =>
-      lineSet(gl, this.lines, path(video, video.answers.final, page.shapes[video.answers.final.shape])));
     this.textures = page.videos.map(() => pictureTexture(gl));
     this.shown = page.videos.map(() => null);
+  }
+
+  // Colours of the surroundings, which are made anew.
+  dress(theme) {
+    const { gl, page } = this, sky = rgb(theme.sky);
+    for (const old of [this.floor, ...(this.paths ?? [])]) if (old) dropLines(gl, old);
+    this.sky = sky;
+    this.floor = lineSet(gl, this.lines, floor(page.middle, rgb(theme.grid)));
+    this.paths = page.videos.map((video) =>
+      lineSet(gl, this.lines, path(video, video.answers.final, page.shapes[video.answers.final.shape], sky)));
   }
 
   // A picture for a video's camera to hold; the same one is not sent twice.
@@ -29,11 +36,13 @@ class Scene {
     this.shown[index] = bitmap;
   }
 
-  // actors: [{mesh, rows, color, alpha, offset}]; view: {matrix, eye, width, height, through}.
-  draw(view, actors, frames, state) {
+  // actors: [{mesh, rows, joints, color, tints, alpha, offset}]; view: {matrix, eye, width, height,
+  // through}; level: how finely, of `LEVELS`.
+  draw(view, actors, frames, state, level) {
     const gl = this.gl;
+    this.level = level;
     gl.viewport(0, 0, view.width, view.height);
-    gl.clearColor(...(view.through < 0 ? [0.925, 0.94, 0.953] : [0.1, 0.11, 0.125]), 1);
+    gl.clearColor(...(view.through < 0 ? this.sky : [0.1, 0.11, 0.125]), 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
     gl.enable(gl.DEPTH_TEST);
     gl.depthFunc(gl.LEQUAL);
@@ -44,11 +53,20 @@ class Scene {
       this.drawPicture(view.matrix, pictureCorners(video, frame, video.view, 60), view.through, 1);
     } else {
       this.drawLines(view, [this.floor], 1.2);
-      this.drawShadows(view, actors);
+      if (level.shadows) this.drawShadows(view, actors);
     }
-    for (const actor of actors.filter((a) => a.alpha >= 1)) this.drawBody(view, actor);
+    if (state.skeletons) this.drawSkeletons(view, actors);
+    else for (const actor of actors.filter((a) => a.alpha >= 1)) this.drawBody(view, actor);
     if (view.through < 0) this.drawSurroundings(view, frames, state);
-    for (const actor of actors.filter((a) => a.alpha < 1)) this.drawGhost(view, actor);
+    if (!state.skeletons) for (const actor of actors.filter((a) => a.alpha < 1)) this.drawGhost(view, actor);
+  }
+
+  drawSkeletons(view, actors) {
+    const lines = actors.flatMap((a) =>
+      skeletonLines(this.page.model.parents, a.joints, a.tints ?? a.joints.map(() => a.color), a.alpha, a.offset));
+    const set = lineSet(this.gl, this.lines, lines);
+    this.drawLines(view, [set], 5);
+    dropLines(this.gl, set);
   }
 
   drawSurroundings(view, frames, state) {
@@ -83,6 +101,7 @@ class Scene {
   }
 
   drawBody(view, actor, { flat = [0, 0, 0], lit = true, color = null } = {}) {
+    const faces = lit && !this.level.coarse ? actor.mesh.fine : actor.mesh.coarse;
     const gl = this.gl, at = this.bodies;
     gl.useProgram(at.program);
     gl.uniformMatrix4fv(at.u_view, false, view.matrix);
@@ -94,8 +113,10 @@ class Scene {
     gl.uniform3fv(at.u_eye, view.eye);
     gl.uniform3fv(at.u_light, LIGHT);
     gl.uniform1i(at.u_lit, lit ? 1 : 0);
+    gl.uniform1i(at.u_tinted, lit && actor.tints ? 1 : 0);
+    if (lit && actor.tints) gl.uniform3fv(at.u_tints, actor.tints.flat());
     gl.bindVertexArray(actor.mesh.array);
-    gl.drawElements(gl.TRIANGLES, actor.mesh.count, gl.UNSIGNED_SHORT, 0);
+    gl.drawElements(gl.TRIANGLES, faces.count, gl.UNSIGNED_SHORT, faces.at);
   }
 
   drawLines(view, sets, width, shift = [0, 0, 0]) {

@@ -2,6 +2,7 @@
 
 const BODY_VERTEX = `#version 300 es
 in vec3 a_rest; in vec3 a_normal; in uvec4 a_bone; in vec4 a_weight; in float a_shade;
+uniform vec3 u_tints[BONES]; uniform bool u_tinted; out vec3 v_tint;
 uniform float u_scale; uniform mat4 u_view; uniform vec3 u_offset; uniform vec3 u_flat;
 uniform vec4 u_bones[3 * BONES];
 out vec3 v_normal; out vec3 v_place; out float v_shade;
@@ -14,7 +15,9 @@ void main() {
   }
   vec3 place = vec3(dot(rows[0], x), dot(rows[1], x), dot(rows[2], x)) + u_offset;
   v_normal = vec3(dot(rows[0].xyz, a_normal), dot(rows[1].xyz, a_normal), dot(rows[2].xyz, a_normal));
-  v_shade = a_shade;
+  v_shade = u_tinted ? 0.85 : a_shade;
+  v_tint = vec3(0.0);
+  if (u_tinted) for (int k = 0; k < 4; k++) v_tint += a_weight[k] * u_tints[int(a_bone[k])];
   if (u_flat.y > 0.0) place = vec3(place.xz - u_flat.xz / u_flat.y * max(place.y, 0.0), 0.003).xzy;
   v_place = place;
   gl_Position = u_view * vec4(place, 1.0);
@@ -22,8 +25,8 @@ void main() {
 
 const BODY_FRAGMENT = `#version 300 es
 precision highp float;
-in vec3 v_normal; in vec3 v_place; in float v_shade;
-uniform vec4 u_color; uniform vec3 u_eye; uniform vec3 u_light; uniform bool u_lit;
+in vec3 v_normal; in vec3 v_place; in float v_shade; in vec3 v_tint;
+uniform vec4 u_color; uniform bool u_tinted; uniform vec3 u_eye; uniform vec3 u_light; uniform bool u_lit;
 out vec4 color;
 void main() {
   if (!u_lit) { color = u_color; return; }
@@ -31,7 +34,7 @@ void main() {
   float key = max(dot(n, u_light), 0.0), sky = 0.5 + 0.5 * n.y;
   float fill = max(dot(n, normalize(to_eye + vec3(0.0, 0.2, 0.0))), 0.0);
   float edge = pow(1.0 - max(dot(n, to_eye), 0.0), 3.0);
-  vec3 base = pow(u_color.rgb, vec3(2.2)) * v_shade * 1.9;
+  vec3 base = pow(u_tinted ? v_tint : u_color.rgb, vec3(2.2)) * v_shade * 1.9;
   vec3 lit = base * (0.22 + 0.2 * sky + 0.52 * key + 0.22 * fill) + vec3(0.07) * edge * sky;
   lit += vec3(0.05) * pow(max(dot(n, normalize(u_light + to_eye)), 0.0), 30.0);
   color = vec4(pow(lit, vec3(1.0 / 2.2)), u_color.a);

@@ -1,10 +1,7 @@
 // Lines of the scene as lists of [from, to, color]; colors are four numbers from 0 to 1.
 
 const PLANE_M = 0.5; // how far before its camera a picture hangs
-
-function rgb(hex) {
-  return [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16) / 255);
-}
+const PATH_PIECES = 80;
 
 // The lens of a video's camera in a frame, in pixels: a zoom scales its focal length.
 function lensAt(video, frame) {
@@ -40,27 +37,28 @@ function frustum(video, frame) {
   return edges.map(([from, to]) => [from, to, color]);
 }
 
-// The way of the pelvis: pale at the beginning, full in the end.
-function path(video, answer, shape) {
+// The way of the pelvis: pale (the sky's colour) at the beginning, full in the end.
+function path(video, answer, shape, sky) {
   const color = rgb(video.color), count = answer.trans.length / 3, out = [];
+  const step = Math.ceil(count / PATH_PIECES);
   const place = (t) => [0, 1, 2].map((i) => answer.trans[3 * t + i] + shape.joints[i]);
-  for (let t = 0; t + 1 < count; t++) {
+  for (let t = 0; t + 1 < count; t += step) {
     const share = 0.25 + (0.75 * t) / count;
-    out.push([place(t), place(t + 1), [...mix([1, 1, 1], color, share), 1]]);
+    out.push([place(t), place(Math.min(t + step, count - 1)), [...mix(sky, color, share), 1]]);
   }
   return out;
 }
 
 // The ground: a line every half metre, fading away from the middle.
-function floor(middle) {
+function floor(middle, ink) {
   const out = [], reach = 4.5, [x0, z0] = [Math.round(middle[0]), Math.round(middle[2])];
   for (let i = -2 * reach; i <= 2 * reach; i++)
-    for (let k = -2 * reach; k < 2 * reach; k++) {
-      const far = Math.hypot(i / 2, (k + 0.5) / 2) / reach;
+    for (let k = -2 * reach; k < 2 * reach; k += 2) {
+      const far = Math.hypot(i / 2, (k + 1) / 2) / reach;
       if (far > 1) continue;
-      const color = [0.55, 0.6, 0.66, (i % 2 ? 0.22 : 0.5) * (1 - far * far)];
-      out.push([[x0 + i / 2, 0, z0 + k / 2], [x0 + i / 2, 0, z0 + (k + 1) / 2], color]);
-      out.push([[x0 + k / 2, 0, z0 + i / 2], [x0 + (k + 1) / 2, 0, z0 + i / 2], color]);
+      const color = [...ink, (i % 2 ? 0.35 : 0.8) * (1 - far * far)];
+      out.push([[x0 + i / 2, 0, z0 + k / 2], [x0 + i / 2, 0, z0 + k / 2 + 1], color]);
+      out.push([[x0 + k / 2, 0, z0 + i / 2], [x0 + k / 2 + 1, 0, z0 + i / 2], color]);
     }
   return out;
 }

@@ -5,6 +5,8 @@ const HELP = [
   ["+ −", "speed"], ["1 … 9", "show or hide a video"], ["i", "result, monocular, or both"],
   ["o", "in one place, or side by side"], ["c", "look through the next camera"],
   ["f, a", "see the performers; see everything"], ["k, s", "keypoints; skeleton over the frames"],
+  ["b, u", "bodies or skeletons; colour by uncertainty"], ["l", "loop: its beginning, its end, none"],
+  ["p", "save the scene as a picture"],
   ["drag, wheel", "turn, zoom; with shift move"], ["esc", "back to the free eye"],
 ];
 
@@ -36,7 +38,10 @@ function makeTools(parent, beside, act) {
   const extras = group(parent, [
     ["cameras", "Cameras with their pictures", () => act.flip("cameras")],
     ["paths", "The way of the pelvis, pale at the start", () => act.flip("paths")],
+    ["skeletons", "Skeletons instead of bodies (b)", () => act.flip("skeletons")],
+    ["uncertainty", "Coloured by the standard deviation of each joint (u)", () => act.flip("uncertainty")],
   ]);
+  extras[3].disabled = !act.page.videos.some((video) => video.sigma);
   const marks = group(beside, [
     ["keypoints", "Detected keypoints over the frames (k)", () => act.mark("detected")],
     ["skeleton", "The motion's skeleton over the frames (s)", () => act.mark("skeleton")],
@@ -44,14 +49,17 @@ function makeTools(parent, beside, act) {
   const eye = group(parent, [
     ["see all", "Performers and cameras (a)", () => act.fit(1)],
     ["closer", "The performers alone (f)", () => act.fit(0)],
+    ["picture", "Save the scene as a picture (p)", () => act.snapshot()],
+    ["link", "Copy a link to this moment", () => act.link()],
     ["keys", "All keys (?)", () => act.help()],
   ]);
   return (state) => {
     shown.forEach((button, i) => press(button, state.answer === answers[i]));
     places.forEach((button, i) => press(button, state.apart === (i === 1)));
     press(extras[0], state.cameras); press(extras[1], state.paths);
+    press(extras[2], state.skeletons); press(extras[3], state.uncertainty);
     press(marks[0], state.marks.detected); press(marks[1], state.marks.skeleton);
-    press(eye[2], state.help);
+    press(eye[4], state.help);
   };
 }
 
@@ -64,6 +72,7 @@ function listenToKeys(act, videos) {
     i: () => act.answer(answers[act.state.answer]), o: () => act.apart(!act.state.apart),
     c: () => act.next(),
     f: () => act.fit(0), a: () => act.fit(1), k: () => act.mark("detected"),
+    b: () => act.flip("skeletons"), u: () => act.flip("uncertainty"), l: () => act.loop(), p: () => act.snapshot(),
     s: () => act.mark("skeleton"), "?": () => act.help(), Escape: () => act.through(-1),
   };
   // After a click with the mouse the keys are the page's again, not the button's.
@@ -71,6 +80,7 @@ function listenToKeys(act, videos) {
   addEventListener("change", () => document.activeElement.blur());
   addEventListener("keydown", (e) => {
     if (e.ctrlKey || e.metaKey || e.altKey || e.target.tagName === "SELECT") return;
+    if (e.key === " " && e.target.matches("button, summary, input[type=checkbox]")) return;
     const digit = Number(e.key);
     if (e.key !== " " && digit >= 1 && digit <= videos) act.toggle(digit - 1);
     else if (keys[e.key]) keys[e.key](e);

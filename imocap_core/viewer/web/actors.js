@@ -1,0 +1,50 @@
+// The bodies of a moment: where every video is, and what is drawn of it.
+
+// Where every video is at a moment: {at, inside, confidence}; null without a place.
+function momentsAt(page, phase) {
+  return page.videos.map((video) => {
+    const now = video.excluded ? null : frameAt(video.phase, phase);
+    return now && { ...now, confidence: video.confidence[Math.round(now.at)] / 255 };
+  });
+}
+
+const SURE_TO_MM = 100; // the last colour of uncertainty
+const SKIN_M = 0.14;
+const BODY_JOINTS = 22; // those that SMPL and SMPL+H share
+
+// A colour for every joint by its standard deviation; fingers have their wrist's. null: unknown.
+function tintsOf(model, video, frame) {
+  if (!video.sigma) return null;
+  const own = (j) => (j < BODY_JOINTS ? j : own(model.parents[j]));
+  return model.parents.map((_, j) => uncertaintyColor(video.sigma[24 * frame + own(j)] / SURE_TO_MM));
+}
+
+// Places that a performer reaches: the joints in some frames, and as far around them as skin is.
+function reachOf(page, i) {
+  const answer = page.videos[i].answers.final, frames = answer.trans.length / 3;
+  const step = Math.max(1, Math.floor(frames / 24)), out = [];
+  for (let t = 0; t < frames; t += step)
+    for (const p of pose(page.model, page.shapes[answer.shape], answer, t).joints)
+      out.push(...[-1, 1].flatMap((s) => [0, 1, 2].map((k) => p.map((x, i) => x + (i === k ? s * SKIN_M : 0)))));
+  return out;
+}
+
+function actorsAt(page, meshes, state, now) {
+  const actors = [];
+  page.videos.forEach((video, i) => {
+    if (!state.on[i] || !now[i] || (state.through >= 0 && state.through !== i)) return;
+    for (const name of ["final", "initial"]) {
+      if (state.answer !== name && state.answer !== "both") continue;
+      const answer = video.answers[name], shape = page.shapes[answer.shape];
+      const plain = state.answer === "both" && name === "initial", ghost = plain || !now[i].inside;
+      const own = rgb(video.color);
+      actors.push({
+        ...pose(page.model, shape, answer, now[i].at), mesh: meshes[answer.shape], video: i,
+        color: plain ? mix(own, [0.45, 0.45, 0.45], 0.75) : own, offset: state.offsets[i],
+        tints: state.uncertainty && name === "final" ? tintsOf(page.model, video, Math.round(now[i].at)) : null,
+        alpha: ghost ? GHOST : state.through >= 0 ? 0.82 : 1,
+      });
+    }
+  });
+  return actors;
+}
