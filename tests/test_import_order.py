@@ -48,7 +48,7 @@ def named_modules() -> list[str]:
         (
             "imocap_core.detect.workers",
             "imocap_core.body",
-            "What runs in a detector's own environment",
+            "What runs in a separate environment",
         ),
     ],
 )
@@ -58,7 +58,8 @@ def test_a_wrong_arrow_is_seen(
     for module in named_modules():
         folder = tmp_path.joinpath(*module.split("."))
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "__init__.py").touch()
+        for package in [folder, *folder.parents][: module.count(".") + 1]:
+            (package / "__init__.py").touch()
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     (tmp_path.joinpath(*importer.split(".")) / "__init__.py").write_text(f"import {imported}\n")
     done = lint(tmp_path)

@@ -1,10 +1,11 @@
-"""World joints of a BVH or GLB file as Blender imports it. Runs where `bpy` is installed.
+"""World joints of a BVH, GLB, FBX or USD file as Blender imports it. Runs where `bpy` is installed.
 
 python tools/blender_joints.py FILE OUT.json --fps 30 --frames 0 10 20 [--up y|z]
 
 OUT.json: {"<armature>": {"<joint>": [[x, y, z], ...]}}, metres, Blender's world (z up), one row per
 frame (from 0); "cameras": {"<name>": {"angle", "across", "location"}} in the first frame, the angle
-of view in radians along the picture's "HORIZONTAL" or "VERTICAL" side.
+of view in radians along the picture's "HORIZONTAL" or "VERTICAL" side; "fps": the scene's frame
+rate after the import.
 """
 
 from __future__ import annotations
@@ -35,6 +36,10 @@ def main() -> int:
             axes = {"axis_forward": "Y", "axis_up": "Z"}
         bpy.ops.import_anim.bvh(filepath=str(given.file), frame_start=0, **axes)
         first = 1  # Blender puts a BVH file's first frame one after `frame_start`
+    elif given.file.suffix == ".fbx":
+        bpy.ops.import_scene.fbx(filepath=str(given.file), anim_offset=0)
+    elif given.file.suffix == ".usd":
+        bpy.ops.wm.usd_import(filepath=str(given.file))
     else:
         bpy.ops.import_scene.gltf(filepath=str(given.file))
     armatures = [o for o in scene.objects if o.type == "ARMATURE"]
@@ -54,6 +59,7 @@ def main() -> int:
         for o in scene.objects
         if o.type == "CAMERA"
     }
+    joints["fps"] = scene.render.fps / scene.render.fps_base
     given.out.write_text(json.dumps(joints))
     return 0
 

@@ -15,14 +15,14 @@ def export_command(
     action: ActionName,
     out: Annotated[Path, typer.Option(help="Folder to write to.")],
     format: Annotated[
-        Literal["npz", "amass", "bvh", "glb", "trc", "csv", "c3d", "mcap"],
+        Literal["npz", "amass", "bvh", "glb", "fbx", "usd", "trc", "csv", "c3d", "mcap"],
         typer.Option(help="File format."),
     ] = "npz",
     up: Annotated[
         Literal["y", "z"] | None,
         typer.Option(
-            help="Align the world with the ground, this axis up (default: y for bvh, glb and trc, "
-            "z for c3d, mcap and amass; npz and csv keep the axes of the reference camera)."
+            help="Align the world with the ground, this axis up (default: y for bvh, glb, fbx, usd "
+            "and trc, z for c3d, mcap and amass; npz and csv keep the reference camera's axes)."
         ),
     ] = None,
     time: Annotated[
@@ -41,7 +41,7 @@ def export_command(
     ] = "ground",
     names: Annotated[
         Literal["smpl", "mixamo", "ue5", "rigify"],
-        typer.Option(help="Joint names and rest pose of bvh and glb."),
+        typer.Option(help="Joint names and rest pose of bvh, glb, fbx and usd."),
     ] = "smpl",
     root_bone: Annotated[
         bool, typer.Option("--root-bone", help="A bone on the floor carries the motion.")
@@ -64,6 +64,7 @@ def export_command(
         options=options,
         root=root_of(context),
         params=sets,
+        announce=console.print,
     )
     for line in [*exported.notes, *map(str, exported.files)]:
         console.print(line)

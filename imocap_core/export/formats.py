@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from imocap_core.detect.environment import Announce
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.export.clips import camera_of, clip_of
+from imocap_core.export.blender.characters import FORMATS as OF_BLENDER
+from imocap_core.export.blender.characters import Target, write_characters
+from imocap_core.export.blender.program import blender_program
+from imocap_core.export.characters import actors_of, as_character
+from imocap_core.export.clips import clip_of
 from imocap_core.export.laboratory import trial_of
 from imocap_core.export.mcap_view import write_mcap
 from imocap_core.export.notes import notes_of, write_notes
@@ -17,18 +22,16 @@ from imocap_core.export.tables import npz_values, write_cameras_and_sync
 from imocap_core.io.writers.amass_npz import write_amass
 from imocap_core.io.writers.bvh import write_bvh
 from imocap_core.io.writers.c3d import write_c3d
-from imocap_core.io.writers.clip_body import Skin, skin_of
 from imocap_core.io.writers.export_npz import write_video
-from imocap_core.io.writers.gltf_scene import Actor, write_glb
+from imocap_core.io.writers.gltf_scene import write_glb
 from imocap_core.io.writers.joints_csv import write_joints_csv
 from imocap_core.io.writers.motion_clip import MotionClip, scaled, upright_rest
-from imocap_core.io.writers.rigs import as_rig, skin_as_rig
-from imocap_core.io.writers.root_bone import with_root_bone
 from imocap_core.io.writers.trc import write_trc
 from imocap_core.result.mean_performance import mean_performance
 from imocap_core.result.result import ActionResult, Time
 from imocap_core.result.start_origin import from_start
 from imocap_core.result.video_body import shaped_body
+from imocap_core.result.y_up import turned_y_up
 from imocap_core.whole_files import draft_folder
 
 DEFAULT_UP = {
@@ -38,8 +41,11 @@ DEFAULT_UP = {
     "c3d": "z",
     "mcap": "z",
     "amass": "z",
+    "fbx": "y",
+    "usd": "y",
 }  # the others keep the reference camera's axes
 
+Y_UP = ("glb", "fbx")
 DEFAULT = ExportOptions()
 CENTIMETRES = 100.0  # a metre
 
@@ -59,6 +65,7 @@ def export(
     up: str | None = None,
     time: Time = "own",
     options: ExportOptions = DEFAULT,
+    announce: Announce = lambda step: None,
 ) -> Exported:
     """Write a result below the folder `out`.
 
@@ -68,12 +75,15 @@ def export(
             the format (`DEFAULT_UP`), or as the result is.
         time: own: as the result is; common: all videos at the moments of one grid.
         options: what of it, where its origin is, as what character.
+        announce: called before a slow step, the installation of Blender for fbx and usd.
 
     WrongUse for what a format cannot hold, WorkFailed when the result lacks something, `out` cannot
     be written, or a file there must not be replaced (`placing`).
     """
     check_format(format, up)
     options.check(format)
+    if format in OF_BLENDER:
+        blender_program(announce)
     up = up or DEFAULT_UP.get(format) or ("y" if options.origin == "start" else None)
     placed = result if up in (None, result.up_axis) else result.levelled(str(up))
     together = (time == "common" or options.mean) and result.time != "common"
@@ -99,10 +109,10 @@ def check_format(format: str, up: str | None) -> None:
     """WrongUse for an unknown format, or one that cannot have this axis up."""
     if format not in WRITERS:
         raise WrongUse(f"--format: expected one of {', '.join(WRITERS)}, got {format}")
-    if format == "glb" and up == "z":
+    if format in Y_UP and up == "z":
         raise WrongUse(
-            "--up z: a GLB file is y up by its specification, and programs of z up (Blender) turn "
-            "it when they read it; leave --up out"
+            f"--up z: a {format} file is y up, and programs of z up (Blender, Unreal) turn it when "
+            f"they read it; leave --up out"
         )
     if format == "amass" and up == "y":
         raise WrongUse(
@@ -154,35 +164,29 @@ def _a_file_each(
 
 
 def _glb(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
-    from imocap_core.figures.style import VIDEO_COLORS
-
-    actors = []
-    for k, video in enumerate(result):
-        shaped = shaped_body(video)
-        colour = linear(VIDEO_COLORS[k % len(VIDEO_COLORS)])
-        clip = clip_of(video, shaped)
-        skin = skin_of_character(skin_of(shaped), clip, options)
-        character = as_character(clip, options, result.up_axis)
-        actors.append(Actor(character, skin, camera_of(video), colour))
     file = out / f"{result.action}.glb"
-    write_glb(file, actors, notes_of(result, "glb"))
+    write_glb(file, actors_of(result, options), notes_of(result, "glb"))
     return [file]
+
+
+def _fbx(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
+    return _by_blender(out, result, options, "fbx")
+
+
+def _usd(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
+    return _by_blender(out, result, options, "usd")
+
+
+def _by_blender(out: Path, result: ActionResult, options: ExportOptions, format: str) -> list[Path]:
+    """One character per file; Blender gets a world with y up, as GLB has."""
+    program = blender_program(lambda step: None)
+    target = Target(format, result.up_axis)
+    notes = notes_of(result, format)
+    return write_characters(program, out, actors_of(turned_y_up(result), options), target, notes)
 
 
 def _mcap(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
     return write_mcap(out, result)
-
-
-def as_character(clip: MotionClip, options: ExportOptions, up: str) -> MotionClip:
-    """A clip with the joints' names, the rest pose and the root bone of a character."""
-    named = as_rig(clip, options.names)
-    return with_root_bone(named, up) if options.root_bone else named
-
-
-def skin_of_character(skin: Skin, clip: MotionClip, options: ExportOptions) -> Skin:
-    """The skin that belongs to `as_character` of a clip."""
-    posed = skin_as_rig(skin, clip, options.names)
-    return replace(posed, joints=posed.joints + 1) if options.root_bone else posed
 
 
 WRITERS: dict[str, Callable[[Path, ActionResult, ExportOptions], list[Path]]] = {
@@ -194,14 +198,9 @@ WRITERS: dict[str, Callable[[Path, ActionResult, ExportOptions], list[Path]]] = 
     "c3d": _c3d,
     "mcap": _mcap,
     "amass": _amass,
+    "fbx": _fbx,
+    "usd": _usd,
 }
-
-
-def linear(hex_srgb: str) -> tuple[float, float, float]:
-    """An sRGB colour (#rrggbb) in linear light, 0 to 1 (IEC 61966-2-1)."""
-    screen = [int(hex_srgb[i : i + 2], 16) / 255 for i in (1, 3, 5)]
-    red, green, blue = (c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in screen)
-    return red, green, blue
 
 
 def _notes(result: ActionResult) -> list[str]:

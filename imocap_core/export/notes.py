@@ -19,6 +19,8 @@ UNITS = {
     "csv": {"length": "metre", "angle": None},
     "c3d": {"length": "millimetre", "angle": "degree (ISB, docs/angles.md)"},
     "angles": {"length": None, "angle": "degree (ISB, docs/angles.md)"},
+    "fbx": {"length": "centimetre", "angle": "degree (Euler, per node)"},
+    "usd": {"length": "metre", "angle": "unit quaternion"},
     "mcap": {"length": "metre", "angle": "unit quaternion x, y, z, w"},
     "amass": {"length": "metre", "angle": "radian (axis-angle)"},
 }

@@ -10,7 +10,7 @@ from imocap_core.io.writers.rigs import RIGS
 
 Origin = Literal["ground", "start"]
 Scale = Literal["m", "cm"]
-CHARACTERS = ("bvh", "glb")
+CHARACTERS = ("bvh", "glb", "fbx", "usd")
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,8 @@ class ExportOptions:
                 raise WrongUse(f"{option}: expected one of {', '.join(allowed)}, got {given}")
         if format not in CHARACTERS and (self.names != "smpl" or self.root_bone):
             raise WrongUse(
-                f"--names and --root-bone are of characters, in bvh and glb; {format} has none"
+                f"--names and --root-bone are of characters, in {', '.join(CHARACTERS)}; {format} "
+                f"has none"
             )
         if self.scale != "m" and format != "bvh":
             raise WrongUse(f"--scale cm: only bvh has no unit of its own; {format} has one")

@@ -38,6 +38,7 @@ def examine(root: str | Path = ".", models: Path | None = None) -> Iterator[Chec
         _python,
         _packages,
         _moving_cameras,
+        _blender,
         lambda: f"pipeline: {workspace.pipeline().file}",
         lambda: _folder(workspace),
         lambda: _actions(workspace),
@@ -69,6 +70,17 @@ def _moving_cameras() -> str:
         return f"paths of moving cameras: pycolmap {metadata.version('pycolmap')}"
     except metadata.PackageNotFoundError:
         return "paths of moving cameras: not installed (pip install 'imocap[moving]')"
+
+
+def _blender() -> str:
+    from imocap_core.export.blender.program import BLENDER, is_installed
+
+    named = os.environ.get(BLENDER.variable)
+    if named:
+        return f"fbx and usd: Blender is {named} ({BLENDER.variable})"
+    if is_installed():
+        return f"fbx and usd: Blender is in {BLENDER.folder}"
+    return f"fbx and usd: Blender is installed by the first such export ({BLENDER.size})"
 
 
 def _folder(workspace: Workspace) -> str:

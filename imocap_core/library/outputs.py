@@ -73,12 +73,15 @@ def export(
     options: ExportOptions | None = None,
     root: str | Path = ".",
     params: Params = None,
+    announce: Callable[[str], None] = lambda step: None,
 ) -> Exported:
     """Write an action's motion, cameras and correspondences; arguments as of `Result.export`.
 
     options: what of it is written, where its origin is, as what character.
 
     params: those that the result was made with, as of `run`.
+
+    announce: called before a slow step: the installation of Blender, for fbx and usd.
     """
     from imocap_core.export.formats import DEFAULT, check_format
     from imocap_core.export.formats import export as write
@@ -86,7 +89,8 @@ def export(
     check_format(format, up)
     chosen = DEFAULT if options is None else options
     chosen.check(format)
-    return write(result_of(action, root, params), format, output_folder(out), up, time, chosen)
+    result = result_of(action, root, params)
+    return write(result, format, output_folder(out), up, time, chosen, announce)
 
 
 @plain_errors

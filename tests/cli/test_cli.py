@@ -33,7 +33,7 @@ Capture = pytest.CaptureFixture[str]
         (["run", "toy", "--set", "magic.x=1"], "--set: magic: unknown group of parameters"),
         (["run", "toy", "--set", "sync.method"], "expected group.name=value"),
         (["run", "toy", "--set", "seed=-1"], "expected a whole number from 0 up, got -1"),
-        (["export", "toy", "--format", "fbx", "--out", "x"], "'fbx'"),
+        (["export", "toy", "--format", "dae", "--out", "x"], "'dae'"),
         (["init", "a/b", "x.mp4"], "invalid action name 'a/b'"),
         (["init", "mine", "x.mp4"], "there is no video x.mp4"),
     ],

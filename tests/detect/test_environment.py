@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -62,10 +63,10 @@ def test_a_named_python_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         python_for(packages(tmp_path, "x"), print)
 
 
-def test_an_unfit_python_says_which_fits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(environment, "VERSIONS", ((9, 9),))
-    with pytest.raises(WorkFailed, match=r"detection needs Python 3\.11 or 3\.12"):
-        python_for(packages(tmp_path, ""), lambda what: None)
+def test_an_unfit_python_says_which_fits(tmp_path: Path) -> None:
+    unfit = replace(environment.DETECTION, versions=((9, 9), (9, 10)))
+    with pytest.raises(WorkFailed, match=r"detection needs Python 9\.9 or 9\.10 beside this 3"):
+        python_for(packages(tmp_path, ""), lambda what: None, unfit)
 
 
 def planted(folder: Path) -> Path:

@@ -1,0 +1,1 @@
+"""Scripts that Blender runs; they import nothing of the project."""
