@@ -137,13 +137,6 @@ def test_a_pickle_in_an_npz_runs_nothing(array: str, tmp_path: Path) -> None:
     assert victim.exists()  # it would have
 
 
-def test_hdf5_is_refused_with_what_to_do(tmp_path: Path) -> None:
-    path = tmp_path / "clip.h5"
-    path.write_bytes(b"\x89HDF\r\n")
-    for kind in ("deeplabcut", "sleap"):
-        assert "export the results as CSV" in refused(path, kind, "coco17")
-
-
 @EACH
 def test_damaged_files_are_read_or_refused_but_never_fail(case: str, tmp_path: Path) -> None:
     """A few bytes changed, wherever."""

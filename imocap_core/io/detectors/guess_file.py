@@ -14,6 +14,8 @@ from imocap_core.io.detectors.mediapipe import PICTURE
 from imocap_core.io.detectors.part_names import best_layout
 from imocap_core.io.detectors.people import read_json
 from imocap_core.io.detectors.sleap import FRAME, nodes
+from imocap_core.io.detectors.sleap_h5 import h5_nodes
+from imocap_core.io.hdf5 import is_hdf5
 from imocap_core.io.npz import array_names, load_arrays
 from imocap_core.io.object_npz import read_object
 
@@ -30,8 +32,10 @@ def guess_file(path: Path) -> Guess:
     suffix = path.suffix.lower()
     if suffix == ".npz":
         return _guess_npz(path)
-    if suffix in (".csv", ".h5", ".hdf5"):
+    if suffix == ".csv":
         return _guess_csv(path)
+    if is_hdf5(path):
+        return _guess_h5(path)
     if suffix == ".json":
         return _guess_json(path)
     return None, None, []
@@ -106,3 +110,10 @@ def _guess_csv(path: Path) -> Guess:
     if FRAME in heading:
         return "sleap", best_layout(nodes(path)), []
     return None, None, []
+
+
+def _guess_h5(path: Path) -> Guess:
+    names = h5_nodes(path)
+    if names is not None:
+        return "sleap", best_layout(names), []
+    return "deeplabcut", best_layout(body_parts(path)), []

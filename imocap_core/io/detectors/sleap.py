@@ -1,4 +1,4 @@
-"""SLEAP: the analysis CSV of one video, one row per person and frame.
+"""SLEAP: the analysis CSV of one video, one row per person and frame, or its analysis .h5.
 
 As SLEAP exports it: ``track``, ``frame_idx``, ``instance.score``, then ``NODE.x``, ``NODE.y`` (and
 ``NODE.score``) of every node of the skeleton, pixels. Nodes are assigned to the points of
@@ -24,6 +24,8 @@ from imocap_core.io.detectors.people import (
     must_have_layout,
     short,
 )
+from imocap_core.io.detectors.sleap_h5 import read_analysis_h5
+from imocap_core.io.hdf5 import is_hdf5
 
 FRAME = "frame_idx"
 
@@ -31,6 +33,8 @@ FRAME = "frame_idx"
 def read_sleap(path: Path, layout: str) -> DetectedPeople:
     """All instances of all frames. ValueError names file, row, expected and got."""
     must_have_layout(LAYOUTS, layout, "a file of named body parts", path)
+    if is_hdf5(path):
+        return read_analysis_h5(path, layout)
     rows = read_csv(path)
     heading, names = rows[0], _nodes(rows[0], path)
     columns = matched_columns(names, layout, f"{path}: nodes")

@@ -1,0 +1,69 @@
+"""HDF5 files by h5py (the optional extra `h5`), their content only.
+
+An HDF5 file can name other files of the machine as its content (external links, external and
+virtual datasets): these are refused. So is what unpacks to too much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Shaped
+
+from imocap_core.io.detectors.people import must_be_file
+from imocap_core.limits import must_be_small_enough, must_unpack_to_little
+
+SUFFIXES = (".h5", ".hdf5")
+MISSING = "is HDF5, which needs h5py: pip install 'imocap[h5]', or export the results as CSV"
+_UNREADABLE = (OSError, RuntimeError, KeyError, TypeError, ValueError, MemoryError, AttributeError)
+
+
+def is_hdf5(path: Path) -> bool:
+    """By the file's name."""
+    return path.suffix.lower() in SUFFIXES
+
+
+@contextmanager
+def open_hdf5(path: Path) -> Iterator[Any]:
+    """The file's root group. ValueError, with the path, for all that goes wrong with the file."""
+    must_be_file(path)
+    must_be_small_enough(path)
+    if find_spec("h5py") is None:
+        raise ValueError(f"{path}: {MISSING}")
+    h5py = import_module("h5py")
+    try:
+        with h5py.File(path, "r") as root:
+            yield root
+    except _UNREADABLE as error:
+        if str(error).startswith(f"{path}: "):
+            raise
+        reason = " ".join(str(error).split())[:200]
+        raise ValueError(f"{path}: is not readable HDF5 ({reason}); export it again") from None
+
+
+def members(group: Any) -> dict[str, Any]:
+    """The datasets and groups that lie in this very group, by name."""
+    hard = import_module("h5py").HardLink
+    return {name: group[name] for name in group if isinstance(group.get(name, getlink=True), hard)}
+
+
+def numbers_of(dataset: Any) -> Shaped[np.ndarray, "..."]:
+    """A dataset's content; ValueError when it lies in other files, or unpacks to too much."""
+    if not hasattr(dataset, "nbytes"):
+        raise ValueError("a group where a dataset was expected")
+    if dataset.is_virtual or dataset.external:
+        raise ValueError("its content is in other files")
+    must_unpack_to_little(int(dataset.nbytes))
+    return np.asarray(dataset[()])
+
+
+def words_of(dataset: Any) -> list[str]:
+    """A dataset of names."""
+    values = numbers_of(dataset).ravel().tolist()
+    return [value.decode("utf-8") if isinstance(value, bytes) else str(value) for value in values]
