@@ -43,6 +43,22 @@ def yxy(R: Float[np.ndarray, "T 3 3"]) -> Angles:
     return np.stack([plane, elevation, rotation], axis=1)
 
 
+def yxy_everywhere(R: Float[np.ndarray, "T 3 3"]) -> Angles:
+    """The same at every elevation: the three angles always give R, though near an elevation of 0
+    or pi plane and axial rotation take from one another and may jump. At these the plane is 0."""
+    elevation = np.arccos(np.clip(R[:, 1, 1], -1, 1))
+    plane = np.where(np.sin(elevation) < 1e-6, 0.0, np.arctan2(-R[:, 0, 1], -R[:, 2, 1]))
+    raised = _about_y(-plane) @ R  # Rx(-e) Ry(r)
+    rotation = np.arctan2(raised[:, 0, 2], raised[:, 0, 0])
+    return np.stack([plane, elevation, rotation], axis=1)
+
+
+def _about_y(angle: Float[np.ndarray, " T"]) -> Float[np.ndarray, "T 3 3"]:
+    sin, cos, zero, one = np.sin(angle), np.cos(angle), np.zeros_like(angle), np.ones_like(angle)
+    rows = [[cos, zero, sin], [zero, one, zero], [-sin, zero, cos]]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
 def continuous(angle: Float[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
     """An angle without jumps of a whole turn, its median within half a turn of 0; NaN stays."""
     out = np.array(angle)

@@ -78,6 +78,19 @@ def anatomical_axes(
     return axes
 
 
+def rest_axes(
+    rest_m: Float[np.ndarray, "24 3"], side: Side
+) -> Mapping[str, Float[np.ndarray, "3 3"]]:
+    """Every segment's axes (columns X forward, Y up, Z to the right, on both sides) at rest.
+
+    The left side's are those of the mirrored body, mirrored back, with Z turned to the right again.
+    """
+    flip = MIRROR if side == "left" else np.eye(3)
+    to_right = np.diag([1.0, 1.0, np.linalg.det(flip)])
+    parts = {**TRUNK, **LIMBS}.items()
+    return {s: flip @ _rest_axes(of, rest_m @ flip, side) @ to_right for s, of in parts}
+
+
 def global_rotations(R_local: Float[np.ndarray, "T 24 3 3"]) -> Float[np.ndarray, "T 24 3 3"]:
     """Rotations of SMPL's joints in the world."""
     R = np.array(R_local)
@@ -97,10 +110,10 @@ def twist_about(
     w = 1 + np.trace(R, axis1=1, axis2=2)  # quaternion times 4 |w|
     v = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], 1)
     angle = 2 * np.arctan2(v @ axis, w)
-    return _about(axis, angle)
+    return turn_about(axis, angle)
 
 
-def _about(
+def turn_about(
     axis: Float[np.ndarray, " 3"], angle: Float[np.ndarray, " T"]
 ) -> Float[np.ndarray, "T 3 3"]:
     """Rotations about a unit vector (Rodrigues)."""

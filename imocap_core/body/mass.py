@@ -13,13 +13,13 @@ from jaxtyping import Float
 from imocap_core.conventions import SMPL_JOINTS
 
 # proximal joint, distal joint, share of the mass, centre from the proximal to the distal joint
-_MIDDLE = (
+MIDDLE_SEGMENTS = (
     ("neck", "head", 0.0694, 1.2),
     ("pelvis", "spine1", 0.1117, 0.3),
     ("spine1", "spine3", 0.1633, 0.5),
     ("spine3", "neck", 0.1596, 0.5),
 )
-_LIMBS = (
+LIMB_SEGMENTS = (
     ("shoulder", "elbow", 0.0271, 0.58),
     ("elbow", "wrist", 0.0162, 0.46),
     ("wrist", "hand", 0.0061, 0.5),
@@ -30,9 +30,11 @@ _LIMBS = (
 
 
 def _joint_shares() -> Float[np.ndarray, "24"]:
-    segments = list(_MIDDLE)
+    segments = list(MIDDLE_SEGMENTS)
     for side in ("left", "right"):
-        segments += [(f"{side}_{a}", f"{side}_{b}", share, where) for a, b, share, where in _LIMBS]
+        segments += [
+            (f"{side}_{a}", f"{side}_{b}", share, where) for a, b, share, where in LIMB_SEGMENTS
+        ]
     shares = np.zeros(len(SMPL_JOINTS))
     for proximal, distal, share, where in segments:
         shares[SMPL_JOINTS.index(proximal)] += share * (1 - where)

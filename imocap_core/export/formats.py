@@ -16,6 +16,7 @@ from imocap_core.export.clips import clip_of
 from imocap_core.export.laboratory import trial_of
 from imocap_core.export.mcap_view import write_mcap
 from imocap_core.export.notes import notes_of, write_notes
+from imocap_core.export.opensim import write_opensim
 from imocap_core.export.options import ExportOptions
 from imocap_core.export.placing import digests_of, place
 from imocap_core.export.tables import npz_values, write_cameras_and_sync
@@ -39,13 +40,20 @@ DEFAULT_UP = {
     "glb": "y",
     "trc": "y",
     "c3d": "z",
+    "opensim": "y",
     "mcap": "z",
     "amass": "z",
     "fbx": "y",
     "usd": "y",
 }  # the others keep the reference camera's axes
 
-Y_UP = ("glb", "fbx")
+TURNED = "is y up, and programs of z up (Blender, Unreal) turn it when they read it"
+ONLY_UP = {  # formats of one axis: which, and why
+    "glb": ("y", f"a glb file {TURNED}"),
+    "fbx": ("y", f"a fbx file {TURNED}"),
+    "opensim": ("y", "OpenSim's ground is y up"),
+    "amass": ("z", "AMASS's files are z up, and their readers turn them"),
+}
 DEFAULT = ExportOptions()
 CENTIMETRES = 100.0  # a metre
 
@@ -109,15 +117,9 @@ def check_format(format: str, up: str | None) -> None:
     """WrongUse for an unknown format, or one that cannot have this axis up."""
     if format not in WRITERS:
         raise WrongUse(f"--format: expected one of {', '.join(WRITERS)}, got {format}")
-    if format in Y_UP and up == "z":
-        raise WrongUse(
-            f"--up z: a {format} file is y up, and programs of z up (Blender, Unreal) turn it when "
-            f"they read it; leave --up out"
-        )
-    if format == "amass" and up == "y":
-        raise WrongUse(
-            "--up y: AMASS's files are z up, and their readers turn them; leave --up out"
-        )
+    only, why = ONLY_UP.get(format, (up, ""))
+    if up not in (None, only):
+        raise WrongUse(f"--up {up}: {why}; leave --up out")
 
 
 def _npz(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
@@ -146,6 +148,10 @@ def _c3d(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
         files.append(out / f"{video.id}.c3d")
         write_c3d(files[-1], trial_of(video, result.up_axis))
     return files
+
+
+def _opensim(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
+    return write_opensim(out, result)
 
 
 def _csv(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
@@ -196,6 +202,7 @@ WRITERS: dict[str, Callable[[Path, ActionResult, ExportOptions], list[Path]]] = 
     "trc": _trc,
     "csv": _csv,
     "c3d": _c3d,
+    "opensim": _opensim,
     "mcap": _mcap,
     "amass": _amass,
     "fbx": _fbx,

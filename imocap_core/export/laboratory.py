@@ -43,13 +43,7 @@ def trial_of(video: VideoResult, up: str) -> C3dTrial:
 
 def surface_points_m(video: VideoResult) -> dict[str, Float[np.ndarray, "T 3"]]:
     """The surface markers of a video's body, metres, world; by name."""
-    model = body_model_of(video, hands=video.hands is not None)
-    vertices = marker_vertices(
-        model.v_template.numpy(),
-        model.weights.numpy(),
-        model.joints_template.numpy(),
-        model.joint_names,
-    )
+    vertices = surface_vertices(video)
     index = list(vertices.values())
     parts = [
         video.vertices(np.arange(first, min(first + CHUNK, len(video))))[:, index]
@@ -57,6 +51,17 @@ def surface_points_m(video: VideoResult) -> dict[str, Float[np.ndarray, "T 3"]]:
     ]
     points = np.concatenate(parts)
     return {name: points[:, k] for k, name in enumerate(vertices)}
+
+
+def surface_vertices(video: VideoResult) -> dict[str, int]:
+    """The vertex of every surface marker; the body with fingers has the same surface."""
+    model = body_model_of(video, hands=False)
+    return marker_vertices(
+        model.v_template.numpy(),
+        model.weights.numpy(),
+        model.joints_template.numpy(),
+        model.joint_names,
+    )
 
 
 def _angle_points(

@@ -17,6 +17,7 @@ UNITS = {
     "glb": {"length": "metre", "angle": "unit quaternion x, y, z, w"},
     "trc": {"length": "millimetre", "angle": None},
     "csv": {"length": "metre", "angle": None},
+    "opensim": {"length": "metre (trc: millimetre)", "angle": "degree (ISB, docs/angles.md)"},
     "c3d": {"length": "millimetre", "angle": "degree (ISB, docs/angles.md)"},
     "angles": {"length": None, "angle": "degree (ISB, docs/angles.md)"},
     "fbx": {"length": "centimetre", "angle": "degree (Euler, per node)"},

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
 
 from imocap_core.io.writers.motion_clip import MotionClip
 
@@ -15,12 +19,21 @@ def write_trc(file: Path, clip: MotionClip) -> None:
 
 
 def trc_text(clip: MotionClip, name: str) -> str:
-    """The content of the file.
+    """The content of the file of a clip's joints."""
+    joints = {joint: 1000 * clip.joints[:, j] for j, joint in enumerate(clip.joint_names)}
+    return markers_text(joints, name, clip.fps, round(float(clip.frames[0])))
 
-    Frames count from 1; OrigDataStartFrame is the first source frame.
+
+def markers_text(
+    markers_mm: Mapping[str, Float[np.ndarray, "T 3"]], name: str, fps: float, start: int
+) -> str:
+    """The content of a file of markers over time, by their names.
+
+    Frames count from 1; OrigDataStartFrame is the first source frame, `start`.
     """
-    count, markers = clip.joints.shape[:2]
-    rate, start = f"{clip.fps:.6g}", round(float(clip.frames[0]))
+    points = np.stack(list(markers_mm.values()), axis=1)
+    count, markers = points.shape[:2]
+    rate = f"{fps:.6g}"
     head = "DataRate CameraRate NumFrames NumMarkers Units OrigDataRate OrigDataStartFrame"
     values = [rate, rate, count, markers, "mm", rate, start, count]
     axes = [f"{axis}{k + 1}" for k in range(markers) for axis in "XYZ"]
@@ -28,11 +41,11 @@ def trc_text(clip: MotionClip, name: str) -> str:
         f"PathFileType\t4\t(X/Y/Z)\t{name}",
         "\t".join([*head.split(), "OrigNumFrames"]),
         "\t".join(map(str, values)),
-        "\t".join(["Frame#", "Time", *("\t\t".join([joint, ""]) for joint in clip.joint_names)]),
+        "\t".join(["Frame#", "Time", *("\t\t".join([marker, ""]) for marker in markers_mm)]),
         "\t".join(["", "", *axes]),
         "",
     ]
-    for t, (time_s, joints) in enumerate(zip(clip.times_s, clip.joints, strict=True)):
-        numbers = (f"{1000 * x:.{DECIMALS}f}" for x in joints.ravel())
-        lines.append("\t".join([str(t + 1), f"{time_s:.6f}", *numbers]))
+    for t, row in enumerate(points):
+        numbers = (f"{x:.{DECIMALS}f}" for x in row.ravel())
+        lines.append("\t".join([str(t + 1), f"{t / fps:.6f}", *numbers]))
     return "\n".join(lines) + "\n"

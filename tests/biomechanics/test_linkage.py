@@ -1,0 +1,72 @@
+"""The linkage: its coordinates are the joint angles, and its segments are where the body's are."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation
+
+from imocap_core.biomechanics.joint_angles import joint_angles_deg
+from imocap_core.biomechanics.linkage import linkage, posed, segment_of_joint
+from imocap_core.biomechanics.linkage_motion import linkage_coordinates, to_ground
+from imocap_core.body import load_free_body
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.result.body import posed_joints
+
+T = 40
+BODY = load_free_body()
+SHAPE = 0.8 * np.random.default_rng(0).normal(size=10)
+REST = posed_joints(BODY, SHAPE, np.zeros((1, 72)), np.zeros((1, 3)))[0]
+LINKS = linkage(REST)
+
+
+def motion() -> tuple[np.ndarray, np.ndarray]:
+    """Rotations and joints of a smooth random motion."""
+    rng = np.random.default_rng(1)
+    vectors = 2.0 * gaussian_filter1d(rng.normal(size=(T, 24, 3)), 3.0, axis=0)
+    trans = rng.normal(size=(T, 3))
+    joints = posed_joints(BODY, SHAPE, vectors.reshape(T, -1), trans)
+    R = Rotation.from_rotvec(vectors.reshape(-1, 3)).as_matrix().reshape(T, 24, 3, 3)
+    return R, joints
+
+
+def test_the_coordinates_are_the_joint_angles() -> None:
+    R, joints = motion()
+    values = linkage_coordinates(LINKS, R, joints, REST)
+    named = {c.name for link in LINKS.values() for c in link.rotations}
+    angles = joint_angles_deg(R, REST)
+    assert set(angles) == named
+    for name, angle in angles.items():
+        away = (np.degrees(values[name]) - angle + 180) % 360 - 180
+        assert np.nanmax(np.abs(away)) < 1e-6, name
+
+
+def test_the_segments_carry_the_joints_where_the_body_has_them() -> None:
+    R, joints = motion()
+    poses = posed(LINKS, linkage_coordinates(LINKS, R, joints, REST))
+    seen = 0
+    for j, joint in enumerate(SMPL_JOINTS):
+        segment = segment_of_joint(joint)
+        if segment is None:
+            assert joint == "spine2"
+            continue
+        axes, origin = poses[segment]
+        place = origin + axes @ LINKS[segment].local_m(REST[j])
+        away_mm = 1000 * np.linalg.norm(place - to_ground(joints[:, j]), axis=1)
+        # the hand's third angle, which is no coordinate, moves its end by little
+        assert away_mm.max() < (20 if joint.endswith("hand") else 1e-3), joint
+        seen += 1
+    assert seen == 23
+
+
+def test_at_zero_the_body_stands_with_its_arms_at_its_sides() -> None:
+    names = [c.name for link in LINKS.values() for c in link.rotations]
+    names += [name for link in LINKS.values() for name in link.translations]
+    poses = posed(LINKS, {name: np.zeros(1) for name in names})
+    for side, sign in (("left", -1), ("right", 1)):
+        hand, shoulder = poses[f"{side}_hand"][1][0], poses[f"{side}_humerus"][1][0]
+        thigh, foot = poses[f"{side}_thigh"][1][0], poses[f"{side}_foot"][1][0]
+        assert shoulder[1] - hand[1] > 0.4
+        assert np.hypot(*(shoulder - hand)[[0, 2]]) < 0.01
+        assert thigh[1] - foot[1] > 0.7
+        assert sign * thigh[2] > 0.05
