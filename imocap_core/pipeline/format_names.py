@@ -14,6 +14,7 @@ DetectionFormat = Literal[
     "npz",
     "deeplabcut",
     "sleap",
+    "sam3d_body",
 ]
 Layout = Literal[
     "body25",
@@ -38,6 +39,10 @@ InitialFormat = Literal[
     "vibe",
     "hmmr",
     "tram",
+    "tokenhmr",
+    "nlf",
+    "multihmr",
     "sam3d_body",
+    "metrabs",
     "mediapipe_world",
 ]

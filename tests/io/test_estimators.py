@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.conventions import SMPL_JOINTS, SMPLH_JOINTS
 from imocap_core.io.estimators.by_name import JOINTS, ROTATIONS
 from imocap_core.io.estimators.estimates import PerformerBoxes
-from imocap_core.io.estimators.sam3d_body import INDICES
+from imocap_core.io.estimators.sam3d_body import SMPL_POINTS
+from imocap_core.io.sam3d_files import NAMES
 from tests.io import made_estimates as made
 
 WRITERS: dict[str, Callable[..., Path]] = {
@@ -29,7 +30,11 @@ WRITERS: dict[str, Callable[..., Path]] = {
     "gem": made.write_gem,
     "prompthmr": made.write_prompthmr,
     "tram": made.write_tram,
+    "tokenhmr": made.write_phalp,
+    "nlf": made.write_nlf,
+    "multihmr": made.write_multihmr,
     "sam3d_body": made.write_sam3d_body,
+    "metrabs": made.write_metrabs,
     "mediapipe_world": made.write_mediapipe,
 }
 # What a reader uses, and a value of the wrong length and of the wrong kind for it.
@@ -42,15 +47,27 @@ FIELDS = {
     "gem": ("body_pose", torch.zeros(made.FRAMES, 228), 7),
     "prompthmr": ("bboxes", np.zeros((made.FRAMES, 3)), "text"),
     "tram": ("pred_rotmat", torch.zeros(made.FRAMES, 24, 9), ["a"]),
+    "tokenhmr": ("smpl", [{}], [[], []]),
+    "nlf": ("pose", [torch.zeros(2, 71)] * 2, 7),
+    "multihmr": ("rotvec", torch.zeros(52, 3), "text"),
+    "metrabs": ("poses3d", np.zeros((2, 17, 3)), "text"),
     "sam3d_body": ("pred_keypoints_3d", [[0.0, 0.0, 0.0]] * 69, "text"),
     "mediapipe_world": ("pose_world_landmarks", [[{"x": 0.0}] * 32], [7]),
 }
 ALL = pytest.mark.parametrize("kind", WRITERS)
 PLACED = pytest.mark.parametrize(
-    "kind", ["hmr2", "wham", "vibe", "prompthmr", "tram", "sam3d_body", "mediapipe_world"]
+    "kind",
+    [
+        *("hmr2", "wham", "vibe", "prompthmr", "tram", "nlf", "multihmr"),
+        *("metrabs", "sam3d_body", "mediapipe_world"),
+    ],
 )
 PICKLED = pytest.mark.parametrize(
-    "kind", ["hmr2", "wham", "vibe", "hmmr", "gvhmr", "gem", "prompthmr", "tram"]
+    "kind",
+    [
+        *("hmr2", "wham", "vibe", "hmmr", "gvhmr", "gem", "prompthmr", "tram"),
+        *("nlf", "multihmr", "metrabs"),
+    ],
 )
 
 
@@ -67,11 +84,13 @@ def read(kind: str, path: Path, what: PerformerBoxes | None = None) -> Any:
 
 def expected(kind: str, who: made.Truth = made.PERFORMER) -> np.ndarray:
     if kind == "sam3d_body":
-        return made.joints_of(who)[1:-1][:, list(INDICES)]
+        return made.joints_of(who)[1:-1]
+    if kind == "metrabs":
+        return made.joints_of(who, 24)[1:-1]
     if kind == "mediapipe_world":
         return made.joints_of(who, 33)[1:-1]
     R = who.R[1:-1].copy()
-    if kind in ("gvhmr", "gem", "prompthmr"):  # without SMPL's hands
+    if kind in ("gvhmr", "gem", "prompthmr", "multihmr"):  # without SMPL's hands
         R[:, 22:] = np.eye(3)
     return R
 
@@ -150,7 +169,7 @@ def test_a_field_of_wrong_length_or_kind_is_named(kind: str, which: int, tmp_pat
     message = refused(kind, path)
     assert "expected" in message
     assert "got" in message
-    assert name in message or kind in ("hmr2", "mediapipe_world")
+    assert name in message or kind in ("hmr2", "tokenhmr", "mediapipe_world")
 
 
 @ALL
@@ -241,6 +260,40 @@ def test_tracks_of_tram_without_places_are_chosen_by_length(tmp_path: Path) -> N
     np.testing.assert_allclose(read("tram", path / "hps_track_1.npy"), expected("tram"), atol=1e-5)
 
 
-def test_joints_are_called_as_smpl_does() -> None:
-    assert set(INDICES.values()) <= set(SMPL_JOINTS)
-    assert len(INDICES) == 13
+def test_sam_3d_bodys_points_are_called_as_here() -> None:
+    """Thirteen are SMPL's joints, the others SMPL+H's fingers or points of their own."""
+    assert len(set(NAMES)) == 70
+    assert [NAMES[k] for k in SMPL_POINTS] == [
+        *("left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_hip", "right_hip"),
+        *("left_knee", "right_knee", "left_ankle", "right_ankle"),
+        *("right_wrist", "left_wrist", "neck"),
+    ]
+    fingers = set(SMPLH_JOINTS) - set(SMPL_JOINTS)
+    assert fingers <= set(NAMES)
+    # MHR's order: a finger's tip first, its knuckle at the palm last
+    assert NAMES[25:29] == ("right_index_tip", "right_index3", "right_index2", "right_index1")
+    assert (NAMES[15], NAMES[20], NAMES[21], NAMES[42]) == (
+        *("left_big_toe", "right_heel", "right_thumb_tip", "left_thumb_tip"),
+    )
+
+
+def test_a_frame_without_anybody_is_nan(tmp_path: Path) -> None:
+    path = made.write_metrabs(tmp_path)
+    content = pickle.loads(path.read_bytes())
+    content[2] = {"poses3d": np.zeros((0, 24, 3)), "boxes": np.zeros((0, 5))}
+    path.write_bytes(pickle.dumps(content))
+    assert np.isnan(read("metrabs", path)[1]).all()
+    assert np.isfinite(read("metrabs", path)[[0, 2, 3]]).all()
+    path = made.write_nlf(tmp_path)
+    content = torch.load(path)
+    content[1] |= {"pose": [torch.zeros(0, 72)] * 2, "boxes": [torch.zeros(0, 5)] * 2}
+    torch.save(content, path)
+    assert np.isnan(read("nlf", path)[[1, 2]]).all()
+
+
+def test_nlf_with_the_body_smplx_gives_its_first_22_joints(tmp_path: Path) -> None:
+    theta = np.pad(made.PERFORMER.theta[:2, None, :66], ((0, 0), (0, 0), (0, 99)), mode="mean")
+    path = made.write_nlf(tmp_path, (made.PERFORMER,), pose=list(torch.as_tensor(theta)))
+    R = read("nlf", path)
+    np.testing.assert_allclose(R[0, :22], made.PERFORMER.R[1, :22], atol=1e-5)
+    np.testing.assert_allclose(R[:, 22:], np.broadcast_to(np.eye(3), (4, 2, 3, 3)))

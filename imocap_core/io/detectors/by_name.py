@@ -15,6 +15,8 @@ from imocap_core.io.detectors.mediapipe import read_mediapipe
 from imocap_core.io.detectors.mmpose import read_mmpose
 from imocap_core.io.detectors.openpose import read_openpose
 from imocap_core.io.detectors.people import DetectedPeople
+from imocap_core.io.detectors.sam3d_body import LAYOUT as SAM3D_LAYOUT
+from imocap_core.io.detectors.sam3d_body import read_sam3d_keypoints
 from imocap_core.io.detectors.sleap import read_sleap
 
 READERS: dict[str, Callable[[Path, str], DetectedPeople]] = {
@@ -25,6 +27,7 @@ READERS: dict[str, Callable[[Path, str], DetectedPeople]] = {
     "npz": read_keypoints_npz,
     "deeplabcut": read_deeplabcut,
     "sleap": read_sleap,
+    "sam3d_body": read_sam3d_keypoints,
 }
 # Layouts whose files may have any form: RTMLib and others write OpenPose's JSON, COCO's results
 # or npz.
@@ -37,6 +40,8 @@ def format_and_layout(path: Path, kind: str | None, layout: str | None) -> tuple
     be."""
     if kind in ANY_FILE:
         layout, kind = layout or ANY_FILE[kind], None
+    if kind == "sam3d_body":  # of any file's kind, pickles too
+        layout = layout or SAM3D_LAYOUT
     if kind is not None and layout is not None:
         return kind, layout
     guessed_kind, guessed_layout = guess_detections(path, layout=layout)

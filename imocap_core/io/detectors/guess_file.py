@@ -13,6 +13,8 @@ from imocap_core.io.detectors.deeplabcut import body_parts, read_csv
 from imocap_core.io.detectors.mediapipe import PICTURE
 from imocap_core.io.detectors.part_names import best_layout
 from imocap_core.io.detectors.people import read_json
+from imocap_core.io.detectors.sam3d_body import LAYOUT as SAM3D_LAYOUT
+from imocap_core.io.detectors.sam3d_body import is_sam3d
 from imocap_core.io.detectors.sleap import FRAME, nodes
 from imocap_core.io.detectors.sleap_h5 import h5_nodes
 from imocap_core.io.hdf5 import is_hdf5
@@ -53,6 +55,8 @@ def _guess_json(path: Path) -> Guess:
     if isinstance(content, dict):
         listed = content.get("frames", content.get("annotations"))
     first = next((e for e in listed if isinstance(e, dict)), {}) if isinstance(listed, list) else {}
+    if is_sam3d(listed):
+        return "sam3d_body", SAM3D_LAYOUT, []
     if "image_id" in first:
         alphapose = "box" in first or "idx" in first or isinstance(first["image_id"], str)
         layout = "wholebody133" if "foot_kpts" in first else None

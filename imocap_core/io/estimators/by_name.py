@@ -13,6 +13,9 @@ from imocap_core.io.estimators.estimates import PerformerBoxes
 from imocap_core.io.estimators.gvhmr import read_gem, read_gvhmr
 from imocap_core.io.estimators.hmmr import read_hmmr
 from imocap_core.io.estimators.joints_npz import JointsEstimate, read_joints_npz
+from imocap_core.io.estimators.metrabs import read_metrabs
+from imocap_core.io.estimators.multihmr import read_multihmr
+from imocap_core.io.estimators.nlf import read_nlf
 from imocap_core.io.estimators.phalp import read_phalp
 from imocap_core.io.estimators.prompthmr import read_prompthmr
 from imocap_core.io.estimators.sam3d_body import read_sam3d_body
@@ -28,6 +31,7 @@ def _joints_npz(path: Path, performer: PerformerBoxes) -> JointsEstimate:
 # Joint rotations in camera axes, NaN where there is no estimate.
 ROTATIONS: dict[str, Callable[[Path, PerformerBoxes], Float[np.ndarray, "T 24 3 3"]]] = {
     "hmr2": read_phalp,
+    "tokenhmr": read_phalp,
     "wham": read_wham,
     "gvhmr": read_gvhmr,
     "gem": read_gem,
@@ -35,10 +39,13 @@ ROTATIONS: dict[str, Callable[[Path, PerformerBoxes], Float[np.ndarray, "T 24 3 
     "vibe": read_vibe,
     "hmmr": read_hmmr,
     "tram": read_tram,
+    "nlf": read_nlf,
+    "multihmr": read_multihmr,
 }
 # Joints (T, J, 3) metres in camera axes.
 JOINTS: dict[str, Callable[[Path, PerformerBoxes], JointsEstimate]] = {
     "joints_npz": _joints_npz,
     "sam3d_body": read_sam3d_body,
+    "metrabs": read_metrabs,
     "mediapipe_world": read_mediapipe_world,
 }
