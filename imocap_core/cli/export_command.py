@@ -48,12 +48,22 @@ def export_command(
         bool, typer.Option("--root-bone", help="A bone on the floor carries the motion.")
     ] = False,
     scale: Annotated[Literal["m", "cm"], typer.Option(help="Unit of lengths of bvh.")] = "m",
+    lock_feet: Annotated[
+        bool,
+        typer.Option("--lock-feet", help="Feet in contact with the ground stay where they stand."),
+    ] = False,
+    loop: Annotated[
+        Literal["continue", "in-place"] | None,
+        typer.Option(help="With --mean: the end blends into the start, which goes on or returns."),
+    ] = None,
     sets: ResultSets = [],  # noqa: B006
 ) -> None:
     """Write motion, cameras and sync for other programs."""
     from imocap_core.library.outputs import ExportOptions, export
 
-    options = ExportOptions(tuple(video or ()), mean, origin, names, root_bone, scale)
+    options = ExportOptions(
+        tuple(video or ()), mean, origin, names, root_bone, scale, lock_feet, loop
+    )
 
     console = speaker(markup=False)
     exported = export(

@@ -12,6 +12,7 @@ from imocap_core.export.blender.characters import FORMATS as OF_BLENDER
 from imocap_core.export.blender.characters import Target, write_characters
 from imocap_core.export.blender.program import blender_program
 from imocap_core.export.characters import actors_of, as_character
+from imocap_core.export.cleaning import cleaned, foot_lock_notes
 from imocap_core.export.clips import clip_of
 from imocap_core.export.laboratory import trial_of
 from imocap_core.export.mcap_view import write_mcap
@@ -92,7 +93,7 @@ def export(
     options.check(format)
     if format in OF_BLENDER:
         blender_program(announce)
-    up = up or DEFAULT_UP.get(format) or ("y" if options.origin == "start" else None)
+    up = up or DEFAULT_UP.get(format) or ("y" if options.levelled else None)
     placed = result if up in (None, result.up_axis) else result.levelled(str(up))
     together = (time == "common" or options.mean) and result.time != "common"
     written = placed.on_common_time() if together else placed
@@ -100,17 +101,19 @@ def export(
     if options.origin == "start":
         first = written.videos[0]
         placed, written = from_start(placed, first), from_start(written, first)
+    written, locks = cleaned(written, options)
     try:
         with draft_folder(out, "export") as folder:
             files = WRITERS[format](folder, written, options)
             files += write_cameras_and_sync(folder, placed)
             notes = notes_of(written, format) | {"files": digests_of(files)}
             notes |= {"options": asdict(options)} if options != DEFAULT else {}
+            notes |= {"foot_lock": {v: asdict(lock) for v, lock in locks.items()}} if locks else {}
             files.append(write_notes(folder, notes))
             files = place(files, out, files[-1].name)
     except OSError as error:
         raise WorkFailed(f"cannot write to {out}: {error.strerror}") from None
-    return Exported(files, _notes(written))
+    return Exported(files, [*_notes(written), *foot_lock_notes(locks)])
 
 
 def check_format(format: str, up: str | None) -> None:

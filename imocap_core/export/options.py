@@ -10,6 +10,7 @@ from imocap_core.io.writers.rigs import RIGS
 
 Origin = Literal["ground", "start"]
 Scale = Literal["m", "cm"]
+Loop = Literal["continue", "in-place"]
 CHARACTERS = ("bvh", "glb", "fbx", "usd")
 
 
@@ -21,7 +22,9 @@ class ExportOptions:
     clip on the common timeline. origin: ground: under the mean place of the bodies; start: under
     the first body's first pose, which faces forward. names: of the joints, with the rest pose of
     that rig: smpl, mixamo, ue5 or rigify. root_bone: a bone on the floor carries the motion. scale:
-    unit of lengths, m or cm.
+    unit of lengths, m or cm. lock_feet: feet in contact with the ground stay where they stand.
+    loop: of the mean: continue: its end blends into its start, which goes on from where the body
+    has come to; in-place: it ends where it began.
     """
 
     videos: tuple[str, ...] = ()
@@ -30,6 +33,13 @@ class ExportOptions:
     names: str = "smpl"
     root_bone: bool = False
     scale: str = "m"
+    lock_feet: bool = False
+    loop: str | None = None
+
+    @property
+    def levelled(self) -> bool:
+        """Whether it takes a world that stands on its ground."""
+        return self.origin == "start" or self.loop is not None
 
     def check(self, format: str) -> None:
         """WrongUse for values that are none, and for what a format cannot hold."""
@@ -37,9 +47,12 @@ class ExportOptions:
             ("--origin", self.origin, get_args(Origin)),
             ("--names", self.names, ("smpl", *RIGS)),
             ("--scale", self.scale, get_args(Scale)),
+            ("--loop", self.loop, (None, *get_args(Loop))),
         ):
             if given not in allowed:
-                raise WrongUse(f"{option}: expected one of {', '.join(allowed)}, got {given}")
+                raise WrongUse(
+                    f"{option}: expected one of {', '.join(filter(None, allowed))}, got {given}"
+                )
         if format not in CHARACTERS and (self.names != "smpl" or self.root_bone):
             raise WrongUse(
                 f"--names and --root-bone are of characters, in {', '.join(CHARACTERS)}; {format} "
@@ -49,3 +62,5 @@ class ExportOptions:
             raise WrongUse(f"--scale cm: only bvh has no unit of its own; {format} has one")
         if self.mean and self.videos:
             raise WrongUse("--mean is of all performances; leave --video out")
+        if self.loop is not None and not self.mean:
+            raise WrongUse("--loop is of the mean performance; add --mean")

@@ -77,12 +77,47 @@ def test_the_mean_as_a_skinned_mesh(small_run: SmallRun, tmp_path: Path) -> None
     assert b'"mean_body"' in data
 
 
+@pytest.mark.parametrize("up", ["y", "z"])
+@pytest.mark.parametrize("loop", ["continue", "in-place"])
+def test_a_loop_with_locked_feet_is_a_loop(
+    small_run: SmallRun, tmp_path: Path, up: str, loop: str
+) -> None:
+    options = imocap.ExportOptions(mean=True, lock_feet=True, loop=loop)
+    small_run.result.export("npz", tmp_path, up=up, options=options)
+    with np.load(tmp_path / "mean.npz") as data:
+        joints, poses = data["joints"], data["poses"]
+    bones = [np.linalg.norm(joints[t] - joints[t, 3], axis=-1) for t in (0, -1)]
+    np.testing.assert_allclose(*bones, atol=1e-6)
+    height = "xyz".index(up)
+    np.testing.assert_allclose(joints[0, :, height], joints[-1, :, height], atol=1e-6)
+    if loop == "in-place":
+        np.testing.assert_allclose(joints[0], joints[-1], atol=1e-6)
+    notes = json.loads((tmp_path / "export_npz.json").read_text())
+    lock = notes["foot_lock"]["mean"]
+    assert lock["slides_mm"] <= min(1e-3, lock["slid_mm"]) or lock["short"] > 0
+    assert len(poses) == notes["videos"]["mean"]["frames"]
+
+
+def test_locked_feet_are_said(
+    small_run: SmallRun,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("sys.argv", ["imocap"])
+    words = ["--out", str(tmp_path), "--root", str(small_run.root), "--video", "v1", "--lock-feet"]
+    assert main(["export", "serve", "--format", "npz", *words]) == 0
+    message = capsys.readouterr().out.replace("\n", " ")
+    assert "v1: feet in contact (" in message or "v1: no foot stands" in message
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
         (["--format", "csv", "--names", "mixamo"], "csv has none"),
         (["--format", "glb", "--scale", "cm"], "only bvh has no unit of its own"),
         (["--mean", "--video", "v1"], "leave --video out"),
+        (["--loop", "in-place"], "--loop is of the mean performance; add --mean"),
         (["--video", "v9"], "has no video 'v9'; there are: v1, v2"),
     ],
 )

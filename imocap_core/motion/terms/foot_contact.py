@@ -87,6 +87,13 @@ def foot_contact_share(
     ``speed_m_s`` counts a quarter.
     """
     step = _steps(body.positions(body.feet, state).xyz, state.valid)
+    return contact_share(step, fps, speed_m_s=speed_m_s)
+
+
+def contact_share(
+    step: Float[Tensor, "B steps F 3"], fps: float, *, speed_m_s: float
+) -> Float[Tensor, "B steps F"]:
+    """The same from the points' movements from each frame to the next, metres."""
     half = max(1, round(CONTACT_WINDOW_S * fps / 2))
     mean = running_mean(step.flatten(2).mT, half).mT.unflatten(-1, (-1, 3))
     speed = fps * mean.norm(dim=-1)
