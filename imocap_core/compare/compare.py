@@ -97,7 +97,8 @@ class TechniquePair:
 
     phase_s (N,): the moments of the first that the second shows too. index (N,): these among all
     moments of the first. joints: both means (N, J, 3) there, metres from the pelvis, facing one
-    way, on the first's body. second_s (N,): the second's own phase there.
+    way, on the first's body; rotations: theirs, against the parents. second_s (N,): the second's
+    own phase there.
     """
 
     first: Technique
@@ -106,6 +107,7 @@ class TechniquePair:
     index: Int[np.ndarray, " N"]
     joints: tuple[Float[np.ndarray, "N J 3"], Float[np.ndarray, "N J 3"]]
     second_s: Float[np.ndarray, " N"]
+    rotations: tuple[Float[np.ndarray, "N J 3 3"], Float[np.ndarray, "N J 3 3"]]
     difference: Difference
 
 
@@ -185,6 +187,7 @@ def _difference(
         index=index,
         joints=(ours, turned.joints[0]),
         second_s=values_at(second.instances.phase_s, frame),
+        rotations=(first.mean.R_local[index], turned.R_local[0]),
         difference=difference(
             first.mean.R_local[index],
             turned.R_local[0],

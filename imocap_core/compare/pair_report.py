@@ -8,7 +8,9 @@ import numpy as np
 
 from imocap_core.compare import figures, text
 from imocap_core.compare.compare import TechniquePair
+from imocap_core.compare.page import pair_page
 from imocap_core.compare.report import make_folder
+from imocap_core.compare.words import in_words, pair_findings
 from imocap_core.figures.style import quiet, save
 from imocap_core.technique.mean_motion import over_moments
 
@@ -41,7 +43,9 @@ def write_pair(out: Path, pair: TechniquePair) -> list[Path]:
         },
     )  # fmt: skip
     (out / "report.md").write_text(_pair_report(pair), encoding="utf-8")
-    return [out / name for name in ("report.md", "joints.csv", "motions.png", "difference.png")]
+    (out / "report.html").write_text(pair_page(pair), encoding="utf-8")
+    names_ = ("report.md", "report.html", "joints.csv", "motions.png", "difference.png")
+    return [out / name for name in names_]
 
 
 def _pair_report(pair: TechniquePair) -> str:
@@ -60,6 +64,7 @@ def _pair_report(pair: TechniquePair) -> str:
             f"phases "
             f"{pair.second_s[0]:.2f} to {pair.second_s[-1]:.2f} s. One body, facing one way.",
             "",
+            *in_words(pair_findings(pair)),
             *text.table(
                 ["joint", "rotation (deg)", "position (mm)", "times the spread"],
                 [

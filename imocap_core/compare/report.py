@@ -12,6 +12,8 @@ from matplotlib.figure import Figure
 from imocap_core.body.model import Shaped
 from imocap_core.compare import figures, text
 from imocap_core.compare.compare import Technique
+from imocap_core.compare.page import technique_page
+from imocap_core.compare.words import in_words, technique_findings
 from imocap_core.errors import WorkFailed
 from imocap_core.figures.style import quiet, save
 from imocap_core.io.writers.bvh import write_bvh
@@ -56,7 +58,8 @@ def write_technique(out: Path, t: Technique) -> list[Path]:
     )
     write_bvh(out / "mean.bvh", mean_clip(t))
     (out / "report.md").write_text(_report(t, list(pictures)), encoding="utf-8")
-    names_ = ["report.md", "joints.csv", "performances.csv", "mean.bvh", *pictures]
+    (out / "report.html").write_text(technique_page(t), encoding="utf-8")
+    names_ = ["report.md", "report.html", "joints.csv", "performances.csv", "mean.bvh", *pictures]
     return [out / name for name in names_]
 
 
@@ -143,6 +146,7 @@ def _report(t: Technique, pictures: list[str]) -> str:
             "",
             *text.moment_sentences(each.phase_s, t.spread_mm, names, "mm"),
             "",
+            *in_words(technique_findings(t)),
         ]
     titles = {"mean": "Mean motion", "deviation": "Deviation", "modes": "Modes", "timing": "Timing"}
     for picture in pictures:

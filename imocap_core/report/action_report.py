@@ -21,7 +21,7 @@ from imocap_core.verdict.verdict_file import FILE, read_verdict
 from imocap_core.whole_files import is_whole_page
 
 MADE_BY = ("report/page_figures.py", "report/page.py", "verdict/action_verdict.py")
-BESIDE = ("viewer.html", "compare/report.md", "observability.md")
+BESIDE = ("viewer.html", "compare/report.html", "compare/report.md", "observability.md")
 NEEDED = {
     "keypoints": "Keypoints",
     "camera_motion": "CameraMotion",

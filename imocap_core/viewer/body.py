@@ -12,7 +12,7 @@ import torch
 from jaxtyping import Float, Int
 
 from imocap_core.artifacts.schemas import VideoMotion
-from imocap_core.body import Model
+from imocap_core.body import Model, Shaped
 from imocap_core.body.conversions import pose_from_rotations, rotations_from_pose, smplh_from_smpl
 from imocap_core.camera.world import BodyMotion, Extrinsics, to_world
 from imocap_core.conventions import SMPL_JOINTS
@@ -99,11 +99,8 @@ def shades(model: Model) -> Int[np.ndarray, " V"]:
     return np.round(255 * total / np.maximum(count, 1)).astype(np.int64)
 
 
-def shape_entry(
-    block: Block, model: Model, betas: Float[np.ndarray, " B"]
-) -> dict[str, Entry | float]:
+def shape_entry(block: Block, shaped: Shaped) -> dict[str, Entry | float]:
     """The rest surface and rest joints of one shape."""
-    shaped = model.shape(torch.as_tensor(betas))
     rest, scale = quantised(shaped.vertices_rest.numpy())
     return {
         "rest": block.add(rest, "i2"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+from collections.abc import Sequence
 from importlib import resources
 from string import Template
 from typing import Any
@@ -32,6 +33,7 @@ SCRIPTS = (
     "address.js",
     "snapshot.js",
     "tools.js",
+    "transport.js",
     "chooser.js",
     "actions.js",
     "main.js",
@@ -41,26 +43,39 @@ SCRIPTS = (
 
 def page(header: dict[str, Any], block: Block, stamp: str) -> str:
     """The whole page; `stamp` says what it was made from."""
+    return filled(header, block, stamp, source("page.html"), source("style.css"), program())
+
+
+def filled(
+    header: dict[str, Any], block: Block, stamp: str, document: str, style: str, script: str
+) -> str:
+    """A document with its data, style and script in their places; its title is the header's."""
     text = json.dumps(header, allow_nan=False, separators=(",", ":"))
-    return Template(_source("page.html")).substitute(
+    return Template(document).substitute(
         title=html.escape(f"{header['title']} · imocap"),
         stamp=html.escape(stamp, quote=True),
-        style=_source("style.css"),
+        style=style,
         header=text.replace("<", "\\u003c"),  # no name may end the element
         blob=block.base64(),
-        script=program(),
+        script=script,
     )
 
 
 def program() -> str:
     """The page's JavaScript, all files in one."""
-    return "\n".join(f"// --- {name}\n{_source(name)}" for name in SCRIPTS)
+    return joined(SCRIPTS)
+
+
+def joined(names: Sequence[str]) -> str:
+    """Files of JavaScript, one after another."""
+    return "\n".join(f"// --- {name}\n{source(name)}" for name in names)
 
 
 def sources() -> str:
     """Everything that the page is made of apart from its data: for its stamp."""
-    return _source("page.html") + _source("style.css") + program()
+    return source("page.html") + source("style.css") + program()
 
 
-def _source(name: str) -> str:
+def source(name: str) -> str:
+    """A file of the page's program."""
     return (resources.files("imocap_core.viewer") / "web" / name).read_text(encoding="utf-8")

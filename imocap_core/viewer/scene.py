@@ -7,6 +7,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
+import torch
 from jaxtyping import Float
 
 from imocap_core.artifacts.schemas import (
@@ -60,7 +61,8 @@ class _Shapes:
         """The index of the surface of these coefficients among the entries."""
         if betas.tobytes() not in self._index:
             self._index[betas.tobytes()] = len(self.entries)
-            self.entries.append(shape_entry(self._block, self._model, betas))
+            shaped = self._model.shape(torch.as_tensor(betas))
+            self.entries.append(shape_entry(self._block, shaped))
         return self._index[betas.tobytes()]
 
 

@@ -15,6 +15,7 @@ from imocap_core.compare.compare import describe, pair_of, pair_on_one_axis
 from imocap_core.compare.pair_report import write_pair
 from imocap_core.compare.report import mean_clip, write_technique
 from imocap_core.compare.sources import compared_moments, performances_of, performers_of, several
+from imocap_core.compare.words import largest, pair_findings
 from imocap_core.errors import WorkFailed
 from imocap_core.params import SyncParams
 from tests.pipeline.made_result import PHASES, Made, keypoints, made_result, refined
@@ -61,22 +62,23 @@ def test_a_performer_who_lifts_the_arm_more(made: Made) -> None:
 
 
 def test_what_is_written(made: Made) -> None:
-    made.publish("refine_sync", swung(refined(PHASES), 10.0))
+    made.publish("refine_sync", swung(refined(PHASES), 20.0))
     found = describe(performances_of(made.result()))
     files = write_technique(made.out, found)
     assert [f.name for f in files] == [
-        *("report.md", "joints.csv", "performances.csv", "mean.bvh"),
+        *("report.md", "report.html", "joints.csv", "performances.csv", "mean.bvh"),
         *("mean.png", "deviation.png", "modes.png", "timing.png"),
     ]
     assert all(f.stat().st_size > 50 for f in files)
     report = files[0].read_text()
     assert "2 performances (a, b), 28 moments" in report
-    assert set(re.findall(r"\((\w+\.png)\)", report)) == {f.name for f in files[4:]}
-    with files[1].open(newline="") as stream:
+    assert set(re.findall(r"\((\w+\.png)\)", report)) == {f.name for f in files[5:]}
+    with files[2].open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == 28 * 22
     shoulder = [float(r["spread_deg"]) for r in rows if r["joint"] == "left_shoulder"]
-    np.testing.assert_allclose(shoulder, 10 / np.sqrt(2), atol=0.3)
+    np.testing.assert_allclose(shoulder, 20 / np.sqrt(2), atol=0.3)
+    assert "b's left arm is raised 10° higher than the mean's at" in report
     take = mean_clip(found)
     assert take.joints[..., 1].min() == pytest.approx(0.0, abs=0.02)
     head = take.joints[:, 15] - take.joints[:, 0]
@@ -104,6 +106,10 @@ def test_two_actions_on_one_axis(made: Made, tmp_path: Path) -> None:
     files = write_pair(made.out, pair)
     assert "# Technique: walk and walk" in files[0].read_text()
     assert all(f.stat().st_size > 100 for f in files)
+    assert (found := pair_findings(pair)[0]).angle == "left_shoulder_elevation"
+    assert re.match(
+        r"walk \(2\)'s left arm is raised \d+° higher than walk \(1\)'s", found.sentence
+    )
 
 
 def test_two_performers_of_one_action(made: Made) -> None:
@@ -133,6 +139,25 @@ def test_performers_that_share_no_moment(made: Made) -> None:
     second = replace(first, performances=replace(first.performances, instances=later))
     with pytest.raises(WorkFailed, match="share 0 moments of the action"):
         pair_on_one_axis(first, second)
+
+
+def test_differences_in_words() -> None:
+    """Large first; those below the repetitions' standard deviation last; small ones not at all."""
+    phase_s = np.arange(4) / 2.0
+    bump = np.array([0.0, 0.0, 1.0, 0.0])
+    flat = np.zeros(4)
+    names = ("left_knee_flexion", "trunk_flexion", "right_elbow_flexion", "pelvis_tilt")
+    angles = dict(zip(names, (40 * bump, -12.4 * bump, 50 * bump, 4.9 * bump), strict=True))
+    spread = {"left_knee_flexion": flat + 10, "right_elbow_flexion": flat + 60}
+    found = largest("Bo", "Ann", phase_s, angles, dict.fromkeys(names, flat), spread)
+    assert [f.sentence for f in found] == [
+        "Bo's left knee is 40° more bent than Ann's at 1.00 s (40° against 0°), "
+        "4.0 standard deviations",
+        "Bo's trunk is bent 12° further back than Ann's at 1.00 s (−12° against 0°)",
+        "Bo's right elbow is 50° more bent than Ann's at 1.00 s (50° against 0°), "
+        "within the spread of their repetitions",
+    ]
+    assert [f.phase_s for f in found] == [1.0] * 3
 
 
 def test_which_moments_are_compared() -> None:

@@ -37,6 +37,12 @@ class Detail {
     return full ? LEVELS[0] : LEVELS[this.level];
   }
 
+  // Pixels for each of the page's; without antialiasing a full picture has more of them.
+  density(level) {
+    const screen = level.coarse || !this.software ? devicePixelRatio || 1 : 2;
+    return Math.min(screen, level.density);
+  }
+
   judge(passed) {
     this.slow = passed > SLOW_MS ? this.slow + 1 : Math.max(0, this.slow - 1);
     if (this.slow < TRIALS || this.level === LEVELS.length - 1) return;

@@ -34,13 +34,9 @@ function start() {
   onThemeChange(dress);
 
   function view(frames, level) {
-    const canvas = $("stage"), dense = level.coarse || !detail.software ? devicePixelRatio || 1 : 2;
-    const density = Math.min(dense, level.density);
-    const width = Math.max(1, Math.round(canvas.clientWidth * density));
-    const height = Math.max(1, Math.round(canvas.clientHeight * density));
-    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
-    const i = state.through, free = { density, width, height, through: -1 };
-    if (i < 0) return { ...free, matrix: orbit.matrix(width, height), eye: orbit.eye() };
+    const i = state.through, free = freeView($("stage"), orbit, detail.density(level));
+    if (i < 0) return free;
+    const { width, height } = free;
     const at = cameraAt(page.videos[i], frames[i]);
     const rows = [at.right, scaled(at.down, -1), scaled(at.ahead, -1)];
     const lens = pinhole(lensAt(page.videos[i], frames[i]), page.videos[i].view, width, height, 0.05, 200);
@@ -72,19 +68,11 @@ function start() {
   }
 
   function showState() {
-    const seconds = (s) => s.toFixed(2), loop = state.loop.map(seconds).join(" – ");
-    $("play").textContent = state.playing ? "❚❚" : "▶";
-    $("play").setAttribute("aria-label", state.playing ? "Pause" : "Play");
-    $("scrub").value = state.phase;
-    $("scrub").setAttribute("aria-valuetext", `${seconds(state.phase)} seconds`);
-    $("speed").value = String(state.speed);
-    $("loop").textContent = ["A–B", `${loop} –`, `${loop} ✕`][state.loop.length];
-    $("loop").setAttribute("aria-pressed", String(state.loop.length === 2));
+    showTransport(page, state);
     $("help").hidden = !state.help;
     $("scene").classList.toggle("through", state.through >= 0);
     $("ramp").hidden = !state.uncertainty;
     $("legend").textContent = message || page.legend;
-    $("clock").textContent = `${seconds(state.phase)} of ${seconds(page.timeline.last)} s of ${page.reference}`;
   }
 
   function say(text) {
@@ -118,12 +106,8 @@ function start() {
     $(id).addEventListener("pointerdown", (e) => { $(id).setPointerCapture(e.pointerId); to(e); });
     $(id).addEventListener("pointermove", (e) => e.buttons && to(e));
   }
-  Object.assign($("scrub"), { min: page.timeline.first, max: page.timeline.last });
-  $("scrub").addEventListener("input", () => act.seek(Number($("scrub").value)));
-  $("speed").addEventListener("change", () => act.speed(Number($("speed").value)));
-  for (const [id, does] of [["play", () => act.play()], ["back", () => act.step(-1)], ["forth", () => act.step(1)], ["loop", () => act.loop()]])
-    $(id).addEventListener("click", does);
-  listenToKeys(act, page.videos.length);
+  listenToTransport(page, act);
+  listenToKeys({ ...transportKeys(act), ...viewerKeys(act) }, page.videos.length, act);
   addEventListener("hashchange", () => act.go(momentOf(location.hash)));
   const arrange = () => {
     const stacked = matchMedia("(max-width: 760px)").matches;

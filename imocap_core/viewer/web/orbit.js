@@ -2,6 +2,14 @@
 
 const LOWEST_M = 0.08; // the eye stays above the ground, so that the grid is seen from above
 
+// What is seen by the eye that turns; the canvas gets `density` pixels for each of the page's.
+function freeView(canvas, orbit, density) {
+  const width = Math.max(1, Math.round(canvas.clientWidth * density));
+  const height = Math.max(1, Math.round(canvas.clientHeight * density));
+  if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+  return { density, width, height, through: -1, matrix: orbit.matrix(width, height), eye: orbit.eye() };
+}
+
 class Orbit {
   constructor(canvas, changed) {
     this.target = [0, 0.9, 0]; this.azimuth = 0.5; this.elevation = 0.25; this.distance = 4;

@@ -63,18 +63,18 @@ function makeTools(parent, beside, act) {
   };
 }
 
-function listenToKeys(act, videos) {
+function viewerKeys(act) {
   const answers = { final: "initial", initial: "both", both: "final" };
-  const keys = {
-    " ": () => act.play(), ArrowLeft: (e) => act.step(e.shiftKey ? -10 : -1),
-    ArrowRight: (e) => act.step(e.shiftKey ? 10 : 1), Home: () => act.end(false), End: () => act.end(true),
-    "+": () => act.faster(1), "=": () => act.faster(1), "-": () => act.faster(-1),
+  return {
     i: () => act.answer(answers[act.state.answer]), o: () => act.apart(!act.state.apart),
-    c: () => act.next(),
-    f: () => act.fit(0), a: () => act.fit(1), k: () => act.mark("detected"),
-    b: () => act.flip("skeletons"), u: () => act.flip("uncertainty"), l: () => act.loop(), p: () => act.snapshot(),
+    c: () => act.next(), f: () => act.fit(0), a: () => act.fit(1), k: () => act.mark("detected"),
+    b: () => act.flip("skeletons"), u: () => act.flip("uncertainty"), p: () => act.snapshot(),
     s: () => act.mark("skeleton"), "?": () => act.help(), Escape: () => act.through(-1),
   };
+}
+
+// keys: what each does; a digit shows or hides one of so many videos.
+function listenToKeys(keys, videos, act) {
   // After a click with the mouse the keys are the page's again, not the button's.
   addEventListener("click", (e) => e.detail && document.activeElement.blur());
   addEventListener("change", () => document.activeElement.blur());

@@ -1,0 +1,52 @@
+// Distances and angles between joints that were clicked: one joint its height, two their distance,
+// three the angle at the second.
+
+const NEAR_PX = 26, BODY = 22;
+
+// The joint of a drawn body nearest to a place on the canvas: {body, joint}, or null.
+function jointAt(actors, view, x, y) {
+  let best = null, least = NEAR_PX;
+  for (const actor of actors)
+    actor.joints.slice(0, BODY).forEach((p, joint) => {
+      const at = landing(view.matrix, add(p, actor.offset), view.width / view.density, view.height / view.density);
+      const far = at ? Math.hypot(at.x - x, at.y - y) : Infinity;
+      if (far < least) least = far, best = { body: actor.video, joint };
+    });
+  return best;
+}
+
+// The angle at b, degrees.
+const angleAt = (a, b, c) =>
+  (Math.acos(clamp(dot(unit(sub(a, b)), unit(sub(c, b))), -1, 1)) * 180) / Math.PI;
+
+// What is measured, in words. chosen: joints; names: of bodies; placeOf({body, joint}).
+function measured(chosen, bodies, joints, placeOf) {
+  if (!chosen.length) return "Click one joint for its height, two for their distance, three for an angle.";
+  const alike = chosen.every((c) => c.body === chosen[0].body);
+  const name = (c) => (alike ? joints[c.joint] : `${bodies[c.body].name}'s ${joints[c.joint]}`);
+  const value = (places) => [
+    (p) => `${(100 * p[0][1]).toFixed(1)} cm`,
+    (p) => `${(100 * Math.hypot(...sub(p[1], p[0]))).toFixed(1)} cm`,
+    (p) => `${angleAt(...p).toFixed(0)}°`,
+  ][places.length - 1](places);
+  const what = [
+    () => `height of ${name(chosen[0])}`,
+    () => `from ${name(chosen[0])} to ${name(chosen[1])}`,
+    () => `angle at ${name(chosen[1])}, to ${name(chosen[0])} and ${name(chosen[2])}`,
+  ][chosen.length - 1]();
+  if (!alike) return `${what}\n${value(chosen.map(placeOf))}`;
+  // The same of every body that is shown.
+  const each = bodies.filter((b) => b.shown).map((b) => [b.name, chosen.map((c) => placeOf({ body: b.index, joint: c.joint }))]);
+  return [what, ...each.filter(([, p]) => p.every(Boolean)).map(([who, p]) => `${who}: ${value(p)}`)].join("\n");
+}
+
+// Marks over the scene: a ring on every joint, lines between them.
+function drawMarks(svg, chosen, actors, view) {
+  const places = chosen.map((c) => {
+    const actor = actors.find((a) => a.video === c.body);
+    return actor && landing(view.matrix, add(actor.joints[c.joint], actor.offset), view.width / view.density, view.height / view.density);
+  });
+  const line = (a, b) => (a && b ? `<line x1="${a.x}" y1="${a.y}" x2="${b.x}" y2="${b.y}"/>` : "");
+  const ring = (p) => (p ? `<circle cx="${p.x}" cy="${p.y}" r="6"/>` : "");
+  svg.innerHTML = places.map((p, i) => (i ? line(places[i - 1], p) : "")).join("") + places.map(ring).join("");
+}
