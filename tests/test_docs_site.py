@@ -120,6 +120,19 @@ def test_links_of_the_pages_at_the_top_work_among_the_others(hooks: ModuleType) 
     assert hooks.within_site(moved, 0) == "[c](contributing.md) [d](decisions/index.md)"
 
 
+def test_viewers_take_the_place_of_their_pictures_where_they_were_made(
+    hooks: ModuleType, tmp_path: Path
+) -> None:
+    text = (DOCS / "gallery.md").read_text(encoding="utf-8")
+    assert hooks.with_viewers(text, tmp_path) == text  # pictures, as in the repository
+    (tmp_path / "yoga.html").write_bytes(b"a" * 1_250_000)
+    framed = hooks.with_viewers(text, tmp_path)
+    assert '<iframe src="gallery/yoga.html"' in framed
+    assert "(1.2 MB)" in framed
+    assert "images/viewer.png" not in framed
+    assert framed.count("images/") == text.count("images/") - 1
+
+
 def test_the_citation_file_names_the_project_and_the_paper() -> None:
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]

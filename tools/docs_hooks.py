@@ -2,7 +2,8 @@
 
 The pages are written to be read in the repository, where a link may lead to any of its files. In
 the site, README.md and the others of `FROM_ROOT` are pages too, and a link to a file that is no
-page becomes its text.
+page becomes its text. Viewers that lie in build/gallery (`make docs` writes them, of actions that
+have been run) take the place of their pictures; they are too large to be committed.
 """
 
 from __future__ import annotations
@@ -18,12 +19,22 @@ FROM_ROOT = {
     "CHANGELOG.md": "changelog.md",
 }
 FOLDERS = ("decisions", "measurements")  # links to them lead to their index pages
+GALLERY = ROOT / "build" / "gallery"
+VIEWER = re.compile(r"<!-- viewer (\w+) -->\n.*?<!-- /viewer -->", re.S)
+FRAME = """<iframe src="gallery/{name}.html" title="The viewer on {name}" loading="lazy"
+allowfullscreen style="width: 100%; aspect-ratio: 4 / 3; min-height: 30rem; border: 0"></iframe>
+
+[Full page](gallery/{name}.html){{target=_blank}} ({size:.1f} MB)"""
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
 
 
 def on_files(files: Any, config: Any) -> Any:
-    """Add the pages from the repository's root."""
+    """Add the pages from the repository's root, and the viewers."""
     from mkdocs.structure.files import File
+
+    for viewer in sorted(GALLERY.glob("*.html")):
+        place = f"gallery/{viewer.name}"
+        files.append(File.generated(config, place, abs_src_path=str(viewer)))
 
     for name, page in FROM_ROOT.items():
         text = (ROOT / name).read_text(encoding="utf-8")
@@ -33,7 +44,18 @@ def on_files(files: Any, config: Any) -> Any:
 
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """A page's text with links that work in the site."""
-    return within_site(markdown, page.file.src_uri.count("/"))
+    return within_site(with_viewers(markdown, GALLERY), page.file.src_uri.count("/"))
+
+
+def with_viewers(text: str, folder: Path) -> str:
+    """A page with the viewers that are in the folder in place of their pictures."""
+
+    def framed(viewer: re.Match[str]) -> str:
+        file = folder / f"{viewer[1]}.html"
+        size = file.stat().st_size / 1e6 if file.is_file() else 0.0
+        return FRAME.format(name=viewer[1], size=size) if size else viewer[0]
+
+    return VIEWER.sub(framed, text)
 
 
 def moved_into_docs(text: str) -> str:
