@@ -130,7 +130,7 @@ def _npz(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
 
 
 def _amass(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
-    return [write_amass(out, npz_values(video, result)) for video in result]
+    return [file for video in result for file in write_amass(out, npz_values(video, result))]
 
 
 def _bvh(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:

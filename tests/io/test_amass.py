@@ -6,35 +6,35 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from imocap_core.body import load_free_body
-from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.conventions import SMPL_JOINTS, SMPLH_JOINTS, SMPLX_JOINTS
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.io.estimators.smpl_npz import read_smpl_npz
+from imocap_core.io.writers.amass_npz import write_amass
+from imocap_core.io.writers.export_npz import ExportedHands, ExportedVideo
 from imocap_core.result.body import posed_joints
 from tests.pipeline.made_result import BETAS, FPS, LENGTHS, Made, made_result
 
 AITVIEWER = os.environ.get("IMOCAP_AITVIEWER")
 READER = Path(__file__).resolve().parents[2] / "tools" / "aitviewer_joints.py"
-# What AMASS's files have: SMPL+H of 2019, and what those of 2021 add.
+SHARED = {"trans": ("T", 3), "betas": (16,), "gender": ()}
+# What AMASS's files have: SMPL+H of 2019, SMPL-X of 2021.
 ARCHIVE = {
-    "poses": ("T", 156),
-    "trans": ("T", 3),
-    "betas": (16,),
-    "dmpls": ("T", 8),
-    "gender": (),
-    "mocap_framerate": (),
-    "mocap_frame_rate": (),
-    "mocap_time_length": (),
-    "surface_model_type": (),
-    "root_orient": ("T", 3),
-    "pose_body": ("T", 63),
-    "pose_hand": ("T", 90),
-    "num_betas": (),
+    "poses": SHARED | {"poses": ("T", 156), "dmpls": ("T", 8), "mocap_framerate": ()},
+    "stageii": SHARED
+    | {"poses": ("T", 165), "root_orient": ("T", 3), "pose_body": ("T", 63), "num_betas": ()}
+    | {"pose_jaw": ("T", 3), "pose_eye": ("T", 6), "pose_hand": ("T", 90)}
+    | {"mocap_frame_rate": (), "mocap_time_length": (), "surface_model_type": ()},
+}
+PARTS = {
+    "poses": ("root_orient", "pose_body", "pose_hand"),
+    "stageii": ("root_orient", "pose_body", "pose_jaw", "pose_eye", "pose_hand"),
 }
 
 
@@ -45,28 +45,58 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     return made
 
 
-def arrays(made: Made, video: str) -> dict[str, np.ndarray]:
-    with np.load(made.out / f"{video}_poses.npz", allow_pickle=False) as data:
+def arrays(made: Made, video: str, generation: str = "poses") -> dict[str, np.ndarray]:
+    with np.load(made.out / f"{video}_{generation}.npz", allow_pickle=False) as data:
         return dict(data)
 
 
+@pytest.mark.parametrize("generation", ARCHIVE)
 @pytest.mark.parametrize("video", LENGTHS)
-def test_names_and_shapes_are_the_archives(made: Made, video: str) -> None:
-    data = arrays(made, video)
+def test_names_and_shapes_are_the_archives(made: Made, video: str, generation: str) -> None:
+    data = arrays(made, video, generation)
     T = LENGTHS[video]
-    for name, shape in ARCHIVE.items():
+    for name, shape in ARCHIVE[generation].items():
         assert data[name].shape == tuple(T if n == "T" else n for n in shape), name
-    parts = [data[name] for name in ("root_orient", "pose_body", "pose_hand")]
+    parts = [data[name] for name in PARTS[generation]]
     np.testing.assert_array_equal(np.concatenate(parts, axis=1), data["poses"])
     assert data["gender"].item() == "neutral"
-    assert data["surface_model_type"].item() == "smplh"
+    assert data["surface_model_type"] == {"poses": "smplh", "stageii": "smplx"}[generation]
     assert data["mocap_framerate"] == data["mocap_frame_rate"] == FPS[video]
     assert round(float(data["mocap_time_length"] * data["mocap_frame_rate"])) == T
+
+
+def test_both_bodies_have_one_pose(made: Made) -> None:
+    smplh, smplx = (arrays(made, "b", g)["poses"].reshape(21, -1, 3) for g in ARCHIVE)
+    assert smplh[:, :22].any()
+    for k, name in enumerate(SMPLX_JOINTS):
+        here = smplh[:, SMPLH_JOINTS.index(name)] if name in SMPLH_JOINTS else 0.0
+        np.testing.assert_array_equal(smplx[:, k], here)
+
+
+def test_hands_are_of_the_videos_that_have_them(tmp_path: Path) -> None:
+    turns = np.random.default_rng(0).normal(size=(4, 156))
+    video = replace(
+        made_video(4), hands=ExportedHands(turns, np.zeros((4, 2, 21, 3)), np.ones((4, 2), bool))
+    )
+    smplh, smplx = (np.load(file)["poses"] for file in write_amass(tmp_path, video))
+    np.testing.assert_array_equal(smplh, turns)
+    np.testing.assert_array_equal(np.delete(smplx, range(66, 75), axis=1), turns)
+    assert not np.load(write_amass(tmp_path, made_video(4))[0])["pose_hand"].any()
+
+
+def made_video(count: int) -> ExportedVideo:
+    return ExportedVideo(
+        id="v", poses=np.ones((count, 72)), betas=BETAS, trans=np.zeros((count, 3)),
+        joints=np.zeros((count, 24, 3)), joint_names=SMPL_JOINTS, fps=30.0, size=(640, 360),
+        frames=np.arange(count), K=np.eye(3), R=np.eye(3), t=np.zeros(3), model="free_body d",
+        up_axis="z",
+    )  # fmt: skip
 
 
 def test_our_shape_reaches_no_other_body(made: Made) -> None:
     data = arrays(made, "a")
     assert not data["betas"].any()
+    assert not arrays(made, "a", "stageii")["betas"].any()
     np.testing.assert_allclose(data["imocap_betas"], BETAS)
     assert data["imocap_model"].item().startswith("free_body ")
     assert "imocap_betas" in json.loads((made.out / "export_amass.json").read_text())["betas"]
@@ -102,7 +132,7 @@ def test_beside_npz_each_has_its_name_and_shared_names_are_refused(tmp_path: Pat
     with pytest.raises(WorkFailed, match=r"cameras\.json belongs to export_npz\.json"):
         made.export("amass")  # its cameras have other axes
     assert (made.out / "cameras.json").read_bytes() == cameras
-    assert not list(made.out.glob("*_poses.npz"))
+    assert not list(made.out.glob("*_*.npz"))
 
 
 def test_y_up_is_refused(made: Made) -> None:
