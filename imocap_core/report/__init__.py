@@ -14,5 +14,6 @@ At the end of a run:
     write_page            stored results to the page
     page_figures          its further figures
     sections              which table and figure belongs to which section
-    page                  the page as HTML and Markdown, with metric_glossary
+    page                  the page as HTML and Markdown, with metric_glossary, column_titles,
+                          table_markup and page_style
 """

@@ -8,49 +8,19 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from imocap_core.artifacts.schemas import Table
-from imocap_core.report import table_text
+from imocap_core.report.column_titles import column_title
 from imocap_core.report.files import Contents, Picture
 from imocap_core.report.metric_glossary import GLOSSARY
+from imocap_core.report.page_style import STYLE
 from imocap_core.report.sections import Section
+from imocap_core.report.table_markup import html_table, markdown
 from imocap_core.verdict.findings import Verdict
 
 MIME = {".png": "image/png", ".jpg": "image/jpeg", ".webp": "image/webp"}
 STAMP = "imocap-made-from"
+DARK_MEANS = ("affinity.",)  # charts in which dark and light have a meaning: never reversed
 COLUMNS = "Glossary of the columns"
 DETAILS = "Details of the verdict"
-
-STYLE = """
-:root { color-scheme: light; }
-body { font: 15px/1.5 system-ui, sans-serif; color: #22262b; background: #fff;
-       max-width: 1120px; margin: 2.2rem auto 5rem; padding: 0 1.2rem; }
-h1 { font-size: 1.7rem; margin: 0 0 .2rem; }
-h2 { font-size: 1.25rem; margin: 3rem 0 .4rem; padding-top: .8rem; border-top: 1px solid #e4e7ea; }
-h3 { font-size: .95rem; margin: 1.6rem 0 .4rem; }
-p, figcaption, dd { color: #5d656e; max-width: 80ch; }
-nav { font-size: .88rem; margin: .8rem 0 0; }
-nav a { margin-right: 1.1rem; white-space: nowrap; }
-a { color: #28588a; text-decoration: none; }
-a:hover { text-decoration: underline; }
-th a { color: inherit; border-bottom: 1px dotted #868d96; }
-.wide { overflow-x: auto; }
-table { border-collapse: collapse; font-size: .83rem; font-variant-numeric: tabular-nums; }
-th, td { padding: .28rem .7rem; text-align: left; border-bottom: 1px solid #e4e7ea; }
-th { font-weight: 600; vertical-align: bottom; }
-td { white-space: nowrap; }
-.n { text-align: right; }
-.total td { border-bottom-color: #868d96; font-weight: 600; }
-figure { margin: 1.4rem 0; }
-figcaption { font-size: .88rem; }
-img { max-width: 100%; height: auto; }
-details { margin: 1rem 0; }
-summary { cursor: pointer; color: #28588a; }
-dt { font-family: ui-monospace, monospace; font-size: .85rem; margin-top: .6rem; }
-dd { margin: 0 0 0 1.2rem; font-size: .88rem; }
-dt:target { background: #f3e6d5; }
-.verdict p { color: inherit; margin: .5rem 0; font-size: 1.05rem; }
-.verdict { border-left: 4px solid #3d8b5f; padding: .1rem 1rem; margin: .8rem 0; }
-.doubt { border-left-color: #c4622d; }
-"""
 
 
 def html_page(
@@ -63,12 +33,12 @@ def html_page(
 ) -> str:
     """One page that needs no other file. `links`: files in the folder that it links to."""
     titles = [*(p.title for p in parts), COLUMNS]
-    nav = "".join(f'<a href="#{_anchor(title)}">{html.escape(title)}</a>' for title in titles)
+    nav = " ".join(f'<a href="#{_anchor(title)}">{html.escape(title)}</a>' for title in titles)
     glossary = {c: GLOSSARY[c] for t in _tables(parts) for c in t.columns if c in GLOSSARY}
     beside = "".join(f'<a href="{html.escape(x)}">{html.escape(x)}</a> ' for x in links)
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta name="viewport" content="width=device-width">'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1">'
         f'<meta name="{STAMP}" content="{stamp}">'
         f"<title>{html.escape(contents.title)}</title><style>{STYLE}</style></head><body>\n"
         f"<h1>{html.escape(contents.title)}</h1>\n{_verdict(verdict)}"
@@ -94,7 +64,7 @@ def markdown_page(contents: Contents, verdict: Verdict, parts: Sequence[Section]
             text.append("\n".join(f"* {sentence}" for sentence in part.sentences) + "\n")
         pictures = (*part.pictures, *part.folded_pictures)
         text += [f"![{p.caption}]({p.file})\n\n{p.caption}\n" for p in pictures]
-        text += [table_text.markdown(table) for table in (*part.tables, *part.folded_tables)]
+        text += [markdown(table) for table in (*part.tables, *part.folded_tables)]
     return "\n".join(text)
 
 
@@ -114,22 +84,18 @@ def _section(folder: Path, part: Section, glossary: dict[str, str]) -> str:
         f"<details><summary>{html.escape(p.caption)}</summary>{_figure(folder, p)}</details>\n"
         for p in part.folded_pictures
     ) + "".join(
-        f"<details><summary>{html.escape(t.title)}</summary>{_table(t, glossary)}</details>\n"
+        f"<details><summary>{html.escape(t.title)}</summary>{html_table(t, glossary)}</details>\n"
         for t in part.folded_tables
     )
     return (
         f'<h2 id="{_anchor(part.title)}">{html.escape(part.title)}</h2>\n'
         + (f"<p>{html.escape(part.lead)}</p>\n" if part.lead else "")
         + (f"<ul>{sentences}</ul>\n" if sentences else "")
-        + "".join(_table(t, glossary) for t in part.tables[:1])
+        + "".join(html_table(t, glossary) for t in part.tables[:1])
         + "".join(_figure(folder, p) for p in part.pictures)
-        + "".join(_table(t, glossary) for t in part.tables[1:])
+        + "".join(html_table(t, glossary) for t in part.tables[1:])
         + folded
     )
-
-
-def _table(table: Table, glossary: dict[str, str]) -> str:
-    return f'<div class="wide">{table_text.html_table(table, glossary)}</div>\n'
 
 
 def _figure(folder: Path, picture: Picture) -> str:
@@ -137,13 +103,19 @@ def _figure(folder: Path, picture: Picture) -> str:
     kind = MIME.get(Path(picture.file).suffix, "application/octet-stream")
     source = f"data:{kind};base64,{data}"
     text = html.escape(picture.caption)
-    return f'<figure><img src="{source}" alt="{text}"><figcaption>{text}</figcaption></figure>\n'
+    reversible = kind == MIME[".png"] and not picture.file.startswith(DARK_MEANS)
+    drawn = "chart" if reversible else "photo"
+    image = (
+        f'<div class="wide" tabindex="0"><img class="{drawn}" src="{source}" alt="{text}"></div>'
+    )
+    return f"<figure>{image}<figcaption>{text}</figcaption></figure>\n"
 
 
 def _glossary(glossary: dict[str, str]) -> str:
     entries = "".join(
-        f'<dt id="{name}">{name}</dt><dd>{html.escape(meaning)}</dd>\n'
-        for name, meaning in sorted(glossary.items())
+        f'<dt id="{name}">{html.escape(column_title(name))} <code>{name}</code></dt>'
+        f"<dd>{html.escape(meaning)}</dd>\n"
+        for name, meaning in sorted(glossary.items(), key=lambda entry: column_title(entry[0]))
     )
     return (
         f'<h2 id="{_anchor(COLUMNS)}">{COLUMNS}</h2>\n<dl>{entries}</dl>'

@@ -6,6 +6,7 @@ from imocap_core.artifacts.schemas import Table
 from imocap_core.artifacts.schemas.evaluate import Cell
 from imocap_core.evaluate.results import AFTER_LOOP, MONOCULAR, SINGLE_PASS
 from imocap_core.metrics.scoring import ALL_VIDEOS
+from imocap_core.report.column_titles import column_title
 
 HEADLINE = (
     "result",
@@ -54,7 +55,7 @@ def grouped_reasons(table: Table) -> Table:
         return table
     metrics: dict[str, list[str]] = {}
     for metric, reason in table.rows:
-        metrics.setdefault(str(reason), []).append(str(metric))
+        metrics.setdefault(str(reason), []).append(column_title(str(metric)))
     rows = [[reason, ", ".join(names)] for reason, names in metrics.items()]
     return table.model_copy(update={"columns": ["reason", "metrics"], "rows": rows})
 

@@ -6,13 +6,10 @@ import csv
 import json
 
 from imocap_core.metrics.scoring import ScoreRow, over_videos
-from imocap_core.report.table_text import (
-    cell_text,
-    csv_text,
-    html_table,
-    json_text,
-    markdown,
-)
+from imocap_core.report.column_titles import column_title
+from imocap_core.report.metric_glossary import GLOSSARY
+from imocap_core.report.table_markup import html_table, markdown
+from imocap_core.report.table_text import cell_text, csv_text, json_text
 from imocap_core.report.tables import long_table, metric_tables
 
 ROWS = [
@@ -38,6 +35,16 @@ def test_cells_are_rounded_by_their_unit() -> None:
     assert cell_text("sync_error_pct", 0.456) == "0.46"
     assert cell_text("mpjpe_mm", None) == "–"
     assert cell_text("frames", 12) == "12"
+
+
+def test_columns_are_headed_by_words_and_units() -> None:
+    assert column_title("pa_mpjpe_mm") == "joint error, aligned (mm)"
+    assert column_title("foot_sliding_mm_s") == "foot sliding (mm/s)"
+    assert column_title("video") == "video"
+    titles = [column_title(name) for name in GLOSSARY]
+    assert len(set(titles)) == len(titles)
+    assert [t for t in titles if "_" in t or "mpj" in t] == []
+    assert "joint error (mm)" in markdown(metric_tables(ROWS, over_videos(ROWS))[0])
 
 
 def test_markdown_aligns_numbers_and_escapes_bars() -> None:

@@ -1,0 +1,53 @@
+"""The report's page in a real headless Chromium: on a phone and in both themes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from imocap_core.artifacts.schemas import Table
+from imocap_core.report.files import Contents, Picture
+from imocap_core.report.metric_glossary import GLOSSARY
+from imocap_core.report.page import html_page
+from imocap_core.report.sections import sections
+from imocap_core.verdict.findings import Verdict
+from tests.report.browser import CHROMIUM, Browser
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
+
+CONTRAST = Path(__file__).parents[1] / "pick" / "contrast.js"
+METRICS = [name for name in GLOSSARY if name.endswith("_mm")]
+
+
+def test_it_can_be_read_on_a_phone_and_in_both_themes(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "warp.png"), np.full((300, 1400, 3), 200, np.uint8))
+    rows = [["after loop", *[1.0] * len(METRICS)]]
+    tables = [
+        Table(name="pose", title="Wide", columns=["result", *METRICS], rows=rows),
+        Table(name="unscored", title="Not scored", columns=["metric", "reason"],
+              rows=[["mpjpe_mm", "a reason that is far too long for one line " * 3]]),
+    ]  # fmt: skip
+    parts = sections(tables, [Picture("warp.png", "The warp.")])
+    verdict = Verdict(("Three videos are synchronised.",), ())
+    page = html_page(tmp_path, Contents("waving", ()), verdict, parts, ["viewer.html"], "0")
+    (tmp_path / "report.html").write_text(page, encoding="utf-8")
+    with Browser(tmp_path / "profile", 390, 844) as browser:
+        phone = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
+        browser.call("Emulation.setDeviceMetricsOverride", **phone)
+        browser.open(tmp_path / "report.html")
+        assert browser.value("[innerWidth, document.documentElement.scrollWidth]") == [390, 390]
+        sizes = browser.value(
+            "[...document.querySelectorAll('p, li, td, th, dd, a')]"
+            ".map(e => parseFloat(getComputedStyle(e).fontSize))"
+        )
+        assert min(sizes) >= 14
+        assert browser.value("document.querySelector('img').getBoundingClientRect().width") == 860
+        for theme, ground in (("light", "rgb(255, 255, 255)"), ("dark", "rgb(23, 28, 33)")):
+            scheme = {"name": "prefers-color-scheme", "value": theme}
+            browser.call("Emulation.setEmulatedMedia", features=[scheme])
+            assert browser.value("getComputedStyle(document.body).backgroundColor") == ground
+            assert browser.value(CONTRAST.read_text()) == []
+        assert browser.errors == []
