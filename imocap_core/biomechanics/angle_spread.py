@@ -2,8 +2,9 @@
 
 A segment's direction errs by the errors of its two ends across it, divided by its length; an angle
 between two segments by both, where a joint that they share enters once. Places are taken to err
-independently of one another, which for neighbours is on the large side. Rotations about a segment's
-long axis move no joint centre of their own, so that places say nothing about them.
+independently of one another, which for neighbours is on the large side; but the hips, to whose
+middle all places are relative, err by opposite amounts. Rotations about a segment's long axis move
+no joint centre of their own, so that places say nothing about them.
 """
 
 from __future__ import annotations
@@ -15,28 +16,67 @@ from imocap_core.conventions import SMPL_JOINTS
 
 Chain = tuple[str, str, str, str]  # proximal and distal end of the upper, then of the lower segment
 TRUNK_ENDS = ("neck", "pelvis")
-FLEXIONS: dict[str, Chain] = {
+HIPS = ("left_hip", "right_hip")
+BETWEEN: dict[str, Chain] = {  # angles that are those between two lines, or turn as these do
     "hip_flexion": (*TRUNK_ENDS, "hip", "knee"),
+    "hip_adduction": (*HIPS, "hip", "knee"),
     "knee_flexion": ("hip", "knee", "knee", "ankle"),
     "ankle_dorsiflexion": ("knee", "ankle", "ankle", "foot"),
     "shoulder_elevation": (*TRUNK_ENDS, "shoulder", "elbow"),
     "elbow_flexion": ("shoulder", "elbow", "elbow", "wrist"),
 }
+BENDING: Chain = (*HIPS, "spine3", "neck")  # of the trunk, to a side
 
 
 def angle_spreads_deg(
-    joints_m: Float[np.ndarray, "T 24 3"], covariance_mm2: Float[np.ndarray, "T 24 3 3"]
+    joints_m: Float[np.ndarray, "T 24 3"],
+    covariance_mm2: Float[np.ndarray, "T 24 3 3"],
+    up: Float[np.ndarray, "3"],
+    tilt_sd_deg: float,
 ) -> dict[str, Float[np.ndarray, " T"]]:
     """Standard deviation of every angle that joints' places determine, degrees; by `angle_names`.
 
-    Joints and covariances are in the same axes. NaN where a covariance is. Of segments in one line
-    the angle has no plane, and any plane through them is taken.
+    Joints, covariances and the direction `up` are in the same axes. NaN where a covariance is. Of
+    segments in one line the angle has no plane, and any plane through them is taken.
+
+    tilt_sd_deg: of `up` about each horizontal axis.
     """
-    return {
-        f"{side}_{name}": np.degrees(_spread(joints_m, covariance_mm2 * 1e-6, chain, side))
-        for name, chain in FLEXIONS.items()
+    covariance_m2 = covariance_mm2 * 1e-6
+    limbs = {
+        f"{side}_{name}": np.degrees(_spread(joints_m, covariance_m2, chain, side))
+        for name, chain in BETWEEN.items()
         for side in ("left", "right")
     }
+    bending = np.degrees(_spread(joints_m, covariance_m2, BENDING, ""))
+    rotation, obliquity = _hip_line(joints_m, covariance_m2, up)
+    return limbs | {
+        "pelvis_rotation": np.degrees(rotation),
+        "pelvis_obliquity": np.hypot(np.degrees(obliquity), tilt_sd_deg),
+        "trunk_right_bending": bending,
+    }
+
+
+def _hip_line(
+    joints: Float[np.ndarray, "T 24 3"],
+    covariance: Float[np.ndarray, "T 24 3 3"],
+    up: Float[np.ndarray, "3"],
+) -> tuple[Float[np.ndarray, " T"], Float[np.ndarray, " T"]]:
+    """Standard deviations, radians, of the direction of the line through the hips: about the
+    vertical, and from the horizontal. Its error is twice that of either hip. NaN for the former
+    where the line is vertical."""
+    left, right = (SMPL_JOINTS.index(hip) for hip in HIPS)
+    line = joints[:, left] - joints[:, right]
+    length = np.linalg.norm(line, axis=1)
+    level = line - (line @ up)[:, None] * up
+    reach = np.linalg.norm(level, axis=1)
+    about = np.cross(up, level) / np.maximum(reach, 1e-12)[:, None]
+    across = np.cross(line, about) / np.maximum(length, 1e-12)[:, None]
+    of_line = 4 * covariance[:, left]
+    turning = np.sqrt(np.einsum("ti,tij,tj->t", about, of_line, about))
+    return (
+        np.where(reach > 0.05 * length, turning / np.maximum(reach, 1e-12), np.nan),
+        np.sqrt(np.einsum("ti,tij,tj->t", across, of_line, across)) / np.maximum(length, 1e-12),
+    )
 
 
 def _spread(
@@ -61,8 +101,13 @@ def _spread(
     weights = np.zeros((len(joints), len(SMPL_JOINTS), 3))
     for joint, row in ((a, by_upper), (b, -by_upper), (c, -by_lower), (d, by_lower)):
         weights[:, joint] += row
-    used = sorted({a, b, c, d})
-    variance = np.einsum("tji,tjik,tjk->t", weights[:, used], covariance[:, used], weights[:, used])
+    left, right = (SMPL_JOINTS.index(hip) for hip in HIPS)
+    used = {a, b, c, d}
+    if {left, right} <= used:  # what the right hip errs, the left one errs the other way
+        weights[:, left] -= weights[:, right]
+        used -= {right}
+    rows = sorted(used)
+    variance = np.einsum("tji,tjik,tjk->t", weights[:, rows], covariance[:, rows], weights[:, rows])
     return np.sqrt(variance)
 
 

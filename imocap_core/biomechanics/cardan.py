@@ -22,8 +22,8 @@ def zxy(R: Float[np.ndarray, "T 3 3"]) -> Angles:
 
 
 def yxz(R: Float[np.ndarray, "T 3 3"]) -> Angles:
-    """Angles a, b, c of R = Ry(a) Rx(b) Rz(c): rotation, obliquity, tilt (Baker, Hum. Mov. Sci.
-    20:655-667, 2001)."""
+    """Angles a, b, c of R = Ry(a) Rx(b) Rz(c): rotation, obliquity, tilt (Baker, Gait &
+    Posture 13:1-6, 2001)."""
     b = np.arcsin(np.clip(-R[:, 1, 2], -1, 1))
     a = np.arctan2(R[:, 0, 2], R[:, 2, 2])
     c = np.arctan2(R[:, 1, 0], R[:, 1, 1])

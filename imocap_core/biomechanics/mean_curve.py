@@ -43,3 +43,9 @@ def mean_curve(
         squares = np.where(there, (values - mean) ** 2, 0.0).sum(axis=0)
         sd = np.where(n > 1, np.sqrt(squares / (n - 1)), np.nan)
     return MeanCurve(mean, sd, n)
+
+
+def without_steps(curve: MeanCurve) -> Float[np.ndarray, " N"]:
+    """The mean, NaN where a performance begins or ends: its step there is no movement."""
+    changes = np.diff(curve.n, prepend=curve.n[:1]) != 0
+    return np.where(changes, np.nan, curve.mean_deg)

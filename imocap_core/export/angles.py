@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from imocap_core.biomechanics.events import angle_events
+from imocap_core.biomechanics.mean_curve import without_steps
 from imocap_core.errors import WorkFailed
 from imocap_core.export.formats import Exported
 from imocap_core.export.notes import notes_of, write_notes
@@ -14,9 +16,12 @@ from imocap_core.export.placing import digests_of, place
 from imocap_core.figures.angle_figure import angle_figure
 from imocap_core.figures.style import quiet, save
 from imocap_core.io.writers.angles_csv import write_angles_csv
-from imocap_core.result.angles import MeanAngles, mean_angles, video_angles
+from imocap_core.io.writers.events_csv import write_events_csv
+from imocap_core.result.angles import MeanAngles, mean_angles
+from imocap_core.result.events import video_events
 from imocap_core.result.result import ActionResult
 from imocap_core.result.video import VideoResult
+from imocap_core.result.video_angles import video_angles
 from imocap_core.whole_files import draft_folder
 
 FORMAT = "angles"
@@ -33,10 +38,11 @@ def export_angles(result: ActionResult, out: Path) -> Exported:
     common = level if level.time == "common" else _on_common_time(level)
     try:
         with draft_folder(out, "angles") as folder:
-            files = [_video_table(folder, video) for video in level]
+            files = [f for v in level for f in _video_tables(folder, v, level.ground.tilt_sd_deg)]
             if common is not None:
                 mean = mean_angles(common)
-                files += [_mean_table(folder, mean), _figure(folder, result.action, mean)]
+                files += [_mean_table(folder, mean), _mean_events(folder, mean)]
+                files.append(_figure(folder, result.action, mean))
             notes = notes_of(level, FORMAT) | {"files": digests_of(files)}
             files.append(write_notes(folder, notes))
             files = place(files, out, files[-1].name)
@@ -51,8 +57,9 @@ def _on_common_time(result: ActionResult) -> ActionResult | None:
     return result.on_common_time() if placed else None
 
 
-def _video_table(folder: Path, video: VideoResult) -> Path:
-    angles = video_angles(video)
+def _video_tables(folder: Path, video: VideoResult, tilt_sd_deg: float) -> list[Path]:
+    """The angles and the events of one video."""
+    angles = video_angles(video, UP, tilt_sd_deg)
     columns: Columns = {
         "time_s": video.time_s,
         "frame": video.frames.astype(np.float64),
@@ -62,8 +69,20 @@ def _video_table(folder: Path, video: VideoResult) -> Path:
         columns[f"{name}_deg"] = values
         if name in angles.sd_deg:
             columns[f"{name}_sd_deg"] = angles.sd_deg[name]
-    file = folder / f"{video.id}_angles.csv"
-    write_angles_csv(file, columns)
+    table, events = (folder / f"{video.id}_{kind}.csv" for kind in ("angles", "events"))
+    write_angles_csv(table, columns)
+    moments = (columns["time_s"], columns["frame"], columns["phase_s"])
+    write_events_csv(events, video_events(video, angles, UP), *moments)
+    return [table, events]
+
+
+def _mean_events(folder: Path, mean: MeanAngles) -> Path:
+    """The turning points of the mean angles; their standard deviations are over performances."""
+    curves = {name: without_steps(curve) for name, curve in mean.curves.items()}
+    events = angle_events(curves, {name: curve.sd_deg for name, curve in mean.curves.items()})
+    events.sort(key=lambda event: event.index)
+    file, unknown = folder / "mean_events.csv", np.full(len(mean.phase_s), np.nan)
+    write_events_csv(file, events, mean.phase_s, unknown, mean.phase_s)
     return file
 
 

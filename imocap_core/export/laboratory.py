@@ -9,12 +9,14 @@ from imocap_core.biomechanics.joint_angles import MIDDLE, PAIRED
 from imocap_core.biomechanics.markers import marker_vertices
 from imocap_core.biomechanics.segments import SIDES
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.io.writers.c3d import C3dTrial
-from imocap_core.result.angles import video_angles
+from imocap_core.io.writers.c3d import C3dEvent, C3dTrial
+from imocap_core.result.events import contact_events
 from imocap_core.result.video import VideoResult
+from imocap_core.result.video_angles import video_angles
 from imocap_core.result.video_body import body_model_of
 
 MM = 1000.0
+CONTACT = {"contact_begin": "Foot Strike", "contact_end": "Foot Off"}
 CHUNK = 64  # frames whose surface is computed at once
 COMPONENTS = {"pelvis": ("tilt", "obliquity", "rotation")}  # X, Y, Z; else in the joint's order
 
@@ -38,6 +40,7 @@ def trial_of(video: VideoResult, up: str) -> C3dTrial:
         sd_mm=sd,
         angles_deg={label: values * shown[:, None] for label, values in angles.items()},
         descriptions=dict.fromkeys(surface, "surface marker") | about,
+        events=_contacts(video, up),
     )
 
 
@@ -82,6 +85,17 @@ def _angle_points(
                 n if f"{prefix}{joint}_{n}" in angles else "none" for n in names
             )
     return points, about
+
+
+def _contacts(video: VideoResult, up: str) -> list[C3dEvent]:
+    """Beginnings and ends of the feet's contacts, under the labels that laboratories use; times
+    count from frame 1."""
+    before = _first_frame(video) - 1
+    return [
+        C3dEvent(CONTACT[event.kind], event.name.capitalize(), (before + event.index) / video.fps)
+        for event in contact_events(video, up)
+        if video.inside[round(event.index)]
+    ]
 
 
 def _first_frame(video: VideoResult) -> int:

@@ -24,9 +24,9 @@ from imocap_core.io.writers.opensim_files import write_ik_setup, write_mot
 from imocap_core.io.writers.opensim_generic import write_generic_markers, write_generic_setups
 from imocap_core.io.writers.osim import Place, write_osim
 from imocap_core.io.writers.trc import markers_text
-from imocap_core.result.angles import body_rotations, rest_joints_m
 from imocap_core.result.result import ActionResult
 from imocap_core.result.video import VideoResult
+from imocap_core.result.video_angles import body_rotations, rest_joints_m
 from imocap_core.result.video_body import body_model_of
 
 SEGMENT_OF_JOINT = {joint: segment_of_joint(joint) for joint in SMPL_JOINTS}

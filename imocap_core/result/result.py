@@ -9,6 +9,7 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
+from imocap_core.biomechanics.motion_event import MotionEvent
 from imocap_core.camera.ground_plane import Ground
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.result.artifacts import Artifacts
@@ -146,3 +147,13 @@ class ActionResult:
         if not np.isfinite(phase_s):
             raise WrongUse(f"phase_s: expected a finite number of seconds, got {phase_s}")
         return at_phase(self.videos, float(phase_s))
+
+    def events(self) -> dict[str, list[MotionEvent]]:
+        """Foot contacts, fastest moments of joints and turning points of joint angles, by video; in
+        their order on its own timeline (`index` is a fractional position among its frames)."""
+        from imocap_core.result.events import video_events
+        from imocap_core.result.video_angles import video_angles
+
+        level = self if self.up_axis in ("y", "z") else self.levelled()
+        up, tilt = level.up_axis, level.ground.tilt_sd_deg
+        return {v.id: video_events(v, video_angles(v, up, tilt), up) for v in level}

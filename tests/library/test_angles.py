@@ -21,7 +21,8 @@ def test_tables_of_every_video_and_their_mean(small_run: SmallRun, tmp_path: Pat
     written = imocap.angles("serve", tmp_path, root=small_run.root)
     names = [file.name for file in written.files]
     assert names == [
-        *("v1_angles.csv", "v2_angles.csv", "mean_angles.csv", "angles.png", "export_angles.json"),
+        *("v1_angles.csv", "v1_events.csv", "v2_angles.csv", "v2_events.csv"),
+        *("mean_angles.csv", "mean_events.csv", "angles.png", "export_angles.json"),
     ]
     table = rows(tmp_path / "v1_angles.csv")
     assert len(table) == len(small_run.result["v1"])
@@ -31,6 +32,16 @@ def test_tables_of_every_video_and_their_mean(small_run: SmallRun, tmp_path: Pat
     mean = rows(tmp_path / "mean_angles.csv")
     assert max(int(row["performances"]) for row in mean) == 2
     assert json.loads((tmp_path / "export_angles.json").read_text())["run"]["seed"] == 7
+
+
+def test_events_are_those_of_the_result(small_run: SmallRun, tmp_path: Path) -> None:
+    imocap.angles("serve", tmp_path, root=small_run.root)
+    for video, events in small_run.result.events().items():
+        table = rows(tmp_path / f"{video}_events.csv")
+        assert [(row["kind"], row["name"]) for row in table] == [(e.kind, e.name) for e in events]
+        times = [float(row["time_s"]) for row in table]
+        assert times == sorted(times)
+        assert all(0 <= e.index <= len(small_run.result[video]) - 1 for e in events)
 
 
 def test_the_command_replaces_its_files_and_no_others(

@@ -1,0 +1,154 @@
+"""Events of a motion: foot contacts, largest speeds of joints, turning points of joint angles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.signal import find_peaks, savgol_filter
+
+from imocap_core.biomechanics.motion_event import Kind, MotionEvent
+from imocap_core.runs import runs
+
+SPEED_WINDOW_S = 0.1  # over which a speed is the slope of a parabola
+RESTS_M_S, EDGE_M_S, MOVES_M_S = 0.2, 0.3, 0.5  # speeds of a foot; its contact changes at the edge
+LIFTED_M = 0.2  # a foot this much above the lower one does not stand, however still it is
+LEAST_CONTACT_S = 0.1  # shorter contacts, and shorter gaps in one, are none
+PEAK_SPEED_M_S, PEAK_SPEED_SHARE = 0.5, 0.2  # least prominence: this, and of the largest speed
+PEAK_ANGLE_DEG, PEAK_ANGLE_SDS = 10.0, 2.0  # least prominence: this, and standard deviations
+
+
+def foot_contact_events(
+    feet_m: Mapping[str, Float[np.ndarray, "T 2 3"]],
+    heights_m: Mapping[str, np.ndarray],
+    fps: float,
+) -> list[MotionEvent]:
+    """Where contacts of the feet with the ground begin and end.
+
+    A foot is in contact while its slower point rests and it is not `LIFTED_M` above the other foot.
+    Contacts that the video's first or last frame cuts off have no beginning or end.
+
+    Args:
+        feet_m: per side its ankle and the ball of its foot. heights_m: (T,) per side, of the lower
+            of these.
+    """
+    lowest = np.min(list(heights_m.values()), axis=0)
+    events = []
+    for side, points in feet_m.items():
+        speed = np.min([speeds_m_s(points[:, k], fps) for k in range(points.shape[1])], axis=0)
+        low = heights_m[side] - lowest < LIFTED_M
+        for first, last in _contacts(speed, low, fps):
+            if first > 0:
+                events.append(_edge("contact_begin", side, speed, first, -1))
+            if last < len(speed) - 1:
+                events.append(_edge("contact_end", side, speed, last, 1))
+    return events
+
+
+def speeds_m_s(path_m: Float[np.ndarray, "T 3"], fps: float) -> Float[np.ndarray, " T"]:
+    """Speed of a point over time, m/s, smoothed over `SPEED_WINDOW_S`; NaN of too few frames."""
+    width = max(5, 2 * round(SPEED_WINDOW_S * fps / 2) + 1)
+    if len(path_m) < width:
+        return np.full(len(path_m), np.nan)
+    velocity = savgol_filter(path_m, width, 2, deriv=1, delta=1 / fps, axis=0)
+    return np.asarray(np.linalg.norm(velocity, axis=1))
+
+
+def speed_events(paths_m: Mapping[str, Float[np.ndarray, "T 3"]], fps: float) -> list[MotionEvent]:
+    """Peaks of joints' speeds. What a speed's error is cannot be told from those of the places."""
+    events = []
+    for name, path in paths_m.items():
+        speed = speeds_m_s(path, fps)
+        if np.isfinite(speed).all():
+            least = max(PEAK_SPEED_M_S, PEAK_SPEED_SHARE * speed.max(initial=0.0))
+            for index, value in _peaks(speed, least):
+                place = MotionEvent("fastest", name, index, np.nan, np.nan, value, np.nan, "m/s")
+                events.append(place)
+    return events
+
+
+def angle_events(
+    angles_deg: Mapping[str, Float[np.ndarray, " T"]], sd_deg: Mapping[str, Float[np.ndarray, " T"]]
+) -> list[MotionEvent]:
+    """Where joint angles turn: their peaks and valleys of at least `PEAK_ANGLE_DEG`, and of
+    `PEAK_ANGLE_SDS` standard deviations where these are known."""
+    events = []
+    for name, angle in angles_deg.items():
+        sd = sd_deg.get(name, np.full(len(angle), np.nan))
+        for first, last in runs(np.isfinite(angle)):
+            part, sds = angle[first : last + 1], sd[first : last + 1]
+            middle = np.median(sds[np.isfinite(sds)]) if np.isfinite(sds).any() else 0.0
+            least = max(PEAK_ANGLE_DEG, PEAK_ANGLE_SDS * middle)
+            for kind, sign in (("largest", 1), ("smallest", -1)):
+                for index, value in _peaks(sign * part, least):
+                    spread = float(sds[round(index)])
+                    low, high = _within(sign * part, index, value - spread)
+                    event = MotionEvent(
+                        kind,  # type: ignore[arg-type]
+                        name,
+                        first + index,
+                        first + low,
+                        first + high,
+                        sign * value,
+                        spread,
+                        "deg",
+                    )
+                    events.append(event)
+    return events
+
+
+def _contacts(
+    speed: Float[np.ndarray, " T"], low: Bool[np.ndarray, " T"], fps: float
+) -> list[tuple[int, int]]:
+    """First and last frame of each contact: slower than the edge, at rest at some moment."""
+    shortest = round(LEAST_CONTACT_S * fps)
+    slow = runs((speed < EDGE_M_S) & low, least=max(shortest, 1), gap=shortest)
+    return [(a, b) for a, b in slow if (speed[a : b + 1] < RESTS_M_S).any()]
+
+
+def _edge(
+    kind: Kind, side: str, speed: Float[np.ndarray, " T"], inner: int, step: int
+) -> MotionEvent:
+    """The moment at which a foot's speed crosses the edge beyond the contact's last frame on one
+    side; and where it crosses the speeds of rest and of movement."""
+    outer = inner + step
+    change = speed[outer] - speed[inner]
+    share = (EDGE_M_S - speed[inner]) / change if change > 0 else 0.5
+    index = inner + step * float(np.clip(share, 0, 1))
+    rests = _first(speed < RESTS_M_S, inner, -step)
+    moves = _first(speed > MOVES_M_S, outer, step)
+    earliest, latest = sorted((float(rests), float(moves)))
+    return MotionEvent(kind, side, index, earliest, latest, np.nan, np.nan, "")
+
+
+def _first(flags: Bool[np.ndarray, " T"], start: int, step: int) -> int:
+    """The first frame from `start` on, forward or back, with a flag; the last one if none has."""
+    t = start
+    while not flags[t] and 0 <= t + step < len(flags):
+        t += step
+    return t
+
+
+def _peaks(curve: Float[np.ndarray, " T"], least: float) -> list[tuple[float, float]]:
+    """Place and height of each peak of a least prominence, by the parabola through its top."""
+    tops, _ = find_peaks(curve, prominence=least)
+    peaks = []
+    for t in tops:
+        before, top, after = curve[t - 1], curve[t], curve[t + 1]
+        bend = before - 2 * top + after
+        shift = 0.5 * (before - after) / bend if bend < 0 else 0.0
+        peaks.append((float(t + shift), float(top - 0.25 * (before - after) * shift)))
+    return peaks
+
+
+def _within(curve: Float[np.ndarray, " T"], index: float, least: float) -> tuple[float, float]:
+    """The frames around a peak between which a curve stays above a value; NaN where that is."""
+    if not np.isfinite(least):
+        return np.nan, np.nan
+    first = last = round(index)
+    while first > 0 and curve[first - 1] >= least:
+        first -= 1
+    while last < len(curve) - 1 and curve[last + 1] >= least:
+        last += 1
+    return min(float(first), index), max(float(last), index)

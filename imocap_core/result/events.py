@@ -1,0 +1,45 @@
+"""Events of a video: foot contacts, fastest moments of joints, turning points of angles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from imocap_core.biomechanics.events import angle_events, foot_contact_events, speed_events
+from imocap_core.biomechanics.motion_event import MotionEvent
+from imocap_core.biomechanics.segments import SIDES
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.result.video import VideoResult
+from imocap_core.result.video_angles import VideoAngles
+
+FAST_JOINTS = ("pelvis", "head") + tuple(
+    f"{side}_{joint}" for joint in ("wrist", "elbow", "knee", "ankle") for side in SIDES
+)
+FOOT = ("ankle", "foot")
+AXIS = {"x": 0, "y": 1, "z": 2}
+
+
+def video_events(video: VideoResult, angles: VideoAngles, up: str = "y") -> list[MotionEvent]:
+    """The events of a video in a levelled world, whose axis `up` points up, in their order.
+
+    angles: of the video.
+    """
+    events = [
+        *_contacts(video, up),
+        *speed_events({joint: video.joint(joint) for joint in FAST_JOINTS}, video.fps),
+        *angle_events(angles.angles_deg, angles.sd_deg),
+    ]
+    return sorted(events, key=lambda event: event.index)
+
+
+def contact_events(video: VideoResult, up: str = "y") -> list[MotionEvent]:
+    """Where contacts of the feet begin and end, in their order."""
+    return sorted(_contacts(video, up), key=lambda event: event.index)
+
+
+def _contacts(video: VideoResult, up: str) -> list[MotionEvent]:
+    feet: dict[str, np.ndarray] = {
+        side: video.body_joints[:, [SMPL_JOINTS.index(f"{side}_{joint}") for joint in FOOT]]
+        for side in SIDES
+    }
+    heights = {side: np.asarray(p[..., AXIS[up]].min(axis=1)) for side, p in feet.items()}
+    return foot_contact_events(feet, heights, video.fps)
