@@ -101,7 +101,7 @@ sbom: .venv-audit/.installed $(STAMP)
 
 docs: .venv-docs/.installed
 	@$(BIN)/imocap view yoga --out build/gallery/yoga.html >/dev/null 2>&1 || \
-	  echo "imocap: the gallery shows a picture instead of the viewer; make all ACTION=yoga first"
+	  test -f build/gallery/yoga.html || echo "imocap: the gallery shows a picture instead of the viewer; make all ACTION=yoga first"
 	@NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --strict --quiet
 	@echo "imocap: the site is build/site/index.html"
 
