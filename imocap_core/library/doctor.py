@@ -38,6 +38,7 @@ def examine(root: str | Path = ".", models: Path | None = None) -> Iterator[Chec
         _python,
         _packages,
         _moving_cameras,
+        _hdf5,
         _blender,
         lambda: f"pipeline: {workspace.pipeline().file}",
         lambda: _folder(workspace),
@@ -70,6 +71,13 @@ def _moving_cameras() -> str:
         return f"paths of moving cameras: pycolmap {metadata.version('pycolmap')}"
     except metadata.PackageNotFoundError:
         return "paths of moving cameras: not installed (pip install 'imocap[moving]')"
+
+
+def _hdf5() -> str:
+    try:
+        return f"h5 of DeepLabCut and SLEAP: h5py {metadata.version('h5py')}"
+    except metadata.PackageNotFoundError:
+        return "h5 of DeepLabCut and SLEAP: not installed (pip install 'imocap[h5]')"
 
 
 def _blender() -> str:

@@ -49,7 +49,7 @@ class Result(ActionResult):
         """Write the motion, the cameras and the correspondences for other programs.
 
         Args:
-            format: npz, bvh, glb, trc, csv or mcap.
+            format: npz, amass, bvh, glb, trc, csv, mcap or another of docs/exports.md.
             out: folder to write to.
             up: y or z: level the world by the ground, this axis up; None: as usual for the format.
             time: own: every video's own frames; common: all videos in lock-step.
