@@ -297,3 +297,9 @@ def test_nlf_with_the_body_smplx_gives_its_first_22_joints(tmp_path: Path) -> No
     R = read("nlf", path)
     np.testing.assert_allclose(R[0, :22], made.PERFORMER.R[1, :22], atol=1e-5)
     np.testing.assert_allclose(R[:, 22:], np.broadcast_to(np.eye(3), (4, 2, 3, 3)))
+
+
+@pytest.mark.parametrize(("kind", "field"), [("nlf", "pose"), ("metrabs", "poses3d")])
+def test_people_of_unequal_length_are_refused(kind: str, field: str, tmp_path: Path) -> None:
+    path = WRITERS[kind](tmp_path, **{field: [[[0.0] * 72, [0.0] * 3]] * 2})
+    assert f"{field}: expected numbers" in refused(kind, path)

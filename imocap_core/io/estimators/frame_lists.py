@@ -41,7 +41,7 @@ def frame_entries(content: Any, path: Path) -> list[Any]:
 
 def is_empty(people: Any) -> bool:
     """Whether a list or an array of people has none."""
-    return isinstance(people, list | np.ndarray) and np.shape(people)[:1] == (0,)
+    return people == [] if isinstance(people, list) else np.shape(people)[:1] == (0,)
 
 
 def read_saved(path: Path) -> Any:
