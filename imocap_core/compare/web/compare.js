@@ -20,7 +20,7 @@ function start() {
   const dress = () => {
     theme = readTheme();
     scene.dress(theme); labels.dress(theme);
-    boxes.forEach((box, i) => { box.parentElement.style.color = readable(page.videos[i].color, theme.paper); });
+    boxes.forEach((box, i) => { box.parentElement.style.color = inksOf(page, theme)[i]; });
     redraw();
   };
   onThemeChange(dress);
@@ -29,6 +29,7 @@ function start() {
   act.angle = then((name) => { state.angle = name; });
   act.measure = then((joint) => { state.chosen = joint ? [...(state.chosen.length < 3 ? state.chosen : []), joint] : []; });
   act.fit = (_, frontal = false) => {
+    orbit.field = state.apart ? NARROW_RAD : WIDE_RAD;
     if (frontal) orbit.azimuth = 0;
     const on = page.videos.map((_, i) => i).filter((i) => state.on[i]);
     const points = on.flatMap((i) => reachOf(page, i).map((p) => add(p, state.offsets[i])));
@@ -77,7 +78,7 @@ function start() {
   function curvesNow() {
     const angle = page.angles.find((a) => a.name === state.angle);
     return angle.curves.map(({ mean, sd }, i) => ({
-      phase: page.phase, values: mean, color: page.videos[i].color,
+      phase: page.phase, values: mean, color: inksOf(page, theme)[i],
       low: sd && mean.map((m, t) => m - sd[t]), high: sd && mean.map((m, t) => m + sd[t]),
     })).filter((_, i) => state.on[i]);
   }

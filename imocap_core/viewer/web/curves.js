@@ -58,18 +58,18 @@ class Curves {
   }
 
   // All curves wanted by the state: [{phase, values, color, dash}].
-  wanted(state) {
+  wanted(state, theme) {
     const answer = state.answer === "initial" ? "initial" : "final";
     return this.page.videos.flatMap((video, i) => state.on[i] && !video.excluded
       ? state.curves.joints.map((joint, k) => ({
-        phase: video.phase, color: video.color, dash: DASHES[k % DASHES.length],
+        phase: video.phase, color: inksOf(this.page, theme)[i], dash: DASHES[k % DASHES.length],
         values: this.course(i, answer, joint, state.curves.quantity),
       })).filter((curve) => curve.values)
       : []);
   }
 
   draw(canvas, state, theme) {
-    return drawCurves(canvas, this.page.timeline, state, this.wanted(state), theme,
+    return drawCurves(canvas, this.page.timeline, state, this.wanted(state, theme), theme,
       QUANTITIES[state.curves.quantity].label);
   }
 }

@@ -9,7 +9,7 @@ class Labels {
 
   dress(theme) {
     this.own.forEach((both, i) => both.forEach((label) => {
-      label.style.color = readable(this.page.videos[i].color, theme.paper);
+      label.style.color = inksOf(this.page, theme)[i];
     }));
   }
 

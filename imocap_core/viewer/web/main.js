@@ -83,6 +83,7 @@ function start() {
   // all: how much of the way from the performers to the cameras is to be seen, 0 to 1.
   act.fit = (all, frontal = false) => {
     state.through = -1;
+    orbit.field = state.apart ? NARROW_RAD : WIDE_RAD;
     if (frontal) orbit.azimuth = Math.atan2(-page.right[2], page.right[0]);
     const on = page.videos.map((_, i) => i).filter((i) => state.on[i] && !page.videos[i].excluded);
     const points = on.flatMap((i) => reachOf(page, i).map((p) => add(p, state.offsets[i])));

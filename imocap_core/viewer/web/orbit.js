@@ -1,6 +1,7 @@
 // The eye: it turns about a point, or looks through one of the cameras.
 
 const LOWEST_M = 0.08; // the eye stays above the ground, so that the grid is seen from above
+const WIDE_RAD = 0.62, NARROW_RAD = 0.15; // fields of view; narrow: all who stand in a row from one side
 
 // What is seen by the eye that turns; the canvas gets `density` pixels for each of the page's.
 function freeView(canvas, orbit, density) {
@@ -12,7 +13,7 @@ function freeView(canvas, orbit, density) {
 
 class Orbit {
   constructor(canvas, changed) {
-    this.target = [0, 0.9, 0]; this.azimuth = 0.5; this.elevation = 0.25; this.distance = 4;
+    this.target = [0, 0.9, 0]; this.azimuth = 0.5; this.elevation = 0.25; this.distance = 4; this.field = WIDE_RAD;
     this.changed = changed; this.canvas = canvas; this.fingers = new Map();
     canvas.addEventListener("pointerdown", (e) => {
       canvas.setPointerCapture(e.pointerId);
@@ -48,14 +49,14 @@ class Orbit {
   }
 
   pan(dx, dy) {
-    const [right, up] = this.rows(), step = (1.1 * this.distance) / this.canvas.clientHeight;
+    const [right, up] = this.rows(), step = (3.4 * Math.tan(this.field / 2) * this.distance) / this.canvas.clientHeight;
     this.target = add(this.target, add(scaled(right, -dx * step), scaled(up, dy * step)));
     this.aboveGround();
     this.changed(true);
   }
 
   zoom(factor) {
-    this.distance = clamp(this.distance * factor, 0.4, 60);
+    this.distance = clamp(this.distance * factor, 0.4, 150);
     this.aboveGround();
     this.changed(true);
   }
@@ -80,12 +81,12 @@ class Orbit {
 
   matrix(width, height) {
     const view = viewOf(this.rows(), this.eye());
-    return times(perspective(0.62, width / height, 0.05, 200), view);
+    return times(perspective(this.field, width / height, 0.05, 300), view);
   }
 
   // Far enough that all these points lie within the picture.
   fit(points, width, height) {
-    const [right, up, back] = this.rows(), half = Math.tan(0.31), wide = half * (width / height);
+    const [right, up, back] = this.rows(), half = Math.tan(this.field / 2), wide = half * (width / height);
     this.target = scaled(points.reduce(add, [0, 0, 0]), 1 / points.length);
     for (let round = 0; round < 8; round++) {
       const off = points.map((p) => sub(p, this.target));

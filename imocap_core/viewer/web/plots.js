@@ -44,7 +44,7 @@ function drawLanes(canvas, page, state, theme) {
   const shades = theme.shades ??= page.videos.map((video) => shadesOf(video.color, theme.empty));
   page.videos.forEach((video, i) => {
     const y = lane * (i + 0.5);
-    pen.textAlign = "left"; pen.fillStyle = state.on[i] ? readable(video.color, theme.paper) : theme.quiet;
+    pen.textAlign = "left"; pen.fillStyle = state.on[i] ? inksOf(page, theme)[i] : theme.quiet;
     pen.fillText(video.id, 2, y, LEFT - 8);
     pen.globalAlpha = state.on[i] ? 1 : 0.3;
     pen.fillStyle = theme.empty;
@@ -80,7 +80,7 @@ function drawWarps(canvas, page, state, theme) {
     pen.fillText(tick.text, clamp(x(tick.at), left + 4, right - 8), bottom + 9);
   page.videos.forEach((video, i) => {
     if (!state.on[i]) return;
-    pen.strokeStyle = pen.fillStyle = video.color;
+    pen.strokeStyle = pen.fillStyle = inksOf(page, theme)[i];
     for (let t = 0; t + 1 < video.phase.length; t++) {
       if (!(video.phase[t] <= video.phase[t + 1])) continue;
       pen.lineWidth = 0.5 + (1.8 * video.confidence[t]) / 255;

@@ -13,6 +13,11 @@ function readTheme() {
   return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
 }
 
+// The videos' colours as lines and letters on the page's paper.
+function inksOf(page, theme) {
+  return theme.inks ??= page.videos.map((video) => readable(video.color, theme.paper));
+}
+
 function onThemeChange(changed) {
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", changed);
 }
