@@ -4,6 +4,7 @@
 #   make all ACTION=all    every action below actions/, several at once
 #   make test              the whole test suite
 #   make test-pythons      the quick tests on every Python of PYTHONS (3.12 3.13) that is here; gigabytes on Linux
+#   make test-readers      our files in Blender, ufbx, OpenUSD, ezc3d, OpenSim and Rerun: 1.5 GB, in .venv-readers
 #   make check             lint, format, types, import order, tests
 #   make fuzz              damage files of every format for five minutes (SECONDS=300); record in build/fuzz
 #   make chaos             kill, starve and disturb runs of a small action; the same results after
@@ -34,7 +35,7 @@ HASHES ?= --require-hashes
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help setup all test test-quick test-pythons check baseline lint format clean detect-env docs fuzz fuzz-guided chaos audit sbom
+.PHONY: help setup all test test-quick test-pythons test-readers check baseline lint format clean detect-env docs fuzz fuzz-guided chaos audit sbom
 
 help:
 	@sed -n 's/^#   \{0,1\}//p' Makefile
@@ -65,6 +66,9 @@ INSTALL_SECONDS ?= 900
 test-pythons:
 	@test -n "$(PYTHON)" || { echo "imocap needs Python 3.11 or newer with venv and pip"; exit 1; }
 	@$(PYTHON) tools/other_pythons.py --install-seconds $(INSTALL_SECONDS) $(PYTHONS)
+
+test-readers: $(STAMP)
+	@OMP_NUM_THREADS=1 $(BIN)/python tools/readers.py --install-seconds $(INSTALL_SECONDS) $(READERS)
 
 lint: $(STAMP)
 	@$(BIN)/ruff check .
@@ -119,5 +123,5 @@ format: $(STAMP)
 	@$(BIN)/ruff check --fix .
 
 clean:
-	rm -rf $(VENV) .venv-detect .venv-blender .venv-docs .venv-audit .venv-3.* build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
+	rm -rf $(VENV) .venv-detect .venv-blender .venv-readers .venv-docs .venv-audit .venv-3.* build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

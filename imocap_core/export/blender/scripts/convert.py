@@ -68,24 +68,29 @@ def _write_fbx(job: dict[str, Any]) -> None:
 
 
 def _write_usd(job: dict[str, Any]) -> None:
-    """Metres; UsdSkel's skeleton, skin and animation, and a preview surface."""
+    """Metres; UsdSkel's skeleton, skin and animation, and a preview surface.
+
+    Options that this Blender does not have are left out (4.2 writes metres always).
+    """
     up = job["up"].upper()
-    bpy.ops.wm.usd_export(
-        filepath=job["out"],
-        export_animation=True,
-        export_armatures=True,
-        only_deform_bones=False,
-        export_materials=True,
-        generate_preview_surface=True,
-        export_cameras=False,
-        export_lights=False,
-        convert_world_material=False,
-        convert_orientation=True,
-        export_global_up_selection=up,
-        export_global_forward_selection="NEGATIVE_Z" if up == "Y" else "Y",
-        convert_scene_units="METERS",
-        root_prim_path=f"/{bpy.path.clean_name(job['name'])}",
-    )
+    options: dict[str, Any] = {
+        "filepath": job["out"],
+        "export_animation": True,
+        "export_armatures": True,
+        "only_deform_bones": False,
+        "export_materials": True,
+        "generate_preview_surface": True,
+        "export_cameras": False,
+        "export_lights": False,
+        "convert_world_material": False,
+        "convert_orientation": True,
+        "export_global_up_selection": up,
+        "export_global_forward_selection": "NEGATIVE_Z" if up == "Y" else "Y",
+        "convert_scene_units": "METERS",
+        "root_prim_path": f"/{bpy.path.clean_name(job['name'])}",
+    }
+    available = bpy.ops.wm.usd_export.get_rna_type().properties.keys()
+    bpy.ops.wm.usd_export(**{name: value for name, value in options.items() if name in available})
 
 
 if __name__ == "__main__":

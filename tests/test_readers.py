@@ -1,0 +1,57 @@
+"""The runner of the tests that need other programs; none is installed here."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from tools import readers
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.mark.parametrize("name", list(readers.GROUPS))
+def test_the_tests_look_for_their_readers_by_the_variable(name: str) -> None:
+    group = readers.GROUPS[name]
+    for test in group.tests:
+        files = sorted((ROOT / test).rglob("*.py")) if (ROOT / test).is_dir() else [ROOT / test]
+        assert any(group.variable in file.read_text(encoding="utf-8") for file in files), test
+
+
+def test_what_cannot_be_installed_is_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for group in readers.GROUPS.values():
+        monkeypatch.delenv(group.variable, raising=False)
+    monkeypatch.setattr(readers, "install", lambda name, seconds: "no network")
+    assert readers.main(["rerun", "scenes"]) == 0
+    said = capsys.readouterr().out
+    assert "rerun: left out, no network" in said
+    assert "scenes: left out, no network" in said
+    assert "nothing was tested" in said
+
+
+def test_a_reader_that_a_variable_names_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    started: list[dict[str, str]] = []
+
+    class Done:
+        returncode = 3
+
+    def run(line: list[str], env: dict[str, str], **_: object) -> Done:
+        started.append(env)
+        return Done()
+
+    monkeypatch.setattr(readers.subprocess, "run", run)
+    monkeypatch.setenv("IMOCAP_RERUN", "/somewhere/rerun")
+    assert readers.main(["rerun"]) == 3
+    assert started[0]["IMOCAP_RERUN"] == "/somewhere/rerun"
+    assert set(started[0]) == set(os.environ)
+
+
+def test_an_unknown_name_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        readers.main(["maya"])
+    assert end.value.code == 2
+    assert "no readers maya; there are: blender" in capsys.readouterr().err
