@@ -65,7 +65,7 @@ TITLES = {
     "repetition": "next repetition",
     "residual": "round trip over these",
     "presence_share": "share with the performer",
-    "camera": "camera",
+    "camera_px": "misfit of a pure rotation (px)",
     "focal": "focal length",
     "solved_focal": "focal length solved",
     "up_alone": "up by this video alone",
@@ -80,7 +80,7 @@ TITLES = {
     "seconds": "time (s)",
     "fps": "frames per second",
 }
-"""By the names without units, where the words of a name do not say it."""
+"""By names, most without their units, where the words of a name do not say it."""
 
 
 def column_title(name: str) -> str:

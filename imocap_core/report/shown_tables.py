@@ -56,7 +56,7 @@ def grouped_reasons(table: Table) -> Table:
     metrics: dict[str, list[str]] = {}
     for metric, reason in table.rows:
         metrics.setdefault(str(reason), []).append(column_title(str(metric)))
-    rows = [[reason, ", ".join(names)] for reason, names in metrics.items()]
+    rows = [[reason, "; ".join(names)] for reason, names in metrics.items()]
     return table.model_copy(update={"columns": ["reason", "metrics"], "rows": rows})
 
 

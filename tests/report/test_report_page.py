@@ -107,7 +107,7 @@ def test_without_truth_nothing_is_summed_up_and_reasons_are_given_once() -> None
     parts = sections([_table("summary", "result", "reprojection_px"), reasons], [])
     assert [part.title for part in parts] == ["Motion", "Not scored"]
     assert [t.name for t in parts[0].folded_tables] == ["summary"]
-    assert parts[1].tables[0].rows == [["no truth", "a (mm), b (mm)"], ["one video", "c"]]
+    assert parts[1].tables[0].rows == [["no truth", "a (mm); b (mm)"], ["one video", "c"]]
 
 
 def test_a_single_video_is_not_compared_with_itself() -> None:

@@ -1,5 +1,7 @@
 // The comparison: bodies on one timeline, an angle's curves, differences in words, measuring.
 
+const MOST = 6; // bodies that are shown at first
+
 const $ = (id) => document.getElementById(id);
 
 function start() {
@@ -14,6 +16,7 @@ function start() {
   };
   const act = makeActions(page, redraw), state = act.state;
   Object.assign(state, { cameras: false, paths: false, angle: page.findings.find((f) => f.angle)?.angle ?? page.angles[0].name, chosen: [] });
+  state.on = page.videos.map((_, i) => i < MOST);
   const detail = new Detail(redraw), orbit = new Orbit($("stage"), redraw);
   const scene = new Scene($("stage"), page, !detail.software), labels = new Labels($("labels"), page);
 
