@@ -92,10 +92,26 @@ def _solved(work: Path, name: str, kind: str) -> Solved:
     ours, theirs = read_storage(work / f"{name}.mot"), read_storage(work / f"{name}{kind}_ik.mot")
     if kind:
         theirs = {n: s * theirs[c] for n, (all_, s) in GENERIC.items() for c in all_ if c in theirs}
+    theirs = with_raised_arms(theirs)
     named = [c for c in ours if c != TIME and c[-3:-1] != "_t" and c in theirs]
     angles = {c: (ours[c], theirs[c]) for c in named}
     mm = 1000.0
     return Solved(mm * errors["marker_error_RMS"], mm * errors["marker_error_max"], angles)
+
+
+def with_raised_arms(angles: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The same postures with elevations of 0 to 180 degrees: a negative one, which OpenSim may find
+    as well, is the positive one in the opposite plane."""
+    raised = dict(angles)
+    for side in SIDES:
+        names = [f"{side}_shoulder_{n}" for n in ("plane", "elevation", "internal_rotation")]
+        if set(names) <= set(angles):
+            plane, elevation, rotation = (angles[name] for name in names)
+            elevation = (elevation + 180) % 360 - 180
+            half = np.where(elevation < 0, 180.0, 0.0)
+            turned = plane + half, np.abs(elevation), rotation - half
+            raised |= dict(zip(names, turned, strict=True))
+    return raised
 
 
 def read_storage(file: Path) -> dict[str, np.ndarray]:

@@ -8,11 +8,12 @@ from xml.etree.ElementTree import parse
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from imocap_core.errors import WrongUse
 from tests.io.osim_reader import marker_places_m
 from tests.pipeline.made_result import Made, made_result
-from tools.check_in_opensim import differences_deg, read_storage, solve
+from tools.check_in_opensim import differences_deg, read_storage, solve, with_raised_arms
 
 OPENSIM = os.environ.get("IMOCAP_BIOMECHANICS")
 
@@ -64,6 +65,16 @@ def test_segments_have_the_mass_of_the_whole_body(made: Made) -> None:
 def test_opensim_has_no_z_up(made: Made) -> None:
     with pytest.raises(WrongUse, match="--up z"):
         made.export("opensim", up="z")
+
+
+def test_a_negative_elevation_is_the_positive_one_in_the_opposite_plane() -> None:
+    names = [f"left_shoulder_{n}" for n in ("plane", "elevation", "internal_rotation")]
+    angles = np.random.default_rng(0).uniform(-170, 170, size=(3, 20))
+    raised = with_raised_arms(dict(zip(names, angles, strict=True)))
+    both = angles, np.stack([raised[name] for name in names])
+    assert (both[1][1] >= 0).all()
+    R = [Rotation.from_euler("YXY", (a.T * [1, -1, 1]), degrees=True).as_matrix() for a in both]
+    np.testing.assert_allclose(R[0], R[1], atol=1e-9)
 
 
 @pytest.mark.skipif(OPENSIM is None, reason="IMOCAP_BIOMECHANICS names no interpreter with opensim")
