@@ -12,7 +12,8 @@ Blender that is installed, the third line is
     blender --background --python examples/retarget_blender.py -- serve_fbx/mean.fbx --out ...
 
 FILE is an FBX or GLB file with the names of Rigify. The rig gets other proportions than the
-performer's: bones point where the performer's point, the hips' path is scaled by the legs' length.
+performer's: bones point where the performer's point, the path is scaled by the legs' length, and
+the legs bend such that the feet stand where the performer's do.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import argparse
 import json
 import struct
 import sys
+from math import degrees
 from pathlib import Path
 
 import bpy
@@ -51,9 +53,8 @@ def main() -> None:
     if missing:
         sys.exit(f"{given.file}: no bone {missing[0]}; export it with --names rigify")
     retarget(performer, rig, frames)
-    print(
-        f"{len(frames)} frames; limbs within {limb_error_deg(performer, rig, frames):.2f} degrees"
-    )
+    arms, legs = limb_errors_deg(performer, rig, frames)
+    print(f"{len(frames)} frames; arms within {arms:.2f} degrees, legs within {legs:.2f}")
     add_body(rig)
     if given.alone:
         for thing in [*performer.children, performer]:
@@ -112,20 +113,77 @@ def retarget(performer: bpy.types.Object, rig: bpy.types.Object, frames: range) 
     turns = {name: to_performers_rest(performer, rig, name) for name in common(performer, rig)}
     rest = {bone.name: bone.matrix_local.to_quaternion() for bone in rig.data.bones}
     scale = leg_length(rig) / leg_length(performer)
-    low = lowest_ankle(performer, frames)
+    low, floor = standing_height(performer, frames), rig.data.bones["toe.L"].head_local.z
+
+    def scaled(place: Vector) -> Vector:
+        return Vector((scale * place.x, scale * place.y, scale * (place.z - low) + floor))
+
     for frame in frames:
         bpy.context.scene.frame_set(frame)
         posed: dict[str, Quaternion] = {}
         for bone in rig.pose.bones:  # parents come first
-            above = bone.parent.name if bone.parent else None
-            local = rest[above].inverted() @ rest[bone.name] if above else rest[bone.name]
-            resting = posed[above] @ local if above else local
-            name = bone.name
-            posed[name] = turned(performer, name) @ turns[name] if name in turns else resting
-            bone.rotation_quaternion = resting.inverted() @ posed[name]
+            if bone.name in turns:
+                posed[bone.name] = turned(performer, bone.name) @ turns[bone.name]
+            else:
+                posed[bone.name] = unturned(bone, rest, posed)
+        root = root_place(rig, posed, scaled(middle_of_hips(performer)))
+        for side in "LR":
+            place_foot(rig, posed, root, side, scaled(joint(performer, f"toe.{side}")))
+        for bone in rig.pose.bones:
+            resting = unturned(bone, rest, posed)
+            bone.rotation_quaternion = resting.inverted() @ posed[bone.name]
             bone.keyframe_insert("rotation_quaternion", frame=frame)
-        place_hips(performer, rig, posed["spine"], scale, low)
-        rig.pose.bones["spine"].keyframe_insert("location", frame=frame)
+        spine = rig.pose.bones["spine"]
+        spine.location = spine.bone.matrix_local.inverted() @ root
+        spine.keyframe_insert("location", frame=frame)
+
+
+def unturned(
+    bone: bpy.types.PoseBone, rest: dict[str, Quaternion], posed: dict[str, Quaternion]
+) -> Quaternion:
+    """A bone that follows its parent."""
+    if bone.parent is None:
+        return rest[bone.name]
+    above = bone.parent.name
+    return posed[above] @ rest[above].inverted() @ rest[bone.name]
+
+
+def root_place(rig: bpy.types.Object, posed: dict[str, Quaternion], hips: Vector) -> Vector:
+    """Where the root bone begins when the middle of the hips is at a place."""
+    middle = (vector(rig, posed, "spine", "thigh.L") + vector(rig, posed, "spine", "thigh.R")) / 2
+    return hips - middle
+
+
+def vector(rig: bpy.types.Object, posed: dict[str, Quaternion], name: str, to: str) -> Vector:
+    """From a bone's joint to another joint that it moves."""
+    bones = rig.data.bones
+    turn = posed[name] @ bones[name].matrix_local.to_quaternion().inverted()
+    return turn @ (bones[to].head_local - bones[name].head_local)
+
+
+def place_foot(
+    rig: bpy.types.Object, posed: dict[str, Quaternion], root: Vector, side: str, ball: Vector
+) -> None:
+    """Turn thigh and shin such that the ball of the foot is at a place: inverse kinematics.
+
+    The hips and the foot's turn stay; the knee bends by the law of cosines, in its own plane.
+    """
+    thigh, shin, foot = (f"{part}.{side}" for part in ("thigh", "shin", "foot"))
+    hip = root + vector(rig, posed, "spine", thigh)
+    upper, lower = vector(rig, posed, thigh, shin), vector(rig, posed, shin, foot)
+    wanted = ball - vector(rig, posed, foot, f"toe.{side}") - hip
+    a, b = upper.length, lower.length
+    far = min(max(wanted.length, abs(a - b) + 1e-5), a + b - 1e-5)
+    cosine = (far**2 - a**2 - b**2) / (2 * a * b)
+    along = upper.normalized()
+    aside = lower - lower.dot(along) * along
+    behind = posed[thigh] @ rig.data.bones[thigh].matrix_local.to_quaternion().inverted()
+    aside += 0.02 * (behind @ Vector((0.0, 1.0, 0.0)))  # where knees bend to, of a straight leg
+    aside = (aside - aside.dot(along) * along).normalized()
+    bent = b * (cosine * along + (1 - cosine**2) ** 0.5 * aside)
+    leg = (upper + bent).rotation_difference(wanted)
+    posed[thigh] = leg @ posed[thigh]
+    posed[shin] = leg @ lower.rotation_difference(bent) @ posed[shin]
 
 
 def common(performer: bpy.types.Object, rig: bpy.types.Object) -> list[str]:
@@ -179,39 +237,35 @@ def joint(armature: bpy.types.Object, name: str) -> Vector:
     return armature.matrix_world @ armature.pose.bones[name].head
 
 
-def lowest_ankle(performer: bpy.types.Object, frames: range) -> float:
-    """The height at which the performer's ankles stand on the ground."""
+def middle_of_hips(armature: bpy.types.Object) -> Vector:
+    """Between the hips now, world."""
+    return (joint(armature, "thigh.L") + joint(armature, "thigh.R")) / 2
+
+
+def standing_height(performer: bpy.types.Object, frames: range) -> float:
+    """The height of the balls of the performer's feet where they stand."""
     heights = []
     for frame in frames:
         bpy.context.scene.frame_set(frame)
-        heights.append(min(joint(performer, f"foot.{side}").z for side in "LR"))
+        heights.append(min(joint(performer, f"toe.{side}").z for side in "LR"))
     return sorted(heights)[len(heights) // 10]
 
 
-def place_hips(
-    performer: bpy.types.Object, rig: bpy.types.Object, turn: Quaternion, scale: float, low: float
-) -> None:
-    """Move the rig such that the middle of its hips follows the performer's, scaled from where the
-    ankles stand."""
-    bones = rig.data.bones
-    root, ankle = bones["spine"], bones["foot.L"].head_local.z
-    middle = (joint(performer, "thigh.L") + joint(performer, "thigh.R")) / 2
-    wanted = Vector((scale * middle.x, scale * middle.y, scale * (middle.z - low) + ankle))
-    rest = (bones["thigh.L"].head_local + bones["thigh.R"].head_local) / 2 - root.head_local
-    offset = turn @ root.matrix_local.to_quaternion().inverted() @ rest
-    local = root.matrix_local.inverted() @ (wanted - offset)
-    rig.pose.bones["spine"].location = local
-
-
-def limb_error_deg(performer: bpy.types.Object, rig: bpy.types.Object, frames: range) -> float:
-    """The largest angle between a limb of the rig and of the performer."""
-    worst = 0.0
+def limb_errors_deg(
+    performer: bpy.types.Object, rig: bpy.types.Object, frames: range
+) -> tuple[float, float]:
+    """The largest angles between arms, and between legs, of the rig and of the performer."""
+    worst = [0.0, 0.0]
     for frame in frames:
         bpy.context.scene.frame_set(frame)
-        for name in (f"{part}.{side}" for part in POINTING for side in "LR"):
-            ours, theirs = (joint(a, following(name)) - joint(a, name) for a in (performer, rig))
-            worst = max(worst, ours.angle(theirs))
-    return worst * 57.29578
+        for part in POINTING:
+            for name in (f"{part}.L", f"{part}.R"):
+                ours, theirs = (
+                    joint(a, following(name)) - joint(a, name) for a in (performer, rig)
+                )
+                leg = part in ("thigh", "shin")
+                worst[leg] = max(worst[leg], degrees(ours.angle(theirs)))
+    return worst[0], worst[1]
 
 
 if __name__ == "__main__":
