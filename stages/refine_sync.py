@@ -18,6 +18,8 @@ from imocap_core.motion.multiview.scene import JointMotion
 from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
+from imocap_core.problem.event import calibrated_round, can_calibrate
+from imocap_core.problem.event_timing import with_one_offset
 from imocap_core.problem.ground import with_ground, with_hands_on_ground
 from imocap_core.problem.hints import hints_of
 from imocap_core.problem.joint import JointProblem, problem_of
@@ -31,8 +33,35 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     keypoints, first_sync = inputs.get(Keypoints), inputs.get(Sync)
     single_pass = inputs.get(SmplBa)
     cameras, initial = inputs.get(CameraMotion), inputs.get(InitialSmpl)
-    problem = problem_of(keypoints, cameras, initial, first_sync, params.fit, params.motion)
+    problem = problem_of(
+        keypoints, cameras, initial, first_sync, params.fit, params.motion, event=ctx.event()
+    )
     first = problem.solution(single_pass)
+    begin, event = LoopRound(first_sync, first, first.misfit, 0.0), None
+    if ctx.event() and can_calibrate(problem, first):
+        loop, event = calibrated_round(
+            problem, keypoints, begin, params.event, lambda what: ctx.progress(0.3, what)
+        )
+    else:
+        loop = _in_turn(ctx, problem, keypoints, initial, begin, params)
+    result = _as_artifact(loop, problem, single_pass)
+    motion = with_ground(result.motion, keypoints, cameras, result.sync.excluded, params.fit)
+    motion = with_hands_on_ground(motion, problem.scene.body.model, result.sync)
+    matches = with_independent_confidence(result.sync, first_sync, motion.common)
+    matches = with_first_repetitions(matches, first_sync)
+    return result.model_copy(update={"motion": motion, "sync": matches, "event": event})
+
+
+def _in_turn(
+    ctx: Context,
+    problem: JointProblem,
+    keypoints: Keypoints,
+    initial: InitialSmpl,
+    begin: LoopRound[Sync, JointMotion],
+    params: Params,
+) -> Alternation[Sync, JointMotion]:
+    """Synchronisation and SMPL-BA in turn."""
+    first_sync = begin.sync
     hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))
     if first_sync.sound_start_s is not None:
         hints = with_sound(hints, first_sync.sound_start_s, keypoints)
@@ -49,7 +78,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
         nonlocal rounds_begun
         rounds_begun += 1
         progress("sync")
-        return synchronise_motions(
+        sync = synchronise_motions(
             problem.filmed_joints(motion),
             keypoints,
             params.sync,
@@ -60,14 +89,16 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
             reprojection=problem.reprojection_evidence(motion) if by_pictures else None,
             rates=rates,
         )
+        sound = first_sync.sound_start_s
+        return with_one_offset(sync, keypoints, sound) if ctx.event() else sync
 
     def recover(sync: Sync, motion: JointMotion) -> JointMotion:
         progress("motion")
         scene = problem.synchronised(sync).scene
         return recover_motion(scene, motion.state, problem.options, cameras=motion.cameras)
 
-    loop = alternate(
-        LoopRound(first_sync, first, first.misfit, 0.0),
+    return alternate(
+        begin,
         synchronise,
         recover,
         maps=lambda sync: [m.reference_frame for m in sync.maps],
@@ -75,12 +106,6 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
         max_rounds=params.refine.max_rounds if len(keypoints.videos) > 1 else 0,
         settled_frames=params.refine.settled_frames,
     )
-    result = _as_artifact(loop, problem, single_pass)
-    motion = with_ground(result.motion, keypoints, cameras, result.sync.excluded, params.fit)
-    motion = with_hands_on_ground(motion, problem.scene.body.model, result.sync)
-    matches = with_independent_confidence(result.sync, first_sync, motion.common)
-    matches = with_first_repetitions(matches, first_sync)
-    return result.model_copy(update={"motion": motion, "sync": matches})
 
 
 def _as_artifact(

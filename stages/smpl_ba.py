@@ -15,7 +15,13 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> SmplBa:
     """One pass of SMPL-BA on the first correspondences."""
     keypoints, cameras, sync = inputs.get(Keypoints), inputs.get(CameraMotion), inputs.get(Sync)
     problem = problem_of(
-        keypoints, cameras, inputs.get(InitialSmpl), sync, params.fit, params.motion
+        keypoints,
+        cameras,
+        inputs.get(InitialSmpl),
+        sync,
+        params.fit,
+        params.motion,
+        event=ctx.event(),
     )
     motion = recover_motion(
         problem.scene,

@@ -6,6 +6,7 @@ from imocap_core.artifacts.schemas import InitialSmpl, Keypoints, Sync
 from imocap_core.cli import stage_main
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
+from imocap_core.problem.event_timing import with_one_offset
 from imocap_core.problem.first_sync import synchronise_monocular
 from imocap_core.problem.hints import hints_of
 from imocap_core.problem.sound import event_sound, with_sound
@@ -28,7 +29,8 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Sync:
     if sound is None:
         return sync
     notes = [*sound.notes, *sync.notes]
-    return sync.model_copy(update={"notes": notes, "sound_start_s": sound.start_s})
+    sync = sync.model_copy(update={"notes": notes, "sound_start_s": sound.start_s})
+    return with_one_offset(sync, keypoints, sound.start_s)
 
 
 if __name__ == "__main__":

@@ -20,10 +20,11 @@ from imocap_core.export.notes import notes_of, write_notes
 from imocap_core.export.opensim import write_opensim
 from imocap_core.export.options import ExportOptions
 from imocap_core.export.placing import digests_of, place
-from imocap_core.export.tables import npz_values, write_cameras_and_sync
+from imocap_core.export.tables import calibration_of, npz_values, write_cameras_and_sync
 from imocap_core.io.writers.amass_npz import write_amass
 from imocap_core.io.writers.bvh import write_bvh
 from imocap_core.io.writers.c3d import write_c3d
+from imocap_core.io.writers.camera_calibration import write_calibration
 from imocap_core.io.writers.export_npz import write_video
 from imocap_core.io.writers.gltf_scene import write_glb
 from imocap_core.io.writers.joints_csv import write_joints_csv
@@ -46,6 +47,7 @@ DEFAULT_UP = {
     "amass": "z",
     "fbx": "y",
     "usd": "y",
+    "calib": "z",
 }  # the others keep the reference camera's axes
 
 TURNED = "is y up, and programs of z up (Blender, Unreal) turn it when they read it"
@@ -194,6 +196,10 @@ def _by_blender(out: Path, result: ActionResult, options: ExportOptions, format:
     return write_characters(program, out, actors_of(turned_y_up(result), options), target, notes)
 
 
+def _calib(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
+    return write_calibration(out, [calibration_of(video.camera) for video in result])
+
+
 def _mcap(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
     return write_mcap(out, result)
 
@@ -210,6 +216,7 @@ WRITERS: dict[str, Callable[[Path, ActionResult, ExportOptions], list[Path]]] = 
     "amass": _amass,
     "fbx": _fbx,
     "usd": _usd,
+    "calib": _calib,
 }
 
 

@@ -22,6 +22,7 @@ UNITS = {
     "angles": {"length": None, "angle": "degree (ISB, docs/angles.md)"},
     "fbx": {"length": "centimetre", "angle": "degree (Euler, per node)"},
     "usd": {"length": "metre", "angle": "unit quaternion"},
+    "calib": {"length": "metre", "angle": "radian (rotation vector)"},
     "mcap": {"length": "metre", "angle": "unit quaternion x, y, z, w"},
     "amass": {"length": "metre", "angle": "radian (axis-angle)"},
 }

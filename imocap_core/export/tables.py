@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.errors import WrongUse
+from imocap_core.io.writers.camera_calibration import CameraCalibration
 from imocap_core.io.writers.export_npz import (
     CameraFrames,
     ExportedHands,
@@ -41,6 +43,18 @@ def per_frame(camera: VideoCamera) -> CameraFrames | None:
     if camera.is_static:
         return None
     return CameraFrames(camera.K_per_frame, camera.R_per_frame, camera.t_per_frame)
+
+
+def calibration_of(camera: VideoCamera) -> CameraCalibration:
+    """A camera as calibration files hold it; WrongUse for one that turns, zooms or moves."""
+    if not camera.is_static:
+        raise WrongUse(
+            f"--format calib: the camera of {camera.id} turns, zooms or moves, and a calibration "
+            "file holds one pose a camera; leave it out with --video, or export npz, which has "
+            "the camera of every frame"
+        )
+    size, lens = camera.size, camera.distortion
+    return CameraCalibration(camera.id, size, camera.K, camera.R, camera.t, lens)
 
 
 def npz_values(video: VideoResult, result: ActionResult) -> ExportedVideo:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 from imocap_core.params.collect import CollectParams
 from imocap_core.params.evaluate import EvaluateParams
+from imocap_core.params.event import EventParams
 from imocap_core.params.fit import FitParams
 from imocap_core.params.hands import HandsParams
 from imocap_core.params.initial import InitialSmplParams
@@ -33,6 +34,7 @@ class Params:
     collect: CollectParams = field(default_factory=CollectParams)
     motion: MotionParams = field(default_factory=MotionParams)
     refine: RefineParams = field(default_factory=RefineParams)
+    event: EventParams = field(default_factory=EventParams)
     uncertainty: UncertaintyParams = field(default_factory=UncertaintyParams)
     hands: HandsParams = field(default_factory=HandsParams)
     evaluate: EvaluateParams = field(default_factory=EvaluateParams)
@@ -43,6 +45,7 @@ __all__ = [
     "CollectParams",
     "DetectParams",
     "EvaluateParams",
+    "EventParams",
     "FitParams",
     "HandsParams",
     "InitialSmplParams",

@@ -146,6 +146,10 @@ def _reads(kind: Read, action: Action) -> Iterator[tuple[str, str | Path]]:
         for name in action.truth_files:
             yield f"truth {name}", action.folder / name
         return
+    if kind == "event":
+        if action.event:
+            yield "event", "true"
+        return
     if kind == "sound" and not action.event:
         return
     field = FIELDS[kind]

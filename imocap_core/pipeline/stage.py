@@ -65,7 +65,9 @@ if TYPE_CHECKING:
     from imocap_core.artifacts.schemas.base import Artifact
     from imocap_core.artifacts.store import Stored
 
-Read = Literal["declarations", "detections", "videos", "sound", "initial", "hints", "truth"]
+Read = Literal[
+    "declarations", "detections", "videos", "sound", "initial", "hints", "event", "truth"
+]
 Progress = Callable[[float, str], None]  # share done (0 to 1), what is being done
 Kind = TypeVar("Kind", bound="Artifact")
 
@@ -113,6 +115,11 @@ class Context:
         if not self._action.event:
             return None
         return {video.id: self._path(video.video) for video in self._action.videos}
+
+    def event(self) -> bool:
+        """Whether action.yaml says that all videos show one event (reads: event)."""
+        self._must_read("event")
+        return self._action.event
 
     def initial(self, video_id: str) -> Path | None:
         """File or folder of a monocular estimator's result (reads: initial), or None."""

@@ -100,8 +100,15 @@ def problem_of(
     sync: SyncSummary,
     fit: FitParams,
     motion: MotionParams,
+    *,
+    event: bool = False,
 ) -> JointProblem:
-    """The joint motion's problem for some videos and their correspondences."""
+    """The joint motion's problem for some videos and their correspondences.
+
+    Args:
+        event: all videos show one performance, so there is one motion for all of them.
+    """
+    motion = replace(motion, objective="single") if event else motion
     model = body_for(keypoints).model
     chosen = sync.alternatives
     motions = initial.model_copy(update={"videos": chosen_motions(initial, chosen)})

@@ -4,7 +4,7 @@ The stage evaluate writes tables and figures into the folder `report/`:
 
     evaluation_tables     all its tables, of
       tables              scores, rounds, videos
-      hand_tables, trust_tables, uncertainty_tables, observability_text
+      hand_tables, trust_tables, event_table, uncertainty_tables, observability_text
     evaluation_figures    its plots and contact sheets
     files                 tables as files (by table_text), and contents.json
 

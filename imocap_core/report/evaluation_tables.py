@@ -13,6 +13,7 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.evaluate.action_scores import ActionScores
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.scoring import ALL_VIDEOS
+from imocap_core.report.event_table import event_tables
 from imocap_core.report.ground_table import ground_tables
 from imocap_core.report.hand_tables import hand_tables
 from imocap_core.report.joint_tables import joint_tables
@@ -40,6 +41,7 @@ def evaluation_tables(
         *([round_table(refined, scores.rounds)] if len(refined.rounds) > 1 else []),
         video_table(keypoints, camera_motion, refined),
         *ground_tables(initial, camera_motion, refined),
+        *event_tables(refined),
         *trust_tables(refined.sync),
         observability_table(claimed, refined.sync),
         *uncertainty_tables(claimed, refined.motion.videos, truth, every),

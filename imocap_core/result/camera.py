@@ -28,6 +28,8 @@ class VideoCamera:
             as they were measured on the background.
         path_m: (T, 3) its places in the first frame's axes, metres; None on one spot, or where the
             path is unknown.
+        distortion: radial distortion of the lens (OpenCV's k1), where the cameras were calibrated
+            from one event; 0: none that is certain. `project` leaves it out.
     """
 
     id: str
@@ -39,6 +41,7 @@ class VideoCamera:
     zoom: Float[np.ndarray, " T"]
     H_first_from_frame: Float[np.ndarray, "T 3 3"]
     path_m: Float[np.ndarray, "T 3"] | None = None
+    distortion: float = 0.0
 
     @property
     def is_static(self) -> bool:

@@ -73,11 +73,15 @@ def read_result(
     _check_frames(artifacts, "uncertainty", {i: v.frames for i, v in sigmas.items()}, frames)
     cameras = {camera.id: camera for camera in motion.cameras}
     detections = {v.id: v for v in keypoints.videos}
+    lenses = _distortions(artifacts) if stage == "refine_sync" else {}
     videos = [
         _video(
             v,
             detections[v.id],
-            _camera(cameras[v.id], turned.get(v.id), detections[v.id]),
+            replace(
+                _camera(cameras[v.id], turned.get(v.id), detections[v.id]),
+                distortion=lenses.get(v.id, 0.0),
+            ),
             sync,
             action=artifacts.action,
             model=f"{motion.model} {motion.model_digest}",
@@ -196,6 +200,12 @@ def _camera(
         H_first_from_frame=H_first_from_frame,
         path_m=camera.path_m if len(camera.path_m) == count else None,
     )
+
+
+def _distortions(artifacts: Artifacts) -> dict[str, float]:
+    """Of the cameras that were calibrated from one event."""
+    event = artifacts.get(RefineSync).event
+    return {} if event is None else {camera.id: camera.distortion for camera in event.cameras}
 
 
 def _hands(hands: VideoHands | None) -> HandMotion | None:

@@ -8,6 +8,7 @@ from imocap_core.verdict.body_findings import body_findings, feet_findings, pict
 from imocap_core.verdict.collapse_findings import collapse_findings
 from imocap_core.verdict.decisions import decision_findings
 from imocap_core.verdict.detections import camera_findings, detection_findings
+from imocap_core.verdict.event_findings import event_findings, event_sentence
 from imocap_core.verdict.findings import Verdict
 from imocap_core.verdict.further_view import further_view
 from imocap_core.verdict.left_out_findings import damage_findings, left_out_findings
@@ -39,6 +40,7 @@ def verdict_of(
     findings = [
         *left_out_findings(keypoints),
         *decision_findings(sync),
+        *event_findings(keypoints, refined),
         *take_findings(keypoints.videos),
         *collapse_findings(sync, videos),
         *timing_findings(sync, keypoints.videos),
@@ -53,13 +55,17 @@ def verdict_of(
         *([] if claimed is None else weak_findings(claimed)),
     ]
     findings.sort(key=lambda f: ORDER.index(f.kind))
+    fps, left_out = videos[sync.reference].fps, len(keypoints.left_out or ())
+    timing = timing_sentence(sync, fps, left_out)
+    if refined.event is not None:
+        timing = event_sentence(refined.event, fps, left_out)
     return Verdict(
         summary_of(
-            timing_sentence(sync, videos[sync.reference].fps, len(keypoints.left_out or ())),
+            timing,
             findings,
             "" if claimed is None else least_certain(claimed),
             "" if claimed is None else further_view(claimed, sync),
         ),
         tuple(findings),
-        disagreement_s(sync),
+        disagreement_s(sync) if refined.event is None else None,
     )

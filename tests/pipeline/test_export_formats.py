@@ -24,6 +24,7 @@ from imocap_core.export.blender.characters import FORMATS as OF_BLENDER
 from imocap_core.export.characters import linear
 from imocap_core.export.clips import camera_of
 from imocap_core.export.formats import WRITERS, export
+from imocap_core.export.options import ExportOptions
 from imocap_core.io.video import write_h264
 from imocap_core.result.result import Time
 from tests.pipeline.made_result import (
@@ -54,7 +55,10 @@ def table(file: Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
 NO_BLENDER = pytest.mark.skipif(
     "IMOCAP_BLENDER" not in os.environ, reason="IMOCAP_BLENDER names no interpreter with bpy"
 )
-FORMATS = [pytest.param(f, marks=NO_BLENDER if f in OF_BLENDER else ()) for f in sorted(WRITERS)]
+FORMATS = [
+    pytest.param(f, marks=NO_BLENDER if f in OF_BLENDER else ())
+    for f in sorted({*WRITERS} - {"calib"})  # of which a camera here, as it turns, is none
+]
 
 
 @pytest.mark.parametrize("format", FORMATS)
@@ -80,6 +84,14 @@ def test_every_format_writes_its_files_and_says_what_they_are(
     }.get(format, "y")
     frames = [notes["videos"][v]["frames"] for v in LENGTHS]
     assert frames == ([31, 21] if time == "own" else [34, 34])
+
+
+def test_a_calibration_is_of_cameras_that_stand(made: Made) -> None:
+    with pytest.raises(WrongUse, match="the camera of b turns"):
+        made.export("calib")
+    done = export(made.result(), "calib", made.out, options=ExportOptions(videos=("a",)))
+    assert [f.name for f in done.files[:3]] == ["Calib.toml", "intri.yml", "extri.yml"]
+    assert json.loads(done.files[-1].read_text())["up_axis"] == "z"
 
 
 def test_on_the_common_axis_equal_rows_are_equal_moments(made: Made) -> None:

@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import (
+    CommonMotion,
     CycleTriple,
+    EventCamera,
+    EventCameras,
     Keypoints,
     LeftOutVideo,
     RefineSync,
@@ -24,6 +27,7 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.verdict.action_verdict import verdict_of
 from imocap_core.verdict.agreement import DOUBTFUL_S
 from imocap_core.verdict.collapse_findings import collapse_findings
+from imocap_core.verdict.event_findings import event_findings
 from imocap_core.verdict.findings import SENTENCES, Finding, Verdict, listed
 from imocap_core.verdict.further_view import further_view, side_of
 from imocap_core.verdict.limbs import LIMBS
@@ -341,3 +345,39 @@ def test_other_json_is_no_verdict(text: str) -> None:
 
 def test_lists_read_as_sentences() -> None:
     assert [listed(list(w)) for w in ("", "a", "ab", "abc")] == ["", "a", "a and b", "a, b and c"]
+
+
+def test_the_sentence_on_one_event_says_what_is_claimed() -> None:
+    cameras = [
+        EventCamera(id=i, distortion=0.0, offset_frames=0.0, rate=1.0, median_px=4.0,
+                    focal_sd=0.08, rotation_sd_deg=sd, offset_sd_s=0.004)
+        for i, sd in (("v1", 0.0), ("v2", 1.2), ("v3", 0.9))
+    ]  # fmt: skip
+    made = Made(3, frames=30)
+    event = EventCameras(cameras=cameras, status="converged")
+    refined = made.refined.model_copy(update={"event": event})
+    verdict = verdict_of(made.keypoints, made.camera_motion, refined, made.claimed)
+    assert verdict.summary[0] == (
+        "3 videos of one event are synchronised to about 4 ms (0.1 frames), and their cameras are "
+        "calibrated from the performer: directions to about 1.2 degrees; focal lengths to 8%."
+    )
+
+
+def test_videos_that_look_like_one_event_are_proposed_as_one() -> None:
+    made = Made(3, frames=30)
+    common = CommonMotion(
+        ids=made.ids, theta=np.zeros((30, 72)), betas=np.zeros(10), trans=np.zeros((30, 3)),
+        rigid_offset_sd=np.full((3, 6), 0.005), keypoint_sd_m=np.full((3, 30, 5), 0.01),
+    )  # fmt: skip
+    motion = made.refined.motion.model_copy(update={"common": common})
+    refined = made.refined.model_copy(update={"motion": motion})
+    (finding,) = event_findings(made.keypoints, refined)
+    assert "event: true" in finding.text
+    apart = common.model_copy(update={"rigid_offset_sd": np.full((3, 6), 0.02)})
+    motion = made.refined.motion.model_copy(update={"common": apart})
+    assert not event_findings(made.keypoints, made.refined.model_copy(update={"motion": motion}))
+    maps = list(made.refined.sync.maps)
+    slower = 0.7 * maps[1].reference_frame
+    maps[1] = maps[1].model_copy(update={"reference_frame": slower})
+    sync = made.refined.sync.model_copy(update={"maps": maps})
+    assert not event_findings(made.keypoints, refined.model_copy(update={"sync": sync}))

@@ -23,7 +23,7 @@ from imocap_core.artifacts.schemas.motion import (
     StartFit,
     VideoMotion,
 )
-from imocap_core.artifacts.schemas.refine_sync import RefineSync, Round
+from imocap_core.artifacts.schemas.refine_sync import EventCamera, EventCameras, RefineSync, Round
 from imocap_core.artifacts.schemas.sync import (
     CycleTriple,
     Sync,
@@ -49,6 +49,8 @@ __all__ = [
     "CorrectedMarks",
     "CycleTriple",
     "Evaluate",
+    "EventCamera",
+    "EventCameras",
     "Floats",
     "Floats32",
     "GroundPlane",

@@ -19,7 +19,8 @@ from imocap_core.motion.multiview.cameras import Cameras, cameras_from_motion
 from imocap_core.motion.multiview.common_motion import estimate_spread, fit_in_stages, misfit
 from imocap_core.motion.multiview.consensus import consensus_motion, mean_shapes
 from imocap_core.motion.multiview.low_rank_round import low_rank_round
-from imocap_core.motion.multiview.per_video import common_at_video_frames, fit_deviations
+from imocap_core.motion.multiview.one_performance import follow_common
+from imocap_core.motion.multiview.per_video import fit_deviations
 from imocap_core.motion.multiview.relocalisation import relocalise
 from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.multiview.swapped_sides import with_sides_of_others
@@ -88,7 +89,7 @@ def common_then_deviations(
         fit = misfit(scene, motion, cameras)
         status = f"one motion for all: {common.status}"
         spread = estimate_spread(scene, motion, cameras, options)
-        state = common_at_video_frames(scene, state, motion, cameras)
+        state = follow_common(scene.with_intrinsics(cameras), state, motion, cameras, options)
         return JointMotion(state, cameras, motion, spread, common.costs, status, fit)
     fit = misfit(scene, motion, cameras, common.spread.offset_sd)
     progress("each video's own deviation")

@@ -1,0 +1,1 @@
+"""One event filmed by several cameras: their calibration from the person they show."""

@@ -1,0 +1,41 @@
+"""Parameters of the calibration of cameras that film one event."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from imocap_core.params.bounds import Positive, param
+
+
+@dataclass(frozen=True, kw_only=True)
+class EventParams:
+    """Cameras calibrated from the performer, where all videos show one event (event.md)."""
+
+    bias_share: Positive = param(
+        0.02,
+        "What a detector errs by for good at one point of one video (one standard deviation), as a "
+        "share of the person's size.",
+    )
+    bone_m: Positive = param(
+        0.01, "How much a bone's length, as detected, varies about its mean.", unit="m"
+    )
+    length_m: Positive = param(
+        0.05, "How much a bone's length, as detected, differs from the body's.", unit="m"
+    )
+    focal_alike: Positive = param(
+        0.07,
+        "Standard deviation of the logarithms of focal lengths that are unknown, among cameras "
+        "whose pictures have one size.",
+    )
+    distortion: Positive = param(
+        0.05,
+        "Standard deviation of a lens's radial distortion (coefficient of the squared distance "
+        "from the middle, in focal lengths). A distortion below three standard deviations of its "
+        "estimate counts as none.",
+    )
+    rate: Positive = param(
+        0.001, "Standard deviation of the logarithm of a video's frame rate against its header's."
+    )
+    correlation_s: Positive = param(
+        0.25, "Detector errors count once per this time in the claimed errors.", unit="s"
+    )

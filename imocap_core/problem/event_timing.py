@@ -1,0 +1,89 @@
+"""One event in all videos: one offset and rate a video, in place of free correspondences."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from imocap_core.artifacts.schemas import Keypoints, Sync, SyncMap
+from imocap_core.motion.event.clock import Clock, clock_of
+from imocap_core.problem.joint import JointProblem
+
+
+def with_one_offset(
+    sync: Sync, keypoints: Keypoints, start_s: Float[np.ndarray, " M"] | None
+) -> Sync:
+    """The correspondences of one event: every video's frames at one offset and rate.
+
+    Args:
+        start_s: (M,) when each video file began, by its sound, or None.
+    """
+    reference = sync.ids.index(sync.reference)
+    first_s = None
+    if start_s is not None:
+        first_s = start_s + [float(video.time_s[0]) for video in keypoints.videos]
+    clock = clock_of(
+        [m.reference_frame for m in sync.maps],
+        [m.confidence for m in sync.maps],
+        [video.fps for video in keypoints.videos],
+        reference,
+        first_s,
+    )
+    return _on_lines(sync, clock, keypoints)
+
+
+def _on_lines(sync: Sync, clock: Clock, keypoints: Keypoints) -> Sync:
+    """The maps and phases of a clock; excluded videos stay unmatched."""
+    reference = sync.ids.index(sync.reference)
+    last, fps = sync.lengths[reference] - 1, keypoints.videos[reference].fps
+    maps, phases = list(sync.maps), {}
+    for v, old in enumerate(sync.maps):
+        if old.id in sync.excluded or not np.isfinite(clock.offset[v]):
+            continue
+        frames = clock.reference_frames(v, sync.lengths[v], last)
+        confidence = np.where(np.isfinite(frames), clock.agreement[v], 0.0)
+        maps[v] = SyncMap(id=old.id, reference_frame=frames, confidence=confidence)
+        phases[old.id] = clock.moments(v, sync.lengths[v]) / fps
+    if sync.trust is None:
+        return sync.model_copy(update={"maps": maps})
+    begun = {v.id: v.phase_s for v in sync.trust.videos}[sync.reference][0]
+    videos = [
+        v.model_copy(update={"phase_s": begun + phases[v.id]}) if v.id in phases else v
+        for v in sync.trust.videos
+    ]
+    trust = sync.trust.model_copy(update={"videos": videos})
+    return sync.model_copy(update={"maps": maps, "trust": trust})
+
+
+def with_clock(problem: JointProblem, sync: Sync, keypoints: Keypoints, clock: Clock) -> Sync:
+    """The correspondences of a clock of the participants; those of other videos stay."""
+    taking_part = problem.participants.sync(sync)
+    lines = dict(zip(taking_part.ids, range(len(taking_part.ids)), strict=True))
+    videos = len(sync.ids)
+    every = Clock(np.full(videos, np.nan), np.ones(videos), np.zeros(videos))
+    for v, name in enumerate(sync.ids):
+        if name in lines:
+            k = lines[name]
+            every.offset[v], every.rate[v] = clock.offset[k], clock.rate[k]
+            every.agreement[v] = clock.agreement[k]
+    return _on_lines(sync, every, keypoints)
+
+
+def clock_of_participants(problem: JointProblem, sync: Sync) -> Clock:
+    """The clock whose lines the correspondences are."""
+    matches, observations = problem.participants.sync(sync), problem.scene.observations
+    return clock_of(
+        [m.reference_frame for m in matches.maps],
+        [m.confidence for m in matches.maps],
+        [o.fps for o in observations],
+        problem.scene.reference,
+    )
+
+
+def heard(problem: JointProblem, sync: Sync) -> Bool[np.ndarray, " M"]:
+    """The participants whose offset to the reference is known by their sound."""
+    ids = problem.participants.sync(sync).ids
+    if sync.sound_start_s is None:
+        return np.zeros(len(ids), dtype=bool)
+    by_id = dict(zip(sync.ids, np.isfinite(sync.sound_start_s), strict=True))
+    return np.array([by_id[i] and by_id[sync.reference] for i in ids])

@@ -1,0 +1,144 @@
+"""Cameras calibrated from a made event: the truth is recovered, the fast path has a slow twin."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import approx_fprime
+from scipy.spatial.transform import Rotation
+
+from imocap_core.motion.event.calibrate import calibrate
+from imocap_core.motion.event.normal import reduced
+from imocap_core.motion.event.reprojection import derivatives, project, undistorted
+from imocap_core.motion.event.rig import CAMERA, OFFSET, RATE, CameraRig
+from tests.motion.event.made_event import disturbed, made_problem, true_rig
+
+
+def camera_errors_deg(rig: CameraRig, truth: CameraRig) -> np.ndarray:
+    turned = Rotation.from_matrix(rig.R @ truth.R.swapaxes(1, 2)).magnitude()
+    return np.degrees(turned)[1:]
+
+
+def test_exact_keypoints_give_the_true_cameras() -> None:
+    truth, rng = true_rig(), np.random.default_rng(0)
+    problem = made_problem(truth, rng)
+    solved = calibrate(problem, disturbed(truth, rng))
+    assert camera_errors_deg(solved.rig, truth).max() < 0.5
+    assert np.abs(solved.rig.offset - truth.offset).max() < 0.1
+    assert solved.rig.focal_px == pytest.approx(truth.focal_px, rel=0.03)
+    assert (solved.rig.distortion == 0).all()
+
+
+def test_errors_are_those_that_are_claimed() -> None:
+    truth, rng = true_rig(), np.random.default_rng(1)
+    problem = made_problem(truth, rng, noise_px=4.0, bias_share=0.01)
+    solved = calibrate(problem, disturbed(truth, rng))
+    off = np.stack([np.log(solved.rig.focal_px / truth.focal_px), solved.rig.offset - truth.offset])
+    normalised = (off / np.maximum(solved.sd[:, [6, 8]].T, 1e-9))[:, 1:]
+    assert 0.2 < np.sqrt((normalised**2).mean()) < 2.5
+    assert camera_errors_deg(solved.rig, truth).max() < 3.0
+
+
+def test_biases_of_the_detector_are_told_from_the_cameras() -> None:
+    truth, rng = true_rig(), np.random.default_rng(2)
+    problem = made_problem(truth, rng, noise_px=1.0, bias_share=0.01)
+    start = disturbed(truth, rng)
+    with_biases = calibrate(problem, start).rig
+    without = replace(problem, spreads=replace(problem.spreads, bias_share=1e-5))
+    blamed = calibrate(without, start).rig
+    assert (
+        camera_errors_deg(with_biases, truth).mean() < 0.8 * camera_errors_deg(blamed, truth).mean()
+    )
+
+
+def test_a_bent_lens_is_found_and_a_straight_one_stays_straight() -> None:
+    truth, rng = true_rig(distortion=-0.3), np.random.default_rng(3)
+    problem = made_problem(truth, rng, noise_px=1.0)
+    problem = replace(problem, spreads=replace(problem.spreads, distortion=0.3))
+    solved = calibrate(problem, disturbed(truth, rng))
+    assert solved.rig.distortion == pytest.approx(truth.distortion, abs=0.15)
+    assert camera_errors_deg(solved.rig, truth).max() < 1.0
+
+
+def test_a_known_focal_length_stays() -> None:
+    truth, rng = true_rig(), np.random.default_rng(4)
+    problem = made_problem(truth, rng, noise_px=2.0)
+    problem = replace(problem, focal_log_sd=np.array([0.0, 0.15, 0.15, 0.15]))
+    start = disturbed(truth, rng)
+    start.K[0] = truth.K[0]
+    solved = calibrate(problem, start)
+    assert solved.rig.focal_px[0] == truth.focal_px[0]
+    assert solved.sd[0, 6] == 0
+
+
+def test_missing_keypoints_and_short_videos() -> None:
+    truth, rng = true_rig(), np.random.default_rng(5)
+    problem = made_problem(truth, rng, noise_px=1.0)
+    hidden = problem.videos[1].xy_px.copy()
+    hidden[:, 3] = np.nan
+    videos = list(problem.videos)
+    videos[1] = replace(videos[1], xy_px=hidden)
+    short = videos[2]
+    videos[2] = type(short)(short.xy_px[:25], short.weight[:25], short.size_px[:25])
+    solved = calibrate(replace(problem, videos=videos), disturbed(truth, rng))
+    assert camera_errors_deg(solved.rig, truth).max() < 1.5
+
+
+def test_derivatives_are_finite_differences() -> None:
+    truth, rng = true_rig(distortion=-0.1), np.random.default_rng(6)
+    problem = made_problem(truth, rng, noise_px=0.0)
+    rig = replace(disturbed(truth, rng), distortion=np.full(4, -0.05))
+    rig = replace(rig, points=rig.points[8:9])
+    problem = replace(problem, moments=problem.moments[8:9])
+    slopes = derivatives(rig, problem.samples(rig), project(rig, problem.samples(rig)),
+                         problem.moments)  # fmt: skip
+    for v in range(4):
+
+        def residual(step: np.ndarray, v: int = v) -> float:
+            globals_ = np.zeros(CAMERA * 4 + rig.bias.size + len(problem.bones))
+            globals_[CAMERA * v : CAMERA * (v + 1)] = step
+            moved = rig.moved(globals_, np.zeros_like(rig.points))
+            return float(project(moved, problem.samples(moved)).error_px[0, 4, v, 0])
+
+        numeric = approx_fprime(np.zeros(CAMERA), residual, 1e-6)
+        analytic = slopes.camera[0, 4, v, 0, :CAMERA]
+        assert analytic[:OFFSET] == pytest.approx(numeric[:OFFSET], rel=1e-3, abs=1e-2)
+        # the slope of the regression, whose weights move with the moment
+        assert analytic[OFFSET] == pytest.approx(numeric[OFFSET], rel=0.15, abs=1.0)
+        assert analytic[RATE] == pytest.approx(8 * analytic[OFFSET])
+
+
+def test_eliminating_the_points_gives_the_step_of_the_whole_system() -> None:
+    truth, rng = true_rig(), np.random.default_rng(7)
+    problem = made_problem(truth, rng, noise_px=1.0)
+    problem = replace(problem, moments=problem.moments[8:11])
+    rig = disturbed(truth, rng)
+    rig = replace(rig, points=rig.points[8:11])
+    system = reduced(problem, rig, 1e-3)
+    globals_, points = system.step(1e-3)
+    lowered = problem.cost(rig.moved(0.01 * globals_, 0.01 * points))
+    expected = 0.02 * float(np.dot(full_gradient(problem, rig), np.r_[globals_, points.ravel()]))
+    assert lowered - problem.cost(rig) == pytest.approx(expected, rel=0.05)
+    assert expected < 0
+
+
+def full_gradient(problem, rig: CameraRig) -> np.ndarray:  # type: ignore[no-untyped-def]
+    """Half the gradient of the cost by all unknowns, by differences."""
+    count = CAMERA * 4 + rig.bias.size + len(problem.bones)
+
+    def cost(step: np.ndarray) -> float:
+        moved = rig.moved(step[:count], step[count:].reshape(rig.points.shape))
+        return problem.cost(moved) / 2
+
+    steps = np.eye(count + rig.points.size) * 1e-6
+    return np.array([(cost(s) - cost(-s)) / 2e-6 for s in steps])
+
+
+def test_undistorted_undoes_the_lens() -> None:
+    truth = true_rig(distortion=-0.2)
+    flat = np.random.default_rng(8).uniform(-0.4, 0.4, (50, 2))
+    K = truth.K[1]
+    bent = K[0, 0] * flat * (1 - 0.2 * (flat**2).sum(1, keepdims=True)) + K[:2, 2]
+    assert undistorted(bent, K, -0.2) == pytest.approx(K[0, 0] * flat + K[:2, 2], abs=1e-3)
