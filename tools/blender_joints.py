@@ -1,6 +1,6 @@
 """World joints of a BVH, GLB, FBX or USD file as Blender imports it. Runs where `bpy` is installed.
 
-python tools/blender_joints.py FILE OUT.json --fps 30 --frames 0 10 20 [--up y|z]
+python tools/blender_joints.py FILE OUT.json --fps 30 --frames 0 10 20 [--up y|z] [--skin]
 
 OUT.json: {"<armature>": {"<joint>": [[x, y, z], ...]}}, metres, Blender's world (z up), one row per
 frame (from 0); "cameras": {"<name>": {"angle", "across", "location"}} in the first frame, the angle
@@ -26,6 +26,7 @@ def main() -> int:
     arguments.add_argument("--fps", type=int, required=True)
     arguments.add_argument("--frames", type=int, nargs="+", required=True)
     arguments.add_argument("--up", choices=["y", "z"], default="y")
+    arguments.add_argument("--skin", action="store_true")
     given = arguments.parse_args()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene, first = bpy.context.scene, 0
@@ -59,9 +60,20 @@ def main() -> int:
         for o in scene.objects
         if o.type == "CAMERA"
     }
+    if given.skin:
+        joints["skin"] = [skin_at(frame + first) for frame in given.frames]
     joints["fps"] = scene.render.fps / scene.render.fps_base
     given.out.write_text(json.dumps(joints))
     return 0
+
+
+def skin_at(frame: int) -> list[list[float]]:
+    """Vertices of the first skinned mesh, world."""
+    scene = bpy.context.scene
+    scene.frame_set(frame)
+    body = next(o for o in scene.objects if o.type == "MESH" and o.find_armature())
+    posed = body.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
+    return [list(body.matrix_world @ vertex.co) for vertex in posed.vertices]
 
 
 if __name__ == "__main__":

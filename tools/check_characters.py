@@ -49,20 +49,26 @@ def main() -> None:
             mean = mean_performance(action.levelled(up).on_common_time()).videos[0]
             clip = as_character(clip_of(mean, shaped_body(mean)), CHARACTER, up)
             frames = np.linspace(0, len(clip.frames) - 1, 5).astype(int)
-            print(f"{format} up {up} {in_blender(given.blender, file, clip, frames, up)}")
+            skin = mean.vertices(frames)
+            print(f"{format} up {up} {in_blender(given.blender, file, clip, skin, frames, up)}")
             if given.readers:
                 print(f"{format} up {up} {elsewhere(given.readers, file, clip, frames)}")
 
 
-def in_blender(python: Path, file: Path, clip: MotionClip, frames: np.ndarray, up: str) -> str:
+def in_blender(
+    python: Path, file: Path, clip: MotionClip, skin: np.ndarray, frames: np.ndarray, up: str
+) -> str:
     """A sentence about what Blender reads."""
-    read = read_in_blender(python, file, round(clip.fps), frames.tolist(), up)
+    read = read_in_blender(python, file, round(clip.fps), frames.tolist(), up, skin=True)
+    skin_mm = 1000 * np.linalg.norm(read.pop("skin") - blender_axes(skin, up), axis=-1).max()
     fps = read.pop("fps")
     read.pop("cameras")
     ours = blender_axes(clip.joints[frames], up)
     (joints,) = read.values()
     error_mm = 1000 * joint_error_m(ours, clip, joints)
-    return f"Blender: joints within {error_mm:.4f} mm, {fps:g} frames/s"
+    return (
+        f"Blender: joints within {error_mm:.4f} mm, skin within {skin_mm:.4f} mm, {fps:g} frames/s"
+    )
 
 
 def elsewhere(python: Path, file: Path, clip: MotionClip, frames: np.ndarray) -> str:

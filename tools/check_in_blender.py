@@ -71,11 +71,13 @@ def compare(python: Path, files: list[Path], result: ActionResult, up: str) -> l
     return sentences
 
 
-def read_in_blender(python: Path, file: Path, fps: int, frames: list[int], up: str) -> dict:
+def read_in_blender(
+    python: Path, file: Path, fps: int, frames: list[int], up: str, skin: bool = False
+) -> dict:
     """The output of tools/blender_joints.py."""
     out = file.with_suffix(".json")
     command = [python, READER, file, out, "--fps", str(fps), "--up", up, "--frames"]
-    arguments = [*map(str, command), *map(str, frames)]
+    arguments = [*map(str, command), *map(str, frames), *(["--skin"] if skin else [])]
     run = subprocess.run(arguments, capture_output=True, text=True, check=False)
     if run.returncode != 0:
         raise SystemExit(f"{python} could not read {file}:\n{run.stderr}")
