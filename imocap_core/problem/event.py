@@ -59,7 +59,7 @@ def calibrated_round(
     clock = clock_of_participants(problem, sync)
     task, start = _calibration_problem(problem, motion, names, sync, params)
     solved = calibrate(task, start, progress)
-    rig = solved.rig
+    rig = solved.rig.with_lengths_of(task.prior.lengths)
     sync = with_clock(problem, sync, keypoints, replace(clock, offset=rig.offset, rate=rig.rate))
     scene = problem.synchronised(sync).scene
     K, R, t = (torch.as_tensor(x).to(motion.cameras.R) for x in (rig.K, rig.R, rig.t))

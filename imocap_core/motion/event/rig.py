@@ -74,3 +74,14 @@ class CameraRig:
             points=self.points + points,
             lengths=self.lengths + globals_[first + biases :],
         )
+
+    def with_lengths_of(self, lengths: Float[np.ndarray, " B"]) -> CameraRig:
+        """The same pictures of a world so large that the bones have these lengths, in the median:
+        pictures do not tell the size of a world, and bones that vary draw it to a smaller one."""
+        factor = float(np.median(lengths / np.maximum(self.lengths, 1e-6))) if len(lengths) else 1.0
+        return replace(
+            self,
+            t=factor * self.t,
+            points=factor * self.points,
+            lengths=factor * self.lengths,
+        )

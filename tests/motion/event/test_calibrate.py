@@ -136,6 +136,16 @@ def full_gradient(problem, rig: CameraRig) -> np.ndarray:  # type: ignore[no-unt
     return np.array([(cost(s) - cost(-s)) / 2e-6 for s in steps])
 
 
+def test_the_size_of_the_world_is_that_of_the_bones() -> None:
+    truth = true_rig()
+    larger = truth.with_lengths_of(1.2 * truth.lengths)
+    assert larger.lengths == pytest.approx(1.2 * truth.lengths)
+    assert larger.centre_m == pytest.approx(1.2 * truth.centre_m)
+    problem = made_problem(truth, np.random.default_rng(9))
+    errors = [project(rig, problem.samples(rig)).error_px for rig in (truth, larger)]
+    assert errors[0] == pytest.approx(errors[1], abs=1e-6)
+
+
 def test_undistorted_undoes_the_lens() -> None:
     truth = true_rig(distortion=-0.2)
     flat = np.random.default_rng(8).uniform(-0.4, 0.4, (50, 2))
