@@ -33,17 +33,34 @@ def foot_contact_events(
         feet_m: per side its ankle and the ball of its foot. heights_m: (T,) per side, of the lower
             of these.
     """
-    lowest = np.min(list(heights_m.values()), axis=0)
     events = []
-    for side, points in feet_m.items():
-        speed = np.min([speeds_m_s(points[:, k], fps) for k in range(points.shape[1])], axis=0)
-        low = heights_m[side] - lowest < LIFTED_M
-        for first, last in _contacts(speed, low, fps):
+    for side, spans in foot_contacts(feet_m, heights_m, fps).items():
+        speed = _foot_speed(feet_m[side], fps)
+        for first, last in spans:
             if first > 0:
                 events.append(_edge("contact_begin", side, speed, first, -1))
             if last < len(speed) - 1:
                 events.append(_edge("contact_end", side, speed, last, 1))
     return events
+
+
+def foot_contacts(
+    feet_m: Mapping[str, Float[np.ndarray, "T 2 3"]],
+    heights_m: Mapping[str, np.ndarray],
+    fps: float,
+) -> dict[str, list[tuple[int, int]]]:
+    """First and last frame of every contact of each side, as of `foot_contact_events`."""
+    lowest = np.min(list(heights_m.values()), axis=0)
+    return {
+        side: list(_contacts(_foot_speed(feet, fps), heights_m[side] - lowest < LIFTED_M, fps))
+        for side, feet in feet_m.items()
+    }
+
+
+def _foot_speed(feet_m: Float[np.ndarray, "T 2 3"], fps: float) -> Float[np.ndarray, " T"]:
+    """Speed of the slower point of a foot, m/s."""
+    speeds = [speeds_m_s(feet_m[:, k], fps) for k in range(feet_m.shape[1])]
+    return np.asarray(np.min(speeds, axis=0))
 
 
 def speeds_m_s(path_m: Float[np.ndarray, "T 3"], fps: float) -> Float[np.ndarray, " T"]:

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from imocap_core.biomechanics.events import angle_events, foot_contact_events, speed_events
+from imocap_core.biomechanics.events import (
+    angle_events,
+    foot_contact_events,
+    foot_contacts,
+    speed_events,
+)
 from imocap_core.biomechanics.motion_event import MotionEvent
 from imocap_core.biomechanics.segments import SIDES
 from imocap_core.conventions import SMPL_JOINTS
@@ -36,10 +41,20 @@ def contact_events(video: VideoResult, up: str = "y") -> list[MotionEvent]:
     return sorted(_contacts(video, up), key=lambda event: event.index)
 
 
+def contact_frames(video: VideoResult, up: str = "y") -> dict[str, list[tuple[int, int]]]:
+    """First and last frame of every contact of each foot, by side."""
+    return foot_contacts(*_feet(video, up), video.fps)
+
+
 def _contacts(video: VideoResult, up: str) -> list[MotionEvent]:
+    return foot_contact_events(*_feet(video, up), video.fps)
+
+
+def _feet(video: VideoResult, up: str) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Ankle and ball of each foot (T, 2, 3), and the height of the lower one (T,); by side."""
     feet: dict[str, np.ndarray] = {
         side: video.body_joints[:, [SMPL_JOINTS.index(f"{side}_{joint}") for joint in FOOT]]
         for side in SIDES
     }
     heights = {side: np.asarray(p[..., AXIS[up]].min(axis=1)) for side, p in feet.items()}
-    return foot_contact_events(feet, heights, video.fps)
+    return feet, heights

@@ -22,6 +22,7 @@ from imocap_core.body import Model
 from imocap_core.camera.projection import camera_from_world
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.problem.relative_motion import paths_of_initial, relative_motions
+from imocap_core.result.events import contact_frames
 from imocap_core.result.read import read_monocular
 from imocap_core.result.result import ActionResult
 from imocap_core.viewer.block import Block
@@ -33,12 +34,14 @@ from imocap_core.viewer.body import (
     motion_entry,
     shape_entry,
 )
+from imocap_core.viewer.contacts import contact_spans
 from imocap_core.viewer.pictures import picture_entry, stride
 from imocap_core.viewer.pictures import windows as windows_of
 from imocap_core.viewer.video import (
     camera_entry,
     detected_entry,
     identity_entry,
+    phase_of,
     skeleton_entry,
     timeline_entry,
     uncertainty_entry,
@@ -136,6 +139,9 @@ def _video_entry(
         **identity_entry(block, keypoints, i, result.sync.summary),
         "camera": camera_entry(block, level.videos[i].camera),
         "detected": detected_entry(block, video.keypoints),
+        "contacts": contact_spans(
+            contact_frames(level.videos[i]), phase_of(result.sync.summary, keypoints, i)
+        ),
         "sigma": uncertainty_entry(block, result.artifacts.find(Uncertainty), video.id),
         "projected": {
             "initial": skeleton_entry(block, alone.joints, camera, K_alone),

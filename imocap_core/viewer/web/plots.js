@@ -56,10 +56,20 @@ function drawLanes(canvas, page, state, theme) {
       if (to > from) pen.fillRect(from, y - bar / 2, to - from, bar);
     }
     pen.globalAlpha = 1;
+    if (state.on[i]) contactLines(pen, x, y + bar / 2 + 2, lane - bar, video.contacts, theme);
   });
   loopShade(pen, x, state.loop, 0, bottom, theme);
   cursor(pen, x(state.phase), 0, bottom, theme);
   return (px) => axis.first + ((px - LEFT) / (width - LEFT - RIGHT)) * (axis.last - axis.first);
+}
+
+// Under a lane, when the left foot (upper line) and the right one (lower line) rest on the ground.
+function contactLines(pen, x, top, room, contacts, theme) {
+  if (!contacts || room < 9) return;
+  pen.fillStyle = theme.quiet;
+  ["left", "right"].forEach((side, row) => {
+    for (const [from, to] of contacts[side]) pen.fillRect(x(from), top + 3 * row, Math.max(x(to) - x(from), 1), 1.5);
+  });
 }
 
 // Every video's own seconds against the common axis; a straight even line is one that keeps pace.
