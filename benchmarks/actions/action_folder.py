@@ -14,7 +14,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
+import torch
 import yaml
 from jaxtyping import Int
 from scipy.ndimage import median_filter
@@ -59,6 +61,34 @@ def is_made(folder: Path, key: str) -> bool:
     return made.is_file() and made.read_text() == key
 
 
+def make_whole(folder: Path, key: str, write: Callable[[Path], None]) -> None:
+    """What `write` leaves in a new folder becomes `folder`, unless that was made under `key`; a
+    folder that is there is replaced, or stays where writing fails."""
+    if is_made(folder, key):
+        return
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as draft:
+        new = Path(draft) / "new"
+        new.mkdir()
+        write(new)
+        (new / MADE).write_text(key)
+        if folder.exists():
+            shutil.rmtree(folder)
+        new.rename(folder)
+
+
+def make_filmed(folder: Path, key: str, write: Callable[[Path], None]) -> None:
+    """`make_whole` of an action with rendered videos, on one thread."""
+
+    def film(new: Path) -> None:
+        torch.set_num_threads(1)
+        cv2.setNumThreads(1)
+        (new / "videos").mkdir()
+        write(new)
+
+    make_whole(folder, key, film)
+
+
 def make_action(
     folder: Path,
     name: str,
@@ -68,17 +98,7 @@ def make_action(
     key: str,
 ) -> None:
     """Write the action `name` into `folder` unless it was made under the same key."""
-    if is_made(folder, key):
-        return
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as draft:
-        new = Path(draft) / "new"
-        new.mkdir()
-        _write(new, name, videos(), detector, params)
-        (new / MADE).write_text(key)
-        if folder.exists():
-            shutil.rmtree(folder)
-        new.rename(folder)
+    make_whole(folder, key, lambda new: _write(new, name, videos(), detector, params))
 
 
 def _write(

@@ -6,19 +6,16 @@ at a moment of its own, between the others' frames, and is looked at by the real
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
-from shutil import rmtree
 from typing import Any
 
-import cv2
 import numpy as np
 import torch
 import yaml
 from jaxtyping import Float
 
-from benchmarks.actions.action_folder import MADE, action_key, is_made
+from benchmarks.actions.action_folder import action_key, is_made, make_filmed
 from benchmarks.actions.captured import SEED, trial_stance, trial_videos, video_rng
 from imocap_core.body import Shaped, load_free_body
 from imocap_core.conventions import SMPL_JOINTS
@@ -70,17 +67,7 @@ def make_event(folder: Path, file: Path, trial: int) -> None:
 
 def write_event(folder: Path, performance: Performance, key: str) -> None:
     """Films, truth and action.yaml of a performance; complete or not at all."""
-    torch.set_num_threads(1)
-    cv2.setNumThreads(1)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as draft:
-        new = Path(draft) / "new"
-        (new / "videos").mkdir(parents=True)
-        _write(new, folder.name, performance)
-        (new / MADE).write_text(key)
-        if folder.exists():
-            rmtree(folder)
-        new.rename(folder)
+    make_filmed(folder, key, lambda new: _write(new, folder.name, performance))
 
 
 def shots_of(name: str, frames: int, fps: float) -> list[EventShot]:

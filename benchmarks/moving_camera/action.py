@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from shutil import rmtree
 from typing import Any
 
-import cv2
 import numpy as np
-import torch
 import yaml
 
-from benchmarks.actions.action_folder import MADE, action_key, is_made
+from benchmarks.actions.action_folder import action_key, make_filmed
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.truth import model_text
@@ -43,19 +39,7 @@ def make_moving_yoga(folder: Path, seed: int, walks: Mapping[int, CameraWalk]) -
     key = action_key(
         [closure(Path(__file__)), seed, sorted((k, repr(w)) for k, w in walks.items())], []
     )
-    if is_made(folder, key):
-        return
-    torch.set_num_threads(1)
-    cv2.setNumThreads(1)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as draft:
-        new = Path(draft) / "new"
-        (new / "videos").mkdir(parents=True)
-        _write(new, folder.name, seed, walks)
-        (new / MADE).write_text(key)
-        if folder.exists():
-            rmtree(folder)
-        new.rename(folder)
+    make_filmed(folder, key, lambda new: _write(new, folder.name, seed, walks))
 
 
 def _write(folder: Path, name: str, seed: int, walks: Mapping[int, CameraWalk]) -> None:

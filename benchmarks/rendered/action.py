@@ -6,19 +6,16 @@ at all, and is made again when its code or data have changed.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from shutil import rmtree
 from typing import Any
 
-import cv2
 import numpy as np
 import torch
 import yaml
 
-from benchmarks.actions.action_folder import MADE, action_key, is_made
+from benchmarks.actions.action_folder import action_key, make_filmed
 from benchmarks.actions.captured import SEED, CapturedVideo, trial_stance, trial_videos
 from imocap_core.body import Shaped, load_free_body
 from imocap_core.body.conversions import pose_from_rotations
@@ -56,19 +53,7 @@ def make_rendered(
 ) -> None:
     """Write the action `name` of a file of trials into `folder` unless it was made already."""
     key = key_of(name, file, videos, small)
-    if is_made(folder, key):
-        return
-    torch.set_num_threads(1)
-    cv2.setNumThreads(1)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as draft:
-        new = Path(draft) / "new"
-        (new / "videos").mkdir(parents=True)
-        _write(new, name, file, videos, SIZES[small], report)
-        (new / MADE).write_text(key)
-        if folder.exists():
-            rmtree(folder)
-        new.rename(folder)
+    make_filmed(folder, key, lambda new: _write(new, name, file, videos, SIZES[small], report))
 
 
 def _write(
