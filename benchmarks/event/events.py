@@ -12,12 +12,11 @@ from benchmarks.actions.captured import data_folder
 from benchmarks.event.action import make_event
 from benchmarks.parallel import ActionDisplay
 from benchmarks.scoring.score import truth_of
-from imocap_core.alignment import similarity
 from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync
 from imocap_core.body import load_free_body
 from imocap_core.evaluate.action_scores import score_result
 from imocap_core.evaluate.results import AFTER_LOOP, StageResult
-from imocap_core.metrics.camera import camera_rotation_error_deg
+from imocap_core.metrics.camera import camera_place_errors_mm, camera_rotation_error_deg
 from imocap_core.metrics.scoring import over_videos
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.runner import Display
@@ -78,9 +77,7 @@ def _camera_errors(
     others = [v for v in range(len(ids)) if v != reference]
     turned = camera_rotation_error_deg(R, R[reference], true_R, true_R[reference])[others]
     centres, true_centres = (-np.einsum("mji,mj->mi", a, b) for a, b in ((R, t), (true_R, true_t)))
-    fit = similarity(centres, true_centres)
-    placed = fit.scale * centres @ fit.R_target_from_source.T + fit.t_target
-    place_mm = 1000 * np.linalg.norm(placed - true_centres, axis=1)
+    place_mm = camera_place_errors_mm(centres, true_centres)
     focal = np.log(K[:, 0, 0] / true_K[:, 0, 0])
     phases = [truth[f"{i}/phase"] for i in ids]
     true_offset = np.array([phases[reference][0] - phase[0] for phase in phases])

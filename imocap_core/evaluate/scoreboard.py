@@ -7,10 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.artifacts.schemas import Camera, Keypoints, Sync, SyncSummary, VideoKeypoints
+from imocap_core.artifacts.schemas import Keypoints, Sync, SyncSummary, VideoKeypoints
 from imocap_core.artifacts.schemas.motion import VideoMotion
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.evaluate.body_points import BodyPoints
+from imocap_core.evaluate.camera_scores import camera_rows
 from imocap_core.evaluate.results import StageResult
 from imocap_core.evaluate.truth import (
     consecutive,
@@ -45,7 +46,7 @@ def score(
         rows += _pose(result.name, video, motion, true, body.nose_m)
         rows += _image(result.name, video, body, xy_first_px[video.id])
     if result.cameras is not None and result.sync is not None:
-        rows += _cameras(result.name, result.cameras, result.sync, truth)
+        rows += camera_rows(result.name, result.cameras, result.sync, truth)
     if result.sync is not None:
         rows += _sync(result.name, result.sync, keypoints, truth)
     return rows
@@ -66,7 +67,7 @@ def against_truth(
         true = video_truth(truth, video.id)
         rows += _pose(result.name, video, motion, true, (noses or {}).get(video.id))
     if result.cameras is not None and result.sync is not None:
-        rows += _cameras(result.name, result.cameras, result.sync, truth)
+        rows += camera_rows(result.name, result.cameras, result.sync, truth)
         rows += _sync(result.name, result.sync, keypoints, truth)
     return scoring.means_over_videos(rows)
 
@@ -130,26 +131,6 @@ def _image(
     return scoring.reprojection_rows(
         name, video.id, body.keypoints_m, body.K, xy_first_px, video.confidence, height
     )
-
-
-def _cameras(
-    name: str, cameras: Sequence[Camera], sync: SyncSummary, truth: Truth | None
-) -> list[ScoreRow]:
-    reference = sync.reference
-    true = {} if truth is None else {i: v.R for i, v in truth.videos.items() if v.R is not None}
-    estimated = {camera.id: camera.R for camera in cameras}
-    rows = []
-    for video in (i for i in estimated if i != reference):
-        if video in sync.excluded or {video, reference} & {*sync.mirrored}:
-            why = "excluded" if video in sync.excluded else "mirrored: its world is a reflection"
-            rows.append(ScoreRow(name, video, "camera_rotation_error_deg", None, why))
-        elif video in true and reference in true:
-            pair = (estimated[video], estimated[reference], true[video], true[reference])
-            rows.append(scoring.camera_row(name, video, *pair))
-        else:
-            why = "the true cameras are not known"
-            rows.append(ScoreRow(name, video, "camera_rotation_error_deg", None, why))
-    return rows
 
 
 def _sync(

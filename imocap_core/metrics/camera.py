@@ -6,6 +6,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from imocap_core.alignment import similarity
+
 
 def camera_rotation_error_deg(
     R_cam_from_world: Float[np.ndarray, "... 3 3"],
@@ -22,6 +24,20 @@ def camera_rotation_error_deg(
     recovered = _relative(R_cam_from_world, R_ref_from_world)
     true = _relative(R_cam_from_true_world, R_ref_from_true_world)
     return rotation_angle_deg(recovered @ np.swapaxes(true, -1, -2))
+
+
+def camera_place_errors_mm(
+    centres_m: Float[np.ndarray, "M 3"], true_centres_m: Float[np.ndarray, "M 3"]
+) -> Float[np.ndarray, " M"]:
+    """Distances of the cameras' places from the true ones after one similarity of all of them: the
+    world of a result has axes, an origin and a unit of its own.
+
+    Raises:
+        ValueError: shapes that differ.
+    """
+    fit = similarity(centres_m, true_centres_m)
+    moved = fit.scale * centres_m @ fit.R_target_from_source.T + fit.t_target
+    return 1000 * np.linalg.norm(moved - true_centres_m, axis=1)
 
 
 def rotation_angle_deg(R: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch"]:

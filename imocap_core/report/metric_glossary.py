@@ -56,6 +56,9 @@ GLOSSARY = {
     "reprojection_pct": "The same in percent of the person's height in the picture.",
     "camera_rotation_error_deg": "Angle between the recovered and the true rotation from the "
     "reference camera to this one.",
+    "camera_place_error_mm": "Distance of the camera's place from the true one, after one "
+    "similarity of all cameras.",
+    "focal_error_pct": "Logarithm of the focal length over the true one, absolute, times 100.",
     "sync_error_pct": "Mean distance of matched and true phase, as a share of the last phase.",
     "sync_error_released_pct": "The same over frames whose phase equals that of a reference frame.",
     "sync_error_frames": "Mean distance of the matched to the true position in the reference.",

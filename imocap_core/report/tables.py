@@ -13,6 +13,7 @@ from imocap_core.artifacts.schemas import (
     Table,
 )
 from imocap_core.artifacts.schemas.evaluate import Cell
+from imocap_core.evaluate.camera_scores import CAMERA_METRICS
 from imocap_core.metrics.body_scoring import BODY_METRICS
 from imocap_core.metrics.scoring import ALL_VIDEOS, SYNC_METRICS, ScoreRow
 from imocap_core.verdict.detections import remarks
@@ -78,9 +79,7 @@ def metric_tables(rows: Sequence[ScoreRow], summary: Sequence[ScoreRow]) -> list
             per_video=False,
         ),
         wide_table("sync", "Synchronisation, by video", rows_and_summary, SYNC_METRICS),
-        wide_table(
-            "cameras", "Cameras, by video", rows_and_summary, ("camera_rotation_error_deg",)
-        ),
+        wide_table("cameras", "Cameras, by video", rows_and_summary, CAMERA_METRICS),
         unscored_table(summary),
     ]
     return [table for table in tables if table.rows]

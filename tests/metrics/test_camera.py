@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from imocap_core.metrics.camera import (
+    camera_place_errors_mm,
     camera_rotation_error_deg,
     reprojection_error_px,
     reprojection_errors_px,
@@ -74,3 +75,12 @@ def test_undetected_and_behind_do_not_count() -> None:
 def test_misuse_is_named() -> None:
     with pytest.raises(ValueError, match="must share"):
         reprojection_errors_px(np.zeros((2, 3, 3)), K, np.zeros((2, 4, 2)), np.ones((2, 3)))
+
+
+def test_places_are_compared_up_to_a_similarity() -> None:
+    true = np.array([[0.0, 0, 0], [4, 0, 0], [0, 3, 0], [0, 0, 2]])
+    moved = 0.7 * true @ _turn("z", 40).T + [1.0, 2.0, 3.0]
+    np.testing.assert_allclose(camera_place_errors_mm(moved, true), 0, atol=1e-9)
+    moved[1] += [0.1, 0, 0]
+    errors = camera_place_errors_mm(moved, true)
+    assert 40 < errors[1] < 150

@@ -11,7 +11,7 @@ from imocap_core.artifacts.schemas import CycleTriple, SyncTrust, VideoTrust
 from imocap_core.evaluate.results import StageResult
 from imocap_core.evaluate.scoreboard import against_truth, cycle_row
 from imocap_core.io.truth import read_truth
-from imocap_core.report.table_text import markdown
+from imocap_core.report.table_markup import markdown
 from imocap_core.report.trust_tables import trust_tables
 from tests.report.made import Made
 
