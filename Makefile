@@ -6,6 +6,7 @@
 #   make test-pythons      the quick tests on every Python of PYTHONS (3.12 3.13) that is here; gigabytes on Linux
 #   make test-readers      our files in Blender, ufbx, OpenUSD, ezc3d, OpenSim and Rerun: 1.5 GB, in .venv-readers
 #   make check             lint, format, types, import order, tests
+#   make bench             fast parts beside named alternatives, one core: minutes; table in artifacts/benchmark/speed
 #   make fuzz              damage files of every format for five minutes (SECONDS=300); record in build/fuzz
 #   make chaos             kill, starve and disturb runs of a small action; the same results after
 #   make fuzz-guided       the same guided by coverage (atheris, Linux; SECONDS=300); record in build/fuzz
@@ -35,7 +36,7 @@ HASHES ?= --require-hashes
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
-.PHONY: help setup all test test-quick test-pythons test-readers check baseline lint format clean detect-env docs fuzz fuzz-guided chaos audit sbom
+.PHONY: help setup all test test-quick test-pythons test-readers bench check baseline lint format clean detect-env docs fuzz fuzz-guided chaos audit sbom
 
 help:
 	@sed -n 's/^#   \{0,1\}//p' Makefile
@@ -78,6 +79,12 @@ lint: $(STAMP)
 	@$(BIN)/mypy
 
 check: lint test
+
+# The alternative in C (Apache-2.0) comes into a folder of its own; without it its rows are missing.
+BENCHED := dtaidistance==2.5.1
+bench: $(STAMP)
+	@test -d build/bench || $(PIP) --no-deps --target build/bench '$(BENCHED)' || echo "imocap: $(BENCHED) cannot be installed here"
+	@PYTHONPATH=build/bench $(BIN)/imocap benchmark speed
 
 SECONDS ?= 300
 fuzz: $(STAMP)

@@ -29,7 +29,9 @@ def benchmark_command(
             help="Videos per action, 1 to 4 (protocol, trials: 1 to 12, as many as were captured)."
         ),
     ] = 4,
-    only: Annotated[list[str], typer.Option(help="Run only this action (solver: part).")] = [],  # noqa: B006
+    only: Annotated[
+        list[str], typer.Option(help="Run only this action (solver, speed: part; cost: size).")
+    ] = [],  # noqa: B006
     on: Annotated[
         Literal["protocol", "trials", "yoga", "h36m"], typer.Option(help="Data of the ablations.")
     ] = "trials",

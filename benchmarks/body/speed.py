@@ -66,7 +66,7 @@ def _rows(
         milliseconds, megabytes = _best(work, seconds)
         return BodySpeedRow(what, name, milliseconds, megabytes, note)
 
-    automatic = _automatic(model, points)
+    automatic = automatic_jacobian(model, points)
     jacobian = row(
         f"{bodies} bodies x {len(points.names)} keypoints, full Jacobian",
         lambda: keypoints_with_jacobian(model.shape(betas), points, R_local, transl),
@@ -99,7 +99,9 @@ def _rows(
     ]
 
 
-def _automatic(model: Model, points: PointSet) -> Callable[[Tensor, Tensor, Tensor], object]:
+def automatic_jacobian(
+    model: Model, points: PointSet
+) -> Callable[[Tensor, Tensor, Tensor], object]:
     """Forward-mode Jacobian of each body's keypoints by its pose, shape and translation."""
 
     def place(theta: Tensor, betas: Tensor, transl: Tensor) -> Tensor:

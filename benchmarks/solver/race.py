@@ -42,6 +42,7 @@ TARGET = 1.001  # times the lowest objective that Gauss-Newton reaches
 NEWTON = "gauss_newton"
 NEWTON_STEPS, NEWTON_TOLERANCE = 40, 1e-4
 MANY_STEPS = 1_000_000  # a rival is stopped by the clock
+PROBLEMS = {"rigid copies": False, "rigid offsets": True}  # whether the views have offsets
 RIVALS: dict[str, Solver] = {
     "lbfgs": lambda terms, start: lbfgs(
         terms, start, max_steps=MANY_STEPS, relative_tolerance=1e-12
@@ -105,15 +106,22 @@ class TimedTerm:
         return self
 
 
-def race(made: MadeScene, options: MotionParams, most_times: float) -> list[RaceRow]:
-    """Both problems: Gauss-Newton, then each rival with Gauss-Newton again after it; a rival may
+def race(
+    made: MadeScene,
+    options: MotionParams,
+    most_times: float,
+    problems: Sequence[str] = tuple(PROBLEMS),
+) -> list[RaceRow]:
+    """Every problem: Gauss-Newton, then each rival with Gauss-Newton again after it; a rival may
     take `most_times` the time of the slowest Gauss-Newton so far."""
     with one_core():
         return [
             row
-            for name, offsets in (("rigid copies", False), ("rigid offsets", True))
+            for name in problems
             for row in _race(
-                name, *first_common_problem(made, options, rigid_offsets=offsets), most_times
+                name,
+                *first_common_problem(made, options, rigid_offsets=PROBLEMS[name]),
+                most_times,
             )
         ]
 

@@ -140,7 +140,7 @@ def test_a_page_without_the_place_is_refused_before_anything_runs(tmp_path: Path
 def test_every_documented_table_has_its_place() -> None:
     for name in ("protocol-released-fine_tuned-4v", "trials-fine_tuned-4v", "yoga", "solver",
                  "rendered-4v", "detector", "stability", "ablations-trials",
-                 "ablations-protocol-released"):  # fmt: skip
+                 "ablations-protocol-released", "speed", "cost"):  # fmt: skip
         assert docs.page_of(ROOT, name) is not None
 
 

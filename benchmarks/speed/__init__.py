@@ -1,0 +1,1 @@
+"""`imocap benchmark speed` (`make bench`): each fast part beside a named alternative."""

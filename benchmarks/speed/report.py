@@ -1,0 +1,74 @@
+"""`imocap benchmark speed`: ratios to named alternatives, run beside them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+from rich.table import Table
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+from benchmarks.docs import check_marks, docs_sentences
+from benchmarks.names import BenchmarkOptions
+from benchmarks.solver.race import one_core
+from benchmarks.speed import contests
+from benchmarks.speed.contest import RatioRow
+from benchmarks.tables import cell, markdown_table, write_rows, write_texts
+from imocap_core.errors import WrongUse
+from imocap_core.pipeline.runner import Display
+from imocap_core.workspace import Workspace
+
+NAME = "speed"
+HEAD = (
+    *("part", "beside", "size", "ours (ms)", "it (ms)", "times as long"),
+    *("growth, ours", "growth, it"),
+)
+
+
+def report(options: BenchmarkOptions, workspace: Workspace, display: Display) -> list[Table | str]:
+    """All contests (`--only affinity` for some), one core, processor time."""
+    if options.docs:
+        check_marks(workspace.root, NAME)
+    pipeline = workspace.pipeline()
+    params = pipeline.params
+    parts: dict[str, Callable[[], list[RatioRow]]] = {
+        "affinity": contests.affinity,
+        "cycle": lambda: contests.cycle_consistency(params.sync),
+        "dtw": contests.time_warping,
+        "body": contests.body_jacobian,
+        "solver": lambda: contests.solver(params.fit, params.motion, pipeline.seed),
+    }
+    if unknown := sorted(set(options.only) - set(parts)):
+        raise WrongUse(f"--only {unknown[0]}: expected some of {', '.join(parts)}")
+    rows = []
+    with one_core(), threadpool_limits(1):
+        for name in options.only or parts:
+            rows += parts[name]()
+    folder = workspace.root / "artifacts" / "benchmark" / NAME
+    text = markdown(rows)
+    write_rows(folder, "results", rows)
+    write_texts(folder, {"table.md": text})
+    written = docs_sentences(workspace.root, NAME, text, text) if options.docs else []
+    return [text, f"Written to {folder}", *written]
+
+
+def markdown(rows: Sequence[RatioRow]) -> str:
+    """The table; a rival that was stopped took more than the multiple that it has."""
+    cells = [
+        [
+            row.part,
+            row.rival,
+            row.size,
+            cell(row.ours_ms, 1),
+            f"{'> ' if row.at_least else ''}{row.rival_ms:,.1f}",
+            f"{'> ' if row.at_least else ''}{_ratio(row.ratio)}",
+            cell(row.growth, 1),
+            cell(math.nan if row.at_least else row.rival_growth, 1),
+        ]
+        for row in rows
+    ]
+    return markdown_table(HEAD, cells) + "\n"
+
+
+def _ratio(value: float) -> str:
+    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"

@@ -1,0 +1,62 @@
+"""The rivals give our answers; growth and ratios are what the table says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.names import BenchmarkOptions
+from benchmarks.parallel import LineDisplay
+from benchmarks.speed.contest import Entrants, RatioRow, contest, with_growth
+from benchmarks.speed.report import markdown, report
+from benchmarks.speed.rivals import dtw_by_loops, procrustes_by_svd
+from imocap_core.errors import WrongUse
+from imocap_core.sync.pairwise.procrustes import procrustes_distances
+from imocap_core.sync.warp.dtw import dtw
+from imocap_core.workspace import Workspace
+
+
+def test_the_loop_of_decompositions_gives_our_distances() -> None:
+    a, b = (np.random.default_rng(k).normal(size=(5 + k, 9, 3)) for k in range(2))
+    ours = procrustes_distances(a, b, np.ones(a.shape[:2]), np.ones(b.shape[:2]))
+    np.testing.assert_allclose(procrustes_by_svd(a, b), ours, atol=1e-9)
+
+
+@pytest.mark.parametrize("lengths", [(1, 1), (1, 6), (12, 9), (20, 31)])
+def test_the_loops_of_time_warping_find_our_path(lengths: tuple[int, int]) -> None:
+    a, b = (np.random.default_rng(n).normal(size=n).cumsum() for n in lengths)
+    path, cost = dtw_by_loops(a, b)
+    ours, least = dtw((a[:, None] - b) ** 2)
+    assert cost == pytest.approx(least)
+    np.testing.assert_array_equal(path, ours)
+
+
+def test_growth_is_the_exponent() -> None:
+    made = [RatioRow("p", "r", str(n), 2.0 * n**2, 5.0 * n**3, 1.0) for n in (3, 6, 12)]
+    grown = with_growth(made, (3, 6, 12))
+    assert np.isnan(grown[0].growth)
+    assert [row.growth for row in grown[1:]] == pytest.approx([2.0, 2.0])
+    assert [row.rival_growth for row in grown[1:]] == pytest.approx([3.0, 3.0])
+
+
+def test_a_contest_calls_both_at_every_size() -> None:
+    calls: list[str] = []
+    sizes = [
+        Entrants(n, lambda n=n: calls.append(f"o{n}"), lambda n=n: calls.append(f"r{n}"))  # type: ignore[misc]
+        for n in (1, 2)
+    ]
+    table = contest("part", "rival", "frames", sizes, seconds=0.0)
+    assert [row.size for row in table] == ["1 frames", "2 frames"]
+    assert {"o1", "r1", "o2", "r2"} == set(calls)
+
+
+def test_a_rival_that_was_stopped_took_more() -> None:
+    text = markdown([RatioRow("p", "r", "s", 1.0, 10.0, 10.0, at_least=True)])
+    assert "| > 10.0 | > 10 |" in text
+
+
+def test_an_unknown_part_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(WrongUse, match="--only bar: expected some of affinity"):
+        report(BenchmarkOptions("speed", only=("bar",)), Workspace(tmp_path), LineDisplay())
