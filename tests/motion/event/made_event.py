@@ -18,7 +18,7 @@ NAMES = (
     *("left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle"),
 )
 JOINTS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
-FRAMES, CAMERAS, SIZE_PX = 32, 4, 400.0
+FRAMES, CAMERAS, SIZE_PX = 24, 4, 400.0
 OFFSET = np.array([0.0, 3.4, -2.7, 1.25])
 
 
