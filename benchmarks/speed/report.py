@@ -48,7 +48,7 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
     text = markdown(rows)
     write_rows(folder, "results", rows)
     write_texts(folder, {"table.md": text})
-    written = docs_sentences(workspace.root, NAME, text, text) if options.docs else []
+    written = docs_sentences(workspace.root, NAME, text, summary(rows)) if options.docs else []
     return [text, f"Written to {folder}", *written]
 
 
@@ -68,6 +68,16 @@ def markdown(rows: Sequence[RatioRow]) -> str:
         for row in rows
     ]
     return markdown_table(HEAD, cells) + "\n"
+
+
+def summary(rows: Sequence[RatioRow]) -> str:
+    """The ratio at the larger size of every contest."""
+    largest = {(row.part, row.rival): row for row in rows}
+    cells = [
+        [row.part, row.rival, row.size, f"{'> ' if row.at_least else ''}{_ratio(row.ratio)}"]
+        for row in largest.values()
+    ]
+    return markdown_table(HEAD[:3] + HEAD[5:6], cells) + "\n"
 
 
 def _ratio(value: float) -> str:

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.names import BenchmarkOptions
 from benchmarks.parallel import LineDisplay
 from benchmarks.speed.contest import Entrants, RatioRow, contest, with_growth
-from benchmarks.speed.report import markdown, report
+from benchmarks.speed.report import markdown, report, summary
 from benchmarks.speed.rivals import dtw_by_loops, procrustes_by_svd
 from imocap_core.errors import WrongUse
 from imocap_core.sync.pairwise.procrustes import procrustes_distances
@@ -55,6 +55,12 @@ def test_a_contest_calls_both_at_every_size() -> None:
 def test_a_rival_that_was_stopped_took_more() -> None:
     text = markdown([RatioRow("p", "r", "s", 1.0, 10.0, 10.0, at_least=True)])
     assert "| > 10.0 | > 10 |" in text
+
+
+def test_the_summary_has_the_larger_size_of_every_contest() -> None:
+    made = [RatioRow("p", r, size, 1.0, 2.0, 2.0) for r in ("a", "b") for size in ("1 x", "9 x")]
+    lines = summary(made).splitlines()[2:]
+    assert lines == ["| p | a | 9 x | 2 |", "| p | b | 9 x | 2 |"]
 
 
 def test_an_unknown_part_is_refused(tmp_path: Path) -> None:
