@@ -30,8 +30,10 @@ def keep_cache_within_limit(root: Path) -> list[str]:
     """Remove old results of a cache that is too large, as `imocap clean` does; a sentence if any
     were removed. Nothing happens while another run is in progress."""
     limit = cache_limit_bytes()
+    if limit is None:  # and nothing is looked at: a cache of 10,000 actions takes seconds
+        return []
     results = cached_results(Workspace(root).store.folder)
-    if limit is None or sum(result.size_bytes for result in results) <= limit:
+    if sum(result.size_bytes for result in results) <= limit:
         return []
     try:
         cleaning = clean(max_bytes=limit, root=root)

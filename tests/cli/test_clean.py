@@ -11,6 +11,7 @@ import pytest
 from imocap_core.artifacts.lock import exclusive
 from imocap_core.cli.clean_command import size_text
 from imocap_core.errors import WrongUse
+from imocap_core.library import cache_limit
 from imocap_core.library.cleaning import bytes_of, clean
 
 if TYPE_CHECKING:
@@ -147,6 +148,12 @@ def test_sizes() -> None:
 def test_wrong_options(toy: Toy, capsys: Capture, words: list[str], message: str) -> None:
     assert toy.imocap(words) == 2
     assert message in capsys.readouterr().err
+
+
+def test_without_a_limit_nothing_is_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("IMOCAP_CACHE_LIMIT", "0")
+    monkeypatch.setattr(cache_limit, "cached_results", lambda folder: pytest.fail("looked"))
+    assert cache_limit.keep_cache_within_limit(Path("no such folder")) == []
 
 
 def test_a_run_keeps_the_cache_within_its_limit(
