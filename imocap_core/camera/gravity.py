@@ -29,7 +29,7 @@ TRUNK_SHARE = 0.3  # of the evidence of balance, which speaks of nearly the same
 SPHERE = 1000  # directions that are compared first, 7 degrees apart
 REFINEMENTS, GRID, REACH_SD = 3, 17, 4.0
 FIRST_REACH_DEG, LEAST_REACH_DEG, MOST_REACH_DEG = 12.0, 2.0, 30.0
-CHUNK = 500  # directions evaluated together
+CHUNK = 100  # directions evaluated together, so that their arrays stay in the processor's cache
 
 
 @dataclass(frozen=True)

@@ -147,19 +147,22 @@ def balance_cost(
     Limbs as low as the lowest one are the support. The centre's horizontal distance from their mean
     is compared with their extent, the body's sway and the pose's errors.
     """
-    middle, spread = support_under(up, support)
-    arm = support.centre - middle  # (U, N, 3)
-    height = np.einsum("unc,uc->un", arm, up)
+    axes = np.stack([up, *perpendicular(up)])  # (3, U, 3): up, and two horizontal directions
+    moments, count, _ = support.limbs.shape
+    limbs = axes @ support.limbs.swapaxes(0, 1).reshape(-1, 3).T
+    limbs = limbs.reshape(3, len(up), count, moments)  # along each axis
+    share = _shares(limbs[0])
+    middle = (share * limbs).sum(axis=2)
+    height, x, y = axes @ support.centre.T - middle  # (U, N) each
+    apart_x, apart_y = limbs[1:] - middle[1:, :, None]
     free = SWAY_M**2 + (LEAN_ACROSS * height) ** 2 + (DYNAMIC_S * support.speed_m_s) ** 2
-    axes = np.stack(perpendicular(up), axis=1)  # (U, 2, 3)
-    ahead = (axes @ sight)[:, None, :, None]
     along = (LEAN_AHEAD**2 - LEAN_ACROSS**2) * height**2
-    flat = np.einsum("uki,uni->unk", axes, arm)
-    covariance = np.einsum("uki,unij,ulj->unkl", axes, spread, axes)
-    covariance += along[..., None, None] * ahead * ahead.mT
-    a, b, c = covariance[..., 0, 0] + free, covariance[..., 0, 1], covariance[..., 1, 1] + free
+    ahead_x, ahead_y = (axes[1:] @ sight)[..., None]
+    weighted_x = share * apart_x
+    a = 0.5 * (weighted_x * apart_x).sum(axis=1) + along * ahead_x**2 + free
+    b = 0.5 * (weighted_x * apart_y).sum(axis=1) + along * ahead_x * ahead_y
+    c = 0.5 * (share * apart_y * apart_y).sum(axis=1) + along * ahead_y**2 + free
     determinant = a * c - b**2
-    x, y = flat[..., 0], flat[..., 1]
     squared = (c * x**2 - 2 * b * x * y + a * y**2) / determinant
     cost = (BALANCE_DOF + 2) * np.log1p(squared / BALANCE_DOF) + np.log(determinant / SWAY_M**4)
     return np.asarray(cost.mean(axis=1))
@@ -187,11 +190,15 @@ def support_under(
 
 def support_shares(up: Float[np.ndarray, "U 3"], support: Support) -> Float[np.ndarray, "U N 6"]:
     """How much each limb supports, by its height above the lowest one; their sum is 1."""
-    above = np.einsum("nsc,uc->uns", support.limbs, up)
-    above -= above.min(axis=2, keepdims=True)
-    share = np.where(np.arange(above.shape[2]) < len(BALLS), 1.0, HAND_SHARE)
+    return _shares(np.einsum("nsc,uc->usn", support.limbs, up)).swapaxes(1, 2)
+
+
+def _shares(height: Float[np.ndarray, "*any 6 N"]) -> Float[np.ndarray, "*any 6 N"]:
+    """The same of limbs at some heights."""
+    above = height - height.min(axis=-2, keepdims=True)
+    share = np.where(np.arange(height.shape[-2]) < len(BALLS), 1.0, HAND_SHARE)[:, None]
     share = share * np.exp(-0.5 * (above / SUPPORT_HEIGHT_M) ** 2)
-    return np.asarray(share / share.sum(axis=2, keepdims=True))
+    return np.asarray(share / share.sum(axis=-2, keepdims=True))
 
 
 def _student(

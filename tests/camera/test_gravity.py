@@ -8,6 +8,18 @@ from scipy.spatial.transform import Rotation
 
 from imocap_core.body.mass import JOINT_MASS_SHARES, centre_of_mass
 from imocap_core.camera.gravity import FilmedBody, estimate_up
+from imocap_core.camera.tilt_evidence import (
+    BALANCE_DOF,
+    DYNAMIC_S,
+    LEAN_ACROSS,
+    LEAN_AHEAD,
+    SWAY_M,
+    Support,
+    balance_cost,
+    perpendicular,
+    support_of,
+    support_under,
+)
 from tests.camera.standing import (
     FPS,
     LEVEL_CAMERA,
@@ -81,3 +93,28 @@ def test_the_centre_of_mass_is_the_hips_height_of_a_standing_body_and_moves_with
     np.testing.assert_allclose(
         centre_of_mass(turn.apply(joints) + shift), turn.apply(centre) + shift, atol=1e-12
     )
+
+
+def test_the_cost_of_balance_is_that_of_the_whole_covariance() -> None:
+    """The fast cost projects every limb; its slow twin projects their mean and covariance."""
+    support, sight = support_of(walking(), FPS, 20), np.array([0.1, -0.2, 0.97])
+    up = Rotation.random(7, random_state=3).apply(Y_UP)
+    expected = [_slow_balance_cost(u, support, sight) for u in up]
+    np.testing.assert_allclose(balance_cost(up, support, sight), expected, rtol=1e-10)
+
+
+def _slow_balance_cost(up, support: Support, sight) -> float:
+    middles, spreads = (x[0] for x in support_under(up[None], support))
+    axes = np.stack([axis[0] for axis in perpendicular(up[None])])
+    costs = []
+    moments = zip(support.centre, support.speed_m_s, middles, spreads, strict=True)
+    for centre, speed_m_s, middle, spread in moments:
+        height = up @ (centre - middle)
+        free = SWAY_M**2 + (LEAN_ACROSS * height) ** 2 + (DYNAMIC_S * speed_m_s) ** 2
+        covariance = axes @ spread @ axes.T + free * np.eye(2)
+        covariance += (LEAN_AHEAD**2 - LEAN_ACROSS**2) * height**2 * np.outer(*2 * [axes @ sight])
+        off = axes @ (centre - middle)
+        squared = off @ np.linalg.solve(covariance, off)
+        determinant = np.linalg.det(covariance) / SWAY_M**4
+        costs.append((BALANCE_DOF + 2) * np.log1p(squared / BALANCE_DOF) + np.log(determinant))
+    return float(np.mean(costs))
