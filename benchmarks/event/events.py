@@ -14,7 +14,7 @@ from benchmarks.parallel import ActionDisplay
 from benchmarks.scoring.score import truth_of
 from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync
 from imocap_core.body import load_free_body
-from imocap_core.evaluate.action_scores import score_result
+from imocap_core.evaluate.action_scores import score_results
 from imocap_core.evaluate.results import AFTER_LOOP, StageResult
 from imocap_core.metrics.camera import camera_place_errors_mm, camera_rotation_error_deg
 from imocap_core.metrics.scoring import over_videos
@@ -61,7 +61,7 @@ def event_errors(display: Display, root: Path, name: str) -> EventErrors:
     with np.load(action / "truth.npz") as stored:
         truth = {key: stored[key] for key in stored.files}
     result = StageResult(AFTER_LOOP, refined.motion.videos, refined.motion.cameras, refined.sync)
-    rows = score_result(result, keypoints, cameras, truth_of(job, keypoints), load_free_body())
+    rows = score_results([result], keypoints, cameras, truth_of(job, keypoints), load_free_body())
     means = {row.metric: row.value for row in over_videos(rows)}
     scores = [float(means[m] or np.nan) for m in ("mpjpe_scaled_mm", "pa_mpjpe_mm")]
     return EventErrors(name, *_camera_errors(refined, truth, keypoints.videos[0].fps), *scores)

@@ -14,7 +14,7 @@ from benchmarks.scoring.score import truth_of
 from imocap_core.alignment import rigid
 from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, RefineSync
 from imocap_core.body import load_free_body
-from imocap_core.evaluate.action_scores import score_result
+from imocap_core.evaluate.action_scores import score_results
 from imocap_core.evaluate.results import AFTER_LOOP, StageResult
 from imocap_core.metrics.scoring import over_videos
 from imocap_core.pipeline import runner
@@ -67,7 +67,7 @@ def motion_row(display: Display, root: Path, seed: int, case: str) -> MotionRow:
         AFTER_LOOP, solved.videos, solved.cameras, motion.sync, paths_of(solved.cameras)
     )
     truth = truth_of(job, keypoints)
-    rows = score_result(result, keypoints, cameras, truth, load_free_body())
+    rows = score_results([result], keypoints, cameras, truth, load_free_body())
     means = {row.metric: row.value for row in over_videos(rows)}
     paths = paths_of_initial(done["initial_smpl"].decode(InitialSmpl), cameras)
     error, unit = _path_errors(paths, action / CENTRES)

@@ -106,7 +106,7 @@ def _numbers(
     model = load_free_body()
     numbers = {
         result.name: _scored(result, keypoints, truth)
-        | means_over_videos(whole_body_rows(result, keypoints, truth, model))
+        | means_over_videos(whole_body_rows([result], keypoints, truth, model)[0])
         for result in results
     }
     for count in range(1, len(truth.videos)):

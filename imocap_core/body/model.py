@@ -20,7 +20,7 @@ from imocap_core.body.kinematics import check_tree, joint_positions, world_rotat
 from imocap_core.body.layouts import layout_points
 from imocap_core.body.points import PointSet, place_points
 from imocap_core.body.protocols import Landmark
-from imocap_core.body.skinning import skin
+from imocap_core.body.skinning import skin, weighted_rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +154,11 @@ class Shaped:
         directions = self.model.shapedirs[..., :count]
         offsets = self.coefficients @ directions.flatten(0, 1).T
         return self.model.v_template + offsets.unflatten(-1, directions.shape[:2])
+
+    @cached_property
+    def weighted_rest(self) -> Float[Tensor, "... P V"]:
+        """What skinning multiplies with poses, see `skinning.weighted_rest`."""
+        return weighted_rest(self)
 
     def pose(self, R_local: Float[Tensor, "..."], transl: Float[Tensor, "..."]) -> Posed:
         """The body in a pose.

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.body.points import pose_features, rows_of, turn
-from imocap_core.body.protocols import PosedArrays
+from imocap_core.body.protocols import PosedArrays, ShapedArrays
 
 _BODIES_AT_ONCE = 4  # keeps a chunk's 12 numbers a vertex within the processor's cache
 
@@ -27,13 +27,20 @@ def skin(posed: PosedArrays) -> Float[Tensor, "... V 3"]:
 
 def _skin_shared(posed: PosedArrays) -> Float[Tensor, "... V 3"]:
     """Many poses of one rest surface: one matrix product of all bones and weighted vertices."""
-    shaped = posed.shaped
+    rows = torch.cat((rows_of(posed.R_world), posed.joints.transpose(-1, -2)), dim=-1)
+    return turn(rows, posed.shaped.weighted_rest).transpose(-1, -2)
+
+
+def weighted_rest(shaped: ShapedArrays) -> Float[Tensor, "... P V"]:
+    """Rest vertices from each joint by their skinning weights, and the weights, P = 4 J.
+
+    The same for all poses of a shape, and half of the work of skinning 32 of them.
+    """
     weights = shaped.model.weights
     local = shaped.vertices_rest[..., None, :] - shaped.joints_rest[..., None, :, :]
     weighted = (weights[..., None] * local).flatten(-2).transpose(-1, -2)  # (..., 3 J, V)
     offsets = weights.T.expand(*weighted.shape[:-2], -1, -1)
-    rows = torch.cat((rows_of(posed.R_world), posed.joints.transpose(-1, -2)), dim=-1)
-    return turn(rows, torch.cat((weighted, offsets), dim=-2)).transpose(-1, -2)
+    return torch.cat((weighted, offsets), dim=-2)
 
 
 def _skin_each(posed: PosedArrays) -> Float[Tensor, "... V 3"]:

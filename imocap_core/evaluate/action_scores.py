@@ -60,7 +60,7 @@ def score_action(
     Args:
         sync, refined: the first synchronisation, and the loop's.
     """
-    rows = [r for a in results for r in score_result(a, keypoints, camera_motion, truth, model)]
+    rows = score_results(results, keypoints, camera_motion, truth, model)
     rows += [cycle_row(SINGLE_PASS, sync), cycle_row(AFTER_LOOP, refined.sync)]
     after = [row for row in rows if row.result == AFTER_LOOP]
     rows += normalised_camera_rows(after, claimed)
@@ -76,14 +76,31 @@ def score_action(
     )
 
 
-def score_result(
+def score_results(
+    results: Sequence[StageResult],
+    keypoints: Keypoints,
+    camera_motion: CameraMotion,
+    truth: Truth | None,
+    model: Model,
+) -> list[ScoreRow]:
+    """Every metric of some results, one after another, with their bodies posed by `model`."""
+    whole = whole_body_rows(results, keypoints, truth, model)
+    pairs = zip(results, whole, strict=True)
+    return [
+        row
+        for result, rows in pairs
+        for row in (*_joint_rows(result, keypoints, camera_motion, truth, model), *rows)
+    ]
+
+
+def _joint_rows(
     result: StageResult,
     keypoints: Keypoints,
     camera_motion: CameraMotion,
     truth: Truth | None,
     model: Model,
 ) -> list[ScoreRow]:
-    """Every metric of one result, with its body posed by `model`."""
+    """Metrics of joints, keypoints, cameras and synchronisation."""
     K = {c.id: c.K for c in result.cameras or camera_motion.videos}
     filmed = relative_motions(result.motions, result.paths or {})
     points = {
@@ -91,5 +108,4 @@ def score_result(
         for video, motion in zip(keypoints.videos, filmed, strict=True)
     }
     xy_first_px = {c.id: c.xy_first_px for c in camera_motion.videos}
-    rows = score(result, keypoints, truth, points, xy_first_px)
-    return rows + whole_body_rows(result, keypoints, truth, model)
+    return score(result, keypoints, truth, points, xy_first_px)

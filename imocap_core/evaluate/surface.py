@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -18,7 +18,8 @@ from imocap_core.metrics.mesh_stretch import (
     stretched_edge_shares,
     volumes_m3,
 )
-from imocap_core.metrics.whole_body import pa_pve_mm, pve_mm
+from imocap_core.metrics.position import mean_over_frames
+from imocap_core.metrics.whole_body import pa_pve_mm, vertex_distances_mm
 
 TORSO = ("spine1", "spine2", "spine3", "left_collar", "right_collar")
 """The torso above the pelvis, whose own volume changes whenever the hips bend."""
@@ -40,11 +41,25 @@ class SurfaceMesh:
 
 
 @dataclass(frozen=True)
-class Distortion:
-    """Per frame: the share of stretched edges, and the torso's volume relative to rest."""
+class VertexErrors:
+    """PVE about the hips' middle, the same without hands, and after Procrustes; mm."""
+
+    pve: float
+    pve_without_hands: float
+    pa_pve: float
+
+
+@dataclass(frozen=True)
+class SurfaceMeasures:
+    """Distortion of a body's surface against the same person's at rest, and its errors.
+
+    stretched_shares: of edges, per frame; torso_volumes: relative to rest. errors: None without
+    a true surface.
+    """
 
     stretched_shares: Float[np.ndarray, " T"]
     torso_volumes: Float[np.ndarray, " T"]
+    errors: VertexErrors | None
 
 
 @lru_cache(maxsize=2)
@@ -59,42 +74,76 @@ def surface_mesh(model: Model) -> SurfaceMesh:
     return SurfaceMesh(edges_of(faces), *closed_part(faces, part))
 
 
-def distortion(posed: Posed, mesh: SurfaceMesh) -> Distortion:
-    """Distortion of a body's surface against the same person's at rest."""
-    rest = posed.shaped.vertices_rest.numpy()
-    at_rest = volumes_m3(rest, mesh.torso_faces, mesh.torso_ends)
-    shares, volumes = [np.zeros(0)], [np.zeros(0)]
-    for (vertices,) in _surfaces(posed):
-        shares.append(stretched_edge_shares(vertices, rest, mesh.edges))
-        volumes.append(volumes_m3(vertices, mesh.torso_faces, mesh.torso_ends) / at_rest)
-    return Distortion(np.concatenate(shares), np.concatenate(volumes))
+def measure_surfaces(
+    predicted: Sequence[Posed], true: Posed | None, mesh: SurfaceMesh
+) -> list[SurfaceMeasures]:
+    """Measures of several results of one video; each surface is skinned once.
+
+    Errors are means over vertices and frames, NaN without frames.
+    """
+    bodies = [*predicted, *([] if true is None else [true])]
+    parts = [slice(start, start + _CHUNK) for start in range(0, len(bodies[0].transl), _CHUNK)]
+    measured: list[list[SurfaceMeasures]] = [[] for _ in predicted]
+    for part in parts:
+        surfaces = [_surface(body, part) for body in bodies]
+        last = None if true is None else surfaces[-1]
+        for measures, surface in zip(measured, surfaces, strict=False):
+            errors = None if last is None else _vertex_errors_mm(surface, last)
+            measures.append(_distortion(surface, mesh, errors))
+    return [_of_all_frames(measures, true is not None) for measures in measured]
 
 
 @dataclass(frozen=True)
-class VertexErrors:
-    """PVE about the hips' middle, the same without hands, and after Procrustes; mm."""
+class _Surface:
+    """A body's surface in some frames, at rest, and its root; metres."""
 
-    pve: float
-    pve_without_hands: float
-    pa_pve: float
-
-
-def vertex_errors_mm(predicted: Posed, true: Posed) -> VertexErrors:
-    """Per-vertex errors, means over vertices and frames; NaN without frames."""
-    model = predicted.shaped.model
-    roots = [hip_midpoint(body.joints.numpy(), model.joint_names) for body in (predicted, true)]
-    rest = ~_hand_vertices(model)
-    errors, counts = [], []
-    for start, pair in enumerate(_surfaces(predicted, true)):
-        part = slice(_CHUNK * start, _CHUNK * (start + 1))
-        places = [root[part] for root in roots]
-        without = pve_mm(*(surface[:, rest] for surface in pair), *places)
-        errors.append((pve_mm(*pair, *places), without, pa_pve_mm(*pair)))
-        counts.append(len(pair[0]))
-    means = np.average(errors, axis=0, weights=counts) if counts else np.full(3, np.nan)
-    return VertexErrors(*(float(mean) for mean in means))
+    model: Model
+    vertices: Float[np.ndarray, "t V 3"]
+    rest: Float[np.ndarray, "V 3"]
+    root: Float[np.ndarray, "t 3"]
 
 
+def _surface(body: Posed, frames: slice) -> _Surface:
+    shaped = body.shaped
+    posed = shaped.pose(body.R_local[frames], body.transl[frames])
+    root = hip_midpoint(posed.joints.numpy(), shaped.model.joint_names)
+    return _Surface(shaped.model, posed.mesh().vertices.numpy(), shaped.vertices_rest.numpy(), root)
+
+
+def _distortion(
+    surface: _Surface, mesh: SurfaceMesh, errors: VertexErrors | None
+) -> SurfaceMeasures:
+    """The measures that need no truth, beside those that do."""
+    volumes = volumes_m3(surface.vertices, mesh.torso_faces, mesh.torso_ends)
+    return SurfaceMeasures(
+        stretched_edge_shares(surface.vertices, surface.rest, mesh.edges),
+        volumes / volumes_m3(surface.rest, mesh.torso_faces, mesh.torso_ends),
+        errors,
+    )
+
+
+def _vertex_errors_mm(predicted: _Surface, true: _Surface) -> VertexErrors:
+    """Means over the frames of two surfaces."""
+    pair = predicted.vertices, true.vertices
+    distances = vertex_distances_mm(*pair, predicted.root, true.root)
+    without_hands = np.compress(~_hand_vertices(predicted.model), distances, axis=1)
+    return VertexErrors(
+        mean_over_frames(distances), mean_over_frames(without_hands), pa_pve_mm(*pair)
+    )
+
+
+def _of_all_frames(parts: Sequence[SurfaceMeasures], scored: bool) -> SurfaceMeasures:
+    errors = [astuple(part.errors) for part in parts if part.errors is not None]
+    counts = [len(part.stretched_shares) for part in parts]
+    means = np.average(errors, axis=0, weights=counts) if errors else np.full(3, np.nan)
+    return SurfaceMeasures(
+        np.concatenate([np.zeros(0), *(part.stretched_shares for part in parts)]),
+        np.concatenate([np.zeros(0), *(part.torso_volumes for part in parts)]),
+        VertexErrors(*(float(mean) for mean in means)) if scored else None,
+    )
+
+
+@lru_cache(maxsize=2)
 def _hand_vertices(model: Model) -> Bool[np.ndarray, " V"]:
     """Vertices whose largest skinning weight is that of a wrist or a joint beyond it."""
     beyond = [j for j, name in enumerate(model.joint_names) if _is_of_hand(name)]
@@ -112,13 +161,3 @@ def foot_points_m(posed: Posed) -> Float[np.ndarray, "T 4 3"]:
 
 def _foot_points(model: Model) -> PointSet:
     return pick_points(model.points("body25"), FOOT_POINTS)
-
-
-def _surfaces(*bodies: Posed) -> Iterator[tuple[Float[np.ndarray, "t V 3"], ...]]:
-    """Vertices of the bodies, some frames at a time."""
-    for start in range(0, len(bodies[0].transl), _CHUNK):
-        part = slice(start, start + _CHUNK)
-        yield tuple(
-            body.shaped.pose(body.R_local[part], body.transl[part]).mesh().vertices.numpy()
-            for body in bodies
-        )

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import astuple
 
 import numpy as np
 import torch
 
 from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
 from imocap_core.artifacts.schemas.motion import VideoMotion
-from imocap_core.body import Model
+from imocap_core.body import Model, Posed
 from imocap_core.body.conversions import rotations_from_pose
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.evaluate.body_points import posed_body
 from imocap_core.evaluate.results import StageResult
 from imocap_core.evaluate.surface import (
-    distortion,
+    SurfaceMeasures,
     foot_points_m,
+    measure_surfaces,
     surface_mesh,
-    vertex_errors_mm,
 )
 from imocap_core.evaluate.truth import (
     consecutive,
@@ -41,13 +42,18 @@ NO_SURFACE = "the truth has no pose and shape of this body model"
 
 
 def whole_body_rows(
-    result: StageResult, keypoints: Keypoints, truth: Truth | None, model: Model
-) -> list[ScoreRow]:
-    """Every metric of `body_scoring`, all videos; rows without a value have the reason."""
-    rows: list[ScoreRow] = []
-    for video, motion in zip(keypoints.videos, result.motions, strict=True):
-        rows += joint_rows(result.name, video, motion, video_truth(truth, video.id))
-        rows += _surface_rows(result.name, video, motion, truth, model)
+    results: Sequence[StageResult], keypoints: Keypoints, truth: Truth | None, model: Model
+) -> list[list[ScoreRow]]:
+    """Every metric of `body_scoring`, per result, all videos; rows without a value have the
+    reason."""
+    rows: list[list[ScoreRow]] = [[] for _ in results]
+    for v, video in enumerate(keypoints.videos):
+        motions = [result.motions[v] for result in results]
+        surfaces = _surface_rows([r.name for r in results], video, motions, truth, model)
+        true = video_truth(truth, video.id)
+        for of_result, result, of_surface in zip(rows, results, surfaces, strict=True):
+            of_result += joint_rows(result.name, video, result.motions[v], true)
+            of_result += of_surface
     return rows
 
 
@@ -121,28 +127,36 @@ def _mean_over_videos(
 
 
 def _surface_rows(
-    name: str, video: VideoKeypoints, motion: VideoMotion, truth: Truth | None, model: Model
-) -> list[ScoreRow]:
-    """Vertex errors and foot sliding where the truth has a surface, and the surface's stretch."""
-    body = posed_body(model, motion, list(range(len(motion.frames))))
-    change = distortion(body, surface_mesh(model))
-    stretch = body_scoring.stretch_rows(
-        name, video.id, change.stretched_shares, change.torso_volumes
-    )
+    names: Sequence[str],
+    video: VideoKeypoints,
+    motions: Sequence[VideoMotion],
+    truth: Truth | None,
+    model: Model,
+) -> list[list[ScoreRow]]:
+    """Vertex errors and foot sliding where the truth has a surface, and the surface's stretch; per
+    result."""
+    bodies = [posed_body(model, motion, list(range(len(motion.frames)))) for motion in motions]
     same_model = truth is not None and truth.model == model_text(model.name, model.digest)
     true = true_body(video_truth(truth, video.id), model) if same_model else None
-    if true is None:
-        notes = dict.fromkeys(
-            body_scoring.SURFACE_METRICS, NO_TRUTH if truth is None else NO_SURFACE
-        )
-        return [*body_scoring.unscored_rows(name, video.id, notes), *stretch]
-    feet = foot_points_m(body), foot_points_m(true)
-    errors = vertex_errors_mm(body, true)
-    sliding = world.foot_sliding_mm(*feet, consecutive(motion.frames), video.fps)
-    values = (errors.pve, errors.pve_without_hands, errors.pa_pve, sliding)
-    if_nan = (*("no frame has both",) * 3, "no foot is in contact")
-    scored = zip(body_scoring.SURFACE_METRICS, values, if_nan, strict=True)
-    return [*(scored_row(name, video.id, *item) for item in scored), *stretch]
+    measured = measure_surfaces(bodies, true, surface_mesh(model))
+    why_not = NO_TRUTH if truth is None else NO_SURFACE
+
+    def rows(
+        name: str, motion: VideoMotion, body: Posed, surface: SurfaceMeasures
+    ) -> list[ScoreRow]:
+        shares, volumes = surface.stretched_shares, surface.torso_volumes
+        stretch = body_scoring.stretch_rows(name, video.id, shares, volumes)
+        if true is None or surface.errors is None:
+            notes = dict.fromkeys(body_scoring.SURFACE_METRICS, why_not)
+            return [*body_scoring.unscored_rows(name, video.id, notes), *stretch]
+        feet = foot_points_m(body), foot_points_m(true)
+        sliding = world.foot_sliding_mm(*feet, consecutive(motion.frames), video.fps)
+        values = (*astuple(surface.errors), sliding)
+        if_nan = (*("no frame has both",) * 3, "no foot is in contact")
+        scored = zip(body_scoring.SURFACE_METRICS, values, if_nan, strict=True)
+        return [*(scored_row(name, video.id, *item) for item in scored), *stretch]
+
+    return [rows(*one) for one in zip(names, motions, bodies, measured, strict=True)]
 
 
 def _local_rotations(motion: VideoMotion) -> np.ndarray:

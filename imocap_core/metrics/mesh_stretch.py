@@ -29,8 +29,9 @@ def stretched_edge_shares(
     """
     at_rest = _lengths(rest_m, edges)
     used = at_rest > 0
-    change = _lengths(vertices_m, edges[used]) / at_rest[used] - 1
-    return np.asarray((np.abs(change) > STRETCH_LIMIT).mean(axis=-1))
+    some, lengths = edges[used], at_rest[used]
+    frames = [np.abs(_lengths(frame, some) / lengths - 1) > STRETCH_LIMIT for frame in vertices_m]
+    return np.array([stretched.mean() for stretched in frames])
 
 
 def closed_part(
@@ -79,9 +80,10 @@ def _directed_edges(faces: np.ndarray) -> np.ndarray:
     return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
 
 
-def _lengths(points_m: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    difference = points_m[..., edges[:, 0], :] - points_m[..., edges[:, 1], :]
-    return np.sqrt(np.einsum("...ec,...ec->...e", difference, difference))
+def _lengths(points_m: Float[np.ndarray, "V 3"], edges: Int[np.ndarray, "E 2"]) -> np.ndarray:
+    by_axis = points_m.T
+    difference = np.take(by_axis, edges[:, 0], axis=1) - np.take(by_axis, edges[:, 1], axis=1)
+    return np.asarray(np.sqrt(np.einsum("ce,ce->e", difference, difference)))
 
 
 def _signed(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ MM_PER_M = 1000.0
 
 def mpjpe_mm(predicted_m: Float[np.ndarray, "T J 3"], true_m: Float[np.ndarray, "T J 3"]) -> float:
     """Mean per-joint position error, nothing scaled: the paper text's MPJPE."""
-    return _mean_over_frames(joint_errors_mm(predicted_m, true_m))
+    return mean_over_frames(joint_errors_mm(predicted_m, true_m))
 
 
 def mpjpe_scaled_mm(
@@ -92,7 +92,7 @@ def acceleration_error_m_s2(
     steps = np.diff(numbers)
     in_a_row = (steps[1:] == 1) & (steps[:-1] == 1)
     error = np.diff(predicted - true, n=2, axis=0)[in_a_row]
-    return fps**2 * _mean_over_frames(np.linalg.norm(error, axis=-1))
+    return fps**2 * mean_over_frames(np.linalg.norm(error, axis=-1))
 
 
 def _paired(predicted_m: np.ndarray, true_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -105,7 +105,8 @@ def _paired(predicted_m: np.ndarray, true_m: np.ndarray) -> tuple[np.ndarray, np
     return predicted, true
 
 
-def _mean_over_frames(errors: np.ndarray) -> float:
+def mean_over_frames(errors: Float[np.ndarray, "T J"]) -> float:
+    """Mean over the joints of each frame, then over frames; NaN is left out."""
     return float(_nanmean(_nanmean(errors, axis=1), axis=0))
 
 

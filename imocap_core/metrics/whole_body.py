@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.alignment import similarity
-from imocap_core.metrics.position import mean_joint_errors_mm, mpjpe_mm, pa_mpjpe_mm
+from imocap_core.metrics.position import joint_errors_mm, mean_joint_errors_mm, pa_mpjpe_mm
 
 
 def aligned_joint_errors_mm(
@@ -32,19 +32,20 @@ def aligned_joint_errors_mm(
     return mean_joint_errors_mm(aligned, true_m)
 
 
-def pve_mm(
+def vertex_distances_mm(
     predicted_m: Float[np.ndarray, "T V 3"],
     true_m: Float[np.ndarray, "T V 3"],
     predicted_root_m: Float[np.ndarray, "T 3"],
     true_root_m: Float[np.ndarray, "T 3"],
-) -> float:
-    """Per-vertex error (PVE), the roots of both bodies at the origin, in mm.
+) -> Float[np.ndarray, "T V"]:
+    """Distance of every vertex to its truth, the roots of both bodies at the origin, in mm.
 
-    As MPJPE, of all vertices of the surface (Pavlakos et al., "Learning to estimate 3D human pose
-    and shape from a single color image", CVPR 2018). Invariant to a translation of each frame.
+    Their mean (`mean_over_frames`) is the per-vertex error (PVE): as MPJPE, of all vertices of the
+    surface (Pavlakos et al., "Learning to estimate 3D human pose and shape from a single color
+    image", CVPR 2018). Invariant to a translation of each frame.
     """
     predicted = predicted_m - predicted_root_m[:, None]
-    return mpjpe_mm(predicted, true_m - true_root_m[:, None])
+    return joint_errors_mm(predicted, true_m - true_root_m[:, None])
 
 
 def pa_pve_mm(predicted_m: Float[np.ndarray, "T V 3"], true_m: Float[np.ndarray, "T V 3"]) -> float:
