@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 from matplotlib.figure import Figure
+from matplotlib.image import FigureImage
 
 from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
 from imocap_core.figures.style import DPI, QUIET, headline, new_figure
@@ -182,7 +184,7 @@ def contact_sheet(
     left, below, above = 120, 34, 66  # pixels around the mosaic
     size = (mosaic.shape[1] + left, mosaic.shape[0] + below + above)
     figure = new_figure(size[0] / DPI, size[1] / DPI, arranged=False)
-    figure.figimage(mosaic, left, below, origin="upper")
+    figure.add_artist(_Unscaled(figure, mosaic, left, below))
     for r, name in enumerate(row_names):
         middle = 1 - (above + r * height + CELL_PX[1] / 2) / size[1]
         figure.text((left - 12) / size[0], middle, name, ha="right", va="center")
@@ -192,6 +194,22 @@ def contact_sheet(
         figure.text(middle, bottom, name, ha="center", va="top", color=QUIET, fontsize=7.5)
     headline(figure, title, subtitle)
     return figure
+
+
+class _Unscaled(FigureImage):
+    """A picture whose pixels are those of the figure: it is not resampled."""
+
+    def __init__(self, figure: Figure, picture: Image, left_px: int, below_px: int) -> None:
+        super().__init__(figure, offsetx=left_px, offsety=below_px)
+        opaque = np.full((*picture.shape[:2], 1), 255, dtype=np.uint8)
+        self._rows_upwards = np.concatenate([picture, opaque], axis=2)[::-1].copy()
+        self.set_data(picture)
+
+    def make_image(
+        self, renderer: Any, magnification: float = 1.0, unsampled: bool = False
+    ) -> tuple[np.ndarray, float, float, None]:
+        """RGBA, bottom row first, and where its corner is."""
+        return self._rows_upwards, self.ox, self.oy, None
 
 
 def _side_rgb(name: str) -> tuple[int, int, int]:
