@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int, UInt8
 from matplotlib.figure import Figure
 from matplotlib.image import FigureImage
+from matplotlib.transforms import Affine2D
 
 from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
 from imocap_core.figures.style import DPI, QUIET, headline, new_figure
@@ -207,9 +208,9 @@ class _Unscaled(FigureImage):
 
     def make_image(
         self, renderer: Any, magnification: float = 1.0, unsampled: bool = False
-    ) -> tuple[np.ndarray, float, float, None]:
-        """RGBA, bottom row first, and where its corner is."""
-        return self._rows_upwards, self.ox, self.oy, None
+    ) -> tuple[np.ndarray, float, float, Affine2D]:
+        """RGBA, bottom row first, and where its corner is, not transformed."""
+        return self._rows_upwards, self.ox, self.oy, Affine2D()
 
 
 def _side_rgb(name: str) -> tuple[int, int, int]:
