@@ -7,12 +7,14 @@ from pathlib import Path
 from rich.table import Table
 
 from benchmarks.cost.action import ActionSize
+from benchmarks.cost.bookkeeping import bookkeeping
 from benchmarks.cost.measure import measured
 from benchmarks.cost.models import models_of, of_actions, size_of
 from benchmarks.cost.scale import scaled
 from benchmarks.cost.tables import (
     MEGABYTES,
     SECONDS,
+    bookkeeping_text,
     model_table,
     prediction_table,
     scale_text,
@@ -72,5 +74,7 @@ def text_of(folder: Path) -> str:
         model_table(models.stored_mb, MEGABYTES),
         "## Many actions",
         scale_text(costs, SIZE, MACHINES),
+        "## What a task pays for the other actions of its folder",
+        bookkeeping_text(bookkeeping(folder)),
     )
     return "\n\n".join(parts) + "\n"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from benchmarks.cost.bookkeeping import BookkeepingRow
 from benchmarks.cost.model import TERMS, CostModel, Size
 from benchmarks.cost.models import ActionCost, CostModels
 from benchmarks.cost.scale import (
@@ -81,6 +82,17 @@ def scale_text(costs: Sequence[ScaleCost], size: Size, machines: int) -> str:
         f"hour, {DOLLARS_A_GB_MONTH:g} $ a GB and month; {costs[0].memory_gb:.1f} GB a worker."
     )
     return f"{assumed}\n\n{markdown_table(head, rows)}"
+
+
+def bookkeeping_text(rows: Sequence[BookkeepingRow]) -> str:
+    """What a task pays for the other actions of its folder."""
+    head = ("actions in the folder", "leftovers (ms)", "cache's limit (ms)", "files.json (ms)")
+    cells = [
+        [f"{r.actions:,}", f"{r.sweep_ms:.0f}", f"{r.limit_ms:.0f}", f"{r.memory_ms:.1f}"]
+        for r in rows
+    ]
+    each = 1e3 * rows[-1].sum_ms / rows[-1].actions
+    return f"{markdown_table(head, cells)}\n\n{each:.0f} µs a task for every action there."
 
 
 def _coefficient(value: float) -> str:
