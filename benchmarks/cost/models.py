@@ -22,17 +22,17 @@ class ActionCost:
 
 @dataclass(frozen=True)
 class CostModels:
-    """Stage -> processor seconds and stored MB; peak_mb: of the whole action."""
+    """Stage -> processor seconds, stored MB, and the process's largest memory meanwhile."""
 
     processor_s: dict[str, CostModel]
     stored_mb: dict[str, CostModel]
-    peak_mb: CostModel
+    peak_mb: dict[str, CostModel]
 
     def at(self, size: Size) -> ActionCost:
         """The predicted cost of an action."""
         return ActionCost(
             sum(model.at(size) for model in self.processor_s.values()),
-            self.peak_mb.at(size),
+            max(model.at(size) for model in self.peak_mb.values()),
             sum(model.at(size) for model in self.stored_mb.values()),
         )
 
@@ -49,16 +49,15 @@ def of_actions(rows: Sequence[StageCost]) -> dict[Size, ActionCost]:
 
 
 def models_of(rows: Sequence[StageCost]) -> CostModels:
-    """Fitted to the stages of several actions; the peak of memory to the actions."""
-    processor_s, stored_mb = {}, {}
+    """Fitted to the stages of several actions."""
+    processor_s, stored_mb, peak_mb = {}, {}, {}
     for stage in dict.fromkeys(row.stage for row in rows):
         of_stage = [row for row in rows if row.stage == stage]
         sizes = [size_of(row) for row in of_stage]
         seconds = [max(row.processor_s, LEAST_S) for row in of_stage]
         processor_s[stage] = fitted(sizes, seconds)
         stored_mb[stage] = fitted(sizes, [row.stored_mb for row in of_stage])
-    actions = of_actions(rows)
-    peak_mb = fitted(list(actions), [cost.peak_mb for cost in actions.values()])
+        peak_mb[stage] = fitted(sizes, [row.peak_mb for row in of_stage])
     return CostModels(processor_s, stored_mb, peak_mb)
 
 

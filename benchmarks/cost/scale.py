@@ -18,9 +18,8 @@ CORES = 16  # of a machine
 class ScaleCost:
     """Of all actions together.
 
-    detection_h, stages_h: core hours. machines, days: so many machines of CORES cores for so long,
-    if every core is always busy. results_gb, films_gb: stored. core_dollars; month_dollars: of the
-    storage.
+    detection_h, stages_h: core hours. memory_gb: of a worker. results_gb, films_gb: stored.
+    core_dollars, month_dollars: price of the time, and of a month of storage.
     """
 
     actions: int
@@ -45,9 +44,9 @@ class ScaleCost:
         """Price of a month of storage."""
         return DOLLARS_A_GB_MONTH * (self.results_gb + self.films_gb)
 
-    def days(self, machines: int) -> float:
+    def hours(self, machines: int) -> float:
         """On so many machines of CORES cores that are always busy."""
-        return self.core_h / (24 * CORES * machines)
+        return self.core_h / (CORES * machines)
 
 
 def scaled(models: CostModels, actions: int, size: Size) -> ScaleCost:

@@ -61,14 +61,14 @@ def prediction_table(
 
 def scale_text(costs: Sequence[ScaleCost], size: Size, machines: int) -> str:
     """The extrapolation, with its assumptions."""
-    head = ["actions", "detection (core h)", "stages (core h)", f"{machines} machines (days)"]
+    head = ["actions", "detection (core h)", "stages (core h)", f"{machines} machines (h)"]
     head += ["processor ($)", "results (GB)", "films (GB)", "a month of storage ($)"]
     rows = [
         [
             f"{c.actions:,}",
             f"{c.detection_h:,.0f}",
             f"{c.stages_h:,.0f}",
-            f"{c.days(machines):.1f}",
+            f"{c.hours(machines):.2g}",
             f"{c.core_dollars:,.0f}",
             f"{c.results_gb:,.0f}",
             f"{c.films_gb:,.0f}",

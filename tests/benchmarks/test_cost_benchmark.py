@@ -80,7 +80,7 @@ def test_many_actions_are_so_many_times_one() -> None:
         DOLLARS_A_CORE_HOUR * (cost.detection_h + cost.stages_h)
     )
     assert cost.films_gb == pytest.approx(2400 / FPS * MBIT_PER_S / 8)
-    assert cost.days(2) == pytest.approx(cost.days(1) / 2)
+    assert cost.hours(2) == pytest.approx(cost.hours(1) / 2)
 
 
 def test_tables_say_which_sizes_were_held_out_and_how_far_off_the_model_is() -> None:
