@@ -30,12 +30,11 @@ NAME = "cost"
 FITTED = (
     *(ActionSize(*size) for size in ((2, 100), (2, 300), (4, 150), (8, 150), (4, 600))),
     ActionSize(4, 150, "coco18"),
-    ActionSize(4, 150, "blazepose33"),
     ActionSize(16, 300),
     ActionSize(8, 1000),
 )
 HELD_OUT = (ActionSize(3, 400), ActionSize(6, 250))
-ACTIONS, SIZE, MACHINES = (20, 1_000, 10_000), (8, 300, 33), 10
+ACTIONS, SIZE, MACHINES = (20, 1_000, 10_000), (8, 300, 25), 10
 
 
 def report(options: BenchmarkOptions, workspace: Workspace, display: Display) -> list[Table | str]:
