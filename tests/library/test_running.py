@@ -155,7 +155,7 @@ def test_files_of_a_result(small_run: SmallRun, tmp_path: Path) -> None:
     with pytest.raises(imocap.WrongUse, match=r"expected the name of an \.html file"):
         result.view(tmp_path)
     with pytest.raises(imocap.WrongUse, match="--format: expected one of npz"):
-        result.export("fbx", tmp_path)
+        result.export("obj", tmp_path)
     (tmp_path / "file").write_text("")
     with pytest.raises(imocap.WorkFailed, match="cannot write to"):
         result.export("npz", tmp_path / "file")
