@@ -1,11 +1,22 @@
 """Videos as they come: every compression, size, orientation and sound track is read back."""
 
+import os
+
 import numpy as np
 import pytest
 
 from imocap_core.io.video import probe, read_gray
 from imocap_core.io.video_check import check_video
 from tests.io.made_videos import FPS, level, turn, write_video
+
+
+@pytest.fixture(autouse=True)
+def ordinary_priority():
+    """SVT-AV1's encoder, run by root, leaves the process with real-time priority: it and its
+    children would keep the tests beside it from the processor."""
+    yield
+    if hasattr(os, "sched_setscheduler") and os.sched_getscheduler(0) != os.SCHED_OTHER:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 def left_levels(path):
