@@ -45,7 +45,7 @@ def geman_mcclure_weight(residual: Values, scale: float, prior: Values | float =
     return prior / (1.0 + (residual / scale) ** 2) ** 2
 
 
-def cauchy(squared: Tensor, scale: float) -> tuple[Tensor, Tensor]:
+def cauchy(squared: Values, scale: float) -> tuple[Values, Values]:
     """Cauchy loss, the likelihood of Student's t as a cost, and its derivative.
 
     Args:
@@ -56,4 +56,6 @@ def cauchy(squared: Tensor, scale: float) -> tuple[Tensor, Tensor]:
         cost: (...) ``scale^2 log(1 + s / scale^2)``; weight: (...) its derivative by ``s``,
         ``scale^2 / (scale^2 + s)``, in (0, 1].
     """
-    return scale**2 * (squared / scale**2).log1p(), scale**2 / (scale**2 + squared)
+    share = squared / scale**2
+    log = np.log1p(share) if isinstance(share, np.ndarray) else share.log1p()
+    return scale**2 * log, scale**2 / (scale**2 + squared)

@@ -115,15 +115,15 @@ def _normal_equations(
     jacobian = by_point
     if turn:
         lever = (evidence.x_world[in_front] - evidence.x_world.mean(0)) @ R.T
-        jacobian = np.concatenate([by_point, by_point @ -_cross_matrix(lever)], axis=-1)
+        jacobian = np.concatenate([by_point, by_point @ -cross_matrix(lever)], axis=-1)
     robust = geman_mcclure_weight(np.linalg.norm(residual, axis=-1), scale_px)
     weight = evidence.weight[in_front] * robust
     normal = np.einsum("n,nai,naj->ij", weight, jacobian, jacobian)
     return normal, np.einsum("n,nai,na->i", weight, jacobian, residual)
 
 
-def _cross_matrix(v: Float[np.ndarray, "N 3"]) -> Float[np.ndarray, "N 3 3"]:
-    """Cross-product matrices: ``_cross_matrix(v) @ w = v x w``."""
-    out = np.zeros((len(v), 3, 3))
-    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
-    return out - np.swapaxes(out, 1, 2)
+def cross_matrix(v: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
+    """Cross-product matrices: ``cross_matrix(v) @ w = v x w``."""
+    out = np.zeros((*v.shape, 3))
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
+    return out - np.swapaxes(out, -1, -2)

@@ -46,6 +46,11 @@ class KeypointSamples:
     weight: Float[np.ndarray, "N J M"]
     size_px: Float[np.ndarray, "N M"]
 
+    def part(self, moments: slice) -> KeypointSamples:
+        """Some of the moments."""
+        values = (self.xy_px, self.velocity_px, self.weight, self.size_px)
+        return KeypointSamples(*(value[moments] for value in values))
+
 
 def sample(
     videos: Sequence[EventVideo],

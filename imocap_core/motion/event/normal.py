@@ -6,16 +6,17 @@ moments are independent given cameras, biases and lengths.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from imocap_core.motion.event.bones import bone_lengths
 from imocap_core.motion.event.keypoints import KeypointSamples
-from imocap_core.motion.event.problem import EventProblem, cauchy_weight
+from imocap_core.motion.event.problem import ROBUST_SIGMAS, EventProblem
 from imocap_core.motion.event.reprojection import derivatives, placed, project, visible
 from imocap_core.motion.event.rig import CAMERA, CameraRig
+from imocap_core.robust import cauchy
 
 CHUNK = 64  # moments at once
 UNSEEN = 1e-6  # precision of a point or camera that nothing places: it stays where it is
@@ -106,20 +107,13 @@ class _Block:
 def _moments(
     problem: EventProblem, rig: CameraRig, samples: KeypointSamples, part: slice, unknowns: int
 ) -> _Block:
-    some = KeypointSamples(
-        samples.xy_px[part], samples.velocity_px[part], samples.weight[part], samples.size_px[part]
-    )
-    here = CameraRig(
-        rig.K, rig.R, rig.t, rig.distortion, rig.offset, rig.rate, rig.bias, rig.points[part],
-        rig.lengths,
-    )  # fmt: skip
+    some, here = samples.part(part), replace(rig, points=rig.points[part])
     projection = project(here, some)
     slopes = derivatives(here, some, projection, problem.moments[part])
     base = visible(some)
     error = projection.error_px
-    weight = base * cauchy_weight(base * (error**2).sum(-1))
+    weight = base * cauchy(base * (error**2).sum(-1), ROBUST_SIGMAS)[1]
     N, J, M = weight.shape
-    C = slopes.camera.shape[-1]
     weighted = weight[..., None, None] * slopes.camera
     of_camera = np.einsum("njmac,njmad->jmcd", weighted, slopes.camera, optimize=True)
     pull = np.einsum("njmac,njma->jmc", weighted, error)
@@ -133,7 +127,7 @@ def _moments(
             columns = np.concatenate([camera, [bias, bias + 1]])
             matrix[np.ix_(columns, columns)] += of_camera[j, m]
             gradient[columns] += pull[j, m]
-            mixed[:, j][:, :, columns] += mixed_[:, j, m, :, :C]
+            mixed[:, j][:, :, columns] += mixed_[:, j, m]
     points = np.zeros((N, J, 3, J, 3))
     each = np.arange(J)
     by_point = np.einsum("njm,njmax,njmay->njxy", weight, slopes.point, slopes.point, optimize=True)
@@ -155,7 +149,8 @@ def _add_bones(
     N, first = len(rig.points), len(block.gradient) - len(problem.bones)
     off = bones.length_m - rig.lengths
     precision = problem.spreads.bone_m**-2
-    weight = np.where(bones.present, precision * cauchy_weight(precision * off**2), 0.0)
+    robust = cauchy(precision * off**2, ROBUST_SIGMAS)[1]
+    weight = np.where(bones.present, precision * robust, 0.0)
     points = block.points.reshape(N, -1, 3, block.points.shape[1] // 3, 3)
     pull = block.pull.reshape(N, -1, 3)
     mixed = block.mixed.reshape(N, -1, 3, len(block.gradient))

@@ -20,6 +20,7 @@ from imocap_core.motion.event.rig import (
     CameraRig,
 )
 from imocap_core.params import EventParams
+from imocap_core.robust import cauchy
 
 ROBUST_SIGMAS = 1.0  # Cauchy scale, in standard deviations of a detection or a bone
 
@@ -101,15 +102,5 @@ class EventProblem:
         off = np.where(bones.present, (bones.length_m - rig.lengths) / self.spreads.bone_m, 0.0)
         biases = float((rig.bias**2).sum()) / self.spreads.bias_share**2
         body = float(((rig.lengths - self.prior.lengths) ** 2).sum()) / self.spreads.length_m**2
-        robust = cauchy_cost(squared).sum() + cauchy_cost(off**2).sum()
+        robust = sum(cauchy(x, ROBUST_SIGMAS)[0].sum() for x in (squared, off**2))
         return float(robust) + biases + body + self.prior_terms(rig)[0]
-
-
-def cauchy_cost(squared: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:
-    """Cauchy's loss of squared residuals in standard deviations."""
-    return ROBUST_SIGMAS**2 * np.log1p(squared / ROBUST_SIGMAS**2)
-
-
-def cauchy_weight(squared: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:
-    """Its derivative, the weight of iteratively reweighted least squares."""
-    return 1 / (1 + squared / ROBUST_SIGMAS**2)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
+from imocap_core.camera.pose_refinement import cross_matrix
 from imocap_core.motion.event.keypoints import KeypointSamples
 from imocap_core.motion.event.rig import (
     CAMERA,
@@ -20,7 +22,7 @@ from imocap_core.motion.event.rig import (
 )
 
 NEAREST_M = 0.01  # a point behind a camera counts as this far in front of it
-UNDISTORT_STEPS = 10
+UNDISTORT_STEPS = 50
 LEAST_VIEWS = 2  # of a point: fewer do not place it
 
 
@@ -86,7 +88,7 @@ def derivatives(
     by_x_cam = by_flat @ to_flat
     turned = projection.x_cam - rig.t
     camera = np.zeros((*depth.shape, 2, CAMERA + 2))
-    camera[..., ROTATION] = -by_x_cam @ _hat(turned)
+    camera[..., ROTATION] = -by_x_cam @ cross_matrix(turned)
     camera[..., TRANSLATION] = by_x_cam
     camera[..., FOCAL] = f * (1 + k * r2) * flat
     camera[..., DISTORTION] = f * r2 * flat
@@ -96,21 +98,12 @@ def derivatives(
     return Derivatives(camera, by_x_cam @ rig.R)
 
 
-def _hat(v: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3 3"]:
-    """Cross-product matrices: ``_hat(a) @ b = a x b``."""
-    x, y, z = np.moveaxis(v, -1, 0)
-    zero = np.zeros_like(x)
-    return np.stack(
-        [np.stack(row, -1) for row in ((zero, -z, y), (z, zero, -x), (-y, x, zero))], -2
-    )
-
-
 def undistorted(
     xy_px: Float[np.ndarray, "*batch 2"], K: Float[np.ndarray, "3 3"], distortion: float
 ) -> Float[np.ndarray, "*batch 2"]:
-    """Pixels as a lens without distortion would show them (fixed-point iteration); NaN stays."""
-    bent = (xy_px - K[:2, 2]) / K[0, 0]
-    flat = bent
-    for _ in range(UNDISTORT_STEPS):
-        flat = bent / (1 + distortion * (flat**2).sum(-1, keepdims=True))
-    return K[0, 0] * flat + K[:2, 2]
+    """Pixels as a lens without distortion would show them; NaN stays."""
+    lens = np.array([distortion, 0.0, 0.0, 0.0])
+    steps = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, UNDISTORT_STEPS, 1e-9)
+    pixels = np.ascontiguousarray(xy_px.reshape(-1, 1, 2))
+    straight = cv2.undistortPoints(pixels, K, lens, P=K, criteria=steps)
+    return np.asarray(straight, dtype=np.float64).reshape(xy_px.shape)
