@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import torch
+from jaxtyping import Bool
 
 from imocap_core.artifacts.schemas import (
     EventCamera,
@@ -16,6 +17,7 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.motion.event.bones import bone_lengths, bones_of, typical_lengths
 from imocap_core.motion.event.calibrate import EventCalibration, Progress, calibrate
+from imocap_core.motion.event.clock import Clock
 from imocap_core.motion.event.keypoints import EventVideo
 from imocap_core.motion.event.problem import EventProblem
 from imocap_core.motion.event.reprojection import undistorted
@@ -24,9 +26,10 @@ from imocap_core.motion.multiview.alternation import Alternation, LoopRound, mea
 from imocap_core.motion.multiview.cameras import Cameras
 from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.multiview.smpl_ba import common_then_deviations
+from imocap_core.motion.multiview.swapped_sides import with_sides_of_others
 from imocap_core.motion.observations import Observation
 from imocap_core.params import EventParams
-from imocap_core.problem.event_timing import clock_of_participants, heard, with_clock
+from imocap_core.problem.event_timing import clock_of_participants, heard, on_lines
 from imocap_core.problem.joint import JointProblem
 
 MOST_MOMENTS = 300  # of a calibration: of longer videos every second, third, ... moment is used
@@ -57,15 +60,16 @@ def calibrated_round(
     sync, motion = first.sync, first.motion
     names = list(dict.fromkeys(problem.scene.body.keypoints.names))
     clock = clock_of_participants(problem, sync)
-    task, start = _calibration_problem(problem, motion, names, sync, params)
+    task, start = _calibration_problem(problem, motion, names, clock, heard(problem, sync), params)
     solved = calibrate(task, start, progress)
     rig = solved.rig.with_lengths_of(task.prior.lengths)
-    sync = with_clock(problem, sync, keypoints, replace(clock, offset=rig.offset, rate=rig.rate))
+    ids = [video.id for video in problem.participants.keypoints.videos]
+    sync = on_lines(sync, replace(clock, offset=rig.offset, rate=rig.rate), ids, keypoints)
     scene = problem.synchronised(sync).scene
     K, R, t = (torch.as_tensor(x).to(motion.cameras.R) for x in (rig.K, rig.R, rig.t))
     cameras = Cameras(R, t, K)
     straight = replace(scene, observations=_undistorted(scene.observations, rig))
-    scene = straight.with_intrinsics(cameras)
+    scene = with_sides_of_others(straight.with_intrinsics(cameras), motion.state, cameras)
     options = replace(problem.options, objective="single")
     again = common_then_deviations(
         scene, motion.state, cameras, options, progress, cameras_known=True
@@ -74,7 +78,6 @@ def calibrated_round(
     change = mean_change(before, after)
     status = f"the cameras are calibrated from the event: {solved.status}"
     rounds = [first, LoopRound(sync, again, again.misfit, change)]
-    ids = [video.id for video in problem.participants.keypoints.videos]
     stored = _stored(ids, scene, solved, params, _stride(task))
     return Alternation(rounds, 1, sync, status), stored
 
@@ -88,12 +91,13 @@ def _calibration_problem(
     problem: JointProblem,
     motion: JointMotion,
     names: Sequence[str],
-    sync: Sync,
+    clock: Clock,
+    by_sound: Bool[np.ndarray, " M"],
     params: EventParams,
 ) -> tuple[EventProblem, CameraRig]:
     """The calibration's problem and its start, the keypoints of the motion so far."""
     assert motion.common is not None
-    scene, clock = problem.scene_of(motion), clock_of_participants(problem, sync)
+    scene, bones = problem.scene_of(motion), bones_of(names)
     assumed_K = np.stack([o.K for o in problem.scene.observations])
     observations = scene.observations
     points = scene.body.positions(scene.body.keypoints, motion.common).xyz[0].numpy()
@@ -103,16 +107,15 @@ def _calibration_problem(
     videos = len(observations)
     start = CameraRig(
         K, R, t, np.zeros(videos), clock.offset, clock.rate, np.zeros((videos, len(names), 2)),
-        points[moments][:, columns], np.zeros(len(bones_of(names))),
+        points[moments][:, columns], np.zeros(len(bones)),
     )  # fmt: skip
-    bones = bones_of(names)
     everywhere = np.ones((len(moments), len(names)), dtype=bool)
     body_lengths = typical_lengths(bone_lengths(start.points, everywhere, bones))
-    sd_s = np.where(heard(problem, sync), SOUND_SD_S, MATCHES_SD_S)
+    sd_s = np.where(by_sound, SOUND_SD_S, MATCHES_SD_S)
     task = EventProblem(
         videos=[_event_video(o, scene.body.keypoints.names, names) for o in observations],
         moments=moments.astype(float),
-        bones=bones_of(names),
+        bones=bones,
         reference=scene.reference,
         focal_log_sd=np.array([o.focal_spread for o in observations]),
         alike=np.array([round(float(o.K[:2, 2].max())) for o in observations]),
@@ -149,8 +152,8 @@ def _stored(
     ids: Sequence[str], scene: Scene, solved: EventCalibration, params: EventParams, stride: float
 ) -> EventCameras:
     rig, fps = solved.rig, [o.fps for o in scene.observations]
-    used = max(1.0, params.correlation_s * scene.fps / stride)
-    sd = solved.sd * used**0.5
+    together = max(1.0, params.correlation_s * scene.fps / stride)
+    sd = solved.sd * together**0.5  # neighbouring frames err alike
     cameras = [
         EventCamera(
             id=name,

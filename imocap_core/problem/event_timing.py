@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -29,21 +31,26 @@ def with_one_offset(
         reference,
         first_s,
     )
-    return _on_lines(sync, clock, keypoints)
+    return on_lines(sync, clock, sync.ids, keypoints)
 
 
-def _on_lines(sync: Sync, clock: Clock, keypoints: Keypoints) -> Sync:
-    """The maps and phases of a clock; excluded videos stay unmatched."""
+def on_lines(sync: Sync, clock: Clock, ids: Sequence[str], keypoints: Keypoints) -> Sync:
+    """The maps and phases of a clock; those of videos that are excluded, or not its own, stay.
+
+    ids: of the clock's videos.
+    """
+    places = {name: k for k, name in enumerate(ids)}
     reference = sync.ids.index(sync.reference)
     last, fps = sync.lengths[reference] - 1, keypoints.videos[reference].fps
     maps, phases = list(sync.maps), {}
     for v, old in enumerate(sync.maps):
-        if old.id in sync.excluded or not np.isfinite(clock.offset[v]):
+        k = places.get(old.id)
+        if k is None or old.id in sync.excluded or not np.isfinite(clock.offset[k]):
             continue
-        frames = clock.reference_frames(v, sync.lengths[v], last)
-        confidence = np.where(np.isfinite(frames), clock.agreement[v], 0.0)
+        frames = clock.reference_frames(k, sync.lengths[v], last)
+        confidence = np.where(np.isfinite(frames), clock.agreement[k], 0.0)
         maps[v] = SyncMap(id=old.id, reference_frame=frames, confidence=confidence)
-        phases[old.id] = clock.moments(v, sync.lengths[v]) / fps
+        phases[old.id] = clock.moments(k, sync.lengths[v]) / fps
     if sync.trust is None:
         return sync.model_copy(update={"maps": maps})
     begun = {v.id: v.phase_s for v in sync.trust.videos}[sync.reference][0]
@@ -53,20 +60,6 @@ def _on_lines(sync: Sync, clock: Clock, keypoints: Keypoints) -> Sync:
     ]
     trust = sync.trust.model_copy(update={"videos": videos})
     return sync.model_copy(update={"maps": maps, "trust": trust})
-
-
-def with_clock(problem: JointProblem, sync: Sync, keypoints: Keypoints, clock: Clock) -> Sync:
-    """The correspondences of a clock of the participants; those of other videos stay."""
-    taking_part = problem.participants.sync(sync)
-    lines = dict(zip(taking_part.ids, range(len(taking_part.ids)), strict=True))
-    videos = len(sync.ids)
-    every = Clock(np.full(videos, np.nan), np.ones(videos), np.zeros(videos))
-    for v, name in enumerate(sync.ids):
-        if name in lines:
-            k = lines[name]
-            every.offset[v], every.rate[v] = clock.offset[k], clock.rate[k]
-            every.agreement[v] = clock.agreement[k]
-    return _on_lines(sync, every, keypoints)
 
 
 def clock_of_participants(problem: JointProblem, sync: Sync) -> Clock:
