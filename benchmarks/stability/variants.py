@@ -6,17 +6,16 @@ A folder appears complete or not at all, and is made again when its code or the 
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from shutil import copyfile, rmtree
+from shutil import copyfile
 from typing import Any
 
 import cv2
 import numpy as np
 import yaml
 
-from benchmarks.actions.action_folder import MADE, action_key, is_made
+from benchmarks.actions.action_folder import MADE, action_key, make_whole
 from benchmarks.actions.captured import SEED
 from benchmarks.stability.perturbations import (
     Declared,
@@ -50,17 +49,7 @@ def make_variant(folder: Path, source: Path, perturbation: Perturbation, detecte
     detected: keypoints are to be detected in the pictures, whatever the action declares.
     """
     key = variant_key(source, perturbation, detected)
-    if is_made(folder, key):
-        return
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as draft:
-        new = Path(draft) / "new"
-        new.mkdir()
-        _write(new, folder.name, source, perturbation, detected)
-        (new / MADE).write_text(key)
-        if folder.exists():
-            rmtree(folder)
-        new.rename(folder)
+    make_whole(folder, key, lambda new: _write(new, folder.name, source, perturbation, detected))
 
 
 def _write(
