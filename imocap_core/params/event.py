@@ -13,27 +13,27 @@ class EventParams:
 
     bias_share: Positive = param(
         0.02,
-        "What a detector errs by for good at one point of one video (one standard deviation), as a "
-        "share of the person's size.",
+        "Standard deviation of a detector's constant error at one point of one video, as a share of "
+        "the person's size.",
     )
-    bone_m: Positive = param(
-        0.01, "How much a bone's length, as detected, varies about its mean.", unit="m"
+    bone_noise_m: Positive = param(
+        0.01, "Standard deviation of a bone's length, as detected, about its mean.", unit="m"
     )
-    length_m: Positive = param(
-        0.05, "How much a bone's length, as detected, differs from the body's.", unit="m"
+    bone_length_spread_m: Positive = param(
+        0.05, "Standard deviation of that mean about the bone's length in the body.", unit="m"
     )
-    focal_alike: Positive = param(
+    common_focal_spread: Positive = param(
         0.07,
-        "Standard deviation of the logarithms of focal lengths that are unknown, among cameras "
-        "whose pictures have one size.",
+        "Standard deviation of the logarithms of unknown focal lengths about their mean, among "
+        "cameras whose pictures have one size.",
     )
-    distortion: Positive = param(
+    distortion_spread: Positive = param(
         0.05,
         "Standard deviation of a lens's radial distortion (coefficient of the squared distance "
         "from the middle, in focal lengths). A distortion below three standard deviations of its "
         "estimate counts as none.",
     )
-    rate: Positive = param(
+    rate_spread: Positive = param(
         0.001, "Standard deviation of the logarithm of a video's frame rate against its header's."
     )
     correlation_s: Positive = param(

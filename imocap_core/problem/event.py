@@ -29,7 +29,7 @@ from imocap_core.motion.multiview.smpl_ba import common_then_deviations
 from imocap_core.motion.multiview.swapped_sides import with_sides_of_others
 from imocap_core.motion.observations import Observation
 from imocap_core.params import EventParams
-from imocap_core.problem.event_timing import clock_of_participants, heard, on_lines
+from imocap_core.problem.event_timing import clock_of_participants, offset_by_sound, on_lines
 from imocap_core.problem.joint import JointProblem
 
 MOST_MOMENTS = 300  # of a calibration: of longer videos every second, third, ... moment is used
@@ -60,7 +60,9 @@ def calibrated_round(
     sync, motion = first.sync, first.motion
     names = list(dict.fromkeys(problem.scene.body.keypoints.names))
     clock = clock_of_participants(problem, sync)
-    task, start = _calibration_problem(problem, motion, names, clock, heard(problem, sync), params)
+    task, start = _calibration_problem(
+        problem, motion, names, clock, offset_by_sound(problem, sync), params
+    )
     solved = calibrate(task, start, progress)
     rig = solved.rig.with_lengths_of(task.prior.lengths)
     ids = [video.id for video in problem.participants.keypoints.videos]

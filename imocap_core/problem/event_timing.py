@@ -73,7 +73,7 @@ def clock_of_participants(problem: JointProblem, sync: Sync) -> Clock:
     )
 
 
-def heard(problem: JointProblem, sync: Sync) -> Bool[np.ndarray, " M"]:
+def offset_by_sound(problem: JointProblem, sync: Sync) -> Bool[np.ndarray, " M"]:
     """The participants whose offset to the reference is known by their sound."""
     ids = problem.participants.sync(sync).ids
     if sync.sound_start_s is None:

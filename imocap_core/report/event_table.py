@@ -32,7 +32,7 @@ def event_tables(refined: RefineSync) -> list[Table]:
             ],
             note="Rotations are about the reference camera's. The offset is this video's frame, "
             "among its used ones, at the reference's first; the rate its frames a frame of the "
-            "reference; the error the median reprojection error of the keypoints, without what the "
-            "detector errs by for good.",
+            "reference; the error the median reprojection error of the keypoints, without the "
+            "detector's constant errors.",
         )
     ]  # fmt: skip

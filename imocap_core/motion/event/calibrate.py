@@ -2,9 +2,9 @@
 
 All videos show the same performance, so a keypoint is one point in space that every camera sees
 (Hartley and Zisserman, Multiple View Geometry, 2nd ed., section 18.1). Unknown are all points,
-every camera's pose, focal length and radial distortion, and when each video began. A detector errs
-alike in every frame of one view, by more than its noise: those biases are unknowns too, with a
-prior, so that neither their size nor their number is taken for evidence of the cameras.
+every camera's pose, focal length and radial distortion, and when each video began. A detector's
+errors are partly constant over a view's frames, and these are larger than its noise: they are
+unknowns too, with a prior, so that they are not taken for evidence of the cameras.
 """
 
 from __future__ import annotations

@@ -86,8 +86,10 @@ def reduced(problem: EventProblem, rig: CameraRig, damping: float = 0.0) -> Redu
     matrix[biases, biases] += problem.spreads.bias_share**-2
     gradient[biases] += rig.bias.ravel() / problem.spreads.bias_share**2
     lengths = np.arange(last, unknowns)
-    matrix[lengths, lengths] += problem.spreads.length_m**-2
-    gradient[lengths] += (rig.lengths - problem.prior.lengths) / problem.spreads.length_m**2
+    matrix[lengths, lengths] += problem.spreads.bone_length_spread_m**-2
+    gradient[lengths] += (
+        rig.lengths - problem.prior.lengths
+    ) / problem.spreads.bone_length_spread_m**2
     fixed = np.zeros(unknowns, dtype=bool)
     fixed[:first] = problem.fixed.ravel()
     return ReducedSystem(matrix, gradient, fixed, np.concatenate(follow), np.concatenate(rest))
@@ -148,7 +150,7 @@ def _add_bones(
     bones = bone_lengths(rig.points, present, problem.bones)
     N, first = len(rig.points), len(block.gradient) - len(problem.bones)
     off = bones.length_m - rig.lengths
-    precision = problem.spreads.bone_m**-2
+    precision = problem.spreads.bone_noise_m**-2
     robust = cauchy(precision * off**2, ROBUST_SIGMAS)[1]
     weight = np.where(bones.present, precision * robust, 0.0)
     points = block.points.reshape(N, -1, 3, block.points.shape[1] // 3, 3)

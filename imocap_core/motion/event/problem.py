@@ -77,9 +77,9 @@ class EventProblem:
         precision = np.zeros((M, CAMERA))
         free = self.focal_log_sd > 0
         precision[free, FOCAL] = self.focal_log_sd[free] ** -2.0
-        precision[:, DISTORTION] = spread.distortion**-2
+        precision[:, DISTORTION] = spread.distortion_spread**-2
         precision[:, OFFSET] = self.offset_sd**-2.0
-        precision[:, RATE] = spread.rate**-2
+        precision[:, RATE] = spread.rate_spread**-2
         curvature = np.zeros((M, CAMERA, M, CAMERA))
         videos, columns = np.indices((M, CAMERA))
         curvature[videos, columns, videos, columns] = precision
@@ -87,7 +87,7 @@ class EventProblem:
         cost = float((precision * away**2).sum())
         same = (self.alike[:, None] == self.alike) & free[:, None] & free
         centring = np.diag(free.astype(float)) - same / np.maximum(same.sum(axis=1), 1)
-        alike = centring / spread.focal_alike**2
+        alike = centring / spread.common_focal_spread**2
         log_f = np.log(rig.focal_px)
         curvature[:, FOCAL, :, FOCAL] += alike
         gradient[:, FOCAL] += alike @ log_f
@@ -99,8 +99,13 @@ class EventProblem:
         weight = visible(samples)
         squared = weight * (project(rig, samples).error_px ** 2).sum(-1)
         bones = bone_lengths(rig.points, placed(samples), self.bones)
-        off = np.where(bones.present, (bones.length_m - rig.lengths) / self.spreads.bone_m, 0.0)
+        off = np.where(
+            bones.present, (bones.length_m - rig.lengths) / self.spreads.bone_noise_m, 0.0
+        )
         biases = float((rig.bias**2).sum()) / self.spreads.bias_share**2
-        body = float(((rig.lengths - self.prior.lengths) ** 2).sum()) / self.spreads.length_m**2
+        body = (
+            float(((rig.lengths - self.prior.lengths) ** 2).sum())
+            / self.spreads.bone_length_spread_m**2
+        )
         robust = sum(cauchy(x, ROBUST_SIGMAS)[0].sum() for x in (squared, off**2))
         return float(robust) + biases + body + self.prior_terms(rig)[0]

@@ -27,7 +27,7 @@ class CameraRig:
         K: (M, 3, 3); R: (M, 3, 3), t: (M, 3) camera from world, metres.
         distortion: (M,) the radial coefficient k.
         offset, rate: (M,) of `keypoints`.
-        bias: (M, J, 2) what a detector errs by for good at each point of each video, as shares of
+        bias: (M, J, 2) constant errors of the detector at each point of each video, as shares of
             the person's size.
         points: (N, J, 3) metres; lengths: (B,) of the bones, metres.
     """

@@ -56,7 +56,7 @@ def test_biases_of_the_detector_are_told_from_the_cameras() -> None:
 def test_bent_lenses_are_found_where_they_are_certain() -> None:
     truth, rng = true_rig(distortion=-0.3), np.random.default_rng(3)
     problem = made_problem(truth, rng, noise_px=1.0)
-    problem = replace(problem, spreads=replace(problem.spreads, distortion=0.3))
+    problem = replace(problem, spreads=replace(problem.spreads, distortion_spread=0.3))
     solved = calibrate(problem, disturbed(truth, rng))
     certain = solved.rig.distortion[solved.rig.distortion != 0]
     assert len(certain) >= 2  # one that is not certain counts as straight
