@@ -13,8 +13,8 @@ class EventParams:
 
     bias_share: Positive = param(
         0.02,
-        "Standard deviation of a detector's constant error at one point of one video, as a share of "
-        "the person's size.",
+        "Standard deviation of a detector's constant error at one point of one video, as a share "
+        "of the person's size.",
     )
     bone_noise_m: Positive = param(
         0.01, "Standard deviation of a bone's length, as detected, about its mean.", unit="m"

@@ -85,11 +85,9 @@ def reduced(problem: EventProblem, rig: CameraRig, damping: float = 0.0) -> Redu
     biases = np.arange(first, last)
     matrix[biases, biases] += problem.spreads.bias_share**-2
     gradient[biases] += rig.bias.ravel() / problem.spreads.bias_share**2
-    lengths = np.arange(last, unknowns)
-    matrix[lengths, lengths] += problem.spreads.bone_length_spread_m**-2
-    gradient[lengths] += (
-        rig.lengths - problem.prior.lengths
-    ) / problem.spreads.bone_length_spread_m**2
+    lengths, precision = np.arange(last, unknowns), problem.spreads.bone_length_spread_m**-2
+    matrix[lengths, lengths] += precision
+    gradient[lengths] += precision * (rig.lengths - problem.prior.lengths)
     fixed = np.zeros(unknowns, dtype=bool)
     fixed[:first] = problem.fixed.ravel()
     return ReducedSystem(matrix, gradient, fixed, np.concatenate(follow), np.concatenate(rest))

@@ -95,17 +95,12 @@ class EventProblem:
 
     def cost(self, rig: CameraRig) -> float:
         """The objective: minus twice the logarithm of the posterior, up to a constant."""
-        samples = self.samples(rig)
+        samples, spread = self.samples(rig), self.spreads
         weight = visible(samples)
         squared = weight * (project(rig, samples).error_px ** 2).sum(-1)
         bones = bone_lengths(rig.points, placed(samples), self.bones)
-        off = np.where(
-            bones.present, (bones.length_m - rig.lengths) / self.spreads.bone_noise_m, 0.0
-        )
-        biases = float((rig.bias**2).sum()) / self.spreads.bias_share**2
-        body = (
-            float(((rig.lengths - self.prior.lengths) ** 2).sum())
-            / self.spreads.bone_length_spread_m**2
-        )
+        off = np.where(bones.present, (bones.length_m - rig.lengths) / spread.bone_noise_m, 0.0)
+        biases = float((rig.bias**2).sum()) / spread.bias_share**2
+        from_body = ((rig.lengths - self.prior.lengths) / spread.bone_length_spread_m) ** 2
         robust = sum(cauchy(x, ROBUST_SIGMAS)[0].sum() for x in (squared, off**2))
-        return float(robust) + biases + body + self.prior_terms(rig)[0]
+        return float(robust) + biases + float(from_body.sum()) + self.prior_terms(rig)[0]
