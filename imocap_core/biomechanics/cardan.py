@@ -9,7 +9,10 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from imocap_core.biomechanics.segments import turn_about
+
 Angles = Float[np.ndarray, "T 3"]
+Y = np.array([0.0, 1.0, 0.0])
 LEAST_ELEVATION = np.radians(5.0)  # below it, or this near to 180 degrees, there is no plane
 
 
@@ -35,9 +38,7 @@ def yxy(R: Float[np.ndarray, "T 3 3"]) -> Angles:
 
     Plane and axial rotation are NaN where the elevation is too near to 0 or pi to tell them apart.
     """
-    elevation = np.arccos(np.clip(R[:, 1, 1], -1, 1))
-    plane = np.arctan2(-R[:, 0, 1], -R[:, 2, 1])
-    rotation = np.arctan2(-R[:, 1, 0], R[:, 1, 2])
+    plane, elevation, rotation = yxy_everywhere(R).T
     together = np.minimum(elevation, np.pi - elevation) < LEAST_ELEVATION
     plane, rotation = (np.where(together, np.nan, angle) for angle in (plane, rotation))
     return np.stack([plane, elevation, rotation], axis=1)
@@ -48,15 +49,9 @@ def yxy_everywhere(R: Float[np.ndarray, "T 3 3"]) -> Angles:
     or pi plane and axial rotation take from one another and may jump. At these the plane is 0."""
     elevation = np.arccos(np.clip(R[:, 1, 1], -1, 1))
     plane = np.where(np.sin(elevation) < 1e-6, 0.0, np.arctan2(-R[:, 0, 1], -R[:, 2, 1]))
-    raised = _about_y(-plane) @ R  # Rx(-e) Ry(r)
+    raised = turn_about(Y, -plane) @ R  # Rx(-e) Ry(r)
     rotation = np.arctan2(raised[:, 0, 2], raised[:, 0, 0])
     return np.stack([plane, elevation, rotation], axis=1)
-
-
-def _about_y(angle: Float[np.ndarray, " T"]) -> Float[np.ndarray, "T 3 3"]:
-    sin, cos, zero, one = np.sin(angle), np.cos(angle), np.zeros_like(angle), np.ones_like(angle)
-    rows = [[cos, zero, sin], [zero, one, zero], [-sin, zero, cos]]
-    return np.moveaxis(np.array(rows), 2, 0)
 
 
 def continuous(angle: Float[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
