@@ -8,7 +8,7 @@ are positive (`MEANING`).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -94,24 +94,37 @@ def joint_angles_deg(
             points up.
         rest_m: the joints of the rest pose, metres.
     """
+    by_name = joint_angles_rad(R_local, rest_m, DECOMPOSITIONS)
+    return {name: np.degrees(angle) for name, angle in by_name.items()}
+
+
+def joint_angles_rad(
+    R_local: Float[np.ndarray, "T 24 3 3"],
+    rest_m: Float[np.ndarray, "24 3"],
+    decompositions: Mapping[str, Callable[[np.ndarray], np.ndarray]],
+) -> dict[str, Float[np.ndarray, " T"]]:
+    """The same in radians, with rotations taken apart by other functions of the same orders."""
     by_name: dict[str, Float[np.ndarray, " T"]] = {}
     for side in SIDES:
         axes = anatomical_axes(R_local, rest_m, side)
         for joint, of in PAIRED.items():
-            by_name |= _angles_of(f"{side}_{joint}", of, axes)
+            by_name |= _angles_of(f"{side}_{joint}", of, axes, decompositions)
         if side == "right":  # not mirrored
             for joint, of in MIDDLE.items():
-                by_name |= _angles_of(joint, of, axes)
+                by_name |= _angles_of(joint, of, axes, decompositions)
     return {name: by_name[name] for name in angle_names()}
 
 
 def _angles_of(
-    prefix: str, of: JointDefinition, axes: Mapping[str, Float[np.ndarray, "T 3 3"]]
+    prefix: str,
+    of: JointDefinition,
+    axes: Mapping[str, Float[np.ndarray, "T 3 3"]],
+    decompositions: Mapping[str, Callable[[np.ndarray], np.ndarray]],
 ) -> dict[str, Float[np.ndarray, " T"]]:
     distal = axes[of.distal]
     proximal = WORLD if of.proximal is None else axes[of.proximal]
-    angles = DECOMPOSITIONS[of.order](np.swapaxes(proximal, -1, -2) @ distal)
+    angles = decompositions[of.order](np.swapaxes(proximal, -1, -2) @ distal)
     return {
-        f"{prefix}_{name}": np.degrees(continuous(sign * angles[:, i]))
+        f"{prefix}_{name}": continuous(sign * angles[:, i])
         for i, (name, sign) in enumerate(of.angles)
     }

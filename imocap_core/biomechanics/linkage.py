@@ -12,12 +12,20 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.biomechanics.joint_angles import MIDDLE, PAIRED, YXY, YXZ, JointDefinition
+from imocap_core.biomechanics.joint_angles import (
+    LEFT_OUT,
+    MIDDLE,
+    PAIRED,
+    YXY,
+    YXZ,
+    ZXY,
+    JointDefinition,
+)
 from imocap_core.biomechanics.segments import SIDES, Side, rest_axes, turn_about
 from imocap_core.conventions import SMPL_JOINTS
 
 X, Y, Z = np.eye(3)
-AXES = {"zxy": (Z, X, Y), YXZ: (Y, X, Z), YXY: (Y, -X, Y)}  # as `cardan` takes rotations apart
+AXES = {ZXY: (Z, X, Y), YXZ: (Y, X, Z), YXY: (Y, -X, Y)}  # as `cardan` takes rotations apart
 SEGMENT_OF_CENTRE = {
     "pelvis": ("pelvis", "hip", "spine1"),
     "thorax": ("spine3", "neck", "collar"),
@@ -45,7 +53,6 @@ ORIGINS = {
 # Joints with translations: the root, spine and neck (above), and the shoulder girdle.
 MOVING = ("pelvis", "trunk", "neck", "shoulder")
 SIDED = tuple(of.distal for of in PAIRED.values())
-WITHOUT = ("wrist_rotation",)  # all twist below the elbow is pronation
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +141,7 @@ def _rotations(prefix: str, joint: str, of: JointDefinition) -> tuple[Coordinate
     return tuple(
         Coordinate(f"{prefix}{joint}_{name}", sign * mirror * axis)
         for (name, sign), axis in zip(of.angles, AXES[of.order], strict=True)
-        if f"{joint}_{name}" not in WITHOUT
+        if f"{joint}_{name}" not in LEFT_OUT
     )
 
 

@@ -7,20 +7,13 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.biomechanics.cardan import continuous, yxy_everywhere, yxz, zxy
-from imocap_core.biomechanics.joint_angles import (
-    MIDDLE,
-    PAIRED,
-    WORLD,
-    YXY,
-    YXZ,
-    JointDefinition,
-)
-from imocap_core.biomechanics.linkage import WITHOUT, Link
-from imocap_core.biomechanics.segments import SIDES, anatomical_axes, global_rotations
+from imocap_core.biomechanics.cardan import yxy_everywhere
+from imocap_core.biomechanics.joint_angles import DECOMPOSITIONS, WORLD, YXY, joint_angles_rad
+from imocap_core.biomechanics.linkage import Link
+from imocap_core.biomechanics.segments import global_rotations
 from imocap_core.conventions import SMPL_JOINTS
 
-DECOMPOSITIONS = {"zxy": zxy, YXY: yxy_everywhere, YXZ: yxz}
+DEFINED_EVERYWHERE = DECOMPOSITIONS | {YXY: yxy_everywhere}
 CARRIER = {  # of segments with translations, or with such on them: the joint that carries them
     "pelvis": "pelvis",
     "thorax": "spine3",
@@ -48,30 +41,12 @@ def linkage_coordinates(
         R_local, joints_m: of SMPL's joints; the first rotation and the places in a world with y up.
         rest_m: the joints of the rest pose.
     """
-    values: Series = {}
-    for side in SIDES:
-        axes = anatomical_axes(R_local, rest_m, side)
-        for joint, of in PAIRED.items():
-            values |= _angles(f"{side}_{joint}", of, axes)
-    for joint, of in MIDDLE.items():  # with the axes of the right side, which are not mirrored
-        values |= _angles(joint, of, axes)
+    values: Series = joint_angles_rad(R_local, rest_m, DEFINED_EVERYWHERE)
     frames = _frames(links, global_rotations(R_local), joints_m, rest_m)
     for link in links.values():
         if link.translations:
             values |= _translations(link, frames)
     return values
-
-
-def _angles(
-    prefix: str, of: JointDefinition, axes: Mapping[str, Float[np.ndarray, "T 3 3"]]
-) -> Series:
-    proximal = WORLD if of.proximal is None else axes[of.proximal]
-    angles = DECOMPOSITIONS[of.order](np.swapaxes(proximal, -1, -2) @ axes[of.distal])
-    return {
-        f"{prefix}_{name}": continuous(sign * angles[:, i])
-        for i, (name, sign) in enumerate(of.angles)
-        if not f"{prefix}_{name}".endswith(WITHOUT)
-    }
 
 
 Frame = tuple[Float[np.ndarray, "T 3 3"], Float[np.ndarray, "T 3"]]
