@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 
 from imocap_core.motion.terms.foot_contact import contact_share
+from imocap_core.runs import runs
 
 SPEED_M_S = 0.05  # of a foot whose contact counts a quarter, as in the fit of the common motion
 LEAST_SHARE = 0.25
@@ -57,12 +59,8 @@ def spans_of(
     Gaps of less than `GAP_S` are closed. A contact begins and ends within `AWAY_M` of its median
     place: the estimate looks at 0.4 s. Those shorter than `SHORTEST_S` are left out.
     """
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], contact, [False]]).astype(int)))
-    spans: list[Span] = []
-    for first, last in edges.reshape(-1, 2).tolist():
-        if spans and first - spans[-1].last < GAP_S * fps:
-            first = spans.pop().first
-        spans.append(Span(first, last))  # steps first..last-1 are frames first..last
+    steps = runs(contact, gap=math.ceil(GAP_S * fps) - 1)
+    spans = [Span(first, last + 1) for first, last in steps]  # step t is from frame t to t + 1
     trimmed = [_trimmed(span, path) for span in spans]
     return [span for span in trimmed if span.last - span.first >= SHORTEST_S * fps]
 
