@@ -15,10 +15,7 @@ from jaxtyping import Float
 
 from imocap_core.biomechanics.segments import SIDES
 
-RIGID_WEIGHT = (
-    0.9  # least skinning weight of the segment's joint; less where there is no such vertex
-)
-LEAST_WEIGHTS = (RIGID_WEIGHT, 0.8, 0.6)
+LEAST_WEIGHTS = (0.9, 0.8, 0.6)  # skinning weights of the segment's joint, the first that one has
 OFF_RAY_M = 0.03  # a vertex further from the ray is none that the ray meets
 
 
@@ -106,8 +103,9 @@ def _met(
     ray: Float[np.ndarray, "3"],
 ) -> int | None:
     """The vertex nearest to a ray, of those of the segment that are most nearly rigid with it."""
-    along = (template_m - start) @ ray / np.linalg.norm(ray)
-    off = np.linalg.norm(template_m - start - along[:, None] * ray / np.linalg.norm(ray), axis=1)
+    from_start, direction = template_m - start, ray / np.linalg.norm(ray)
+    along = from_start @ direction
+    off = np.linalg.norm(from_start - along[:, None] * direction, axis=1)
     for least in LEAST_WEIGHTS:
         near = (weight >= least) & (along > 0) & (off < OFF_RAY_M)
         if near.any():
