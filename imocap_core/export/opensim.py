@@ -23,7 +23,7 @@ from imocap_core.export.laboratory import MM, surface_points_m, surface_vertices
 from imocap_core.io.writers.opensim_files import write_ik_setup, write_mot
 from imocap_core.io.writers.opensim_generic import write_generic_markers, write_generic_setups
 from imocap_core.io.writers.osim import Place, write_osim
-from imocap_core.io.writers.trc import markers_text
+from imocap_core.io.writers.trc import write_markers
 from imocap_core.result.result import ActionResult
 from imocap_core.result.video import VideoResult
 from imocap_core.result.video_angles import body_rotations, rest_joints_m
@@ -48,7 +48,7 @@ def _files(out: Path, video: VideoResult) -> list[Path]:
     mass_kg = _write_model(model, video, links, rest_m)
     paths_mm = marker_paths_mm(video)
     start = round(float(video.frames[0]))
-    markers.write_text(markers_text(paths_mm, markers.name, video.fps, start), encoding="utf-8")
+    write_markers(markers, paths_mm, video.fps, start)
     last_s = (len(video) - 1) / video.fps
     write_ik_setup(setup, video.id, paths_mm, last_s)
     values = linkage_coordinates(links, body_rotations(video), video.body_joints, rest_m)

@@ -15,7 +15,18 @@ DECIMALS = 3  # 0.001 mm
 
 def write_trc(file: Path, clip: MotionClip) -> None:
     """Write one motion clip; its first line contains the file name, as the format requires."""
-    file.write_text(trc_text(clip, file.name), encoding="utf-8", newline="\n")
+    _write(file, trc_text(clip, file.name))
+
+
+def write_markers(
+    file: Path, markers_mm: Mapping[str, Float[np.ndarray, "T 3"]], fps: float, start: int
+) -> None:
+    """Write markers over time (`markers_text`)."""
+    _write(file, markers_text(markers_mm, file.name, fps, start))
+
+
+def _write(file: Path, text: str) -> None:
+    file.write_text(text, encoding="utf-8", newline="\n")
 
 
 def trc_text(clip: MotionClip, name: str) -> str:
