@@ -29,7 +29,11 @@ PARTS = {
     "toe": (0.022, 0.012),
 }
 LIMBS = ("upper_arm", "forearm", "thigh", "shin", "hand", "foot")
-SKIN, JOINTS = (0.72, 0.36, 0.16, 1.0), (0.09, 0.11, 0.14, 1.0)
+COLOURS = {
+    "skin": (0.72, 0.36, 0.16, 1.0),
+    "joints": (0.09, 0.11, 0.14, 1.0),
+    "ground": (0.8, 0.8, 0.8, 1.0),
+}
 
 
 def add_body(rig: bpy.types.Object) -> None:
@@ -43,7 +47,7 @@ def add_body(rig: bpy.types.Object) -> None:
         parts.append(_part(rig, bone, *(height * half for half in size)))
         if bone.name.split(".")[0] in LIMBS:
             thickness = 0.92 * height * min(size)
-            parts.append(_ball(bone, thickness, JOINTS))
+            parts.append(_ball(bone, thickness))
     bpy.ops.object.select_all(action="DESELECT")
     for part in parts:
         part.select_set(True)
@@ -64,38 +68,39 @@ def _part(
         middle, ball = bone.head_local.copy(), bone.tail_local
         middle.y, middle.z = (heel.y + ball.y) / 2, ahead
         size = (aside, 0.62 * (heel.y - ball.y), ahead, 1)
-        return _sphere(bone, Matrix.Translation(middle) @ Matrix.Diagonal(size), SKIN)
+        return _sphere(bone, Matrix.Translation(middle) @ Matrix.Diagonal(size), "skin")
     trunk = bone.name.startswith("spine") and bone.name != "spine.006"
     long = bone.length * (0.78 if trunk else 0.56)
     along = Matrix.Translation((0, bone.length / 2, 0))
     axes = bone.matrix_local.to_3x3()
     turned = abs(axes.col[0].x) >= abs(axes.col[2].x)  # which of its axes is to the side
     across = (aside, long, ahead, 1) if turned else (ahead, long, aside, 1)
-    return _sphere(bone, bone.matrix_local @ along @ Matrix.Diagonal(across), SKIN)
+    return _sphere(bone, bone.matrix_local @ along @ Matrix.Diagonal(across), "skin")
 
 
-def _ball(bone: bpy.types.Bone, radius: float, colour: tuple[float, ...]) -> bpy.types.Object:
-    return _sphere(bone, bone.matrix_local @ Matrix.Diagonal((radius, radius, radius, 1)), colour)
+def _ball(bone: bpy.types.Bone, radius: float) -> bpy.types.Object:
+    size = Matrix.Diagonal((radius, radius, radius, 1))
+    return _sphere(bone, bone.matrix_local @ size, "joints")
 
 
-def _sphere(bone: bpy.types.Bone, place: Matrix, colour: tuple[float, ...]) -> bpy.types.Object:
+def _sphere(bone: bpy.types.Bone, place: Matrix, material: str) -> bpy.types.Object:
     """All its vertices move with the bone."""
     bpy.ops.mesh.primitive_uv_sphere_add(segments=28, ring_count=18, radius=1.0)
     sphere = bpy.context.object
     sphere.data.transform(place)
     sphere.data.shade_smooth()
     sphere.vertex_groups.new(name=bone.name).add(range(len(sphere.data.vertices)), 1.0, "REPLACE")
-    sphere.data.materials.append(_material(colour))
+    sphere.data.materials.append(_material(material))
     return sphere
 
 
-def _material(colour: tuple[float, ...]) -> bpy.types.Material:
-    name = "joints" if colour == JOINTS else "ground" if colour[0] == colour[2] else "skin"
+def _material(name: str) -> bpy.types.Material:
+    """One of `COLOURS`."""
     if name not in bpy.data.materials:
         made = bpy.data.materials.new(name)
         made.use_nodes = True
         surface = made.node_tree.nodes["Principled BSDF"]
-        surface.inputs["Base Color"].default_value = colour
+        surface.inputs["Base Color"].default_value = COLOURS[name]
         surface.inputs["Roughness"].default_value = 0.55
     return bpy.data.materials[name]
 
@@ -118,7 +123,7 @@ def stage(shown: list[bpy.types.Object], frames: range) -> None:
     high = Vector(max(p[k] for p in places) for k in range(3))
     centre = (low + high) / 2
     bpy.ops.mesh.primitive_plane_add(size=200)
-    bpy.context.object.data.materials.append(_material((0.8, 0.8, 0.8, 1.0)))
+    bpy.context.object.data.materials.append(_material("ground"))
     bpy.ops.object.light_add(type="SUN", rotation=(0.7, -0.25, 0.5))
     bpy.context.object.data.energy = 2.2
     bpy.context.object.data.angle = 0.2
