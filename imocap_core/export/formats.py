@@ -52,8 +52,8 @@ DEFAULT_UP = {
 
 TURNED = "is y up, and programs of z up (Blender, Unreal) turn it when they read it"
 ONLY_UP = {  # formats of one axis: which, and why
-    "glb": ("y", f"a glb file {TURNED}"),
-    "fbx": ("y", f"a fbx file {TURNED}"),
+    "glb": ("y", f"a GLB file {TURNED}"),
+    "fbx": ("y", f"an FBX file {TURNED}"),
     "opensim": ("y", "OpenSim's ground is y up"),
     "amass": ("z", "AMASS's files are z up, and their readers turn them"),
 }

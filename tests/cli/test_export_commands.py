@@ -123,7 +123,7 @@ def test_export_says_what_can_not_be(imocap: Callable[..., Said], tmp_path: Path
     out = str(tmp_path / "there")
     code, _, message = imocap("export", "walk", "--format", "glb", "--up", "z", "--out", out)
     assert code == 2
-    assert message.startswith("imocap: --up z: a glb file is y up")
+    assert message.startswith("imocap: --up z: a GLB file is y up")
     assert imocap("export", "walk", "--format", "dae", "--out", out)[0] == 2
     (tmp_path / "file").write_text("")
     code, _, message = imocap("export", "walk", "--out", str(tmp_path / "file"))

@@ -46,7 +46,7 @@ def test_blender_is_pinned_with_hashes() -> None:
 
 
 def test_fbx_has_its_own_axes_and_unit() -> None:
-    with pytest.raises(WrongUse, match="a fbx file is y up"):
+    with pytest.raises(WrongUse, match="an FBX file is y up"):
         check_format("fbx", "z")
     check_format("usd", "z")
     with pytest.raises(WrongUse, match="--scale cm: only bvh"):

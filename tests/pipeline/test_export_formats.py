@@ -197,7 +197,7 @@ def test_a_view_files_camera_zooms(made: Made) -> None:
 
 
 def test_wrong_wishes(made: Made) -> None:
-    with pytest.raises(WrongUse, match="a glb file is y up"):
+    with pytest.raises(WrongUse, match="a GLB file is y up"):
         made.export("glb", up="z")
     with pytest.raises(WrongUse, match=r"--format: expected one of npz, bvh, glb.*got dae"):
         made.export("dae")
