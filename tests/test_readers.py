@@ -55,3 +55,28 @@ def test_an_unknown_name_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
         readers.main(["maya"])
     assert end.value.code == 2
     assert "no readers maya; there are: blender" in capsys.readouterr().err
+
+
+def test_a_changed_list_of_packages_is_installed_again(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    started = []
+
+    class Done:
+        returncode = 0
+
+    def run(line: list[str], **_: object) -> Done:
+        started.append(line)
+        return Done()
+
+    packages = tmp_path / "packages.txt"
+    packages.write_text("bpy==5.0.1\n")
+    group = readers.Readers("IMOCAP_BLENDER", ("-r", str(packages)), ())
+    monkeypatch.setitem(readers.GROUPS, "blender", group)
+    monkeypatch.setattr(readers, "FOLDER", tmp_path)
+    monkeypatch.setattr(readers.subprocess, "run", run)
+    (tmp_path / "blender").mkdir()
+    for content, lines in (("bpy==5.0.1\n", 2), ("bpy==5.0.1\n", 2), ("bpy==5.0.2\n", 4)):
+        packages.write_text(content)
+        assert readers.install("blender", 1.0) == ""
+        assert len(started) == lines

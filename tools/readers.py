@@ -91,7 +91,7 @@ def program(name: str) -> Path:
 def install(name: str, seconds: float) -> str:
     """Make the environment of a group of readers; what went wrong, or an empty string."""
     stamp = FOLDER / name / ".installed"
-    wanted = "\n".join(GROUPS[name].packages)
+    wanted = "\n".join(_listed(word) for word in GROUPS[name].packages)
     if stamp.is_file() and stamp.read_text() == wanted:
         return ""
     python = program(name).with_name("python")
@@ -110,6 +110,12 @@ def install(name: str, seconds: float) -> str:
             return next((line for line in lines if "ERROR" in line), lines[-1])
     stamp.write_text(wanted)
     return ""
+
+
+def _listed(word: str) -> str:
+    """An argument of pip, or the content of the list of packages that it names."""
+    file = ROOT / word
+    return file.read_text(encoding="utf-8") if file.is_file() else word
 
 
 if __name__ == "__main__":
