@@ -6,9 +6,10 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from imocap_core.biomechanics.joint_angles import joint_angles_deg
+from imocap_core.biomechanics.joint_angles import WORLD, joint_angles_deg
 from imocap_core.biomechanics.linkage import linkage, posed, segment_of_joint
 from imocap_core.biomechanics.linkage_motion import linkage_coordinates, to_ground
+from imocap_core.biomechanics.segments import anatomical_axes
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.result.body import posed_joints
@@ -39,6 +40,15 @@ def test_the_coordinates_are_the_joint_angles() -> None:
     for name, angle in angles.items():
         away = (np.degrees(values[name]) - angle + 180) % 360 - 180
         assert np.nanmax(np.abs(away)) < 1e-6, name
+
+
+def test_the_coordinates_turn_the_segments_as_the_body_is_turned() -> None:
+    R, joints = motion()
+    poses = posed(LINKS, linkage_coordinates(LINKS, R, joints, REST))
+    for segment, axes in anatomical_axes(R, REST, "right").items():
+        if segment != "hand":  # whose third angle is no coordinate
+            name = segment if segment in poses else f"right_{segment}"
+            np.testing.assert_allclose(poses[name][0], WORLD.T @ axes, atol=1e-9)
 
 
 def test_the_segments_carry_the_joints_where_the_body_has_them() -> None:
