@@ -9,7 +9,7 @@ import numpy as np
 from imocap_core.artifacts.schemas import Camera, SyncSummary
 from imocap_core.io.truth import Truth, VideoTruth
 from imocap_core.metrics import scoring
-from imocap_core.metrics.camera import camera_place_errors_mm
+from imocap_core.metrics.camera import camera_place_errors_mm, focal_error_pct
 from imocap_core.metrics.scoring import ScoreRow
 
 ROTATION, PLACE, FOCAL = "camera_rotation_error_deg", "camera_place_error_mm", "focal_error_pct"
@@ -26,12 +26,11 @@ def camera_rows(
     why = {camera.id: _left_out(camera.id, sync) for camera in cameras}
     scored = [camera for camera in cameras if not why[camera.id]]
     rows = _rotations(name, cameras, sync, true, why)
-    rows += _places(name, [c for c in scored if _placed(true.get(c.id))], true)
-    for camera in scored:
-        true_camera = true.get(camera.id)
-        if true_camera is not None and true_camera.K is not None:
-            error = 100 * abs(float(np.log(camera.K[0, 0] / true_camera.K[0, 0])))
-            rows.append(scoring.scored_row(name, camera.id, FOCAL, error, "not recovered"))
+    rows += _places(name, scored, true)
+    true_K = {i: v.K for i, v in true.items() if v.K is not None}
+    for camera in (c for c in scored if c.id in true_K):
+        error = focal_error_pct(camera.K[0, 0], true_K[camera.id][0, 0])
+        rows.append(scoring.scored_row(name, camera.id, FOCAL, error, "not recovered"))
     have = {row.metric for row in rows}
     return rows + [
         ScoreRow(name, camera.id, metric, None, UNKNOWN)
@@ -71,30 +70,18 @@ def _rotations(
     return rows
 
 
-def _placed(truth: VideoTruth | None) -> bool:
-    return truth is not None and truth.R is not None and truth.t is not None
-
-
-def _places(name: str, cameras: Sequence[Camera], true: Mapping[str, VideoTruth]) -> list[ScoreRow]:
+def _places(name: str, scored: Sequence[Camera], true: Mapping[str, VideoTruth]) -> list[ScoreRow]:
+    """Of the cameras whose true place is known."""
+    true_centre = {i: -v.R.T @ v.t for i, v in true.items() if v.R is not None and v.t is not None}
+    cameras = [camera for camera in scored if camera.id in true_centre]
     if not cameras:
         return []
     if len(cameras) < LEAST_PLACES:
         why = f"places are compared from {LEAST_PLACES} cameras on"
         return [ScoreRow(name, camera.id, PLACE, None, why) for camera in cameras]
     centres = np.array([-c.R.T @ c.t for c in cameras])
-    true_centres = np.array([-_R(true[c.id]).T @ _t(true[c.id]) for c in cameras])
-    errors = camera_place_errors_mm(centres, true_centres)
+    errors = camera_place_errors_mm(centres, np.array([true_centre[c.id] for c in cameras]))
     return [
         scoring.scored_row(name, camera.id, PLACE, float(error), "not recovered")
         for camera, error in zip(cameras, errors, strict=True)
     ]
-
-
-def _R(truth: VideoTruth) -> np.ndarray:
-    assert truth.R is not None, "checked by _placed"
-    return truth.R
-
-
-def _t(truth: VideoTruth) -> np.ndarray:
-    assert truth.t is not None, "checked by _placed"
-    return truth.t

@@ -35,9 +35,14 @@ def camera_place_errors_mm(
     Raises:
         ValueError: shapes that differ.
     """
-    fit = similarity(centres_m, true_centres_m)
-    moved = fit.scale * centres_m @ fit.R_target_from_source.T + fit.t_target
+    moved = similarity(centres_m, true_centres_m).apply(centres_m)
     return 1000 * np.linalg.norm(moved - true_centres_m, axis=1)
+
+
+def focal_error_pct(focal_px: float, true_focal_px: float) -> float:
+    """Absolute logarithm of a focal length over the true one, times 100: too long and too short by
+    the same factor are equally wrong."""
+    return 100 * abs(float(np.log(focal_px / true_focal_px)))
 
 
 def rotation_angle_deg(R: Float[np.ndarray, "*batch 3 3"]) -> Float[np.ndarray, "*batch"]:

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from imocap_core.metrics.camera import (
     camera_place_errors_mm,
     camera_rotation_error_deg,
+    focal_error_pct,
     reprojection_error_px,
     reprojection_errors_px,
     rotation_angle_deg,
@@ -84,3 +85,9 @@ def test_places_are_compared_up_to_a_similarity() -> None:
     moved[1] += [0.1, 0, 0]
     errors = camera_place_errors_mm(moved, true)
     assert 40 < errors[1] < 150
+
+
+def test_a_focal_length_too_long_is_as_wrong_as_one_too_short() -> None:
+    assert focal_error_pct(600, 600) == 0
+    assert focal_error_pct(1.1 * 600, 600) == pytest.approx(focal_error_pct(600 / 1.1, 600))
+    assert focal_error_pct(606, 600) == pytest.approx(1, abs=0.01)
