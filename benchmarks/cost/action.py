@@ -6,8 +6,6 @@ performer into thousands of frames would take longer than what is measured.
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,7 +16,7 @@ import torch
 import yaml
 from jaxtyping import Float, UInt8
 
-from benchmarks.actions.action_folder import MADE, action_key, is_made
+from benchmarks.actions.action_folder import action_key, make_filmed
 from imocap_core.body import Posed, Shaped
 from imocap_core.camera.projection import camera_from_world, project_camera
 from imocap_core.io.video import write_h264
@@ -56,21 +54,14 @@ class ActionSize:
 def make_sized_action(folder: Path, size: ActionSize) -> None:
     """Write the action into `folder` unless the same code made it; complete or not at all."""
     key = action_key([closure(Path(__file__)), size.name, SEED], [])
-    if is_made(folder, key):
-        return
-    torch.set_num_threads(1)
+    make_filmed(folder, key, lambda new: _write(new, folder.name, size))
+
+
+def _write(folder: Path, name: str, size: ActionSize) -> None:
     shaped = demo_body(SEED)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(prefix=f".{folder.name}.", dir=folder.parent) as draft:
-        new = Path(draft) / "new"
-        (new / "videos").mkdir(parents=True)
-        declared = [_write_video(new, size, index, shaped) for index in range(size.videos)]
-        action = {"name": folder.name, "videos": declared}
-        (new / "action.yaml").write_text(yaml.safe_dump(action, sort_keys=False))
-        (new / MADE).write_text(key)
-        if folder.exists():
-            shutil.rmtree(folder)
-        new.rename(folder)
+    declared = [_write_video(folder, size, index, shaped) for index in range(size.videos)]
+    action = {"name": name, "videos": declared}
+    (folder / "action.yaml").write_text(yaml.safe_dump(action, sort_keys=False))
 
 
 def _write_video(folder: Path, size: ActionSize, index: int, shaped: Shaped) -> dict[str, Any]:
