@@ -48,26 +48,23 @@ class LineDisplay:
         """Nothing."""
 
 
-@dataclass(frozen=True)
-class ActionDisplay:
-    """A display that names the action (and variant) of each stage, and leaves out cached stages."""
+@dataclass
+class ForwardingDisplay:
+    """A display that passes on what it is told; others add to it."""
 
     display: Display
-    name: str
 
     def started(self, stage: str, why: list[str]) -> None:
-        """The name goes before the first reason."""
-        first, *others = why or [""]
-        self.display.started(stage, [f"{self.name}: {first}", *others])
+        """Passed on."""
+        self.display.started(stage, why)
 
     def progress(self, share: float, what: str) -> None:
         """Passed on."""
         self.display.progress(share, what)
 
     def finished(self, outcome: Outcome) -> None:
-        """Passed on for what was made."""
-        if outcome.how == "made":
-            self.display.finished(outcome)
+        """Passed on."""
+        self.display.finished(outcome)
 
     def made_demo(self, name: str, folder: Path) -> None:
         """Passed on."""
@@ -76,6 +73,23 @@ class ActionDisplay:
     def waiting(self) -> None:
         """Passed on."""
         self.display.waiting()
+
+
+@dataclass
+class ActionDisplay(ForwardingDisplay):
+    """A display that names the action (and variant) of each stage, and leaves out cached stages."""
+
+    name: str
+
+    def started(self, stage: str, why: list[str]) -> None:
+        """The name goes before the first reason."""
+        first, *others = why or [""]
+        self.display.started(stage, [f"{self.name}: {first}", *others])
+
+    def finished(self, outcome: Outcome) -> None:
+        """Passed on for what was made."""
+        if outcome.how == "made":
+            self.display.finished(outcome)
 
 
 @dataclass(frozen=True)

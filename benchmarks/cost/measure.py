@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.cost.action import ActionSize, make_sized_action
-from benchmarks.parallel import LineDisplay, in_process
+from benchmarks.parallel import ForwardingDisplay, LineDisplay, in_process
 from imocap_core.body.layouts import layout_names
 from imocap_core.peak_memory import peak_bytes, restart_peak
 from imocap_core.pipeline import runner
-from imocap_core.pipeline.runner import Display, Outcome
+from imocap_core.pipeline.runner import Outcome
 from imocap_core.process import configure_process
 from imocap_core.report.action_report import finish
 from imocap_core.workspace import Workspace
@@ -50,10 +50,9 @@ class StageCost:
 
 
 @dataclass
-class CostTimer:
+class CostTimer(ForwardingDisplay):
     """A display that also records what every stage takes."""
 
-    display: Display
     size: ActionSize
     rows: list[StageCost] = field(default_factory=list)
     _began: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -63,19 +62,10 @@ class CostTimer:
         self.display.started(stage, why)
         self.begin()
 
-    def progress(self, share: float, what: str) -> None:
-        """Passed on."""
-
     def finished(self, outcome: Outcome) -> None:
         """Record it."""
         self.end(outcome.stage, outcome.stored.file.stat().st_size)
         self.display.finished(outcome)
-
-    def made_demo(self, name: str, folder: Path) -> None:
-        """Passed on."""
-
-    def waiting(self) -> None:
-        """Passed on."""
 
     def begin(self) -> None:
         """Start the clocks and the peak of memory."""

@@ -14,7 +14,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from imocap_core.pipeline.runner import Display, Outcome
+from benchmarks.parallel import ForwardingDisplay
+from imocap_core.pipeline.runner import Outcome
 
 STATUS, CLEAR = Path("/proc/self/status"), Path("/proc/self/clear_refs")
 
@@ -28,10 +29,9 @@ class Cost:
 
 
 @dataclass
-class Meter:
+class Meter(ForwardingDisplay):
     """A display that also stores the cost of each stage in `folder`, a file an artifact."""
 
-    display: Display
     folder: Path
     _began: float = field(default=0.0, init=False)
 
@@ -40,19 +40,10 @@ class Meter:
         self._began = time.perf_counter()
         self.display.started(stage, why)
 
-    def progress(self, share: float, what: str) -> None:
-        self.display.progress(share, what)
-
     def finished(self, outcome: Outcome) -> None:
         if outcome.how == "made":
             self.record(outcome.stored.key, Cost(time.perf_counter() - self._began, peak_gb()))
         self.display.finished(outcome)
-
-    def made_demo(self, name: str, folder: Path) -> None:
-        self.display.made_demo(name, folder)
-
-    def waiting(self) -> None:
-        self.display.waiting()
 
     @contextmanager
     def measuring(self, name: str, costs: dict[str, Cost]) -> Iterator[None]:

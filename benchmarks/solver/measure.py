@@ -18,6 +18,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from benchmarks.parallel import ForwardingDisplay
 from benchmarks.solver.growth import grow
 from benchmarks.solver.race import race
 from benchmarks.solver.scene import made_scene
@@ -60,10 +61,9 @@ class StageTimeRow:
 
 
 @dataclass
-class StageTimer:
+class StageTimer(ForwardingDisplay):
     """A display that also records the time of every stage, of all its threads."""
 
-    display: Display
     rows: list[StageTimeRow] = field(default_factory=list)
     _began: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
@@ -72,24 +72,12 @@ class StageTimer:
         self.display.started(stage, why)
         self._began = time.perf_counter(), time.process_time(), os.getloadavg()[0]
 
-    def progress(self, share: float, what: str) -> None:
-        """Passed on."""
-        self.display.progress(share, what)
-
     def finished(self, outcome: Outcome) -> None:
         """Record the time."""
         began, processor, load = self._began
         seconds, processor_s = time.perf_counter() - began, time.process_time() - processor
         self.rows.append(StageTimeRow(outcome.stage, seconds, processor_s, load))
         self.display.finished(outcome)
-
-    def made_demo(self, name: str, folder: Path) -> None:
-        """Passed on."""
-        self.display.made_demo(name, folder)
-
-    def waiting(self) -> None:
-        """Passed on."""
-        self.display.waiting()
 
 
 def measure(workspace: Workspace, only: Sequence[str], display: Display, folder: Path) -> str:
