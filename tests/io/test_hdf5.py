@@ -168,6 +168,20 @@ def test_other_headings_are_refused(changes: Any, h5py: Any, tmp_path: Path) -> 
     assert "expected" in refused(path, "deeplabcut", LAYOUT)
 
 
+@pytest.mark.parametrize("index", [("index", "<i8", (2,)), ("index", "<f8"), ("time", "<i8")])
+def test_other_frame_numbers_are_refused(index: Any, h5py: Any, tmp_path: Path) -> None:
+    path = write_deeplabcut(h5py, tmp_path, made.people(LAYOUT))
+    with h5py.File(path, "r+") as root:
+        table = root["df_with_missing/table"]
+        rows, attributes = table[()], dict(table.attrs)
+        changed = np.zeros(len(rows), [index, ("values_block_0", rows.dtype["values_block_0"])])
+        changed["values_block_0"] = rows["values_block_0"]
+        del root["df_with_missing/table"]
+        root["df_with_missing/table"] = changed
+        root["df_with_missing/table"].attrs.update(attributes)
+    assert "table: expected index and values" in refused(path, "deeplabcut", LAYOUT)
+
+
 @KINDS
 def test_truncated_files_are_refused(kind: str, h5py: Any, tmp_path: Path) -> None:
     path = WRITERS[kind](h5py, tmp_path, made.people(LAYOUT))

@@ -31,7 +31,8 @@ def read_h5(path: Path) -> DeepLabCutTable:
         rows, attributes = numbers_of(parts["table"]), parts["table"].attrs
         names = rows.dtype.names or ()
         blocks = sorted(name for name in names if name.startswith("values_block_"))
-        if "index" not in names or not blocks or rows["index"].dtype.kind not in "iu":
+        index = rows["index"] if "index" in names else np.zeros(0)
+        if not blocks or index.dtype.kind not in "iu" or index.ndim != 1:
             raise ValueError(f"{path}: table: expected index and values, got {names}; {_ADVICE}")
         levels = _heading_rows(group, path)
         columns = [c for b in blocks for c in _pickled(attributes, f"{b}_kind", path)]
@@ -41,7 +42,7 @@ def read_h5(path: Path) -> DeepLabCutTable:
             f"{path}: table: expected numbers of {len(columns)} columns, got {values.dtype} "
             f"{values.shape}; {_ADVICE}"
         )
-    frames = rows["index"].astype(np.int64)
+    frames = index.astype(np.int64)
     if len(frames) and not (frames.min() >= 0 and frames.max() <= LAST_FRAME):
         raise ValueError(f"{path}: table: index: expected frame numbers from 0; {_ADVICE}")
     return DeepLabCutTable(_headings(columns, levels, path), frames, values.astype(np.float64))
