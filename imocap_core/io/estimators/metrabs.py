@@ -13,6 +13,7 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.estimators.estimates import PerformerBoxes, field
 from imocap_core.io.estimators.frame_lists import (
     PersonInFrame,
+    box_middles,
     frame_entries,
     is_empty,
     of_performer,
@@ -38,11 +39,6 @@ def read_metrabs(path: Path, performer: PerformerBoxes) -> JointsEstimate:
             raise ValueError(
                 f"{where}: poses3d: expected the 24 joints of skeleton='smpl_24', got {poses.shape}"
             )
-        boxes = field(entry, "boxes", (len(poses), "4 or 5"), where)
-        if boxes.shape[1] < 4:
-            raise ValueError(
-                f"{where}: boxes: expected left, top, width, height, got {boxes.shape}"
-            )
-        middle = boxes[:, :2] + 0.5 * boxes[:, 2:4]
+        middle = box_middles(entry.get("boxes"), len(poses), where)
         estimates += [PersonInFrame(frame, m, p) for m, p in zip(middle, poses / MM, strict=True)]
     return JointsEstimate(of_performer(estimates, performer, path), SMPL_JOINTS)

@@ -18,6 +18,7 @@ from imocap_core.io.detectors.people import type_name
 from imocap_core.io.estimators.estimates import PerformerBoxes, field, from_vectors
 from imocap_core.io.estimators.frame_lists import (
     PersonInFrame,
+    box_middles,
     frame_entries,
     is_empty,
     of_performer,
@@ -62,13 +63,11 @@ def _people(pose: Any, box: Any, frame: int, where: str) -> list[PersonInFrame]:
     if is_empty(pose):
         return []
     poses = field({"pose": pose}, "pose", ("people", "numbers"), where)
-    boxes = field({"boxes": box}, "boxes", (len(poses), "4 or 5"), where)
-    if poses.shape[1] < SMPL or boxes.shape[1] < 4:
+    if poses.shape[1] < SMPL:
         raise ValueError(
-            f"{where}: expected pose of {SMPL} numbers or more and boxes of 4 or more, got "
-            f"{poses.shape} and {boxes.shape}"
+            f"{where}: pose: expected {SMPL} numbers or more of each person, got {poses.shape}"
         )
     used = poses[:, : SMPL if poses.shape[1] == SMPL else BODY]
     vectors = np.pad(used, ((0, 0), (0, SMPL - used.shape[1])))
-    middle = boxes[:, :2] + 0.5 * boxes[:, 2:4]
+    middle = box_middles(box, len(poses), where)
     return [PersonInFrame(frame, m, v) for m, v in zip(middle, vectors, strict=True)]
