@@ -182,6 +182,17 @@ def test_other_frame_numbers_are_refused(index: Any, h5py: Any, tmp_path: Path) 
     assert "table: expected index and values" in refused(path, "deeplabcut", LAYOUT)
 
 
+def test_a_table_without_frames_is_refused_as_such(h5py: Any, tmp_path: Path) -> None:
+    path = write_deeplabcut(h5py, tmp_path, made.people(LAYOUT))
+    with h5py.File(path, "r+") as root:
+        table = root["df_with_missing/table"]
+        rows, attributes = table[:0], dict(table.attrs)
+        del root["df_with_missing/table"]
+        root["df_with_missing/table"] = rows
+        root["df_with_missing/table"].attrs.update(attributes)
+    assert "expected at least one person, got none" in refused(path, "deeplabcut", LAYOUT)
+
+
 @KINDS
 def test_truncated_files_are_refused(kind: str, h5py: Any, tmp_path: Path) -> None:
     path = WRITERS[kind](h5py, tmp_path, made.people(LAYOUT))

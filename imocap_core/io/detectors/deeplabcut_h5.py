@@ -8,6 +8,7 @@ tuples (scorer, [individual,] body part, coordinate). They are read by the restr
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +37,8 @@ def read_h5(path: Path) -> DeepLabCutTable:
             raise ValueError(f"{path}: table: expected index and values, got {names}; {_ADVICE}")
         levels = _heading_rows(group, path)
         columns = [c for b in blocks for c in _pickled(attributes, f"{b}_kind", path)]
-        values = np.concatenate([rows[block].reshape(len(rows), -1) for block in blocks], axis=1)
+        of_blocks = [rows[b].reshape(len(rows), math.prod(rows.dtype[b].shape)) for b in blocks]
+        values = np.concatenate(of_blocks, axis=1)
     if values.dtype.kind not in "fiu" or len(columns) != values.shape[1]:
         raise ValueError(
             f"{path}: table: expected numbers of {len(columns)} columns, got {values.dtype} "
