@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from imocap_core.body.model import Shaped
 from imocap_core.compare import figures, text
+from imocap_core.compare.angles import in_smpl
 from imocap_core.compare.compare import Technique
 from imocap_core.compare.page import technique_page
 from imocap_core.compare.words import in_words, technique_findings
@@ -21,7 +22,6 @@ from imocap_core.io.writers.motion_clip import MotionClip, bone_tips
 from imocap_core.technique.modes import along_mode
 
 SHOWN_MODES = 3
-SMPL = 24
 
 
 def write_technique(out: Path, t: Technique) -> list[Path]:
@@ -67,8 +67,6 @@ def mean_clip(t: Technique) -> MotionClip:
     """The mean motion as a joint tree; the pelvis does not move, hands are at rest."""
     shaped: Shaped = t.performances.shaped
     rest, count = shaped.joints_rest.numpy(), len(t.mean.R_local)
-    R = np.tile(np.eye(3), (count, SMPL, 1, 1))
-    R[:, : t.mean.R_local.shape[1]] = t.mean.R_local
     lowest = t.mean.joints[..., 1].min()
     return MotionClip(
         id="mean",
@@ -76,7 +74,7 @@ def mean_clip(t: Technique) -> MotionClip:
         parents=shaped.model.parents,
         rest=rest - rest[0],
         tips=bone_tips(shaped),
-        R_local=R,
+        R_local=in_smpl(t.mean.R_local),
         pelvis=np.tile([0.0, -lowest, 0.0], (count, 1)),
         fps=t.performances.fps,
         frames=np.arange(count, dtype=np.float64),
@@ -99,9 +97,8 @@ def _mode_pose(t: Technique, mode: int) -> figures.ModePose:
 def _placed(t: Technique, R_local: Float[np.ndarray, "N J 3 3"]) -> Float[np.ndarray, "N J 3"]:
     """Joints (N, J, 3) relative to the pelvis, metres, of rotations (N, J, 3, 3) on one body."""
     count = R_local.shape[1]
-    R = np.tile(np.eye(3), (len(R_local), SMPL, 1, 1))
-    R[:, :count] = R_local
-    body = t.performances.shaped.pose(torch.as_tensor(R), torch.zeros(3, dtype=torch.float64))
+    R = torch.as_tensor(in_smpl(R_local))
+    body = t.performances.shaped.pose(R, torch.zeros(3, dtype=torch.float64))
     joints = body.joints.numpy()
     return np.asarray((joints - joints[:, :1])[:, :count])
 
