@@ -32,9 +32,8 @@ def mean_curve(
     inside: whether a performance shows the moment.
     """
     values = np.stack([np.where(i, c, np.nan) for c, i in zip(curves_deg, inside, strict=True)])
-    for curve in values[1:]:
-        away = np.nanmedian(curve - values[0]) if np.isfinite(curve - values[0]).any() else 0.0
-        curve -= TURN_DEG * np.round(away / TURN_DEG)
+    for k in range(1, len(values)):
+        values[k] = near(values[k], values[0])
     there = np.isfinite(values)
     n = there.sum(axis=0)
     total = np.where(there, values, 0.0).sum(axis=0)
@@ -43,6 +42,16 @@ def mean_curve(
         squares = np.where(there, (values - mean) ** 2, 0.0).sum(axis=0)
         sd = np.where(n > 1, np.sqrt(squares / (n - 1)), np.nan)
     return MeanCurve(mean, sd, n)
+
+
+def near(
+    curve_deg: Float[np.ndarray, " N"], reference_deg: Float[np.ndarray, " N"]
+) -> Float[np.ndarray, " N"]:
+    """A curve moved by whole turns to lie near a reference."""
+    away = curve_deg - reference_deg
+    if not np.isfinite(away).any():
+        return curve_deg
+    return np.asarray(curve_deg - TURN_DEG * np.round(np.nanmedian(away) / TURN_DEG))
 
 
 def without_steps(curve: MeanCurve) -> Float[np.ndarray, " N"]:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.biomechanics.joint_angles import joint_angles_deg
-from imocap_core.biomechanics.mean_curve import TURN_DEG, MeanCurve, mean_curve
+from imocap_core.biomechanics.mean_curve import MeanCurve, mean_curve, near
 from imocap_core.compare.compare import Technique, TechniquePair
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.multiview.common_time import values_at
@@ -52,7 +52,7 @@ def technique_angles(t: Technique) -> TechniqueAngles:
     each = {
         name: np.stack(
             [
-                np.where(i, near(a[name], mean[name].mean_deg), np.nan)
+                near(np.where(i, a[name], np.nan), mean[name].mean_deg)
                 for a, i in zip(of_each, inside, strict=True)
             ]
         )
@@ -86,13 +86,3 @@ def in_smpl(R_local: Float[np.ndarray, "N J 3 3"]) -> Float[np.ndarray, "N 24 3 
     R = np.tile(np.eye(3), (len(R_local), len(SMPL_JOINTS), 1, 1))
     R[:, : R_local.shape[1]] = R_local
     return R
-
-
-def near(
-    curve_deg: Float[np.ndarray, " N"], reference_deg: Float[np.ndarray, " N"]
-) -> Float[np.ndarray, " N"]:
-    """A curve moved by whole turns to lie near a reference."""
-    away = curve_deg - reference_deg
-    if not np.isfinite(away).any():
-        return curve_deg
-    return np.asarray(curve_deg - TURN_DEG * np.round(np.nanmedian(away) / TURN_DEG))
