@@ -24,7 +24,7 @@ VIEWS = (("from the front", 0), ("from the left", 2))  # horizontal axis: x, or 
 
 
 def in_words(name: str) -> str:
-    """A joint's name as words."""
+    """The name of a joint or an angle as words."""
     return name.replace("_", " ")
 
 

@@ -16,9 +16,9 @@ from imocap_core.body import Shaped
 from imocap_core.body.conversions import pose_from_rotations
 from imocap_core.compare.angles import in_smpl, pair_angles, technique_angles
 from imocap_core.compare.compare import Technique, TechniquePair
+from imocap_core.compare.figures import in_words
 from imocap_core.compare.words import (
     MotionDifference,
-    angle_label,
     pair_findings,
     performer_names,
     technique_findings,
@@ -139,7 +139,7 @@ def _page(
         "phase": block.add(phase_s, "f4"),
         "videos": [_body_entry(block, shaped, phase_s, step, body) for body in bodies],
         "angles": [
-            {"name": n, "label": angle_label(n), "curves": [_curve_entry(block, c) for c in of]}
+            {"name": n, "label": in_words(n), "curves": [_curve_entry(block, c) for c in of]}
             for n, of in curves.items()
         ],
         "findings": [{"text": f.sentence, "at": f.phase_s, "angle": f.angle} for f in findings],

@@ -10,7 +10,7 @@ from imocap_core.compare import figures, text
 from imocap_core.compare.compare import TechniquePair
 from imocap_core.compare.page import pair_page
 from imocap_core.compare.report import make_folder
-from imocap_core.compare.words import in_words, pair_findings
+from imocap_core.compare.words import markdown_list, pair_findings
 from imocap_core.figures.style import quiet, save
 from imocap_core.technique.mean_motion import over_moments
 
@@ -64,7 +64,7 @@ def _pair_report(pair: TechniquePair) -> str:
             f"phases "
             f"{pair.second_s[0]:.2f} to {pair.second_s[-1]:.2f} s. One body, facing one way.",
             "",
-            *in_words(pair_findings(pair)),
+            *markdown_list(pair_findings(pair)),
             *text.table(
                 ["joint", "rotation (deg)", "position (mm)", "times the spread"],
                 [

@@ -14,7 +14,7 @@ from imocap_core.compare import figures, text
 from imocap_core.compare.angles import in_smpl
 from imocap_core.compare.compare import Technique
 from imocap_core.compare.page import technique_page
-from imocap_core.compare.words import in_words, technique_findings
+from imocap_core.compare.words import markdown_list, technique_findings
 from imocap_core.errors import WorkFailed
 from imocap_core.figures.style import quiet, save
 from imocap_core.io.writers.bvh import write_bvh
@@ -143,7 +143,7 @@ def _report(t: Technique, pictures: list[str]) -> str:
             "",
             *text.moment_sentences(each.phase_s, t.spread_mm, names, "mm"),
             "",
-            *in_words(technique_findings(t)),
+            *markdown_list(technique_findings(t)),
         ]
     titles = {"mean": "Mean motion", "deviation": "Deviation", "modes": "Modes", "timing": "Timing"}
     for picture in pictures:

@@ -40,13 +40,8 @@ class MotionDifference:
     angle: str | None
 
 
-def angle_label(name: str) -> str:
-    """An angle's name as words."""
-    return name.replace("_", " ")
-
-
-def in_words(findings: Sequence[MotionDifference]) -> list[str]:
-    """The differences as a list of a Markdown report; nothing where there are none."""
+def markdown_list(findings: Sequence[MotionDifference]) -> list[str]:
+    """The sentences as a list of a Markdown report; nothing where there are none."""
     return [*(f"* {finding.sentence}" for finding in findings), ""] if findings else []
 
 
