@@ -140,4 +140,4 @@ def _sentence(
 
 
 def _degrees(value: float) -> str:
-    return f"{value:.0f}°".replace("-", "−")
+    return f"{value:z.0f}°".replace("-", "−")

@@ -145,7 +145,7 @@ def test_differences_in_words() -> None:
     """Large first; those below the repetitions' standard deviation last; small ones not at all."""
     phase_s = np.arange(4) / 2.0
     bump = np.array([0.0, 0.0, 1.0, 0.0])
-    flat = np.zeros(4)
+    flat = np.full(4, -0.04)  # rounded: 0°, not −0°
     names = ("left_knee_flexion", "trunk_flexion", "right_elbow_flexion", "pelvis_tilt")
     angles = dict(zip(names, (40 * bump, -12.4 * bump, 50 * bump, 4.9 * bump), strict=True))
     spread = {"left_knee_flexion": flat + 10, "right_elbow_flexion": flat + 60}
