@@ -14,14 +14,12 @@ from jaxtyping import Bool, Float
 from imocap_core.biomechanics.mean_curve import MeanCurve
 from imocap_core.body import Shaped
 from imocap_core.body.conversions import pose_from_rotations
-from imocap_core.compare.angles import in_smpl, pair_angles, technique_angles
+from imocap_core.compare.angles import Curves, TechniqueAngles, in_smpl
 from imocap_core.compare.compare import Technique, TechniquePair
 from imocap_core.compare.figures import in_words
 from imocap_core.compare.words import (
     MotionDifference,
-    pair_findings,
     performer_names,
-    technique_findings,
 )
 from imocap_core.figures.style import VIDEO_COLORS
 from imocap_core.viewer import html as viewer
@@ -57,10 +55,12 @@ class ShownBody:
     inside: Bool[np.ndarray, " N"]
 
 
-def pair_page(pair: TechniquePair) -> str:
+def pair_page(
+    pair: TechniquePair, angles: tuple[Curves, Curves], findings: Sequence[MotionDifference]
+) -> str:
     """The page of two performers: their mean motions at the moments that both show."""
     names = performer_names(pair)
-    first, second = pair_angles(pair)
+    first, second = angles
     shown = np.ones(len(pair.phase_s), dtype=bool)
     bodies = [
         ShownBody(name, color, R, joints, shown)
@@ -80,13 +80,15 @@ def pair_page(pair: TechniquePair) -> str:
         pair.phase_s,
         bodies,
         curves,
-        pair_findings(pair),
+        findings,
     )
 
 
-def technique_page(t: Technique) -> str:
+def technique_page(
+    t: Technique, angles: TechniqueAngles, findings: Sequence[MotionDifference]
+) -> str:
     """The page of an action's performances and their mean."""
-    each, angles = t.instances, technique_angles(t)
+    each = t.instances
     nothing = np.full(len(each.phase_s), np.nan)
     count = np.ones(len(each.phase_s), dtype=np.int64)
     bodies = [
@@ -109,7 +111,7 @@ def technique_page(t: Technique) -> str:
         each.phase_s,
         bodies,
         curves,
-        technique_findings(t),
+        findings,
     )
 
 

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from imocap_core.compare import figures, text
+from imocap_core.compare.angles import pair_angles
 from imocap_core.compare.compare import TechniquePair
 from imocap_core.compare.page import pair_page
 from imocap_core.compare.report import make_folder
-from imocap_core.compare.words import markdown_list, pair_findings
+from imocap_core.compare.words import MotionDifference, markdown_list, pair_findings
 from imocap_core.figures.style import quiet, save
 from imocap_core.technique.mean_motion import over_moments
 
@@ -42,13 +43,15 @@ def write_pair(out: Path, pair: TechniquePair) -> list[Path]:
             "second_phase_s": np.repeat(pair.second_s[:, None], len(names), axis=1),
         },
     )  # fmt: skip
-    (out / "report.md").write_text(_pair_report(pair), encoding="utf-8")
-    (out / "report.html").write_text(pair_page(pair), encoding="utf-8")
+    angles = pair_angles(pair)
+    findings = pair_findings(pair, angles)
+    (out / "report.md").write_text(_pair_report(pair, findings), encoding="utf-8")
+    (out / "report.html").write_text(pair_page(pair, angles, findings), encoding="utf-8")
     names_ = ("report.md", "report.html", "joints.csv", "motions.png", "difference.png")
     return [out / name for name in names_]
 
 
-def _pair_report(pair: TechniquePair) -> str:
+def _pair_report(pair: TechniquePair, findings: list[MotionDifference]) -> str:
     first, second = pair.first.action, pair.second.action
     names, between = pair.first.instances.joint_names, pair.difference
     deg, mm, ratio = map(over_moments, (between.angle_deg, between.distance_mm, between.ratio))
@@ -64,7 +67,7 @@ def _pair_report(pair: TechniquePair) -> str:
             f"phases "
             f"{pair.second_s[0]:.2f} to {pair.second_s[-1]:.2f} s. One body, facing one way.",
             "",
-            *markdown_list(pair_findings(pair)),
+            *markdown_list(findings),
             *text.table(
                 ["joint", "rotation (deg)", "position (mm)", "times the spread"],
                 [

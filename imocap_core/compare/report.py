@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 
 from imocap_core.body.model import Shaped
 from imocap_core.compare import figures, text
-from imocap_core.compare.angles import in_smpl
+from imocap_core.compare.angles import in_smpl, technique_angles
 from imocap_core.compare.compare import Technique
 from imocap_core.compare.page import technique_page
-from imocap_core.compare.words import markdown_list, technique_findings
+from imocap_core.compare.words import MotionDifference, markdown_list, technique_findings
 from imocap_core.errors import WorkFailed
 from imocap_core.figures.style import quiet, save
 from imocap_core.io.writers.bvh import write_bvh
@@ -57,8 +57,10 @@ def write_technique(out: Path, t: Technique) -> list[Path]:
         out / "performances.csv", each.ids, {"distance_mm": _from_mean_mm(t), **scores}
     )
     write_bvh(out / "mean.bvh", mean_clip(t))
-    (out / "report.md").write_text(_report(t, list(pictures)), encoding="utf-8")
-    (out / "report.html").write_text(technique_page(t), encoding="utf-8")
+    angles = technique_angles(t)
+    findings = technique_findings(t, angles)
+    (out / "report.md").write_text(_report(t, list(pictures), findings), encoding="utf-8")
+    (out / "report.html").write_text(technique_page(t, angles, findings), encoding="utf-8")
     names_ = ["report.md", "report.html", "joints.csv", "performances.csv", "mean.bvh", *pictures]
     return [out / name for name in names_]
 
@@ -110,7 +112,7 @@ def _from_mean_mm(t: Technique) -> Float[np.ndarray, " M"]:
     return np.asarray(1000 * np.sqrt(squares.sum(1) / shown))
 
 
-def _report(t: Technique, pictures: list[str]) -> str:
+def _report(t: Technique, pictures: list[str], findings: list[MotionDifference]) -> str:
     each, names = t.instances, t.instances.joint_names
     several = len(each.ids) > 1
     lines = [
@@ -143,7 +145,7 @@ def _report(t: Technique, pictures: list[str]) -> str:
             "",
             *text.moment_sentences(each.phase_s, t.spread_mm, names, "mm"),
             "",
-            *markdown_list(technique_findings(t)),
+            *markdown_list(findings),
         ]
     titles = {"mean": "Mean motion", "deviation": "Deviation", "modes": "Modes", "timing": "Timing"}
     for picture in pictures:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.compare.angles import pair_angles, technique_angles
+from imocap_core.compare.angles import Curves, TechniqueAngles
 from imocap_core.compare.compare import Technique, TechniquePair
 
 MORE_AND_LESS = {
@@ -45,12 +45,12 @@ def markdown_list(findings: Sequence[MotionDifference]) -> list[str]:
     return [*(f"* {finding.sentence}" for finding in findings), ""] if findings else []
 
 
-def pair_findings(pair: TechniquePair) -> list[MotionDifference]:
+def pair_findings(pair: TechniquePair, angles: tuple[Curves, Curves]) -> list[MotionDifference]:
     """Where the second performer's mean angles differ most from the first's.
 
     Differences of a standard deviation of the repetitions or more come first, then the largest.
     """
-    first, second = pair_angles(pair)
+    first, second = angles
     who, other = performer_names(pair)[::-1]
     return largest(
         who,
@@ -68,9 +68,9 @@ def performer_names(pair: TechniquePair) -> tuple[str, str]:
     return (first, second) if first != second else (f"{first} (1)", f"{second} (2)")
 
 
-def technique_findings(t: Technique) -> list[MotionDifference]:
+def technique_findings(t: Technique, angles: TechniqueAngles) -> list[MotionDifference]:
     """Where each performance differs most from the mean: in its angles, then in its timing."""
-    angles, phase_s = technique_angles(t), t.instances.phase_s
+    phase_s = t.instances.phase_s
     mean = {name: curve.mean_deg for name, curve in angles.mean.items()}
     differences = []
     for m, video in enumerate(t.instances.ids):

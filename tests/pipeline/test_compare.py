@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import Keypoints, RefineSync
+from imocap_core.compare.angles import pair_angles
 from imocap_core.compare.compare import describe, pair_of, pair_on_one_axis
 from imocap_core.compare.pair_report import write_pair
 from imocap_core.compare.report import mean_clip, write_technique
@@ -106,7 +107,7 @@ def test_two_actions_on_one_axis(made: Made, tmp_path: Path) -> None:
     files = write_pair(made.out, pair)
     assert "# Technique: walk and walk" in files[0].read_text()
     assert all(f.stat().st_size > 100 for f in files)
-    assert (found := pair_findings(pair)[0]).angle == "left_shoulder_elevation"
+    assert (found := pair_findings(pair, pair_angles(pair))[0]).angle == "left_shoulder_elevation"
     assert re.match(
         r"walk \(2\)'s left arm is raised \d+° higher than walk \(1\)'s", found.sentence
     )

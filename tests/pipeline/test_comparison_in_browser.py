@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import Keypoints
+from imocap_core.compare.angles import pair_angles
 from imocap_core.compare.compare import describe, pair_on_one_axis
 from imocap_core.compare.page import pair_page
 from imocap_core.compare.sources import performances_of
+from imocap_core.compare.words import pair_findings
 from tests.pipeline.made_result import PHASES, keypoints, made_result, refined
 from tests.pipeline.test_compare import swung
 from tests.report.browser import CHROMIUM, Browser
@@ -34,7 +36,9 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> str:
     made.publish("refine_sync", swung(refined(PHASES), 20.0))
     result = made.result()
     first, second = (describe(performances_of(result, performer=p)) for p in ("Ann", "Bo"))
-    return pair_page(pair_on_one_axis(first, second))
+    pair = pair_on_one_axis(first, second)
+    angles = pair_angles(pair)
+    return pair_page(pair, angles, pair_findings(pair, angles))
 
 
 @pytest.fixture(scope="module")
