@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -27,20 +26,10 @@ from imocap_core.viewer.block import Block, Entry
 from imocap_core.viewer.body import model_entry, shape_entry
 
 MEAN_COLOR = "#6b7480"
-FROM_VIEWER = (
-    *("math.js", "theme.js", "data.js", "body.js", "coarse.js", "shaders.js", "gl.js"),
-    *("shapes.js", "skeleton.js", "orbit.js", "detail.js", "scene.js", "plots.js", "curves.js"),
-    *(
-        "actors.js",
-        "labels.js",
-        "address.js",
-        "snapshot.js",
-        "tools.js",
-        "transport.js",
-        "actions.js",
-    ),
-)
+OF_VIEWER_ALONE = ("pictures.js", "cards.js", "chooser.js", "main.js")
+SHARED = tuple(name for name in viewer.SCRIPTS if name not in OF_VIEWER_ALONE)
 OWN = ("measure.js", "compare.js")
+PACKAGE = "imocap_core.compare"
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,9 +139,9 @@ def _page(
         header,
         block,
         "comparison",
-        _source("compare.html"),
-        viewer.source("style.css") + _source("compare.css"),
-        viewer.joined(FROM_VIEWER) + "\n".join(f"// --- {n}\n{_source(n)}" for n in OWN),
+        viewer.source("compare.html", PACKAGE),
+        viewer.source("style.css") + viewer.source("compare.css", PACKAGE),
+        viewer.joined(SHARED) + viewer.joined(OWN, PACKAGE),
     )
 
 
@@ -185,7 +174,3 @@ def _curve_entry(block: Block, curve: MeanCurve) -> dict[str, Entry | None]:
         "mean": block.add(curve.mean_deg, "f4"),
         "sd": block.add(curve.sd_deg, "f4") if banded else None,
     }
-
-
-def _source(name: str) -> str:
-    return (resources.files("imocap_core.compare") / "web" / name).read_text(encoding="utf-8")

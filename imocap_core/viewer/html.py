@@ -11,6 +11,7 @@ from typing import Any
 
 from imocap_core.viewer.block import Block
 
+PACKAGE = "imocap_core.viewer"
 SCRIPTS = (
     "math.js",
     "theme.js",
@@ -66,9 +67,9 @@ def program() -> str:
     return joined(SCRIPTS)
 
 
-def joined(names: Sequence[str]) -> str:
+def joined(names: Sequence[str], package: str = PACKAGE) -> str:
     """Files of JavaScript, one after another."""
-    return "\n".join(f"// --- {name}\n{source(name)}" for name in names)
+    return "\n".join(f"// --- {name}\n{source(name, package)}" for name in names)
 
 
 def sources() -> str:
@@ -76,6 +77,6 @@ def sources() -> str:
     return source("page.html") + source("style.css") + program()
 
 
-def source(name: str) -> str:
-    """A file of the page's program."""
-    return (resources.files("imocap_core.viewer") / "web" / name).read_text(encoding="utf-8")
+def source(name: str, package: str = PACKAGE) -> str:
+    """A file of a page's program, from the folder web of a package."""
+    return (resources.files(package) / "web" / name).read_text(encoding="utf-8")
