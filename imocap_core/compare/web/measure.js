@@ -1,23 +1,19 @@
 // Distances and angles between joints that were clicked: one joint its height, two their distance,
 // three the angle at the second.
 
-const NEAR_PX = 26, BODY = 22;
+const NEAR_PX = 26;
 
 // The joint of a drawn body nearest to a place on the canvas: {body, joint}, or null.
 function jointAt(actors, view, x, y) {
   let best = null, least = NEAR_PX;
   for (const actor of actors)
-    actor.joints.slice(0, BODY).forEach((p, joint) => {
+    actor.joints.slice(0, BODY_JOINTS).forEach((p, joint) => {
       const at = landing(view.matrix, add(p, actor.offset), view.width / view.density, view.height / view.density);
       const far = at ? Math.hypot(at.x - x, at.y - y) : Infinity;
       if (far < least) least = far, best = { body: actor.video, joint };
     });
   return best;
 }
-
-// The angle at b, degrees.
-const angleAt = (a, b, c) =>
-  (Math.acos(clamp(dot(unit(sub(a, b)), unit(sub(c, b))), -1, 1)) * 180) / Math.PI;
 
 // What is measured, in words. chosen: joints; names: of bodies; placeOf({body, joint}).
 function measured(chosen, bodies, joints, placeOf) {
@@ -27,7 +23,7 @@ function measured(chosen, bodies, joints, placeOf) {
   const value = (places) => [
     (p) => `${(100 * p[0][1]).toFixed(1)} cm`,
     (p) => `${(100 * Math.hypot(...sub(p[1], p[0]))).toFixed(1)} cm`,
-    (p) => `${angleAt(...p).toFixed(0)}°`,
+    (p) => `${angleOf(sub(p[0], p[1]), sub(p[2], p[1])).toFixed(0)}°`,
   ][places.length - 1](places);
   const what = [
     () => `height of ${name(chosen[0])}`,

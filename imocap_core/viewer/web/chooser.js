@@ -3,7 +3,7 @@
 const MOST_JOINTS = DASHES.length;
 
 function makeChooser(page, act) {
-  const names = page.model.joints.slice(0, 22);
+  const names = page.model.joints.slice(0, BODY_JOINTS);
   for (const [key, { label }] of Object.entries(QUANTITIES))
     $("quantity").appendChild(new Option(label.replace(/ \(.*/, ""), key));
   $("quantity").addEventListener("change", () => act.quantity($("quantity").value));

@@ -4,7 +4,7 @@ const DASHES = [[], [6, 4], [2, 3], [9, 3, 2, 3]];
 const QUANTITIES = {
   height: { label: "height (m)", of: (places) => places.map((p) => p[1]) },
   speed: { label: "speed (m/s)", of: (places, seconds) => speeds(places, seconds) },
-  bend: { label: "bend (degrees, 0: straight)", of: (places, _, from, to) => places.map((p, t) => bend(from[t], p, to[t])) },
+  bend: { label: "bend (degrees, 0: straight)", of: (places, _, from, to) => places.map((p, t) => angleOf(sub(p, from[t]), sub(to[t], p))) },
 };
 
 // Speed in m/s by central differences; seconds: of each place.
@@ -14,11 +14,6 @@ function speeds(places, seconds) {
     const [a, b] = [Math.max(t - 1, 0), Math.min(t + 1, last)];
     return Math.hypot(...sub(places[b], places[a])) / Math.max(seconds[b] - seconds[a], 1e-6);
   });
-}
-
-// Degrees by which the way from a over b to c turns at b.
-function bend(a, b, c) {
-  return (Math.acos(clamp(dot(unit(sub(b, a)), unit(sub(c, b))), -1, 1)) * 180) / Math.PI;
 }
 
 // Places of a joint in every frame of a video's answer; joints: of every frame.

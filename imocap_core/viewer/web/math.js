@@ -11,6 +11,9 @@ const unit = (a) => scaled(a, 1 / Math.max(Math.hypot(...a), 1e-12));
 const mix = (a, b, s) => a.map((x, i) => x + s * (b[i] - x));
 const clamp = (x, low, high) => Math.min(Math.max(x, low), high);
 
+// The angle between two vectors in degrees.
+const angleOf = (a, b) => (Math.acos(clamp(dot(unit(a), unit(b)), -1, 1)) * 180) / Math.PI;
+
 // The quaternion of an axis-angle vector in radians.
 function quatOf(x, y, z) {
   const angle = Math.hypot(x, y, z);
