@@ -15,6 +15,7 @@ from imocap_core.figures.style import color_of
 from imocap_core.result.camera import VideoCamera
 from imocap_core.viewer.block import Block, Entry
 
+UNKNOWN_MM = 65535  # in place of a standard deviation that is not known
 PIXEL_RANGE = 16000  # of 16-bit numbers for the longer side of a picture: two pictures each way
 
 
@@ -123,10 +124,12 @@ def detected_entry(block: Block, video: VideoKeypoints) -> dict[str, Any]:
 
 
 def uncertainty_entry(block: Block, claimed: Uncertainty | None, video: str) -> Entry | None:
-    """The standard deviation of each of SMPL's joints in every frame, whole mm; None if unknown."""
+    """The standard deviation of each of SMPL's joints in every frame, whole mm; `UNKNOWN_MM` where
+    it is not known. None without any."""
     for deviations in claimed.videos if claimed is not None else ():
         if deviations.id == video:
-            return block.add(np.round(np.clip(np.nan_to_num(deviations.sigma_mm), 0, 65535)), "u2")
+            mm = np.minimum(deviations.sigma_mm, UNKNOWN_MM - 1)
+            return block.add(np.where(np.isfinite(mm), np.round(mm), UNKNOWN_MM), "u2")
     return None
 
 

@@ -21,7 +21,7 @@ from imocap_core.figures.bodies import surfaces
 from imocap_core.viewer.block import Block, quantised, read_entry
 from imocap_core.viewer.body import strongest_bones
 from imocap_core.viewer.pictures import LONGEST_PX, stride, windows
-from imocap_core.viewer.video import first_shared, phase_of
+from imocap_core.viewer.video import UNKNOWN_MM, first_shared, phase_of, uncertainty_entry
 from tests.report.made import K, Made
 from tests.report.viewed import Page, page_of, write_clip
 
@@ -181,6 +181,19 @@ def test_the_first_shared_moment() -> None:
 def test_uncertainty_comes_back_in_millimetres(page: Page, made: Made) -> None:
     sigma = page.array(page.header["videos"][2]["sigma"], -1, 24)
     np.testing.assert_allclose(sigma, made.claimed.videos[2].sigma_mm, atol=0.5)
+
+
+def test_an_unknown_uncertainty_is_not_shown_as_certain(made: Made) -> None:
+    sigma_mm = made.claimed.videos[0].sigma_mm.copy()
+    sigma_mm[0, :3] = np.nan, np.inf, 1e9
+    videos = [made.claimed.videos[0].model_copy(update={"sigma_mm": sigma_mm})]
+    block = Block()
+    entry = uncertainty_entry(
+        block, made.claimed.model_copy(update={"videos": videos}), videos[0].id
+    )
+    assert entry is not None
+    shown = read_entry(entry, base64.b64decode(block.base64()))
+    assert list(shown[:3]) == [UNKNOWN_MM, UNKNOWN_MM - 1, UNKNOWN_MM - 1]
 
 
 def test_a_video_without_any_match_begins_at_nought(made: Made) -> None:

@@ -9,6 +9,7 @@ function momentsAt(page, phase) {
 }
 
 const SURE_TO_MM = 100; // the last colour of uncertainty
+const UNKNOWN_MM = 65535, GREY = [0.55, 0.55, 0.55]; // a deviation that is not known, and its colour
 const SKIN_M = 0.14;
 const BODY_JOINTS = 22; // those that SMPL and SMPL+H share
 
@@ -16,7 +17,10 @@ const BODY_JOINTS = 22; // those that SMPL and SMPL+H share
 function tintsOf(model, video, frame) {
   if (!video.sigma) return null;
   const own = (j) => (j < BODY_JOINTS ? j : own(model.parents[j]));
-  return model.parents.map((_, j) => uncertaintyColor(video.sigma[24 * frame + own(j)] / SURE_TO_MM));
+  return model.parents.map((_, j) => {
+    const mm = video.sigma[24 * frame + own(j)];
+    return mm === UNKNOWN_MM ? GREY : uncertaintyColor(mm / SURE_TO_MM);
+  });
 }
 
 // Places that a performer reaches: the joints in some frames, and as far around them as skin is.
