@@ -44,6 +44,7 @@ TITLES = {
     "stretched_edges": "stretched edges",
     "stretched_edges_worst": "stretched edges, worst frame",
     "torso_volume_change_worst": "torso volume change, worst frame",
+    "median": "median reprojection error",
     "reprojection": "distance in the picture",
     "sync_error_released": "sync error where released",
     "matched_share": "share matched",

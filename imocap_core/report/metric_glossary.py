@@ -103,6 +103,10 @@ GLOSSARY = {
     "focal_px": "Focal length in pixels: given, estimated from the camera's rotation, or assumed.",
     "solved_focal_px": "Focal length of the result; an assumed one is estimated with the motion.",
     "focal_sd_pct": "Claimed standard deviation of the focal length, as a share of it.",
+    "distortion": "Radial distortion k: a ray at r focal lengths from the axis is seen at "
+    "r (1 + k r^2).",
+    "median_px": "Median reprojection error of the keypoints, the detector's constant errors taken "
+    "off.",
     "rotation_sd_deg": "Claimed standard deviation of the camera's rotation, three axes together.",
     "offset_sd_ms": "Claimed standard deviation of when the video began.",
     "pitch_down_deg": "How far the camera looks down from the horizontal, in the mean.",
