@@ -92,6 +92,8 @@ def glb_fps(file: Path) -> float:
     data = file.read_bytes()
     (length,) = struct.unpack_from("<I", data, 12)
     tree = json.loads(data[20 : 20 + length])
+    if not tree.get("animations"):
+        sys.exit(f"{file}: no animation")
     times = [tree["accessors"][s["input"]] for s in tree["animations"][0]["samplers"]]
     longest = max(times, key=lambda t: t["count"])
     return (longest["count"] - 1) / max(longest["max"][0], 1e-6)
