@@ -1,6 +1,8 @@
-"""uncertainty: standard deviations of every joint, and what the videos leave open."""
+"""uncertainty: standard deviations of joints and joint angles, and what the videos leave open."""
 
 from __future__ import annotations
+
+from functools import partial
 
 from imocap_core.artifacts.schemas import (
     CameraMotion,
@@ -10,7 +12,11 @@ from imocap_core.artifacts.schemas import (
     Uncertainty,
 )
 from imocap_core.cli import stage_main
-from imocap_core.motion.posterior.model_error import claimed_covariance_m2, claimed_rotation_sd
+from imocap_core.motion.posterior.model_error import (
+    claimed_covariance_m2,
+    claimed_rotation_sd,
+    claimed_rotations_deg2,
+)
 from imocap_core.motion.posterior.motion_posterior import motion_posterior
 from imocap_core.motion.posterior.noise import Noise
 from imocap_core.motion.posterior.observability import viewpoint_report
@@ -18,7 +24,11 @@ from imocap_core.params import Params, UncertaintyParams
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.one_motion import is_one_motion
 from imocap_core.problem.solved_groups import SolvedGroup, solved_groups
-from imocap_core.problem.uncertainty import GroupPosterior, uncertainty_of
+from imocap_core.problem.uncertainty import (
+    GroupPosterior,
+    anatomical_rotations,
+    uncertainty_of,
+)
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Uncertainty:
@@ -47,7 +57,8 @@ def posterior_of(
     """Covariances and viewpoints of videos that were solved together."""
     noise, options = Noise(params), group.problem.options
     scene = group.problem.scene_of(group.solution)
-    posterior = motion_posterior(scene, group.solution, options, noise)
+    rows = partial(anatomical_rotations, scene.body.model)
+    posterior = motion_posterior(scene, group.solution, options, noise, rows)
     viewpoints = viewpoint_report(
         scene,
         group.solution,
@@ -59,6 +70,7 @@ def posterior_of(
     return GroupPosterior(
         group.problem.participants,
         [claimed_covariance_m2(x, one_motion=one_motion) for x in posterior.covariances_m2],
+        [claimed_rotations_deg2(x, one_motion=one_motion) for x in posterior.rotations_rad2],
         [claimed_rotation_sd(sd) for sd in posterior.camera_rotation_rad],
         viewpoints,
     )

@@ -2,7 +2,7 @@
 
     python -m tools.measure_angles RESULT TRUTH
 
-RESULT is artifacts/ACTION, TRUTH the action's truth.npz, in a world whose y points up. Angles: the
+RESULT is artifacts/ACTION, TRUTH the action's truth.npz, in a world whose z points up. Angles: the
 standard deviations that `imocap angles` states against the errors. Events: those of the estimated
 motion are paired with those of the true one, of one kind and name, within `NEAR_S`.
 """
@@ -26,6 +26,7 @@ from imocap_core.result.video import VideoResult
 from imocap_core.result.video_angles import video_angles
 
 NEAR_S = 0.3
+TRUE_UP = "z"
 TITLES = (
     *("foot contacts", "fastest moments"),
     *("turning points, sd known", "turning points, sd unknown"),
@@ -57,6 +58,7 @@ def true_motion(video: VideoResult, truth: VideoTruth) -> VideoResult:
         betas=truth.betas,
         body_joints=truth.joints,
         joint_uncertainty=None,
+        hands=None,
     )
 
 
@@ -91,6 +93,8 @@ def print_events(groups: dict[str, tuple[list[Pair], int, int]]) -> None:
     )
     print("|---|---:|---:|---:|---:|---:|")
     for name, (pairs, missed, alone) in groups.items():
+        if not pairs:
+            continue
         late_ms = 1000 * np.median([abs(pair.late_s) for pair in pairs])
         bounded = any(pair.within for pair in pairs)
         share = f"{100 * np.mean([pair.within for pair in pairs]):.0f} %" if bounded else "unknown"
@@ -108,7 +112,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     groups: dict[str, tuple[list[Pair], int, int]] = {}
     for video in result:
         true = true_motion(video, truth.videos[video.id])
-        ours, theirs = video_angles(video, "y", result.ground.tilt_sd_deg), video_angles(true)
+        ours, theirs = (
+            video_angles(video, "y", result.ground.tilt_sd_deg),
+            video_angles(true, TRUE_UP),
+        )
         for name, sd in ours.sd_deg.items():
             away = (ours.angles_deg[name] - theirs.angles_deg[name] + 180) % 360 - 180
             if name == "pelvis_rotation":  # the truth's world has another direction ahead
@@ -116,7 +123,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             angle = name.split("_", 1)[1] if name.startswith(SIDES) else name
             errors[angle].append(away)
             spreads[angle].append(sd)
-        both = video_events(video, ours), video_events(true, theirs)
+        both = video_events(video, ours), video_events(true, theirs, TRUE_UP)
         spread_names = set(ours.sd_deg)
         for title in TITLES:
             ours_of, theirs_of = (

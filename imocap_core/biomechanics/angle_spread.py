@@ -1,119 +1,70 @@
-"""Standard deviations of joint angles from those of the joints' places.
-
-A segment's direction errs by the errors of its two ends across it, divided by its length; an angle
-between two segments by both, where a joint that they share enters once. Places are taken to err
-independently of one another, which for neighbours is on the large side; but the hips, to whose
-middle all places are relative, err by opposite amounts. Rotations about a segment's long axis move
-no joint centre of their own, so that places say nothing about them.
-"""
+"""Standard deviations of joint angles from covariances of the joints' rotations."""
 
 from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
-from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.biomechanics.joint_angles import (
+    ANATOMICAL_JOINTS,
+    DECOMPOSITIONS,
+    LEFT_OUT,
+    WORLD,
+    definition_of,
+    distal_in_proximal,
+)
+from imocap_core.biomechanics.segments import SIDES, anatomical_axes
 
-Chain = tuple[str, str, str, str]  # proximal and distal end of the upper, then of the lower segment
-TRUNK_ENDS = ("neck", "pelvis")
-HIPS = ("left_hip", "right_hip")
-BETWEEN: dict[str, Chain] = {  # angles that are those between two lines, or turn as these do
-    "hip_flexion": (*TRUNK_ENDS, "hip", "knee"),
-    "hip_adduction": (*HIPS, "hip", "knee"),
-    "knee_flexion": ("hip", "knee", "knee", "ankle"),
-    "ankle_dorsiflexion": ("knee", "ankle", "ankle", "foot"),
-    "shoulder_elevation": (*TRUNK_ENDS, "shoulder", "elbow"),
-    "elbow_flexion": ("shoulder", "elbow", "elbow", "wrist"),
-}
-BENDING: Chain = (*HIPS, "spine3", "neck")  # of the trunk, to a side
+STEP_RAD = 1e-5
+PELVIS = ANATOMICAL_JOINTS.index("pelvis")
+BY_TILT = ("pelvis_obliquity", "pelvis_tilt")  # unknown where the world's tilt is
 
 
 def angle_spreads_deg(
-    joints_m: Float[np.ndarray, "T 24 3"],
-    covariance_mm2: Float[np.ndarray, "T 24 3 3"],
-    up: Float[np.ndarray, "3"],
+    R_local: Float[np.ndarray, "T 24 3 3"],
+    rest_m: Float[np.ndarray, "24 3"],
+    covariance_deg2: Float[np.ndarray, "T 15 3 3"],
+    *,
     tilt_sd_deg: float,
+    camera_sd_deg: float = 0.0,
 ) -> dict[str, Float[np.ndarray, " T"]]:
-    """Standard deviation of every angle that joints' places determine, degrees; by `angle_names`.
+    """Standard deviation of every angle, degrees, to first order; by `angle_names`. NaN where an
+    angle or its covariance is.
 
-    Joints, covariances and the direction `up` are in the same axes. NaN where a covariance is. Of
-    segments in one line the angle has no plane, and any plane through them is taken.
-
-    tilt_sd_deg: of `up` about each horizontal axis.
+    Args:
+        R_local, rest_m: as of `joint_angles_deg`.
+        covariance_deg2: of the rotations of `ANATOMICAL_JOINTS`, as of `rotation_jacobian`.
+        tilt_sd_deg: of the world's up about each horizontal axis; NaN unknown.
+        camera_sd_deg: of the camera in the world, three axes together.
     """
-    covariance_m2 = covariance_mm2 * 1e-6
-    limbs = {
-        f"{side}_{name}": np.degrees(_spread(joints_m, covariance_m2, chain, side))
-        for name, chain in BETWEEN.items()
-        for side in ("left", "right")
-    }
-    bending = np.degrees(_spread(joints_m, covariance_m2, BENDING, ""))
-    rotation, obliquity = _hip_line(joints_m, covariance_m2, up)
-    return limbs | {
-        "pelvis_rotation": np.degrees(rotation),
-        "pelvis_obliquity": np.hypot(np.degrees(obliquity), tilt_sd_deg),
-        "trunk_right_bending": bending,
-    }
-
-
-def _hip_line(
-    joints: Float[np.ndarray, "T 24 3"],
-    covariance: Float[np.ndarray, "T 24 3 3"],
-    up: Float[np.ndarray, "3"],
-) -> tuple[Float[np.ndarray, " T"], Float[np.ndarray, " T"]]:
-    """Standard deviations, radians, of the direction of the line through the hips: about the
-    vertical, and from the horizontal. Its error is twice that of either hip. NaN for the former
-    where the line is vertical."""
-    left, right = (SMPL_JOINTS.index(hip) for hip in HIPS)
-    line = joints[:, left] - joints[:, right]
-    length = np.linalg.norm(line, axis=1)
-    level = line - (line @ up)[:, None] * up
-    reach = np.linalg.norm(level, axis=1)
-    about = np.cross(up, level) / np.maximum(reach, 1e-12)[:, None]
-    across = np.cross(line, about) / np.maximum(length, 1e-12)[:, None]
-    of_line = 4 * covariance[:, left]
-    turning = np.sqrt(np.einsum("ti,tij,tj->t", about, of_line, about))
-    return (
-        np.where(reach > 0.05 * length, turning / np.maximum(reach, 1e-12), np.nan),
-        np.sqrt(np.einsum("ti,tij,tj->t", across, of_line, across)) / np.maximum(length, 1e-12),
+    of_world = np.full(3, camera_sd_deg**2 / 3) + np.nan_to_num(tilt_sd_deg) ** 2 * np.array(
+        [1.0, 0.0, 1.0]
     )
+    by_side = {side: anatomical_axes(R_local, rest_m, side) for side in SIDES}
+    sd: dict[str, Float[np.ndarray, " T"]] = {}
+    for k, joint in enumerate(ANATOMICAL_JOINTS):
+        side, of = definition_of(joint)
+        R = distal_in_proximal(of, by_side[side])
+        covariance = covariance_deg2[:, k]
+        if k == PELVIS:
+            level = WORLD @ R
+            covariance = covariance + np.einsum("tyx,y,tyz->txz", level, of_world, level)
+        gradient = _gradient(R, of.order)
+        variance = np.einsum("tax,txy,tay->ta", gradient, covariance, gradient)
+        for (name, _), of_angle in zip(of.angles, np.sqrt(variance).T, strict=True):
+            sd[f"{joint}_{name}"] = of_angle
+    if np.isnan(tilt_sd_deg):
+        sd |= {name: np.full(len(R_local), np.nan) for name in BY_TILT}
+    return {name: of_angle for name, of_angle in sd.items() if not name.endswith(LEFT_OUT)}
 
 
-def _spread(
-    joints: Float[np.ndarray, "T 24 3"],
-    covariance: Float[np.ndarray, "T 24 3 3"],
-    chain: Chain,
-    side: str,
-) -> Float[np.ndarray, " T"]:
-    """Standard deviation of the angle between the two segments of a chain, radians."""
-    a, b, c, d = (SMPL_JOINTS.index(n if n in SMPL_JOINTS else f"{side}_{n}") for n in chain)
-    upper, lower = joints[:, b] - joints[:, a], joints[:, d] - joints[:, c]
-    normal = np.cross(upper, lower)
-    size = np.linalg.norm(normal, axis=1, keepdims=True)
-    lengths = np.linalg.norm(upper, axis=1, keepdims=True) * np.linalg.norm(
-        lower, axis=1, keepdims=True
-    )
-    straight = size < 0.05 * lengths
-    normal = np.where(straight, _across(lower), normal / np.maximum(size, 1e-12))
-    # d angle = n . (l x dl / |l|^2 - u x du / |u|^2): a row of weights for each joint
-    by_lower = np.cross(normal, lower) / (lower**2).sum(1, keepdims=True)
-    by_upper = np.cross(normal, upper) / (upper**2).sum(1, keepdims=True)
-    weights = np.zeros((len(joints), len(SMPL_JOINTS), 3))
-    for joint, row in ((a, by_upper), (b, -by_upper), (c, -by_lower), (d, by_lower)):
-        weights[:, joint] += row
-    left, right = (SMPL_JOINTS.index(hip) for hip in HIPS)
-    used = {a, b, c, d}
-    if {left, right} <= used:  # what the right hip errs, the left one errs the other way
-        weights[:, left] -= weights[:, right]
-        used -= {right}
-    rows = sorted(used)
-    variance = np.einsum("tji,tjik,tjk->t", weights[:, rows], covariance[:, rows], weights[:, rows])
-    return np.sqrt(variance)
-
-
-def _across(direction: Float[np.ndarray, "T 3"]) -> Float[np.ndarray, "T 3"]:
-    """A unit vector perpendicular to each direction."""
-    least = np.eye(3)[np.abs(direction).argmin(axis=1)]
-    normal = np.cross(direction, least)
-    size: Float[np.ndarray, "T 1"] = np.linalg.norm(normal, axis=1, keepdims=True)
-    return normal / size
+def _gradient(R: Float[np.ndarray, "T 3 3"], order: str) -> Float[np.ndarray, "T 3 3"]:
+    """Derivatives of a rotation's three angles (rows) by increments R <- R exp(delta)."""
+    columns = []
+    for axis in np.eye(3):
+        step = Rotation.from_rotvec(STEP_RAD * axis).as_matrix()
+        ahead, behind = (DECOMPOSITIONS[order](R @ turn) for turn in (step, step.T))
+        change = (ahead - behind + np.pi) % (2 * np.pi) - np.pi
+        columns.append(change / (2 * STEP_RAD))
+    return np.stack(columns, axis=-1)

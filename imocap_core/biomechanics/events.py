@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.signal import find_peaks, savgol_filter
 
-from imocap_core.biomechanics.motion_event import Kind, MotionEvent
+from imocap_core.biomechanics.motion_event import Kind, MotionEvent, Unit
 from imocap_core.runs import runs
 
 SPEED_WINDOW_S = 0.1  # over which a speed is the slope of a parabola
@@ -16,6 +16,7 @@ RESTS_M_S, EDGE_M_S, MOVES_M_S = 0.2, 0.3, 0.5  # speeds of a foot; its contact 
 LIFTED_M = 0.2  # a foot this much above the lower one does not stand, however still it is
 LEAST_CONTACT_S = 0.1  # shorter contacts, and shorter gaps in one, are none
 PEAK_SPEED_M_S, PEAK_SPEED_SHARE = 0.5, 0.2  # least prominence: this, and of the largest speed
+SPEED_SD_PER_S, SPEED_SD_SHARE = 4.5, 0.1  # of a place's error along the path, of the speed
 PEAK_ANGLE_DEG, PEAK_ANGLE_SDS = 10.0, 2.0  # least prominence: this, and standard deviations
 
 
@@ -65,23 +66,50 @@ def _foot_speed(feet_m: Float[np.ndarray, "T 2 3"], fps: float) -> Float[np.ndar
 
 def speeds_m_s(path_m: Float[np.ndarray, "T 3"], fps: float) -> Float[np.ndarray, " T"]:
     """Speed of a point over time, m/s, smoothed over `SPEED_WINDOW_S`; NaN of too few frames."""
+    return np.asarray(np.linalg.norm(_velocity(path_m, fps), axis=1))
+
+
+def _velocity(path_m: Float[np.ndarray, "T 3"], fps: float) -> Float[np.ndarray, "T 3"]:
+    """Slope of the parabola over `SPEED_WINDOW_S`; NaN of too few frames."""
     width = max(5, 2 * round(SPEED_WINDOW_S * fps / 2) + 1)
     if len(path_m) < width:
-        return np.full(len(path_m), np.nan)
-    velocity = savgol_filter(path_m, width, 2, deriv=1, delta=1 / fps, axis=0)
-    return np.asarray(np.linalg.norm(velocity, axis=1))
+        return np.full(path_m.shape, np.nan)
+    return np.asarray(savgol_filter(path_m, width, 2, deriv=1, delta=1 / fps, axis=0))
 
 
-def speed_events(paths_m: Mapping[str, Float[np.ndarray, "T 3"]], fps: float) -> list[MotionEvent]:
-    """Peaks of joints' speeds. What a speed's error is cannot be told from those of the places."""
+def speed_spreads_m_s(
+    path_m: Float[np.ndarray, "T 3"],
+    covariance_mm2: Float[np.ndarray, "T 3 3"],
+    fps: float,
+    per_s: float = SPEED_SD_PER_S,
+    share: float = SPEED_SD_SHARE,
+) -> Float[np.ndarray, " T"]:
+    """Standard deviation of the speed of a point, m/s, from the covariance of its place.
+
+    Errors of a place persist over neighbouring frames: a speed errs by `per_s` (1/s) times what the
+    place errs along its path, and by a share of itself, as changes are smoothed. Both were fitted
+    to training clips (tools/fit_speed_spread.py).
+    """
+    velocity = _velocity(path_m, fps)
+    speed = np.linalg.norm(velocity, axis=1)
+    along = velocity / np.maximum(speed, 1e-9)[:, None]
+    place_m2 = np.einsum("ti,tij,tj->t", along, covariance_mm2 * 1e-6, along)
+    return np.asarray(np.sqrt(per_s**2 * place_m2 + (share * speed) ** 2))
+
+
+def speed_events(
+    paths_m: Mapping[str, Float[np.ndarray, "T 3"]],
+    fps: float,
+    sd_m_s: Mapping[str, Float[np.ndarray, " T"]],
+) -> list[MotionEvent]:
+    """Peaks of joints' speeds; sd_m_s: of those speeds of which it is known."""
     events = []
     for name, path in paths_m.items():
         speed = speeds_m_s(path, fps)
         if np.isfinite(speed).all():
             least = max(PEAK_SPEED_M_S, PEAK_SPEED_SHARE * speed.max(initial=0.0))
-            for index, value in _peaks(speed, least):
-                place = MotionEvent("fastest", name, index, np.nan, np.nan, value, np.nan, "m/s")
-                events.append(place)
+            sd = sd_m_s.get(name, np.full(len(speed), np.nan))
+            events += _turning_points("fastest", name, speed, sd, least, "m/s")
     return events
 
 
@@ -97,21 +125,30 @@ def angle_events(
             part, sds = angle[first : last + 1], sd[first : last + 1]
             middle = np.median(sds[np.isfinite(sds)]) if np.isfinite(sds).any() else 0.0
             least = max(PEAK_ANGLE_DEG, PEAK_ANGLE_SDS * middle)
-            for kind, sign in (("largest", 1), ("smallest", -1)):
-                for index, value in _peaks(sign * part, least):
-                    spread = float(sds[round(index)])
-                    low, high = _within(sign * part, index, value - spread)
-                    event = MotionEvent(
-                        kind,  # type: ignore[arg-type]
-                        name,
-                        first + index,
-                        first + low,
-                        first + high,
-                        sign * value,
-                        spread,
-                        "deg",
-                    )
-                    events.append(event)
+            turning = [
+                *_turning_points("largest", name, part, sds, least, "deg"),
+                *_turning_points("smallest", name, part, sds, least, "deg"),
+            ]
+            events += [event.later(first) for event in turning]
+    return events
+
+
+def _turning_points(
+    kind: Kind,
+    name: str,
+    curve: Float[np.ndarray, " T"],
+    sd: Float[np.ndarray, " T"],
+    least: float,
+    unit: Unit,
+) -> list[MotionEvent]:
+    """Peaks of a curve (valleys of a `smallest`) of a least prominence, within the frames in which
+    it is one standard deviation from its extreme at most."""
+    sign = -1 if kind == "smallest" else 1
+    events = []
+    for index, value in _peaks(sign * curve, least):
+        spread = float(sd[round(index)])
+        low, high = _within(sign * curve, index, value - spread)
+        events.append(MotionEvent(kind, name, index, low, high, sign * value, spread, unit))
     return events
 
 

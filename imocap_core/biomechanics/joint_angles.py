@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.biomechanics.cardan import continuous, yxy, yxz, zxy
-from imocap_core.biomechanics.segments import SIDES, anatomical_axes
+from imocap_core.biomechanics.segments import SIDES, Side, anatomical_axes
 
 ZXY, YXY, YXZ = "zxy", "yxy", "yxz"
 WORLD = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])  # X = z, Y = y, Z = -x
@@ -71,6 +71,17 @@ PAIRED = {
 LEFT_OUT = ("wrist_rotation",)
 
 
+ANATOMICAL_JOINTS = (*MIDDLE, *(f"{side}_{joint}" for joint in PAIRED for side in SIDES))
+
+
+def definition_of(joint: str) -> tuple[Side, JointDefinition]:
+    """Side and definition of one of `ANATOMICAL_JOINTS`; those of the middle are not mirrored."""
+    for side in SIDES:
+        if joint.startswith(f"{side}_"):
+            return side, PAIRED[joint.removeprefix(f"{side}_")]
+    return "right", MIDDLE[joint]
+
+
 def angle_names() -> tuple[str, ...]:
     """The names of all angles: those of the middle, then `left_` and `right_` of each limb."""
     middle = [f"{j}_{name}" for j, of in MIDDLE.items() for name, _ in of.angles]
@@ -115,15 +126,21 @@ def joint_angles_rad(
     return {name: by_name[name] for name in angle_names()}
 
 
+def distal_in_proximal(
+    of: JointDefinition, axes: Mapping[str, Float[np.ndarray, "T 3 3"]]
+) -> Float[np.ndarray, "T 3 3"]:
+    """Rotation of a joint: the distal segment's axes in those of the proximal one."""
+    proximal = WORLD if of.proximal is None else axes[of.proximal]
+    return np.asarray(np.swapaxes(proximal, -1, -2) @ axes[of.distal])
+
+
 def _angles_of(
     prefix: str,
     of: JointDefinition,
     axes: Mapping[str, Float[np.ndarray, "T 3 3"]],
     decompositions: Mapping[str, Callable[[np.ndarray], np.ndarray]],
 ) -> dict[str, Float[np.ndarray, " T"]]:
-    distal = axes[of.distal]
-    proximal = WORLD if of.proximal is None else axes[of.proximal]
-    angles = decompositions[of.order](np.swapaxes(proximal, -1, -2) @ distal)
+    angles = decompositions[of.order](distal_in_proximal(of, axes))
     return {
         f"{prefix}_{name}": continuous(sign * angles[:, i])
         for i, (name, sign) in enumerate(of.angles)

@@ -71,10 +71,10 @@ def anatomical_axes(
     rest = rest_m @ flip
     axes = {}
     for segment, of in {**TRUNK, **LIMBS}.items():
-        turned = R[:, _index(of.joint, side)]
+        turned = R[:, joint_index(of.joint, side)]
         if segment == "forearm":
             turned = turned @ _forearm_twist(flip @ R_local @ flip, rest, side)
-        axes[segment] = turned @ _rest_axes(of, rest, side)
+        axes[segment] = turned @ segment_rest_axes(of, rest, side)
     return axes
 
 
@@ -88,7 +88,7 @@ def rest_axes(
     flip = MIRROR if side == "left" else np.eye(3)
     to_right = np.diag([1.0, 1.0, np.linalg.det(flip)])
     parts = {**TRUNK, **LIMBS}.items()
-    return {s: flip @ _rest_axes(of, rest_m @ flip, side) @ to_right for s, of in parts}
+    return {s: flip @ segment_rest_axes(of, rest_m @ flip, side) @ to_right for s, of in parts}
 
 
 def global_rotations(R_local: Float[np.ndarray, "T 24 3 3"]) -> Float[np.ndarray, "T 24 3 3"]:
@@ -107,10 +107,30 @@ def twist_about(
 
     Zero where a rotation turns the vector around to its opposite, as no twist is defined there.
     """
-    w = 1 + np.trace(R, axis1=1, axis2=2)  # quaternion times 4 |w|
+    w, v = _quaternion(R)
+    return turn_about(axis, 2 * np.arctan2(v @ axis, w))
+
+
+def twist_gradient(
+    R: Float[np.ndarray, "T 3 3"], axis: Float[np.ndarray, " 3"]
+) -> Float[np.ndarray, "T 3"]:
+    """Derivative of the angle of `twist_about` by increments R <- R exp(delta); NaN where no twist
+    is defined."""
+    w, v = _quaternion(R)
+    along = (v @ axis)[:, None]
+    w = w[:, None]
+    with np.errstate(invalid="ignore"):
+        gradient = (w * (w * axis + np.cross(axis, v)) + along * v) / (along**2 + w**2)
+    return np.asarray(gradient)
+
+
+def _quaternion(
+    R: Float[np.ndarray, "T 3 3"],
+) -> tuple[Float[np.ndarray, " T"], Float[np.ndarray, "T 3"]]:
+    """Unit quaternions (w, v) times 4 |w|."""
+    w = 1 + np.trace(R, axis1=1, axis2=2)
     v = np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], 1)
-    angle = 2 * np.arctan2(v @ axis, w)
-    return turn_about(axis, angle)
+    return w, v
 
 
 def turn_about(
@@ -131,25 +151,29 @@ def _forearm_twist(
     Pronation turns the radius about the ulna, between elbow and wrist; ISB's forearm ends at the
     styloids, which take part in all of it. The model has it in elbow and wrist together.
     """
-    elbow, wrist = (rest[_index(joint, side)] for joint in FOREARM)
-    axis = (wrist - elbow) / np.linalg.norm(wrist - elbow)
-    return twist_about(R_local[:, _index("wrist", side)], axis)
+    return twist_about(R_local[:, joint_index("wrist", side)], forearm_axis(rest, side))
 
 
-def _rest_axes(
+def forearm_axis(rest_m: Float[np.ndarray, "24 3"], side: Side) -> Float[np.ndarray, "3"]:
+    """Unit vector from the elbow to the wrist at rest."""
+    elbow, wrist = (rest_m[joint_index(joint, side)] for joint in FOREARM)
+    return np.asarray((wrist - elbow) / np.linalg.norm(wrist - elbow))
+
+
+def segment_rest_axes(
     of: SegmentAxes, rest: Float[np.ndarray, "24 3"], side: Side
 ) -> Float[np.ndarray, "3 3"]:
     """A segment's axes in the rest pose, of a left limb mirrored."""
     y = np.array(UP)
     if of.proximal is not None and of.distal is not None:
-        y = rest[_index(of.proximal, side)] - rest[_index(of.distal, side)]
+        y = rest[joint_index(of.proximal, side)] - rest[joint_index(of.distal, side)]
         y = y / np.linalg.norm(y)
     x = np.cross(y, np.array(of.lateral))
     x = x / np.linalg.norm(x)
     return np.stack([x, y, np.cross(x, y)], axis=1)
 
 
-def _index(joint: str, side: Side) -> int:
+def joint_index(joint: str, side: Side) -> int:
     """The column of a joint among SMPL's, of a side where there are two."""
     name = joint if joint in SMPL_JOINTS else f"{side}_{joint}"
     return SMPL_JOINTS.index(name)

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from jaxtyping import Float
+from torch import Tensor
 
 from imocap_core.artifacts.schemas import (
     Keypoints,
@@ -19,10 +21,16 @@ from imocap_core.artifacts.schemas import (
     Viewpoint,
     WeakSpan,
 )
+from imocap_core.biomechanics.rotation_jacobian import (
+    mirrored_rotation_covariance,
+    rotation_jacobian,
+)
+from imocap_core.body import Model
 from imocap_core.conventions import EVAL_14, SMPL_JOINTS
 from imocap_core.metrics.calibration import along_and_across, total_sigma
 from imocap_core.motion.posterior.observability import ViewpointReport, weak_spans
 from imocap_core.motion.posterior.viewpoints import AZIMUTHS_DEG
+from imocap_core.motion.state import MotionState
 from imocap_core.params import UncertaintyParams
 from imocap_core.problem.mirroring import Participants
 
@@ -33,12 +41,21 @@ MM2_PER_M2 = 1e6
 @dataclass(frozen=True)
 class GroupPosterior:
     """What is claimed of videos that were solved together, as solved (mirrored ones reflected):
-    covariances of joints, and standard deviations of the cameras' rotations."""
+    covariances of joints and of the anatomical joints' rotations, and standard deviations of the
+    cameras' rotations."""
 
     participants: Participants
     covariances_m2: list[Float[np.ndarray, "_ 24 3 3"]]
+    rotations_deg2: list[Float[np.ndarray, "_ 15 3 3"]]
     camera_rotation_rad: list[float]
     viewpoints: ViewpointReport
+
+
+def anatomical_rotations(model: Model, motion: MotionState) -> Float[Tensor, "T 15 3 72"]:
+    """Derivatives of the anatomical joints' rotations by a motion's increments (a batch of 1)."""
+    rest = model.shape(motion.betas).joints_rest[0, : len(SMPL_JOINTS)]
+    rows = rotation_jacobian(motion.R_local[0].cpu().numpy(), rest.cpu().numpy())
+    return torch.as_tensor(rows).to(motion.trans)
 
 
 def uncertainty_of(
@@ -58,11 +75,14 @@ def uncertainty_of(
     for k, group in enumerate(posteriors):
         for v, video in enumerate(group.participants.keypoints.videos):
             covariance = group.participants.filmed_covariance(video.id, group.covariances_m2[v])
+            rotations = group.rotations_deg2[v]
+            if video.id in group.participants.mirrored:
+                rotations = mirrored_rotation_covariance(rotations)
             comparable = k == 0 or (whole.by_performer and group.viewpoints.by_performer)
             azimuth = float(group.viewpoints.azimuths_deg[v]) if comparable else float("nan")
             rotation_deg = float(np.degrees(group.camera_rotation_rad[v])) if k == 0 else np.nan
             by_id[video.id] = _video(
-                motions[video.id], MM2_PER_M2 * covariance, azimuth, rotation_deg
+                motions[video.id], MM2_PER_M2 * covariance, rotations, azimuth, rotation_deg
             )
     videos = [by_id[v.id] for v in keypoints.videos]
     every = np.concatenate([v.sigma_mm[:, REPORTED].ravel() for v in videos])
@@ -97,6 +117,7 @@ def uncertainty_of(
 def _video(
     motion: VideoMotion,
     covariance_mm2: Float[np.ndarray, "T 24 3 3"],
+    rotations_deg2: Float[np.ndarray, "T 15 3 3"],
     azimuth_deg: float,
     camera_rotation_deg: float,
 ) -> VideoUncertainty:
@@ -110,6 +131,7 @@ def _video(
         depth_mm=depth,
         across_mm=across,
         covariance_mm2=covariance_mm2.astype(np.float32),
+        rotation_covariance_deg2=rotations_deg2.astype(np.float32),
         azimuth_deg=azimuth_deg,
         camera_rotation_deg=camera_rotation_deg,
     )

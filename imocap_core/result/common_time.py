@@ -17,7 +17,7 @@ from imocap_core.motion.multiview.common_time import (
     values_at,
 )
 from imocap_core.result.body import body_model, local_rotations, posed_joints
-from imocap_core.result.video import HandMotion, JointUncertainty, VideoMoment, VideoResult
+from imocap_core.result.video import HandMotion, VideoMoment, VideoResult
 from imocap_core.rotations import log
 
 
@@ -78,9 +78,11 @@ def _resampled(
         ),
         joint_uncertainty=None
         if uncertain is None
-        else JointUncertainty(
+        else replace(
+            uncertain,
             sigma_mm=values_at(uncertain.sigma_mm, m.position),
             covariance_mm2=values_at(uncertain.covariance_mm2, m.position),
+            rotation_covariance_deg2=values_at(uncertain.rotation_covariance_deg2, m.position),
         ),
         frames=values_at(video.frames.astype(np.float64), m.position),
         reprojection_px=values_at(video.reprojection_px, m.position),

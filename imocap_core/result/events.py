@@ -9,6 +9,7 @@ from imocap_core.biomechanics.events import (
     foot_contact_events,
     foot_contacts,
     speed_events,
+    speed_spreads_m_s,
 )
 from imocap_core.biomechanics.motion_event import MotionEvent
 from imocap_core.biomechanics.segments import SIDES
@@ -28,9 +29,10 @@ def video_events(video: VideoResult, angles: VideoAngles, up: str = "y") -> list
 
     angles: of the video.
     """
+    paths = {joint: video.joint(joint) for joint in FAST_JOINTS}
     events = [
         *_contacts(video, up),
-        *speed_events({joint: video.joint(joint) for joint in FAST_JOINTS}, video.fps),
+        *speed_events(paths, video.fps, _speed_spreads(video, paths)),
         *angle_events(angles.angles_deg, angles.sd_deg),
     ]
     return sorted(events, key=lambda event: event.index)
@@ -44,6 +46,17 @@ def contact_events(video: VideoResult, up: str = "y") -> list[MotionEvent]:
 def contact_frames(video: VideoResult, up: str = "y") -> dict[str, list[tuple[int, int]]]:
     """First and last frame of every contact of each foot, by side."""
     return foot_contacts(*_feet(video, up), video.fps)
+
+
+def _speed_spreads(video: VideoResult, paths_m: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Standard deviations of joints' speeds, m/s; none where the stage uncertainty has not run."""
+    covariance = video.covariance_mm2
+    if covariance is None:
+        return {}
+    return {
+        joint: speed_spreads_m_s(path, covariance[:, SMPL_JOINTS.index(joint)], video.fps)
+        for joint, path in paths_m.items()
+    }
 
 
 def _contacts(video: VideoResult, up: str) -> list[MotionEvent]:

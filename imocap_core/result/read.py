@@ -217,7 +217,12 @@ def _hands(hands: VideoHands | None) -> HandMotion | None:
 def _uncertainty(given: VideoUncertainty | None) -> JointUncertainty | None:
     if given is None:
         return None
-    return JointUncertainty(given.sigma_mm, given.covariance_mm2)
+    return JointUncertainty(
+        given.sigma_mm,
+        given.covariance_mm2,
+        given.rotation_covariance_deg2,
+        given.camera_rotation_deg,
+    )
 
 
 def _in_world(video: VideoResult) -> VideoResult:

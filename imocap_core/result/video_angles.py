@@ -15,6 +15,7 @@ from imocap_core.result.body import body_model, local_rotations, posed_joints
 from imocap_core.result.video import VideoResult
 
 BODY = len(SMPL_JOINTS)
+UNKNOWN = ("_wrist_", "_pronation")  # the prior alone would speak, which is too sure of them
 WITH_WRISTS = 3 * SMPL_JOINTS.index("left_hand")  # numbers of a pose up to the wrists
 
 
@@ -22,8 +23,9 @@ WITH_WRISTS = 3 * SMPL_JOINTS.index("left_hand")  # numbers of a pose up to the 
 class VideoAngles:
     """Joint angles of one video over its T frames.
 
-    angles_deg: by name, (T,); NaN where an angle is not defined. sd_deg: standard deviations of
-    those that the joints' places determine; none where the stage uncertainty has not run.
+    angles_deg: by name, (T,); NaN where an angle is not defined. sd_deg: standard deviations; none
+    of wrists and pronation, which keypoints of the body do not show (`UNKNOWN`), and none at all
+    where the stage uncertainty has not run.
     """
 
     id: str
@@ -36,12 +38,19 @@ def video_angles(video: VideoResult, up: str = "y", tilt_sd_deg: float = np.nan)
 
     tilt_sd_deg: how well the ground tells where up is; NaN unknown.
     """
-    angles = joint_angles_deg(body_rotations(video, up), rest_joints_m(video))
-    covariance, direction = video.covariance_mm2, y_up_axes(up)[1]
-    if covariance is None:
+    R, rest = body_rotations(video, up), rest_joints_m(video)
+    angles, uncertain = joint_angles_deg(R, rest), video.joint_uncertainty
+    if uncertain is None:
         return VideoAngles(video.id, angles, {})
-    sd = angle_spreads_deg(video.body_joints, covariance, direction, tilt_sd_deg)
-    return VideoAngles(video.id, angles, sd)
+    sd = angle_spreads_deg(
+        R,
+        rest,
+        uncertain.rotation_covariance_deg2.astype(np.float64),
+        tilt_sd_deg=tilt_sd_deg,
+        camera_sd_deg=uncertain.camera_sd_deg,
+    )
+    shown = {name: x for name, x in sd.items() if not any(part in name for part in UNKNOWN)}
+    return VideoAngles(video.id, angles, shown)
 
 
 def body_rotations(video: VideoResult, up: str = "y") -> Float[np.ndarray, "T 24 3 3"]:

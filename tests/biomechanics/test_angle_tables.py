@@ -8,11 +8,28 @@ from scipy.spatial.transform import Rotation
 
 from imocap_core.biomechanics.angle_spread import angle_spreads_deg
 from imocap_core.biomechanics.cardan import yxy, yxz, zxy
+from imocap_core.biomechanics.joint_angles import (
+    ANATOMICAL_JOINTS,
+    angle_names,
+    definition_of,
+    distal_in_proximal,
+    joint_angles_deg,
+)
 from imocap_core.biomechanics.mean_curve import mean_curve, without_steps
-from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.biomechanics.rotation_jacobian import (
+    mirrored_rotation_covariance,
+    rotation_jacobian,
+)
+from imocap_core.biomechanics.segments import SIDES, anatomical_axes
+from imocap_core.motion.mirror import TWINS
 
 DRAWS = 4000
-UP = np.array([0.0, 1.0, 0.0])
+POSES = (
+    Rotation.from_rotvec(0.4 * np.random.default_rng(1).normal(size=(6 * 24, 3)))
+    .as_matrix()
+    .reshape(6, 24, 3, 3)
+)
+REST = np.random.default_rng(3).normal(size=(24, 3))
 
 
 @pytest.mark.parametrize(("split", "axes"), [(zxy, "ZXY"), (yxz, "YXZ")])
@@ -31,57 +48,70 @@ def test_plane_elevation_and_rotation_give_their_rotation_back() -> None:
     np.testing.assert_allclose(again.as_matrix(), R[there], atol=1e-9)
 
 
-def test_standard_deviations_are_those_of_angles_of_disturbed_joints() -> None:
+def disturbed(R_local: np.ndarray, increments: np.ndarray) -> np.ndarray:
+    turns = Rotation.from_rotvec(increments.reshape(-1, 3)).as_matrix()
+    return R_local @ turns.reshape(-1, 24, 3, 3)
+
+
+def relative(R_local: np.ndarray) -> np.ndarray:
+    """Rotations (T, 15, 3, 3) of all anatomical joints."""
+    axes = {side: anatomical_axes(R_local, REST, side) for side in SIDES}
+    of = [definition_of(joint) for joint in ANATOMICAL_JOINTS]
+    return np.stack([distal_in_proximal(joint, axes[side]) for side, joint in of], axis=1)
+
+
+def test_the_jacobian_is_that_of_differences() -> None:
+    R = POSES[:3]
+    jacobian, before = rotation_jacobian(R, REST), relative(R)
+    for column in range(0, 72, 5):
+        increments = np.zeros((1, 72))
+        increments[0, column] = 1e-6
+        change = np.swapaxes(before, -1, -2) @ relative(disturbed(R, increments))
+        vectors = Rotation.from_matrix(change.reshape(-1, 3, 3)).as_rotvec().reshape(3, 15, 3)
+        np.testing.assert_allclose(jacobian[..., column], vectors / 1e-6, atol=1e-5)
+
+
+def test_standard_deviations_are_those_of_angles_of_disturbed_rotations() -> None:
     rng = np.random.default_rng(2)
-    joints = rng.normal(size=(1, 24, 3))
-    hip, knee, ankle = (SMPL_JOINTS.index(f"right_{n}") for n in ("hip", "knee", "ankle"))
-    joints[0, hip], joints[0, knee], joints[0, ankle] = (0, 0.9, 0), (0, 0.5, 0), (0.1, 0.15, 0.2)
-    roots = rng.normal(size=(1, 24, 3, 3)) * 8
-    covariance = roots @ np.swapaxes(roots, -1, -2)
-    claimed = angle_spreads_deg(joints, covariance, UP, 0.0)["right_knee_flexion"][0]
-    noise = np.einsum("jik,njk->nji", roots[0], rng.normal(size=(DRAWS, 24, 3))) / 1000
-    drawn = joints + noise
-    upper, lower = drawn[:, knee] - drawn[:, hip], drawn[:, ankle] - drawn[:, knee]
-    cosine = (upper * lower).sum(1) / np.linalg.norm(upper, axis=1) / np.linalg.norm(lower, axis=1)
-    assert np.degrees(np.arccos(cosine)).std() == pytest.approx(claimed, rel=0.06)
+    R, root = POSES[:1], 0.005 * rng.normal(size=(72, 72))
+    jacobian = rotation_jacobian(R, REST)[0]
+    covariance = np.degrees(np.degrees(jacobian @ (root @ root.T) @ np.swapaxes(jacobian, -1, -2)))
+    claimed = angle_spreads_deg(R, REST, covariance[None], tilt_sd_deg=0.0)
+    drawn = joint_angles_deg(disturbed(R, rng.normal(size=(DRAWS, 72)) @ root.T), REST)
+    assert set(claimed) == set(angle_names())
+    for name, angle in drawn.items():
+        assert np.std(angle) == pytest.approx(claimed[name][0], rel=0.08), name
 
 
-def test_hips_err_by_opposite_amounts_about_their_middle() -> None:
-    rng = np.random.default_rng(7)
-    joints = rng.normal(size=(1, 24, 3))
-    names = ("left_hip", "right_hip", "right_knee", "spine3", "neck")
-    left, right, knee, spine, neck = (SMPL_JOINTS.index(name) for name in names)
-    joints[0, [left, right]] = [(0.08, 0.9, 0.03), (-0.08, 0.93, -0.02)]
-    joints[0, [knee, spine, neck]] = [(-0.2, 0.5, 0.1), (0, 1.2, 0), (0.05, 1.4, 0)]
-    roots = 4 * rng.normal(size=(1, 24, 3, 3))
-    roots[0, right] = -roots[0, left]
-    covariance = roots @ np.swapaxes(roots, -1, -2)
-    claimed = angle_spreads_deg(joints, covariance, UP, 3.0)
-    draws = rng.normal(size=(DRAWS, 24, 3))
-    draws[:, right] = draws[:, left]
-    drawn = joints + np.einsum("jik,njk->nji", roots[0], draws) / 1000
-    line, thigh = drawn[:, right] - drawn[:, left], drawn[:, right] - drawn[:, knee]
-    trunk = drawn[:, neck] - drawn[:, spine]
-    across = line / np.linalg.norm(line, axis=1, keepdims=True)
-
-    def sine_sd(direction: np.ndarray) -> float:
-        unit = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
-        return float(np.degrees(np.arcsin((across * unit).sum(axis=-1))).std())
-
-    turn = np.degrees(np.arctan2(line[:, 2], line[:, 0]))
-    assert np.std((turn + 90) % 360) == pytest.approx(claimed["pelvis_rotation"][0], rel=0.06)
-    expected = np.hypot(sine_sd(UP), 3.0)
-    assert claimed["pelvis_obliquity"][0] == pytest.approx(expected, rel=0.06)
-    assert claimed["right_hip_adduction"][0] == pytest.approx(sine_sd(thigh), rel=0.06)
-    assert claimed["trunk_right_bending"][0] == pytest.approx(sine_sd(trunk), rel=0.06)
+def test_the_pelvis_errs_by_the_world_s_tilt_and_its_camera_too() -> None:
+    R = np.tile(np.eye(3), (1, 24, 1, 1))
+    R[0, 0] = Rotation.from_euler("y", 30, degrees=True).as_matrix()
+    none = np.zeros((1, 15, 3, 3))
+    tilted = angle_spreads_deg(R, REST, none, tilt_sd_deg=3.0)
+    assert tilted["pelvis_rotation"][0] == pytest.approx(0, abs=1e-4)
+    assert tilted["pelvis_tilt"][0] == pytest.approx(3, rel=1e-3)
+    assert tilted["pelvis_obliquity"][0] == pytest.approx(3, rel=1e-3)
+    assert tilted["left_knee_flexion"][0] == 0
+    turned = angle_spreads_deg(R, REST, none, tilt_sd_deg=np.nan, camera_sd_deg=np.sqrt(3) * 2)
+    assert turned["pelvis_rotation"][0] == pytest.approx(2, rel=1e-3)
+    assert np.isnan([turned["pelvis_tilt"][0], turned["pelvis_obliquity"][0]]).all()
 
 
-def test_a_straight_limb_has_a_standard_deviation_too() -> None:
-    joints = np.zeros((1, 24, 3))
-    joints[0, :, 1] = np.linspace(1.7, 0.0, 24)
-    joints[0, SMPL_JOINTS.index("left_hip"), 0] = 0.2
-    spreads = angle_spreads_deg(joints, np.tile(100 * np.eye(3), (1, 24, 1, 1)), UP, 1.0)
-    assert all(np.isfinite(values).all() and (values > 0).all() for values in spreads.values())
+def test_covariances_in_a_mirror_are_those_of_the_mirrored_pose() -> None:
+    rng = np.random.default_rng(4)
+    root = rng.normal(size=(72, 72))
+    flip = np.diag([-1.0, 1.0, 1.0])
+    mirrored = (flip @ POSES @ flip)[:, TWINS]
+    # increments of the twin, reflected: axial vectors turn the other way about the two other axes
+    of_mirror = np.kron(np.eye(24)[TWINS], np.diag([1.0, -1.0, -1.0])) @ root
+    rest = REST[TWINS] * [-1, 1, 1]
+    plain, other = (
+        rotation_jacobian(POSES, REST) @ root,
+        rotation_jacobian(mirrored, rest) @ of_mirror,
+    )
+    expected = other @ np.swapaxes(other, -1, -2)
+    found = mirrored_rotation_covariance(plain @ np.swapaxes(plain, -1, -2))
+    np.testing.assert_allclose(found, expected, atol=1e-9 * expected.max())
 
 
 def test_the_mean_is_over_the_performances_that_show_the_moment() -> None:

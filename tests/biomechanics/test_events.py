@@ -10,9 +10,12 @@ import pytest
 
 from imocap_core.biomechanics.events import (
     EDGE_M_S,
+    SPEED_SD_PER_S,
+    SPEED_SD_SHARE,
     angle_events,
     foot_contact_events,
     speed_events,
+    speed_spreads_m_s,
     speeds_m_s,
 )
 from imocap_core.io.writers.events_csv import write_events_csv
@@ -66,12 +69,34 @@ def test_a_foot_held_in_the_air_does_not_stand_and_jitter_ends_no_contact() -> N
 def test_the_fastest_moment_of_a_joint_and_its_speed() -> None:
     way = step(0.5, 1.0)
     path = np.stack([way, 0 * way, 0 * way], axis=1)
-    event, *others = speed_events({"right_wrist": path, "head": 0.1 * path}, FPS)
+    event, *others = speed_events({"right_wrist": path, "head": 0.1 * path}, FPS, {})
     assert others == []
     assert (event.kind, event.name, event.unit) == ("fastest", "right_wrist", "m/s")
     assert event.index / FPS == pytest.approx(0.75, abs=1e-3)
     assert event.value == pytest.approx(3.2, rel=0.05)
-    assert np.isnan(event.sd)
+    assert np.isnan([event.sd, event.earliest, event.latest]).all()
+
+
+def test_a_fastest_moment_is_as_sure_as_the_speed() -> None:
+    way = step(0.5, 1.0)
+    path = np.stack([way, 0 * way, 0 * way], axis=1)
+    sharp, blunt = (
+        speed_events({"right_wrist": path}, FPS, {"right_wrist": np.full(len(way), sd)})[0]
+        for sd in (0.1, 0.5)
+    )
+    assert (sharp.sd, blunt.sd) == (0.1, 0.5)
+    assert blunt.earliest < sharp.earliest < sharp.index < sharp.latest < blunt.latest
+    speed = speeds_m_s(path, FPS)
+    first = round(blunt.earliest)
+    assert speed[first - 1] < blunt.value - 0.5 <= speed[first]
+
+
+def test_a_speed_errs_by_what_the_place_errs_along_the_path() -> None:
+    path = np.stack([2.0 * TIME, 0 * TIME, 0 * TIME], axis=1)
+    along, across = (np.tile(np.diag(v), (len(TIME), 1, 1)) for v in ([400.0, 0, 0], [0, 400.0, 0]))
+    np.testing.assert_allclose(speed_spreads_m_s(path, across, FPS), SPEED_SD_SHARE * 2.0)
+    expected = np.hypot(SPEED_SD_SHARE * 2.0, SPEED_SD_PER_S * 0.02)
+    np.testing.assert_allclose(speed_spreads_m_s(path, along, FPS), expected)
 
 
 def test_speed_is_that_of_the_motion_and_unknown_for_few_frames() -> None:

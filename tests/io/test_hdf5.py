@@ -4,6 +4,7 @@ nothing beside them is opened. Files made by the tools' own libraries where thes
 from __future__ import annotations
 
 import json
+import os
 import pickle
 from importlib import import_module
 from pathlib import Path
@@ -245,3 +246,33 @@ def test_a_file_of_sleap_ios_own_is_read(preset: str, h5py: Any, tmp_path: Path)
     for t, expected in truth.items():
         np.testing.assert_allclose(detected.people[t], expected, atol=1e-6)
     assert len(detected.people[2]) == 0
+
+
+def test_a_file_from_which_the_library_does_not_come_back_is_refused(
+    h5py: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_sleap(h5py, tmp_path, made.people(LAYOUT))
+    monkeypatch.setattr(hdf5, "TRIAL_S", 1e-3)  # less than any process takes to start
+    assert "has not finished reading it" in refused(path, "sleap", LAYOUT)
+
+
+def test_a_file_on_which_the_library_breaks_down_is_refused(
+    h5py: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_sleap(h5py, tmp_path, made.people(LAYOUT))
+    (tmp_path / "broken_trial.py").write_text("import os; os.abort()")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    monkeypatch.setattr(hdf5, "TRIAL", "broken_trial")
+    assert "breaks down on it" in refused(path, "sleap", LAYOUT)
+
+
+def test_the_trial_reads_all_parts_and_ends_with_parts_in_circles(
+    h5py: Any, tmp_path: Path
+) -> None:
+    path = tmp_path / "circle.h5"
+    with h5py.File(path, "w") as root:
+        inner = root.create_group("a/b")
+        inner["numbers"] = np.arange(5)
+        inner["again"] = root["a"]
+        inner["elsewhere"] = h5py.ExternalLink("other.h5", "/")
+    hdf5.must_come_back(path)

@@ -16,7 +16,7 @@ from imocap_core.motion.posterior.common_posterior import (
     common_posterior,
     with_common_motion,
 )
-from imocap_core.motion.posterior.joint_covariance import joint_covariance, joint_jacobian
+from imocap_core.motion.posterior.joint_covariance import joint_jacobian, vector_covariance
 from imocap_core.motion.posterior.motion_posterior import motion_posterior, nearest_reference
 from imocap_core.motion.posterior.noise import Noise
 from imocap_core.motion.posterior.per_video_posterior import per_video_fits, per_video_posterior
@@ -77,10 +77,10 @@ def test_joint_covariances_are_those_of_the_dense_inverse(made: Made) -> None:
     one, state = few(made, frames)
     honest = WHITE.scene(one, 1)
     own = per_video_posterior(per_video_fits(honest, state, None, OPTIONS, WHITE)[0])
-    claim = joint_covariance(made.body, state, own.given_shape, own.response)
+    by_frame, by_shape = joint_jacobian(made.body, state)
+    claim = vector_covariance(by_frame, by_shape, own.given_shape, own.response)
     found = claim.covariance(torch.linalg.inv(own.schur))
     inverse = torch.linalg.inv(dense(linearise(per_video_terms(honest, state.trans), state)))
-    by_frame, by_shape = joint_jacobian(made.body, state)
     for t in range(frames):
         at = [*range(t * FRAME_UNKNOWNS, (t + 1) * FRAME_UNKNOWNS), *range(-10, 0)]
         C = inverse[at][:, at]

@@ -16,6 +16,8 @@ from imocap_core.artifacts.schemas import (
     RefineSync,
     Uncertainty,
 )
+from imocap_core.biomechanics.joint_angles import ANATOMICAL_JOINTS
+from imocap_core.biomechanics.rotation_jacobian import mirrored_rotation_covariance
 from imocap_core.motion.mirror import mirrored_covariance
 from imocap_core.params import Params
 from imocap_core.problem.mirroring import (
@@ -29,6 +31,7 @@ from tests.report.made import Made
 
 Given = tuple[Keypoints, CameraMotion, InitialSmpl, RefineSync]
 PARAMS = Params()
+JOINTS = ("trunk", "left_shoulder")
 
 
 def claimed(*given: Any) -> Uncertainty:
@@ -67,6 +70,11 @@ def test_every_frame_of_every_video_has_its_claims(made: Made, plain: Uncertaint
         np.testing.assert_allclose(video.sigma_mm**2, trace, rtol=1e-4)
         split = video.depth_mm**2 + video.across_mm**2
         np.testing.assert_allclose(video.sigma_mm**2, split, rtol=1e-6)
+        of_rotations = np.einsum("tjxx->tj", video.rotation_covariance_deg2)
+        trunk, shoulder = (
+            np.sqrt(of_rotations[:, ANATOMICAL_JOINTS.index(j)].mean()) for j in JOINTS
+        )
+        assert 1 < trunk < shoulder < 60
         wrist, knee = video.sigma_mm[:, 20].mean(), video.sigma_mm[:, 4].mean()
         assert 3 < knee < wrist < 500
     turn = np.diff([v.azimuth_deg for v in plain.videos])
@@ -116,6 +124,9 @@ def test_a_mirrored_video_has_the_claims_of_its_mirror_image(
     expected = mirrored_covariance(plain.videos[1].covariance_mm2)
     scale = expected.max()
     np.testing.assert_allclose(found.videos[1].covariance_mm2, expected, atol=1e-3 * scale)
+    rotations = mirrored_rotation_covariance(plain.videos[1].rotation_covariance_deg2)
+    found_rotations = found.videos[1].rotation_covariance_deg2
+    np.testing.assert_allclose(found_rotations, rotations, atol=1e-3 * rotations.max())
     np.testing.assert_allclose(found.videos[0].sigma_mm, plain.videos[0].sigma_mm, rtol=1e-3)
 
 

@@ -17,6 +17,8 @@ class VideoUncertainty(Value):
     depth_mm: Annotated[Floats, Shape("T", 24)]  # along the line of sight to the performer
     across_mm: Annotated[Floats, Shape("T", 24)]  # the two directions across it together
     covariance_mm2: Annotated[Floats32, Shape("T", 24, 3, 3)]
+    # Of the anatomical joints (`biomechanics/joint_angles.py`), in the axes of the distal segment
+    rotation_covariance_deg2: Annotated[Floats32, Shape("T", 15, 3, 3)]
     azimuth_deg: float  # of its camera about the performer; excluded: by its own motion, or NaN
     camera_rotation_deg: float = float("nan")  # about the reference's camera, three axes together
 

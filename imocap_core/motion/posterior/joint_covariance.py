@@ -1,4 +1,4 @@
-"""From the covariance of the unknowns to that of the joints, through the kinematic Jacobian."""
+"""From the covariance of the unknowns to that of joints and rotations, through their Jacobians."""
 
 from __future__ import annotations
 
@@ -16,38 +16,38 @@ HIPS = [SMPL_JOINTS.index("left_hip"), SMPL_JOINTS.index("right_hip")]
 
 
 @dataclass(frozen=True)
-class JointCovariance:
-    """Covariance of joints about the middle of the hips, in a motion's axes.
+class VectorCovariance:
+    """Covariance of K vectors that follow a motion's increments and its shape.
 
     Attributes:
-        given_shape: (T, 24, 3, 3) m^2 if the shape were known.
-        by_shape: (T, 24, 3, 10) how the joints follow the shape.
+        given_shape: (T, K, 3, 3) if the shape were known.
+        by_shape: (T, K, 3, 10) how the vectors follow the shape.
     """
 
-    given_shape: Float[Tensor, "T 24 3 3"]
-    by_shape: Float[Tensor, "T 24 3 10"]
+    given_shape: Float[Tensor, "T K 3 3"]
+    by_shape: Float[Tensor, "T K 3 10"]
 
-    def covariance(self, shape: Float[Tensor, "10 10"]) -> Float[Tensor, "T 24 3 3"]:
-        """Covariance in m^2 when the shape has this covariance."""
+    def covariance(self, shape: Float[Tensor, "10 10"]) -> Float[Tensor, "T K 3 3"]:
+        """Covariance when the shape has this covariance."""
         return self.given_shape + self.by_shape @ shape @ self.by_shape.mT
 
 
-def joint_covariance(
-    body: Body,
-    motion: MotionState,
+def vector_covariance(
+    by_frame: Float[Tensor, "T K 3 75"],
+    by_shape: Float[Tensor, "T K 3 10"] | None,
     frames: Float[Tensor, "T 75 75"],
     response: Float[Tensor, "T 75 10"],
-) -> JointCovariance:
-    """Joints' covariance from that of a motion's increments.
+) -> VectorCovariance:
+    """Covariance of vectors from that of a motion's increments.
 
     Args:
-        motion: a batch of 1; frames: covariance of its increments, the shape known.
+        by_frame, by_shape: derivatives of the vectors; None: the shape does not move them.
+        frames: covariance of the increments, the shape known.
         response: with -response, frames follow the shape.
     """
-    by_frame, by_shape = joint_jacobian(body, motion)
     half = (by_frame.flatten(1, 2) @ frames).unflatten(1, by_frame.shape[1:3])
-    follow = torch.einsum("tjxn,tni->tjxi", by_frame, response)
-    return JointCovariance(half @ by_frame.mT, by_shape - follow)
+    follow = -torch.einsum("tkxn,tni->tkxi", by_frame, response)
+    return VectorCovariance(half @ by_frame.mT, follow if by_shape is None else by_shape + follow)
 
 
 def joint_jacobian(
@@ -58,8 +58,12 @@ def joint_jacobian(
     assert points.d_pose is not None
     assert points.d_beta is not None
     d_pose, d_beta = points.d_pose[0], points.d_beta[0]
-    by_frame = torch.cat([d_pose, torch.zeros_like(d_pose[..., :3])], -1)
-    return _about_hips(by_frame), _about_hips(d_beta)
+    return _about_hips(of_whole_frame(d_pose)), _about_hips(d_beta)
+
+
+def of_whole_frame(by_pose: Float[Tensor, "T K 3 72"]) -> Float[Tensor, "T K 3 75"]:
+    """Derivatives by a frame's increments of what its place in space does not move."""
+    return torch.cat([by_pose, torch.zeros_like(by_pose[..., :3])], -1)
 
 
 def _about_hips(rows: Tensor) -> Tensor:

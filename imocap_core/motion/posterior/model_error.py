@@ -15,6 +15,7 @@ PERFORMANCES_FACTOR = 1.5
 # Of one motion errors are smaller than the posterior's, which allows for differing performances
 ONE_MOTION_FACTOR = 0.3
 PLACE_SD_M = 0.006  # of a joint in the body, along each axis
+SEGMENT_M = 0.4  # a limb's length
 CAMERA_VARIANCE_FACTOR = 6.0
 
 
@@ -29,6 +30,18 @@ def claimed_covariance_m2(
     if one_motion:
         return np.asarray(ONE_MOTION_FACTOR * posterior_m2 + PLACE_SD_M**2 * np.eye(3))
     return np.asarray(PERFORMANCES_FACTOR * posterior_m2)
+
+
+def claimed_rotations_deg2(
+    posterior_rad2: Float[np.ndarray, "T K 3 3"], *, one_motion: bool
+) -> Float[np.ndarray, "T K 3 3"]:
+    """Covariance of the joints' rotations, the model's error included; one_motion as above: a
+    segment of which both ends are displaced is turned."""
+    posterior_deg2 = np.degrees(np.degrees(posterior_rad2))
+    if one_motion:
+        turned_deg = np.degrees(np.sqrt(2) * PLACE_SD_M / SEGMENT_M)
+        return np.asarray(ONE_MOTION_FACTOR * posterior_deg2 + turned_deg**2 * np.eye(3))
+    return np.asarray(PERFORMANCES_FACTOR * posterior_deg2)
 
 
 def claimed_rotation_sd(posterior_sd: float) -> float:

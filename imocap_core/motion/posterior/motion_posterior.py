@@ -19,6 +19,7 @@ of a depth flip, or taken for its twin, is not covered by any of these numbers.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,11 +34,21 @@ from imocap_core.motion.posterior.common_posterior import (
     common_posterior,
     with_common_motion,
 )
-from imocap_core.motion.posterior.joint_covariance import JointCovariance, joint_covariance
+from imocap_core.motion.posterior.joint_covariance import (
+    VectorCovariance,
+    joint_jacobian,
+    of_whole_frame,
+    vector_covariance,
+)
 from imocap_core.motion.posterior.noise import Noise
-from imocap_core.motion.posterior.per_video_posterior import per_video_fits, per_video_posterior
+from imocap_core.motion.posterior.per_video_posterior import (
+    PerVideoFit,
+    PerVideoPosterior,
+    per_video_fits,
+    per_video_posterior,
+)
 from imocap_core.motion.solver.normal import NormalEquations
-from imocap_core.motion.state import MotionState
+from imocap_core.motion.state import POSE, MotionState
 from imocap_core.params import MotionParams
 from imocap_core.workers import at_once
 
@@ -49,61 +60,118 @@ class MotionPosterior:
     Attributes:
         covariances_m2: per video (T_v, 24, 3, 3), the video's camera axes, joints about the middle
             of the hips; NaN where the normal matrix was not positive definite.
+        rotations_rad2: per video (T_v, K, 3, 3) of the rotations that `motion_posterior` was asked
+            for; NaN likewise.
         camera_rotation_rad: per video the standard deviation of its camera's rotation.
         motion: the motion seen by all videos (batch of 1, world axes; a single video's own).
         normal: its normal matrix; common: None for one video.
     """
 
     covariances_m2: list[Float[np.ndarray, "_ 24 3 3"]]
+    rotations_rad2: list[Float[np.ndarray, "_ K 3 3"]]
     camera_rotation_rad: list[float]
     motion: MotionState
     normal: NormalEquations
     common: CommonPosterior | None
 
 
+@dataclass(frozen=True)
+class _VideoCovariance:
+    """Covariances of a video's joints and rotations, of its body's shape as yet unknown, and its
+    information about the shape (10, 10)."""
+
+    joints: VectorCovariance
+    rotations: VectorCovariance
+    schur: Tensor
+
+
+def no_rotations(motion: MotionState) -> Float[Tensor, "T 0 3 72"]:
+    """Derivatives of no rotation at all."""
+    return motion.trans.new_zeros(motion.trans.shape[1], 0, 3, POSE)
+
+
 def motion_posterior(
-    scene: Scene, result: JointMotion, options: MotionParams, noise: Noise
+    scene: Scene,
+    result: JointMotion,
+    options: MotionParams,
+    noise: Noise,
+    rotation_rows: Callable[[MotionState], Float[Tensor, "T K 3 72"]] = no_rotations,
 ) -> MotionPosterior:
-    """The posterior of a result of SMPL-BA; options: as it was made with."""
+    """The posterior of a result of SMPL-BA.
+
+    Args:
+        options: as it was made with.
+        rotation_rows: derivatives of K rotations, as vectors, by the increments of a motion (a
+            batch of 1).
+    """
     videos, options = len(scene.observations), noise.options(options)
     if videos == 1:
-        return _of_single_video(scene, result.state, options, noise)
+        return _of_single_video(scene, result.state, options, noise, rotation_rows)
     evidence = common_evidence(scene, with_common_motion(scene, result, options), options)
     common = common_posterior(noise.scene(scene, 1), evidence, noise)
     fits = per_video_fits(noise.scene(scene, videos), result.state, evidence, options, noise)
 
-    def joints_given_shape(v: int) -> tuple[JointCovariance, Tensor]:
+    def of_video(v: int) -> _VideoCovariance:
         posterior = per_video_posterior(fits[v])
         frames = nearest_reference(scene.timeline.to_reference[v], len(common))
         carried = common.in_camera_axes(v)[frames]
         covariance = posterior.given_shape + posterior.gain @ carried @ posterior.gain.mT
-        joints = joint_covariance(scene.body, fits[v].state, covariance, posterior.response)
-        return joints, posterior.schur
+        return _video_covariance(scene, fits[v], posterior, covariance, rotation_rows)
 
     performers = scene.performers
-    joints, schurs = zip(*at_once(joints_given_shape, range(videos)), strict=True)
+    by_video: list[_VideoCovariance] = at_once(of_video, range(videos))
     shapes = [
         torch.linalg.inv(
-            torch.stack([s for s, q in zip(schurs, performers, strict=True) if q == p]).sum(0)
+            torch.stack([v.schur for v, q in zip(by_video, performers, strict=True) if q == p]).sum(
+                0
+            )
         )
         for p in range(max(performers) + 1)
     ]
-    covariances = [
-        of_video.covariance(shapes[p]).cpu().numpy()
-        for of_video, p in zip(joints, performers, strict=True)
-    ]
-    rotations = [common.camera_rotation_sd_rad(v) for v in range(videos)]
-    return MotionPosterior(covariances, rotations, evidence.motion, common.normal, common)
+    return MotionPosterior(
+        [_in_numpy(v.joints, shapes[p]) for v, p in zip(by_video, performers, strict=True)],
+        [_in_numpy(v.rotations, shapes[p]) for v, p in zip(by_video, performers, strict=True)],
+        [common.camera_rotation_sd_rad(v) for v in range(videos)],
+        evidence.motion,
+        common.normal,
+        common,
+    )
 
 
 def _of_single_video(
-    scene: Scene, state: MotionState, options: MotionParams, noise: Noise
+    scene: Scene,
+    state: MotionState,
+    options: MotionParams,
+    noise: Noise,
+    rotation_rows: Callable[[MotionState], Tensor],
 ) -> MotionPosterior:
     (fit,) = per_video_fits(noise.scene(scene, 1), state, None, options, noise)
     posterior = per_video_posterior(fit)
-    joints = joint_covariance(scene.body, fit.state, posterior.given_shape, posterior.response)
-    covariance = joints.covariance(torch.linalg.inv(posterior.schur)).cpu().numpy()
-    return MotionPosterior([covariance], [0.0], state, posterior.normal, None)
+    video = _video_covariance(scene, fit, posterior, posterior.given_shape, rotation_rows)
+    shape = torch.linalg.inv(video.schur)
+    joints, rotations = _in_numpy(video.joints, shape), _in_numpy(video.rotations, shape)
+    return MotionPosterior([joints], [rotations], [0.0], state, posterior.normal, None)
+
+
+def _video_covariance(
+    scene: Scene,
+    fit: PerVideoFit,
+    posterior: PerVideoPosterior,
+    frames: Float[Tensor, "T 75 75"],
+    rotation_rows: Callable[[MotionState], Tensor],
+) -> _VideoCovariance:
+    """frames: covariance of the video's increments, the shape known."""
+    response = posterior.response
+    by_pose = of_whole_frame(rotation_rows(fit.state))
+    return _VideoCovariance(
+        vector_covariance(*joint_jacobian(scene.body, fit.state), frames, response),
+        vector_covariance(by_pose, None, frames, response),
+        posterior.schur,
+    )
+
+
+def _in_numpy(vectors: VectorCovariance, shape: Tensor) -> Float[np.ndarray, "T K 3 3"]:
+    return np.asarray(vectors.covariance(shape).cpu().numpy())
 
 
 def nearest_reference(to_reference: Float[np.ndarray, " T"], frames: int) -> Int[np.ndarray, " T"]:
