@@ -1,7 +1,8 @@
-"""What every task of `run-all` pays for the other actions of its working folder.
+"""What a task of `run-all` pays for the other actions of its working folder.
 
-A folder of empty results is made; what a run does in it besides its stage is timed: leftovers are
-swept, the cache is measured against its limit, what is remembered of files is read and saved.
+A folder of empty results is made; what is done in it besides the stages is timed: every task sweeps
+leftovers, reads and saves what is remembered of files; once a run the cache is measured against its
+limit.
 """
 
 from __future__ import annotations
@@ -23,17 +24,12 @@ STAGES, REPORT_FILES, REMEMBERED = 9, 30, 16  # of an action; remembered: videos
 
 @dataclass(frozen=True)
 class BookkeepingRow:
-    """Processor milliseconds of one task in a folder of so many actions."""
+    """Processor milliseconds in a folder of so many actions: of one task, and once (limit_ms)."""
 
     actions: int
     sweep_ms: float
     limit_ms: float
     memory_ms: float
-
-    @property
-    def sum_ms(self) -> float:
-        """All of it."""
-        return self.sweep_ms + self.limit_ms + self.memory_ms
 
 
 def bookkeeping(place: Path) -> list[BookkeepingRow]:

@@ -17,7 +17,7 @@ import time
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from glob import glob
+from glob import escape, glob
 from pathlib import Path
 
 from imocap_core.whole_files import write_whole, writer_has_ended
@@ -26,17 +26,8 @@ CACHE, USED = ".cache", ".used"
 REPORT = "report"
 SUFFIXES = (".mcap", ".npz")
 SWEEP_S = 86400.0
-LEFTOVERS = (
-    f"{CACHE}/.*.part*",
-    f"{CACHE}/*/.*.part*",
-    f"{CACHE}/*/.detect-*",
-    f"{CACHE}/*/.shared-*",
-    "*/.*.part*",
-    "*/*/.*.part*",
-    "*/*/*/.*.part*",
-    "*/.report-*",
-    "*/.stage-*",
-)
+OF_CACHE = (".*.part*", "*/.*.part*", "*/.detect-*", "*/.shared-*")
+OF_ACTION = (".*.part*", "*/.*.part*", "*/*/.*.part*", ".report-*", ".stage-*")
 
 
 @dataclass(frozen=True)
@@ -126,11 +117,16 @@ def removable(
     return chosen
 
 
-def leftovers(store: Path) -> list[Path]:
+def leftovers(store: Path, action: str | None = None) -> list[Path]:
     """Unfinished files and folders; those of a killed run, if no run is at work. Links lead to
-    none: what is behind them is somebody's."""
+    none: what is behind them is somebody's.
+
+    action: those of the cache and of this action only; a folder of thousands is not looked through.
+    """
+    place = "*" if action is None else escape(action)
+    patterns = [f"{CACHE}/{x}" for x in OF_CACHE] + [f"{place}/{x}" for x in OF_ACTION]
     # Not Path.glob, which raises when another run removes a folder between its listing and its own.
-    matches = (glob(pattern, root_dir=store, include_hidden=True) for pattern in LEFTOVERS)
+    matches = (glob(pattern, root_dir=store, include_hidden=True) for pattern in patterns)
     home = store.resolve()
     return sorted(
         path
@@ -153,7 +149,7 @@ def sweep(store: Path, action: str) -> None:
     writing, what a process of this machine left that has ended, or is older than a day. The
     action's lock is held."""
     restore_reports(store, action)
-    for path in leftovers(store):
+    for path in leftovers(store, action):
         with suppress(OSError):
             abandoned = store / action in path.parents or writer_has_ended(path)
             if abandoned or time.time() - path.stat().st_mtime > SWEEP_S:

@@ -127,6 +127,7 @@ def run_to(
         until=until,
         store=shared,
         progress=lambda stage, share, text: report(share, text),
+        part_of_many=True,
     )
     last = done.outcomes[-1]
     summary = () if done.verdict is None or until is not None else tuple(done.verdict.summary)

@@ -13,6 +13,7 @@ from imocap_core.errors import ImocapError, WrongUse
 from imocap_core.executors.perform import perform
 from imocap_core.executors.task import Executor, Task, TaskEnd, Watch
 from imocap_core.library.action_tasks import StageEnd, tasks_of
+from imocap_core.library.cache_limit import keep_cache_within_limit
 from imocap_core.library.door import plain_errors
 from imocap_core.library.one_off import Params, one_off
 from imocap_core.library.running import run_action
@@ -129,6 +130,8 @@ def run_all(
                 end = _fetched(workspace, end, one_off(params))
             ends[end.action] = end
             listener.action_ended(end)
+    for sentence in keep_cache_within_limit(workspace.root):
+        listener.announce(sentence)
     return [ends[name] for name in names]
 
 
@@ -207,7 +210,13 @@ def _planned(
 def _fetched(workspace: Workspace, end: ActionEnd, sets: list[str]) -> ActionEnd:
     """The end of an action after its results were copied from the shared store."""
     try:
-        run_action(end.action, root=workspace.root, params=sets, store=workspace.shared)
+        run_action(
+            end.action,
+            root=workspace.root,
+            params=sets,
+            store=workspace.shared,
+            part_of_many=True,
+        )
     except ImocapError as error:
         return replace(end, state="failed", fault=f"fetching its results: {error}")
     return end

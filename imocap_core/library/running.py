@@ -108,8 +108,12 @@ def run_action(
     until: str | None = None,
     store: str | None = None,
     progress: Progress = None,
+    part_of_many: bool = False,
 ) -> Run:
-    """Run every stage of an action that has changed, to its report; arguments as of `run`."""
+    """Run every stage of an action that has changed, to its report; arguments as of `run`.
+
+    part_of_many: whoever runs many actions keeps the cache within its limit, once.
+    """
     from imocap_core.report.action_report import finish, verdict_of_run
     from imocap_core.standalone_sync.repetitions import job_in_parts
 
@@ -128,7 +132,8 @@ def run_action(
 
             forced = frozenset(stages if force else [])
             outcomes = runner.run(job, LoggedDisplay(display, log), stages, forced, report)
-    notes = [*notes, *keep_cache_within_limit(workspace.root)]
+    if not part_of_many:
+        notes = [*notes, *keep_cache_within_limit(workspace.root)]
     if log.verdict is None:
         notes = [*notes, *left_out_notes({o.stage: o.stored for o in outcomes})]
     return Run(job, outcomes, notes, time.perf_counter() - began, log.verdict)

@@ -133,6 +133,9 @@ def test_leftovers_are_unfinished_files_and_folders(
     paths = leftovers(store.folder)
     assert len(paths) == 5
     assert sum(map(size_of, paths)) == 20
+    assert leftovers(store.folder, "yoga") == paths
+    in_cache = [path for path in paths if ".cache" in path.parts]
+    assert leftovers(store.folder, "serve") == in_cache
     remove(store.folder, paths)
     assert leftovers(store.folder) == []
     assert {p.name for p in store.folder.rglob("*.mcap")} == {"one.mcap", "sync.mcap"}

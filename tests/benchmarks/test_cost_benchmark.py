@@ -123,7 +123,7 @@ def test_a_made_store_is_one_to_the_program(tmp_path: Path) -> None:
 
 def test_a_task_pays_by_the_action() -> None:
     text = bookkeeping_text([BookkeepingRow(10, 1.0, 2.0, 0.5), BookkeepingRow(100, 10, 20, 10)])
-    assert text.endswith("400 µs a task for every action there.")
+    assert text.endswith("200 µs a task for every action there.")
 
 
 def test_an_unknown_size_is_refused(tmp_path: Path) -> None:
