@@ -14,6 +14,7 @@ MAX_FRAMES = 200_000  # used frames of one video: more than an hour at 50 frames
 MAX_SIDE_PX, MAX_PIXELS = 2**16, 2**27  # of one picture: 16k x 8k
 MIN_FPS, MAX_FPS = 0.1, 10_000.0
 MIN_FOCAL, MAX_FOCAL = 0.2, 50.0  # focal length over the larger side of the picture
+MAX_DISTORTION = 1e3  # a coefficient of a lens, by its size
 MAX_YAML_BYTES, MAX_YAML_NODES = 2**22, 200_000  # nodes: after aliases are followed
 MAX_FILE_BYTES = 2**31  # of keypoints or an estimate, as it lies on the disk
 MAX_FOLDER_FILES, MAX_FOLDER_BYTES = 500_000, 2**37  # below a folder that an action names

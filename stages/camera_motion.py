@@ -10,12 +10,12 @@ import numpy as np
 from imocap_core.artifacts.schemas import (
     CameraMotion,
     Keypoints,
+    LensDistortion,
     VideoCameraMotion,
     VideoKeypoints,
 )
 from imocap_core.camera.background import rescaled, track_background
-from imocap_core.camera.motion import CameraMotionEstimate, estimate_camera_motion, static_camera
-from imocap_core.camera.parallax import ParallaxTest
+from imocap_core.camera.motion import CameraMotionEstimate
 from imocap_core.camera.projection import warp
 from imocap_core.cli import stage_main
 from imocap_core.io.colmap import load_colmap
@@ -23,7 +23,9 @@ from imocap_core.io.video import read_gray
 from imocap_core.params import CameraMotionParams, Params
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.even_moments import camera_at_used_frames, nearest_used
-from imocap_core.problem.moving_camera import Background, background_of, followed
+from imocap_core.problem.filmed_background import camera_of_background, without_pictures
+from imocap_core.problem.lenses import undistorted_px
+from imocap_core.problem.moving_camera import Background, background_of
 from imocap_core.workers import cores
 
 
@@ -44,10 +46,10 @@ def _motion_of(
     video: VideoKeypoints, path: Path | None, params: CameraMotionParams
 ) -> VideoCameraMotion:
     if path is None:
-        factor = params.assumed_focal_factor
-        turning = static_camera(len(video.frames), video.size, video.focal_px, factor)
+        turning, lens = without_pictures(video, params.assumed_focal_factor)
     else:
-        turning = _look(video, path, params)
+        turning, lens = _look(video, path, params)
+    pixels = undistorted_px(video.marks_px, lens, turning.K)
     return VideoCameraMotion(
         id=video.id,
         K=turning.K,
@@ -59,12 +61,15 @@ def _motion_of(
         R_first_from_frame=turning.R_first_from_frame,
         zoom=turning.zoom,
         inliers=turning.inliers,
-        xy_first_px=warp(turning.H_first_from_frame[:, None], video.marks_px),
+        xy_first_px=warp(turning.H_first_from_frame[:, None], pixels),
+        lens=lens,
         **_path(turning),
     )
 
 
-def _look(video: VideoKeypoints, path: Path, params: CameraMotionParams) -> CameraMotionEstimate:
+def _look(
+    video: VideoKeypoints, path: Path, params: CameraMotionParams
+) -> tuple[CameraMotionEstimate, LensDistortion | None]:
     scale = min(1.0, params.working_size_px / max(video.size))
     first, last = int(video.frames[0]), int(video.frames[-1])
     small = track_background(
@@ -79,23 +84,14 @@ def _look(video: VideoKeypoints, path: Path, params: CameraMotionParams) -> Came
             f"{path}: expected frames {first} to {last}, the video ends after {len(small)} of "
             "them; change `frames` in action.yaml or re-encode the video"
         )
-    background: list[Background] = []
-
-    def parallax() -> ParallaxTest:
-        background.append(_background(video, path, scale, params))
-        return background[0].parallax(video.focal_px)
-
-    camera = estimate_camera_motion(
+    camera, lens = camera_of_background(
+        video,
         [rescaled(match, scale) for match in small],
-        video.size,
-        video.focal_px,
-        assumed_focal_factor=params.assumed_focal_factor,
-        threshold_px=params.reprojection_threshold_px / scale,
-        parallax=parallax,
+        params.reprojection_threshold_px / scale,
+        lambda: _background(video, path, scale, params),
+        params,
     )
-    if background and params.structure:
-        camera = followed(camera, background[0], video.focal_px)
-    return camera_at_used_frames(camera, video)
+    return camera_at_used_frames(camera, video), lens
 
 
 def _background(

@@ -58,7 +58,7 @@ def main() -> None:
         with np.load(folder / "calibration.npz") as true:
             rows = zip(true["cams"], true["K"], true["R"], true["t"], true["dist"], strict=True)
             cameras = [
-                CameraCalibration(str(i), sizes[str(i)], K, R, t, float(d[0]))
+                CameraCalibration(str(i), sizes[str(i)], K, R, t, (float(d[0]),))
                 for i, K, R, t, d in rows
             ]
         equal = [dict.fromkeys(ids, frame[ids[0]]) for frame in matched]

@@ -36,13 +36,15 @@ def main() -> None:
     result, model = result_of(given.action, ROOT), load_free_body()
     keypoints, refined = result.artifacts.get(Keypoints), result.artifacts.get(RefineSync)
     files = {video.id: video.video for video in result}
+    cameras = result.artifacts.get(CameraMotion)
     bodies = overlay_bodies(
         keypoints,
-        result.artifacts.get(CameraMotion),
+        cameras,
         refined.motion.videos,
         refined.motion.cameras,
         files,
         model,
+        lenses_of(cameras, refined),
     )
     paints = {body.keypoints.id: Painter(body, model, alpha=given.opacity) for body in bodies}
     film = lock_step(keypoints, refined.sync, files, result.action, paints, given.every)

@@ -7,13 +7,14 @@ drift; it ends where it leaves the picture, is covered, or no longer looks the s
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Int64, UInt8
+from jaxtyping import Bool, Float, Int64, UInt8
 
 from imocap_core.camera.background import background_mask, filled_boxes
+from imocap_core.camera.lens import Lens
 
 REFILL = 0.75  # of the corners wanted: with fewer, new ones are looked for
 LONGEST_S = 4.0  # of a track
@@ -43,6 +44,14 @@ class FeatureTracks:
         (in_a, xy_a), (in_b, xy_b) = self.at(a), self.at(b)
         both, rows_a, rows_b = np.intersect1d(in_a, in_b, assume_unique=True, return_indices=True)
         return both, xy_a[rows_a], xy_b[rows_b]
+
+    def some(self, chosen: Bool[np.ndarray, " N"]) -> FeatureTracks:
+        """A part of the observations."""
+        return FeatureTracks(self.track[chosen], self.frame[chosen], self.xy_px[chosen])
+
+    def undistorted(self, lens: Lens) -> FeatureTracks:
+        """As a pinhole camera would show them."""
+        return replace(self, xy_px=lens.undistorted(self.xy_px))
 
     def rescaled(self, scale: float) -> FeatureTracks:
         """Tracks in pictures made smaller by ``scale``, in pixels of the full pictures."""

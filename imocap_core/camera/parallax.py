@@ -20,6 +20,7 @@ from imocap_core.camera.feature_tracks import FeatureTracks
 from imocap_core.camera.projection import warp
 from imocap_core.camera.tripod import PairPoints, TrackedPair, TripodCamera
 from imocap_core.camera.tripod_fit import fit_tripod
+from imocap_core.camera.turning_lens import LEAST, TurningLens, turning_lens
 
 ParallaxVerdict = Literal["none", "found", "flat", "untested"]
 
@@ -35,7 +36,6 @@ PARALLAX_SHARE = 0.2  # of a pair's tracks
 EXPLAINED_SHARE = 0.5  # of those off the tripod, that the other model explains
 PAIR_SHARE = 0.3  # of the wide pairs
 FEWEST_PAIRS = 2
-BENT_LENS = 0.04  # displacement of the picture's corner, as a share, that is worth a word
 FLAT_SHARE = 0.2  # of the pairs off the tripod: with fewer of depth the background is a plane
 
 
@@ -50,6 +50,8 @@ class ParallaxTest:
         pairs: of key frames compared; share: of them that no camera on one spot explains.
         off_px: median error of the tripod in the pairs that it explains worst.
         tripod: the camera on one spot that fits best, or None.
+        lens: what a camera that stays on its spot tells about its lens; None where that is given or
+            near a pinhole.
     """
 
     verdict: ParallaxVerdict
@@ -57,6 +59,7 @@ class ParallaxTest:
     share: float = 0.0
     off_px: float = 0.0
     tripod: TripodCamera | None = None
+    lens: TurningLens | None = None
 
     @property
     def moves(self) -> bool:
@@ -71,7 +74,7 @@ class ParallaxTest:
         if self.verdict == "none":
             return (
                 f"no parallax between {self.pairs} pairs of frames (a slow walk before a far or "
-                f"flat background would show none){self._lens}"
+                f"flat background would show none){self.lens.words if self.lens else ''}"
             )
         flat = ", which is nearly flat," if self.verdict == "flat" else ""
         return (
@@ -79,31 +82,29 @@ class ParallaxTest:
             "parallax that no turning, zoom or lens explains"
         )
 
-    @property
-    def _lens(self) -> str:
-        """What the turning tells about the lens, where it is far from a pinhole."""
-        if self.tripod is None or abs(self.tripod.distortion) < BENT_LENS:
-            return ""
-        return (
-            f"; its lens displaces the picture's corners by about {abs(self.tripod.distortion):.0%}"
-            ", which is not corrected: undistort the video"
-        )
-
 
 def parallax_test(
-    tracks: FeatureTracks, frames: int, size: tuple[int, int], focal_px: float | None
+    tracks: FeatureTracks,
+    frames: int,
+    size: tuple[int, int],
+    focal_px: float | None,
+    *,
+    straight: bool = False,
 ) -> ParallaxTest:
     """The test on a video's feature tracks, in pixels of the pictures of ``size`` that they were
     followed in: the thresholds are those of pictures about 640 pixels large.
 
     Args:
         focal_px: in these pixels, where it is given.
+        straight: whether the tracks are known to have no distortion.
     """
     keys = _key_frames(tracks, frames)
     if len(keys) < 3:
         return ParallaxTest("untested")
     pairs = _pairs(tracks, keys)
-    tripod = fit_tripod([_thinned(pair) for pair in pairs], len(keys), size, focal_px)
+    tripod = fit_tripod(
+        [_thinned(pair) for pair in pairs], len(keys), size, focal_px, straight=straight
+    )
     wide = [pair for pair in pairs if pair.b > pair.a + 1]
     if not wide:
         return ParallaxTest("untested", tripod=tripod)
@@ -115,7 +116,21 @@ def parallax_test(
     verdict: ParallaxVerdict = "none"
     if moved >= max(FEWEST_PAIRS, PAIR_SHARE * len(wide)):
         verdict = "flat" if kinds.count("depth") < FLAT_SHARE * moved else "found"
-    return ParallaxTest(verdict, len(wide), moved / len(wide), worst, tripod)
+    lens = None
+    if verdict == "none" and not straight and abs(tripod.distortion) >= LEAST:
+        lens = turning_lens(tracks, lambda part: _chosen(part, pairs, keys), size, focal_px, tripod)
+    return ParallaxTest(verdict, len(wide), moved / len(wide), worst, tripod, lens)
+
+
+def _chosen(
+    tracks: FeatureTracks, pairs: Sequence[TrackedPair], keys: Sequence[int]
+) -> list[TrackedPair]:
+    """The same pairs of key frames from other tracks."""
+    again = []
+    for pair in pairs:
+        _, xy_a, xy_b = tracks.common(keys[pair.a], keys[pair.b])
+        again.append(_thinned(TrackedPair(pair.a, pair.b, xy_a, xy_b)))
+    return again
 
 
 def _off_spot(

@@ -16,6 +16,7 @@ from jaxtyping import Float, Int64
 from scipy.spatial.transform import Rotation
 
 from imocap_core.camera.averaging import nearest_rotation
+from imocap_core.camera.lens import Lens
 from imocap_core.camera.projection import intrinsics, rays
 from imocap_core.robust import geman_mcclure_weight
 
@@ -65,8 +66,8 @@ class TripodCamera:
 
     Attributes:
         log_focal: logarithm of the first key frame's focal length, pixels.
-        distortion: an undistorted point lies ``1 + distortion r^2`` times as far from the middle,
-            r = 1 in the picture's corner.
+        distortion: the lens shows an undistorted point ``1 + distortion r^2`` times as far from the
+            middle, r = 1 in the picture's corner (OpenCV's k1 of a focal length as long as that).
         log_zoom: (F,) of each key frame's focal length over the first one's.
         R: (F, 3, 3) from each key frame's axes to the first one's.
     """
@@ -85,7 +86,7 @@ class TripodCamera:
         """Where a's picture should show the points of b, less where it does, undistorted."""
         log_focal = self.log_focal + self.log_zoom
         return transfer_errors_px(
-            points, self.distortion, log_focal[points.a], log_focal[points.b],
+            undistorted_points(points, self.distortion), log_focal[points.a], log_focal[points.b],
             self.R[points.a], self.R[points.b],
         )  # fmt: skip
 
@@ -103,28 +104,27 @@ class TripodCamera:
 
 def transfer_errors_px(
     points: PairPoints,
-    distortion: float,
     log_focal_a: Float[np.ndarray, " P"],
     log_focal_b: Float[np.ndarray, " P"],
     R_a: Float[np.ndarray, "P 3 3"],
     R_b: Float[np.ndarray, "P 3 3"],
 ) -> Float[np.ndarray, "P 2"]:
-    """Errors of `TripodCamera.errors_px`, with each point's own two cameras."""
+    """Errors of `TripodCamera.errors_px` of undistorted points, with each point's own two
+    cameras."""
     focal_a, focal_b = np.exp(log_focal_a)[:, None], np.exp(log_focal_b)[:, None]
-    at_a, at_b = (
-        undistorted(xy, points.corner_px, distortion) for xy in (points.xy_a, points.xy_b)
-    )
-    ray = np.concatenate([at_b / focal_b, np.ones_like(focal_b)], axis=1)
+    ray = np.concatenate([points.xy_b / focal_b, np.ones_like(focal_b)], axis=1)
     ray = np.einsum("pji,pj->pi", R_a, np.einsum("pij,pj->pi", R_b, ray))
     shown = ray[:, :2] / np.maximum(ray[:, 2:], 1e-3)
-    return np.asarray(np.clip(focal_a * shown - at_a, -FAR_PX, FAR_PX))
+    return np.asarray(np.clip(focal_a * shown - points.xy_a, -FAR_PX, FAR_PX))
 
 
-def undistorted(
-    xy: Float[np.ndarray, "P 2"], corner_px: float, distortion: float
-) -> Float[np.ndarray, "P 2"]:
-    """Pixels relative to the picture's middle, without radial distortion."""
-    return xy * (1 + distortion * (xy**2).sum(axis=1, keepdims=True) / corner_px**2)
+def undistorted_points(points: PairPoints, distortion: float) -> PairPoints:
+    """The points without radial distortion (`TripodCamera.distortion`)."""
+    if distortion == 0.0:
+        return points
+    lens = Lens.of([distortion], np.diag([points.corner_px, points.corner_px, 1.0]))
+    xy_a, xy_b = (lens.undistorted(xy) for xy in (points.xy_a, points.xy_b))
+    return replace(points, xy_a=xy_a, xy_b=xy_b)
 
 
 def chained_tripod(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -15,18 +15,22 @@ from imocap_core.camera.tripod import (
     TripodCamera,
     chained_tripod,
     transfer_errors_px,
+    undistorted_points,
     without_zoom,
 )
 from imocap_core.robust import geman_mcclure, geman_mcclure_weight
 
 FOCAL_SPREAD = 0.7  # standard deviation of the logarithm of an unknown focal length
 GIVEN_SPREAD = 0.02  # of a given one
-DISTORTION_SPREAD = 0.06  # displacement of the corner, as a share
+DISTORTION_SPREAD = 0.1  # displacement of the corner, as a share
+STRAIGHT_SPREAD = 1e-6  # of a lens without distortion
 ZOOM_SPREAD = 0.7  # of the logarithm of a key frame's zoom
 SCALES_PX = (8.0, 3.0, 1.0)  # of the Geman-McClure loss
 MOST_STEPS = 15  # at each of them
 CONVERGED = 1e-4  # share of the cost
 DIFFERENCE = 1e-6  # of the finite differences
+LEAST_NOISE_PX = 0.1  # of a track, along each axis
+RAYLEIGH_MEDIAN = 1.1774  # length of a normal error in the plane, in standard deviations of an axis
 
 
 @dataclass(frozen=True)
@@ -49,20 +53,22 @@ class _Problem:
 
 
 def fit_tripod(
-    pairs: Sequence[TrackedPair], keys: int, size: tuple[int, int], focal_px: float | None
+    pairs: Sequence[TrackedPair],
+    keys: int,
+    size: tuple[int, int],
+    focal_px: float | None,
+    *,
+    straight: bool = False,
 ) -> TripodCamera:
     """The better of two minima: started with the zooms of the pictures' scales, and without.
 
     Args:
         pairs: those of consecutive key frames, (0, 1), (1, 2) ..., among them.
         keys: number of key frames. focal_px: the focal length where it is given.
+        straight: whether the lens is taken to have no distortion.
     """
     assumed = focal_px or float(max(size))
-    spread = np.full(2 + 4 * keys, 1e3)
-    spread[:2] = GIVEN_SPREAD if focal_px else FOCAL_SPREAD, DISTORTION_SPREAD
-    spread[2 : 2 + keys] = ZOOM_SPREAD
-    spread[[2, *range(2 + keys, 5 + keys)]] = 1e-4  # the first key frame is the origin
-    problem = _Problem(PairPoints.of(pairs, size), float(np.log(assumed)), spread)
+    problem = _problem(pairs, keys, size, focal_px, straight)
     chained = chained_tripod(pairs, keys, size, assumed)
     fits = []
     for camera in (chained, without_zoom(chained)):
@@ -70,6 +76,53 @@ def fit_tripod(
             camera = _minimised(problem, camera, scale)
         fits.append(camera)
     return min(fits, key=lambda fit: problem.cost(fit, SCALES_PX[-1]))
+
+
+def refit_tripod(
+    pairs: Sequence[TrackedPair],
+    size: tuple[int, int],
+    focal_px: float | None,
+    start: TripodCamera,
+    *,
+    straight: bool = False,
+) -> TripodCamera:
+    """The minimum near a start, for other tracks of its key frames or without distortion."""
+    problem = _problem(pairs, len(start.R), size, focal_px, straight)
+    camera = replace(start, distortion=0.0) if straight else start
+    for scale in SCALES_PX[1:]:
+        camera = _minimised(problem, camera, scale)
+    return camera
+
+
+def distortion_sd(
+    pairs: Sequence[TrackedPair],
+    size: tuple[int, int],
+    focal_px: float | None,
+    camera: TripodCamera,
+) -> float:
+    """Standard deviation of a fitted camera's distortion, by the curvature of the loss and the size
+    of the errors; all else unknown too."""
+    problem = _problem(pairs, len(camera.R), size, focal_px, straight=False)
+    error = np.linalg.norm(camera.errors_px(problem.points), axis=1)
+    noise_px = max(LEAST_NOISE_PX, float(np.median(error)) / RAYLEIGH_MEDIAN)
+    normal, _ = _normal_equations(problem, camera, SCALES_PX[-1])
+    return noise_px * float(np.linalg.inv(normal)[1, 1]) ** 0.5
+
+
+def _problem(
+    pairs: Sequence[TrackedPair],
+    keys: int,
+    size: tuple[int, int],
+    focal_px: float | None,
+    straight: bool,
+) -> _Problem:
+    spread = np.full(2 + 4 * keys, 1e3)
+    spread[0] = GIVEN_SPREAD if focal_px else FOCAL_SPREAD
+    spread[1] = STRAIGHT_SPREAD if straight else DISTORTION_SPREAD
+    spread[2 : 2 + keys] = ZOOM_SPREAD
+    spread[[2, *range(2 + keys, 5 + keys)]] = 1e-4  # the first key frame is the origin
+    assumed = float(np.log(focal_px or float(max(size))))
+    return _Problem(PairPoints.of(pairs, size), assumed, spread)
 
 
 def _minimised(problem: _Problem, camera: TripodCamera, scale: float) -> TripodCamera:
@@ -111,15 +164,16 @@ def _jacobian(
     keys, rows = len(camera.R), np.arange(len(error))
     log_focal = camera.log_focal + camera.log_zoom
     now = (log_focal[points.a], log_focal[points.b], camera.R[points.a], camera.R[points.b])
+    straight = undistorted_points(points, camera.distortion)
 
-    def change(distortion: float = 0.0, **moved: Float[np.ndarray, "P ..."]) -> np.ndarray:
+    def change(of: PairPoints = straight, **moved: Float[np.ndarray, "P ..."]) -> np.ndarray:
         values = dict(zip(("focal_a", "focal_b", "R_a", "R_b"), now, strict=True)) | moved
-        after = transfer_errors_px(points, camera.distortion + distortion, *values.values())
-        return (after - error) / DIFFERENCE
+        return (transfer_errors_px(of, *values.values()) - error) / DIFFERENCE
 
+    bent = undistorted_points(points, camera.distortion + DIFFERENCE)
     J = np.zeros((len(error), 2, 2 + 4 * keys))
     by_a, by_b = change(focal_a=now[0] + DIFFERENCE), change(focal_b=now[1] + DIFFERENCE)
-    J[..., 0], J[..., 1] = by_a + by_b, change(distortion=DIFFERENCE)
+    J[..., 0], J[..., 1] = by_a + by_b, change(bent)
     J[rows, :, 2 + points.a] += by_a
     J[rows, :, 2 + points.b] += by_b
     for axis in range(3):

@@ -69,6 +69,7 @@ def _camera(result: ActionResult, video: VideoResult, colour: foxglove.Colour) -
     size = (round(scale * camera.size[0]), round(scale * camera.size[1]))
     smaller = np.diag([size[0] / camera.size[0], size[1] / camera.size[1], 1.0])
     K = smaller @ video.camera.K_per_frame
+    lens = [video.camera.distortion_at(K_t) for K_t in video.camera.K_per_frame]
     nearest = _nearest(video)
     pictures = dict(_pictures(result, video, nearest, size))
     for t, time in enumerate(times_ns(video)):
@@ -77,8 +78,8 @@ def _camera(result: ActionResult, video: VideoResult, colour: foxglove.Colour) -
         place = camera.centre[t if len(camera.centre) > 1 else 0]
         where = foxglove.transform(time, video.id, R, place)
         yield entry(time, f"{topic}/transform", where)
-        lens = foxglove.calibration(time, video.id, K[t], size)
-        yield entry(time, f"{topic}/calibration", lens)
+        intrinsics = foxglove.calibration(time, video.id, K[t], size, lens[t])
+        yield entry(time, f"{topic}/calibration", intrinsics)
         if not video.inside[t]:
             continue
         row = int(np.searchsorted(detected.frames, nearest[t]))

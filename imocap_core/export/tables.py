@@ -53,8 +53,8 @@ def calibration_of(camera: VideoCamera) -> CameraCalibration:
             "file holds one pose a camera; leave it out with --video, or export npz, which has "
             "the camera of every frame"
         )
-    size, lens = camera.size, camera.distortion
-    return CameraCalibration(camera.id, size, camera.K, camera.R, camera.t, lens)
+    lens = tuple(camera.distortion.tolist())
+    return CameraCalibration(camera.id, camera.size, camera.K, camera.R, camera.t, lens)
 
 
 def npz_values(video: VideoResult, result: ActionResult) -> ExportedVideo:
@@ -78,6 +78,7 @@ def npz_values(video: VideoResult, result: ActionResult) -> ExportedVideo:
         t=video.camera.t,
         model=video.model,
         per_frame=per_frame(video.camera),
+        distortion=None if video.camera.lens is None else video.camera.distortion,
         up_axis=result.up_axis,
         hands=hands,
         inside=video.inside if common else None,

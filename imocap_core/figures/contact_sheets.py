@@ -21,6 +21,7 @@ from imocap_core.artifacts.schemas import (
     VideoMotion,
 )
 from imocap_core.body import Model
+from imocap_core.camera.lens import Lens
 from imocap_core.camera.zooming import lens_of
 from imocap_core.figures.bodies import surfaces
 from imocap_core.figures.overlays import (
@@ -35,6 +36,7 @@ from imocap_core.figures.overlays import (
     windows,
 )
 from imocap_core.io.video import read_rgb
+from imocap_core.problem.lenses import lenses_of
 from imocap_core.problem.relative_motion import paths_of, paths_of_initial, relative_motions
 
 COLUMNS = 6
@@ -53,6 +55,13 @@ class SheetVideo:
     monocular: VideoMotion  # the estimate from this video alone
     final: VideoMotion
     K: Float[np.ndarray, "3 3"]  # of the final result
+    lens: Lens | None = None
+
+    def filmed(
+        self, points_m: Float[np.ndarray, "N 3"], K: Float[np.ndarray, "3 3"]
+    ) -> Float[np.ndarray, "N 3"]:
+        """Points in camera axes, moved so that a pinhole camera K shows them as the lens does."""
+        return points_m if self.lens is None else self.lens.bent(points_m, K)
 
 
 def sheet_videos(
@@ -69,9 +78,19 @@ def sheet_videos(
     """
     alone = relative_motions(initial.videos, paths_of_initial(initial, camera_motion))
     joint = relative_motions(refined.motion.videos, paths_of(refined.motion.cameras))
+    lenses = lenses_of(camera_motion, refined)
     return [
-        SheetVideo(v, camera, files[v.id], model.points(v.layout).names, first, last, solved.K)
-        for v, camera, first, last, solved in zip(
+        SheetVideo(
+            keypoints=video,
+            camera=camera,
+            file=files[video.id],
+            layout_names=model.points(video.layout).names,
+            monocular=first,
+            final=last,
+            K=solved.K,
+            lens=lenses.get(video.id),
+        )
+        for video, camera, first, last, solved in zip(
             keypoints.videos,
             camera_motion.videos,
             alone,
@@ -159,8 +178,10 @@ def video_sheet(
         bodies = in_first @ camera.R_first_from_frame[list(frames)]  # R^T x: axes of frame t
         rows.append(
             [
-                draw_body(cells[t], body, faces, cuts[t].camera(lens_of(K, camera.zoom[t])))
-                for t, body in zip(frames, bodies, strict=True)
+                draw_body(cells[t], video.filmed(body, K_t), faces, cuts[t].camera(K_t))
+                for t, body, K_t in zip(
+                    frames, bodies, lens_of(K, camera.zoom[list(frames)]), strict=True
+                )
             ]
         )
         sides.append(from_the_side(bodies, faces))
@@ -192,7 +213,6 @@ def moment_cells(
             row.append(blank_cell())
             continue
         joints = video.final.joints[t] @ video.camera.R_first_from_frame[t]
-        row.append(
-            draw_skeleton(cells[t], joints, cuts[t].camera(lens_of(video.K, video.camera.zoom[t])))
-        )
+        K = lens_of(video.K, video.camera.zoom[t])
+        row.append(draw_skeleton(cells[t], video.filmed(joints, K), cuts[t].camera(K)))
     return row

@@ -70,7 +70,8 @@ def results_sheet(
             in_first = surfaces(model, result.motions[v], [t])[0]
             body = in_first @ camera.R_first_from_frame[t]  # R^T x: axes of frame t
             K = lens_of(result.K[video], camera.zoom[t])
-            row.append(draw_body(cells[video][t], body, faces, cuts[video][t].camera(K)))
+            filmed, K_cell = videos[v].filmed(body, K), cuts[video][t].camera(K)
+            row.append(draw_body(cells[video][t], filmed, faces, K_cell))
             bodies.append(body)
         over.append(row)
         side.append(from_the_side(np.stack(bodies), faces))

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, RefineSync
 from imocap_core.errors import WorkFailed
+from imocap_core.problem.lenses import lenses_of
 from imocap_core.problem.relative_motion import paths_of, paths_of_initial, relative_motions
 from imocap_core.result.read import read_monocular
 from imocap_core.result.result import ActionResult
@@ -58,7 +59,8 @@ def films_of(
     motions = relative_motions(motions, paths)
     files = {video.id: video.video for video in result}
     camera_motion = artifacts.get(CameraMotion)
-    bodies = overlay_bodies(keypoints, camera_motion, motions, cameras, files, model)
+    lenses = lenses_of(camera_motion, artifacts.get(RefineSync) if motion == "final" else None)
+    bodies = overlay_bodies(keypoints, camera_motion, motions, cameras, files, model, lenses)
 
     def overlay(number: int) -> Callable[[], Iterator[Any]]:
         return lambda: overlay_film(bodies[number], model, alpha=opacity)

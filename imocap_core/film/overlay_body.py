@@ -20,6 +20,7 @@ from imocap_core.artifacts.schemas import (
     VideoMotion,
 )
 from imocap_core.body import Model
+from imocap_core.camera.lens import Lens
 from imocap_core.figures.bodies import surfaces
 from imocap_core.figures.overlays import LIGHT, draw_keypoints
 from imocap_core.figures.style import color_of
@@ -41,7 +42,7 @@ class OverlayBody:
     """A video, and the body recovered from it.
 
     P_px (T, 3, 3): for each used frame, from metres in the axes of the first frame's camera to
-    homogeneous pixels of that frame. layout_names (K,): the keypoints' names.
+    homogeneous pixels of that frame, before its lens. layout_names (K,): the keypoints' names.
     """
 
     keypoints: VideoKeypoints
@@ -50,6 +51,7 @@ class OverlayBody:
     layout_names: tuple[str, ...]
     rgb: RGB
     file: Path | None
+    lens: Lens | None = None
 
 
 def overlay_bodies(
@@ -59,9 +61,10 @@ def overlay_bodies(
     cameras: Sequence[Camera] | None,
     files: Mapping[str, Path | None],
     model: Model,
+    lenses: Mapping[str, Lens],
 ) -> list[OverlayBody]:
     """One per video, in the order of the keypoints; without `cameras` each has the intrinsics that
-    its video alone gives."""
+    its video alone gives. lenses: of the videos that have one."""
     ids = [v.id for v in keypoints.videos]
     intrinsics = {c.id: c.K for c in cameras or camera_motion.videos}
     return [
@@ -72,6 +75,7 @@ def overlay_bodies(
             layout_names=tuple(model.points(video.layout).names),
             rgb=rgb_of(ids, video.id),
             file=files.get(video.id),
+            lens=lenses.get(video.id),
         )
         for video, camera, motion in zip(
             keypoints.videos, camera_motion.videos, motions, strict=True
@@ -143,6 +147,8 @@ class Painter:
         move = np.eye(3) if move is None else move
         body = self._batch(t // CHUNK)[t % CHUNK]
         P_px = move @ overlay.P_px[t]
+        if overlay.lens is not None:
+            body = overlay.lens.bent(body, overlay.P_px[t])
         drawn = paint_mesh(
             picture, body, self._faces, P_px, self._rgb, alpha=self._alpha, light=LIGHT
         )

@@ -115,6 +115,11 @@ class CameraMotionParams:
         "Reconstruct the path of a camera that moves from its place from the background (structure "
         "from motion; needs `pip install 'imocap[moving]'`).",
     )
+    lens: bool = param(
+        True,
+        "Take a lens's radial distortion out of the keypoints where the camera's turning tells it "
+        "for certain. A `distortion` in action.yaml is taken out in any case.",
+    )
     assumed_focal_factor: Positive = param(
         1.0,
         "Focal length divided by the picture's larger side, assumed where neither action.yaml nor "

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.identifiers import NAME, Id
 from imocap_core.io.pose2sim_files import FILES, has_pose2sim_truth
-from imocap_core.limits import LAST_FRAME, MAX_FPS, MAX_SIDE_PX, MIN_FPS
+from imocap_core.limits import LAST_FRAME, MAX_DISTORTION, MAX_FPS, MAX_SIDE_PX, MIN_FPS
 from imocap_core.pipeline.format_names import DetectionFormat, InitialFormat, Layout
 from imocap_core.pipeline.hints import AnchorEntry, ForbiddenEntry, hint_faults
 from imocap_core.pipeline.person import Person
@@ -26,6 +26,8 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Fps = Annotated[float, Field(ge=MIN_FPS, le=MAX_FPS, allow_inf_nan=False)]
 Side = Annotated[int, Field(gt=0, le=MAX_SIDE_PX)]
 Frame = Annotated[int, Field(ge=0, le=LAST_FRAME)]
+Coefficient = Annotated[float, Field(ge=-MAX_DISTORTION, le=MAX_DISTORTION, allow_inf_nan=False)]
+Distortion = Annotated[tuple[Coefficient, ...], Field(min_length=1, max_length=5)]
 Model = TypeVar("Model", bound=BaseModel)
 
 
@@ -43,6 +45,7 @@ class Declaration(BaseModel):
     size: tuple[Side, Side] | None = None
     frames: tuple[Frame, Frame] | None = None
     focal_px: Positive | None = None
+    distortion: Distortion | None = None  # OpenCV's k1, k2, p1, p2, k3; of a known focal_px
     initial: str | None = None
     initial_format: InitialFormat | None = None
     mirrored: bool | None = None  # None: sync decides
@@ -64,6 +67,10 @@ class Declaration(BaseModel):
             faults.append("expected a video, or keypoints with fps and size")
         if self.video is None and (self.fps is None or self.size is None):
             faults.append("fps and size: expected where there is no video")
+        if self.distortion is not None and self.focal_px is None:
+            faults.append("distortion: expected focal_px beside it, which its numbers belong to")
+        if self.distortion is not None and len(self.distortion) == 3:
+            faults.append("distortion: expected k1; k1, k2; k1, k2, p1, p2; or k1, k2, p1, p2, k3")
         if self.initial == DETECT and not self.detected:
             faults.append("initial: detect requires keypoints: detect")
         if self.initial not in (None, DETECT) and self.initial_format is None:

@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from imocap_core.camera.lens import Lens
+from imocap_core.camera.projection import intrinsics
 from imocap_core.io.video import VideoInfo
 from imocap_core.limits import MAX_FOCAL, MIN_FOCAL
 from imocap_core.pipeline.action import Declaration
@@ -49,6 +51,20 @@ def check_declared(declared: Declaration, probed: VideoInfo | None, file: Path) 
                 f"{size[0]} x {size[1]}, got {declared.focal_px:g}; leave it out where it is not "
                 f"known"
             )
+        _check_lens(declared, size, where)
+
+
+def _check_lens(declared: Declaration, size: tuple[int, int], where: str) -> None:
+    """ValueError for a distortion that does not show the picture from side to side."""
+    if declared.distortion is None or declared.focal_px is None:
+        return
+    lens = Lens.of(declared.distortion, intrinsics(declared.focal_px, size))
+    if lens.reach_px < max(size) / 2:
+        raise ValueError(
+            f"{where}.distortion: expected a lens that shows pictures of {size[0]} x {size[1]}, "
+            f"got one that turns back on itself {lens.reach_px:.0f} pixels from the middle; its "
+            f"numbers belong to a focal length, which is focal_px: {declared.focal_px:g} here"
+        )
 
 
 def check_fits_picture(

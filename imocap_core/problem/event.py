@@ -15,12 +15,12 @@ from imocap_core.artifacts.schemas import (
     Keypoints,
     Sync,
 )
+from imocap_core.camera.lens import Lens
 from imocap_core.motion.event.bones import bone_lengths, bones_of, typical_lengths
 from imocap_core.motion.event.calibrate import EventCalibration, Progress, calibrate
 from imocap_core.motion.event.clock import Clock
 from imocap_core.motion.event.keypoints import EventVideo
 from imocap_core.motion.event.problem import EventProblem
-from imocap_core.motion.event.reprojection import undistorted
 from imocap_core.motion.event.rig import FOCAL, OFFSET, ROTATION, CameraRig
 from imocap_core.motion.multiview.alternation import Alternation, LoopRound, mean_change
 from imocap_core.motion.multiview.cameras import Cameras
@@ -113,6 +113,7 @@ def _calibration_problem(
     )  # fmt: skip
     everywhere = np.ones((len(moments), len(names)), dtype=bool)
     body_lengths = typical_lengths(bone_lengths(start.points, everywhere, bones))
+    corrected = [v.lens is not None for v in problem.participants.camera_motion.videos]
     sd_s = np.where(by_sound, SOUND_SD_S, MATCHES_SD_S)
     task = EventProblem(
         videos=[_event_video(o, scene.body.keypoints.names, names) for o in observations],
@@ -123,7 +124,7 @@ def _calibration_problem(
         alike=np.array([round(float(o.K[:2, 2].max())) for o in observations]),
         prior=replace(start, K=assumed_K, lengths=body_lengths),
         offset_sd=sd_s * [o.fps for o in observations],
-        fixed_distortion=np.zeros(videos, dtype=bool),
+        fixed_distortion=np.array(corrected),
         spreads=params,
     )
     return task, start
@@ -147,7 +148,7 @@ def _event_video(
 
 def _undistorted(observations: Sequence[Observation], rig: CameraRig) -> list[Observation]:
     rows = zip(observations, rig.K, rig.distortion, strict=True)
-    return [replace(o, xy_px=undistorted(o.xy_px, K, float(k))) if k else o for o, K, k in rows]
+    return [replace(o, xy_px=Lens.of([k], K).undistorted(o.xy_px)) if k else o for o, K, k in rows]
 
 
 def _stored(

@@ -30,6 +30,7 @@ from imocap_core.hands.fit import FittedHands
 from imocap_core.hands.skeleton import SIDES, HandSkeleton, hand_skeleton
 from imocap_core.motion.multiview.timeline import Timeline, make_timeline
 from imocap_core.params import HandsParams
+from imocap_core.problem.lenses import undistorted_px
 from imocap_core.problem.relative_motion import paths_of, relative_motions
 from imocap_core.rotations import exp, log, unwrap
 
@@ -97,7 +98,8 @@ def arms_and_hands(
 ) -> ArmsAndHands:
     """Forearms of the body's result; hand keypoints in the first frame's image."""
     hands = _hand_keypoints(video)
-    xy = warp(moving.H_first_from_frame[:, None], hands.xy_px.reshape(len(video.frames), 42, 2))
+    pixels = undistorted_px(hands.xy_px.reshape(len(video.frames), 42, 2), moving.lens, moving.K)
+    xy = warp(moving.H_first_from_frame[:, None], pixels)
     xy = xy.reshape(hands.xy_px.shape)
     local = exp(torch.as_tensor(motion.theta).reshape(-1, 24, 3))
     R = world_rotations(local, SMPL_PARENTS)

@@ -14,6 +14,7 @@ from jaxtyping import Float, UInt8
 
 from imocap_core.camera.camera_path import LEAST_REGISTERED, CameraPath, camera_path
 from imocap_core.camera.feature_tracks import FeatureTracks, track_features
+from imocap_core.camera.lens import Lens
 from imocap_core.camera.motion import CameraMotionEstimate
 from imocap_core.camera.parallax import ParallaxTest, parallax_test
 from imocap_core.camera.projection import intrinsics
@@ -42,10 +43,19 @@ class Background:
         width, height = (round(side * self.scale) for side in self.size)
         return width, height
 
-    def parallax(self, focal_px: float | None) -> ParallaxTest:
-        """The test for parallax; focal_px: in the video's own pictures, where it is given."""
+    def undistorted(self, lens: Lens) -> Background:
+        """As a pinhole camera would show it; lens: of the video's own pictures."""
+        return replace(self, tracks=self.tracks.undistorted(lens.rescaled(self.scale)))
+
+    def parallax(self, focal_px: float | None, *, straight: bool = False) -> ParallaxTest:
+        """The test for parallax.
+
+        Args:
+            focal_px: in the video's own pictures, where it is given.
+            straight: whether the background is known to have no distortion.
+        """
         focal = focal_px * self.scale if focal_px else None
-        return parallax_test(self.tracks, self.frames, self.small, focal)
+        return parallax_test(self.tracks, self.frames, self.small, focal, straight=straight)
 
     def path(self, start_px: float, *, refine_focal: bool) -> CameraPath | None:
         """The camera's path; start_px: focal length, in the video's own pictures."""

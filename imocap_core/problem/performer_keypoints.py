@@ -49,6 +49,7 @@ def performer_keypoints(
         hands=_hands_of(video, performer),
         damaged=None if survey is None else survey.damaged_spans(people.frames),
         performer=declared.performer,
+        distortion=declared.distortion,
     )
     even = at_even_moments(of_frames, video.time_s)
     return with_corrected_marks(even) if params.correct_marks else even

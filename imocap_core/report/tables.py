@@ -134,12 +134,16 @@ def video_table(keypoints: Keypoints, camera_motion: CameraMotion, refined: Refi
                 camera.residual_px,
                 float(camera.K[0, 0]),
                 camera.focal_source,
+                None if camera.lens is None else float(camera.lens.coefficients[0]),
                 float(result.K[0, 0]),
                 matched,
             ]
         )
     columns = ["video", "frames", "fps", "size", "people", "presence_share", "camera", "camera_px"]
-    columns += ["focal_px", "focal", "solved_focal_px", "matched_share"]
+    columns += ["focal_px", "focal", "lens_k1", "solved_focal_px", "matched_share"]
+    if all(camera.lens is None for camera in camera_motion.videos):
+        rows = [[*row[:10], *row[11:]] for row in rows]
+        columns.remove("lens_k1")
     note = " ".join(f"{v.id}: {remark}." for v in keypoints.videos for remark in remarks(v))
     return Table(name="videos", title="The videos", columns=columns, rows=rows, note=note)
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from imocap_core.camera.lens import Lens
 from imocap_core.camera.projection import camera_from_world
 
 STILL = 1e-9  # a camera whose rotations differ by less is static
@@ -14,8 +15,8 @@ STILL = 1e-9  # a camera whose rotations differ by less is static
 
 @dataclass(frozen=True, eq=False)
 class VideoCamera:
-    """A pinhole camera, which may turn, zoom and move; OpenCV's axes (x right, y down, z
-    forward), pixels, metres, no lens distortion.
+    """A camera, which may turn, zoom and move; OpenCV's axes (x right, y down, z forward),
+    pixels, metres.
 
     Attributes:
         id: the video.
@@ -28,8 +29,8 @@ class VideoCamera:
             as they were measured on the background.
         path_m: (T, 3) its places in the first frame's axes, metres; None on one spot, or where the
             path is unknown.
-        distortion: radial distortion of the lens (OpenCV's k1), where the cameras were calibrated
-            from one event; 0: none that is certain. `project` leaves it out.
+        lens: its distortion; None: a pinhole. A zoom moves pixels as the first frame's lens does.
+            K, R, t, H_first_from_frame and P_frame_from_first are of pictures without it.
     """
 
     id: str
@@ -41,7 +42,16 @@ class VideoCamera:
     zoom: Float[np.ndarray, " T"]
     H_first_from_frame: Float[np.ndarray, "T 3 3"]
     path_m: Float[np.ndarray, "T 3"] | None = None
-    distortion: float = 0.0
+    lens: Lens | None = None
+
+    @property
+    def distortion(self) -> Float[np.ndarray, " 5"]:
+        """OpenCV's k1, k2, p1, p2, k3, relative to K; 0 for a pinhole."""
+        return self.distortion_at(self.K)
+
+    def distortion_at(self, K: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, " 5"]:
+        """The same lens, relative to the focal length of another zoom."""
+        return np.zeros(5) if self.lens is None else self.lens.relative_to(K).coefficients
 
     @property
     def is_static(self) -> bool:
@@ -91,7 +101,8 @@ class VideoCamera:
     def project(
         self, points_m: Float[np.ndarray, "... 3"], index: Int[np.ndarray, " F"] | None = None
     ) -> Float[np.ndarray, "F N 2"]:
-        """Pixels of world points in every used frame, or in the used frames `index`.
+        """Pixels of world points in every used frame, or in the used frames `index`, as the lens
+        shows them.
 
         Args:
             points_m: (N, 3) metres, the same points for all frames, or (F, N, 3), those of each.
@@ -106,4 +117,5 @@ class VideoCamera:
             ahead = ahead - path[:, None]
         homogeneous = np.broadcast_to(ahead, (len(P), *ahead.shape[-2:])) @ P.swapaxes(1, 2)
         depth = np.where(homogeneous[..., 2:] > 0, homogeneous[..., 2:], np.nan)
-        return np.asarray(homogeneous[..., :2] / depth)
+        straight = np.asarray(homogeneous[..., :2] / depth)
+        return straight if self.lens is None else self.lens.distorted(straight)

@@ -29,6 +29,7 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.camera.world import BodyMotion, Extrinsics, to_world
 from imocap_core.errors import WorkFailed
 from imocap_core.problem.ground import ground_of
+from imocap_core.problem.lenses import lenses_of
 from imocap_core.result.artifacts import Artifacts
 from imocap_core.result.camera import VideoCamera
 from imocap_core.result.ground import ground_under, with_points, without_points
@@ -73,14 +74,15 @@ def read_result(
     _check_frames(artifacts, "uncertainty", {i: v.frames for i, v in sigmas.items()}, frames)
     cameras = {camera.id: camera for camera in motion.cameras}
     detections = {v.id: v for v in keypoints.videos}
-    lenses = _distortions(artifacts) if stage == "refine_sync" else {}
+    refined = artifacts.get(RefineSync) if stage == "refine_sync" else None
+    lenses = {} if camera_motion is None else lenses_of(camera_motion, refined)
     videos = [
         _video(
             v,
             detections[v.id],
             replace(
                 _camera(cameras[v.id], turned.get(v.id), detections[v.id]),
-                distortion=lenses.get(v.id, 0.0),
+                lens=lenses.get(v.id),
             ),
             sync,
             action=artifacts.action,
@@ -200,12 +202,6 @@ def _camera(
         H_first_from_frame=H_first_from_frame,
         path_m=camera.path_m if len(camera.path_m) == count else None,
     )
-
-
-def _distortions(artifacts: Artifacts) -> dict[str, float]:
-    """Of the cameras that were calibrated from one event."""
-    event = artifacts.get(RefineSync).event
-    return {} if event is None else {camera.id: camera.distortion for camera in event.cameras}
 
 
 def _hands(hands: VideoHands | None) -> HandMotion | None:

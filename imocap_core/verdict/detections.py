@@ -13,6 +13,7 @@ from imocap_core.verdict.findings import Finding
 
 MISSING_S = 0.5
 SWAPPED_SHARE = 0.2  # of the frames: more says that the detector takes backs for fronts
+LENS = " lens"  # in the parts of a camera's note that are about it
 RIVAL_RATIO = 1.5  # of the performer's score to the next one's
 
 
@@ -22,12 +23,19 @@ def detection_findings(videos: Sequence[VideoKeypoints]) -> list[Finding]:
 
 
 def camera_findings(cameras: Sequence[VideoCameraMotion]) -> list[Finding]:
-    """Cameras that move from their place: with a path as a remark, without one as a warning."""
-    return [
+    """Cameras that move from their place, with a path as a remark, without one as a warning; lenses
+    that were corrected or should be."""
+    moving = [
         _walks(camera) if len(camera.path) else _lost(camera)
         for camera in cameras
         if camera.motion == "translating"
     ]
+    return moving + [finding for camera in cameras for finding in _lens(camera)]
+
+
+def _lens(camera: VideoCameraMotion) -> list[Finding]:
+    words = [part for part in camera.note.split("; ") if LENS in part]
+    return [Finding("remark", camera.id, part, "the lens is not a pinhole") for part in words]
 
 
 def _walks(camera: VideoCameraMotion) -> Finding:

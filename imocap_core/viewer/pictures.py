@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +10,11 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
+from imocap_core.camera.lens import Lens
 from imocap_core.io.video import read_rgb
 from imocap_core.viewer.block import Block
 
+Image = UInt8[np.ndarray, "H W 3"]
 Window = tuple[int, int, int, int]  # x, y, width, height in pixels
 
 LONGEST_PX = 352
@@ -64,17 +66,19 @@ def picture_entry(
     frames: Int[np.ndarray, " T"],
     every: int,
     part: Window,
+    lens: Lens | None = None,
 ) -> dict[str, Any] | None:
     """Pictures of every `every`-th used frame; None when the file ends before the first.
 
-    frames (T,): source frame numbers. part: of each that is shown. A frame that
-    the file lacks repeats the one before. ValueError when the file is no readable video.
+    frames (T,): source frame numbers. part: of each that is shown. lens: its distortion is taken
+    out. A frame that the file lacks repeats the one before. ValueError when the file is no readable
+    video.
     """
-    x, y, width, height = part
+    shows = cutter(part, lens)
     wanted = frames[::every].tolist()
     shown = set(wanted)
     encoded: dict[int, bytes] = {
-        number: small_jpeg(picture[y : y + height, x : x + width])
+        number: small_jpeg(shows(picture))
         for number, picture in read_rgb(file, int(frames.min()), int(frames.max()) + 1)
         if number in shown
     }
@@ -91,6 +95,17 @@ def picture_entry(
         "starts": block.add(ends, "u4"),
         "bytes": block.add(np.frombuffer(b"".join(parts), np.uint8), "u1"),
     }
+
+
+def cutter(part: Window, lens: Lens | None) -> Callable[[Image], Image]:
+    """Cuts a part out of pictures, as a pinhole camera would show it; black beyond their border."""
+    x, y, width, height = part
+    if lens is None:
+        return lambda picture: picture[y : y + height, x : x + width]
+    grid = np.stack(np.meshgrid(np.arange(x, x + width), np.arange(y, y + height)), axis=-1)
+    source = lens.distorted(grid.astype(np.float64)).astype(np.float32)
+    x_map, y_map = source[..., 0], source[..., 1]
+    return lambda picture: np.asarray(cv2.remap(picture, x_map, y_map, cv2.INTER_LINEAR), np.uint8)
 
 
 def small_jpeg(picture: UInt8[np.ndarray, "H W 3"]) -> bytes:

@@ -25,6 +25,7 @@ from imocap_core.problem.relative_motion import paths_of_initial, relative_motio
 from imocap_core.result.events import contact_frames
 from imocap_core.result.read import read_monocular
 from imocap_core.result.result import ActionResult
+from imocap_core.result.video import VideoResult
 from imocap_core.viewer.block import Block
 from imocap_core.viewer.body import (
     ShownMotion,
@@ -89,7 +90,7 @@ def scene(
     shapes = _Shapes(block, model)
     fingers = len(model.parents) > len(SMPL_JOINTS)
     detected = keypoints.videos
-    windows = windows_of([v.person_box_px for v in detected], [v.size for v in detected])
+    windows = windows_of([_straight_boxes(v) for v in result], [v.size for v in detected])
     every = stride([len(video) for video in result if video.video is not None])
     videos, finals = [], []
     for i, (video, window) in enumerate(zip(level, windows, strict=True)):
@@ -105,7 +106,8 @@ def scene(
         }
         pictures = None
         if video.video is not None:
-            pictures = picture_entry(block, video.video, video.keypoints.frames, every, window)
+            frames, lens = video.keypoints.frames, video.camera.lens
+            pictures = picture_entry(block, video.video, frames, every, window, lens)
         shown = {"answers": answers, "view": list(window), "pictures": pictures}
         videos.append({**_video_entry(block, result, level, i, alone[i]), **shown})
     return {
@@ -119,6 +121,12 @@ def scene(
         "videos": videos,
         **_eye(finals, [v["camera"]["centre"] for v in videos], sync),
     }
+
+
+def _straight_boxes(video: VideoResult) -> Float[np.ndarray, "T 4"]:
+    """Boxes about the performer in pictures without the lens's distortion."""
+    boxes, lens = video.keypoints.person_box_px, video.camera.lens
+    return boxes if lens is None else lens.undistorted(boxes.reshape(-1, 2)).reshape(-1, 4)
 
 
 def _video_entry(
@@ -138,7 +146,7 @@ def _video_entry(
     return {
         **identity_entry(block, keypoints, i, result.sync.summary),
         "camera": camera_entry(block, level.videos[i].camera),
-        "detected": detected_entry(block, video.keypoints),
+        "detected": detected_entry(block, video.keypoints, camera.lens),
         "contacts": contact_spans(
             contact_frames(level.videos[i]), phase_of(result.sync.summary, keypoints, i)
         ),

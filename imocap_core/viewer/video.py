@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.artifacts.schemas import Keypoints, SyncSummary, Uncertainty, VideoKeypoints
+from imocap_core.camera.lens import Lens
 from imocap_core.camera.projection import project_camera
 from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
 from imocap_core.figures.style import color_of
@@ -114,9 +115,11 @@ def _pixels(
     return block.add(whole, "i2"), unit
 
 
-def detected_entry(block: Block, video: VideoKeypoints) -> dict[str, Any]:
-    """The detected keypoints of every frame; a confidence of 0 where there is none."""
-    xy, unit = _pixels(block, video.xy_px, video.size)
+def detected_entry(block: Block, video: VideoKeypoints, lens: Lens | None) -> dict[str, Any]:
+    """The detected keypoints of every frame, without the lens's distortion; a confidence of 0 where
+    there is none."""
+    xy_px = video.xy_px if lens is None else lens.undistorted(video.xy_px)
+    xy, unit = _pixels(block, xy_px, video.size)
     visible = np.isfinite(video.xy_px).all(axis=-1)
     confidence = np.where(visible, np.clip(np.nan_to_num(video.confidence), 0, 1), 0)
     sure = block.add(np.ceil(255 * confidence), "u1")

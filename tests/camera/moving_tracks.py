@@ -4,6 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from imocap_core.camera.feature_tracks import FeatureTracks
+from imocap_core.camera.lens import Lens
 from imocap_core.camera.projection import intrinsics, project
 
 SIZE, FOCAL, FRAMES = (640, 360), 600.0, 48
@@ -34,13 +35,13 @@ def tracks_of(points, R, centre, rng, zoom=None, distortion=0.0, noise_px=0.3):
     """Tracks of all points while they are in the picture; distortion as of `TripodCamera`."""
     zoom = np.ones(FRAMES) if zoom is None else zoom
     middle = (np.array(SIZE) - 1) / 2
+    corner = float(np.linalg.norm(middle))
+    lens = Lens.of([distortion], np.diag([corner, corner, 1.0]))
     rows = []
     for t in range(FRAMES):
         K = intrinsics(FOCAL * zoom[t], SIZE)
         straight = project(points, K, R[t], -R[t] @ centre[t]) - middle
-        off = straight.copy()
-        for _ in range(20):  # undistorted = off (1 + d |off|^2 / |middle|^2)
-            off = straight / (1 + distortion * (off**2).sum(1, keepdims=True) / (middle @ middle))
+        off = lens.distorted(straight)
         xy = off + middle + noise_px * rng.normal(size=off.shape)
         inside = np.isfinite(xy).all(1) & ((xy > 0) & (xy < np.array(SIZE))).all(1)
         rows += [(k, t, *xy[k]) for k in np.nonzero(inside)[0]]

@@ -18,7 +18,7 @@ CAMERA = CameraCalibration(
     np.array([[1700.5, 0, 539.5], [0, 1700.5, 959.5], [0, 0, 1]]),
     R,
     np.array([0.1, -0.2, 4.0]),
-    -0.05,
+    (-0.05,),
 )
 
 
@@ -36,7 +36,7 @@ def test_calib_toml_is_what_pose2sim_reads(tmp_path: Path) -> None:
 
 
 def test_yml_is_opencvs_file_storage(tmp_path: Path) -> None:
-    camera = CameraCalibration("cam1", CAMERA.size, CAMERA.K, R, CAMERA.t, -0.05)
+    camera = CameraCalibration("cam1", CAMERA.size, CAMERA.K, R, CAMERA.t, (-0.05,))
     files = write_calibration(tmp_path, [camera])
     intri, extri = (cv2.FileStorage(str(file), cv2.FILE_STORAGE_READ) for file in files[1:])
     np.testing.assert_allclose(intri.getNode("K_cam1").mat(), camera.K)
@@ -45,3 +45,13 @@ def test_yml_is_opencvs_file_storage(tmp_path: Path) -> None:
     np.testing.assert_allclose(cv2.Rodrigues(extri.getNode("R_cam1").mat())[0], R)
     np.testing.assert_allclose(extri.getNode("T_cam1").mat()[:, 0], camera.t)
     assert intri.getNode("names").at(0).string() == "cam1"
+
+
+def test_a_third_radial_coefficient_is_written_where_there_is_one(tmp_path: Path) -> None:
+    coefficients = (-0.2, 0.05, 0.001, -0.002, 0.01)
+    camera = CameraCalibration("cam1", CAMERA.size, CAMERA.K, R, CAMERA.t, coefficients)
+    files = write_calibration(tmp_path, [camera])
+    table = tomllib.loads(files[0].read_text())
+    assert table["cam1"]["distortions"] == list(coefficients)
+    intri = cv2.FileStorage(str(files[1]), cv2.FILE_STORAGE_READ)
+    np.testing.assert_allclose(intri.getNode("dist_cam1").mat(), [coefficients])

@@ -1,11 +1,14 @@
 """The camera of every frame, where it moves: one projection, however it is read."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
 from imocap_core.artifacts.schemas import Camera, VideoMotion
+from imocap_core.camera.lens import Lens
 from imocap_core.camera.projection import intrinsics, project
 from imocap_core.export.tables import per_frame
 from imocap_core.problem.mirroring import mirrored_camera
@@ -37,6 +40,16 @@ def test_its_frames_project_as_it_does():
         some = np.array([0, 4])
         np.testing.assert_allclose(moving.project(points[some], some), np.array(pixels)[some])
         json.dumps({name: value.tolist() for name, value in frames.arrays().items()})
+
+
+def test_a_lens_is_drawn_and_belongs_to_its_focal_length():
+    points, pinhole = np.random.default_rng(1).normal(0, 0.5, (7, 3)), camera(None)
+    lens = Lens.of([-0.2, 0.05], intrinsics(400.0, SIZE))
+    bent = replace(pinhole, lens=lens)
+    np.testing.assert_allclose(bent.project(points), lens.distorted(pinhole.project(points)))
+    assert bent.distortion[0] == pytest.approx(-0.2 * (450 / 400) ** 2)
+    assert bent.distortion_at(intrinsics(400.0, SIZE)) == pytest.approx([-0.2, 0.05, 0, 0, 0])
+    assert not pinhole.distortion.any()
 
 
 def test_it_starts_in_its_first_place_and_walks_its_path():

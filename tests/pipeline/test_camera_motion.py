@@ -1,9 +1,13 @@
 """The stage camera_motion: with a video it looks, without one it says that it did not."""
 
+import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from imocap_core.artifacts.schemas import Keypoints, VideoKeypoints
+from imocap_core.camera.lens import Lens
+from imocap_core.camera.projection import intrinsics, warp
 from imocap_core.io.video import write_h264
 from imocap_core.params import CameraMotionParams, Params
 from imocap_core.pipeline.action import Action, Declaration
@@ -22,7 +26,7 @@ PARAMS = Params(
 )
 
 
-def keypoints_of(video, first=0, focal_px=None):
+def keypoints_of(video, first=0, focal_px=None, distortion=None):
     xy_px = np.full((FRAMES, 25, 2), 100.0)
     xy_px[3, 2] = np.nan
     box = np.tile([90.0, 90.0, 110.0, 110.0], (FRAMES, 1))
@@ -32,7 +36,7 @@ def keypoints_of(video, first=0, focal_px=None):
                 id="v1", fps=30.0, size=SIZE, layout="body25", video=video, focal_px=focal_px,
                 initial=None, initial_format=None, frames=np.arange(first, first + FRAMES),
                 xy_px=xy_px, confidence=np.isfinite(xy_px[..., 0]).astype(float),
-                person_box_px=box, tracks_found=1, presence=1.0, note="",
+                person_box_px=box, tracks_found=1, presence=1.0, note="", distortion=distortion,
             )
         ]
     )  # fmt: skip
@@ -92,3 +96,37 @@ def test_a_video_that_ends_too_early_is_named(sliding):
 def test_the_same_video_gives_the_same_numbers(sliding):
     one, two = (run(sliding, keypoints_of("v1.mp4")) for _ in range(2))
     assert np.array_equal(one.H_first_from_frame, two.H_first_from_frame)
+
+
+def test_a_declared_lens_is_taken_out_of_the_keypoints(tmp_path):
+    keypoints = keypoints_of(None, focal_px=300.0, distortion=(-0.25,))
+    stored = run(tmp_path, keypoints)
+    lens = Lens.of([-0.25], intrinsics(300.0, SIZE))
+    np.testing.assert_allclose(lens.distorted(stored.xy_first_px), keypoints.videos[0].xy_px)
+    assert stored.lens.source == "given"
+    assert stored.lens.coefficients.tolist() == [-0.25, 0, 0, 0, 0]
+    assert "its lens is corrected as declared (k1 -0.250" in stored.note
+
+
+def test_a_declared_lens_is_taken_out_of_the_background_too(tmp_path):
+    """What a lens shows of a turn is no homography; without the lens it is the turn again."""
+    K = intrinsics(300.0, SIZE)
+    lens = Lens.of([-0.25], K)
+    coarse = np.random.default_rng(0).integers(0, 255, size=(110, 160), dtype=np.uint8)
+    texture = np.repeat(np.kron(coarse, np.ones((4, 4), np.uint8))[:, :, None], 3, axis=2)
+    grid = np.stack(np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1])), axis=-1)
+    straight = lens.undistorted(grid.astype(float))
+    turns = Rotation.from_rotvec([[0, 0.012 * t, 0] for t in range(FRAMES)]).as_matrix()
+    H = K @ turns @ np.linalg.inv(K)
+    places = (warp(of_frame, straight) + (120, 120) for of_frame in H)
+    frames = (cv2.remap(texture, *np.moveaxis(p, -1, 0).astype(np.float32), 1) for p in places)
+    write_h264(tmp_path / "v1.mp4", frames, 30.0, crf=12)
+    stored = run(tmp_path, keypoints_of("v1.mp4", focal_px=300.0, distortion=(-0.25,)))
+    assert stored.motion == "rotating"
+    expected = warp(H[:, None], lens.undistorted(np.full((FRAMES, 1, 2), 100.0)))
+    np.testing.assert_allclose(stored.xy_first_px[:, :1], expected, atol=0.6)
+    told = run(tmp_path, keypoints_of("v1.mp4"))
+    assert told.lens.source == "rotation"
+    scale = (told.K[0, 0] / 300.0) ** 2  # the same displacement of pixels
+    assert told.lens.coefficients[0] == pytest.approx(-0.25 * scale, abs=3 * told.lens.k1_sd)
+    assert "its turning tells the lens, which is corrected" in told.note

@@ -28,6 +28,11 @@ def declared(**fields: Any) -> Declaration:
         ({"fps": 25.0}, r"v1\.fps: expected 29\.97, as a\.mp4 has, got 25"),
         ({"focal_px": 1e9}, r"v1\.focal_px: expected 128 to 32000 pixels .* 640 x 360, got 1e\+09"),
         ({"focal_px": 0.5}, r"v1\.focal_px: expected 128"),
+        (
+            {"focal_px": 400.0, "distortion": [-0.4]},
+            r"v1\.distortion: expected a lens that shows pictures of 640 x 360, got one that turns "
+            r"back on itself 243 pixels from the middle",
+        ),
     ],
 )
 def test_a_declaration_that_the_file_contradicts(fields: dict[str, Any], wrong: str) -> None:
@@ -76,3 +81,20 @@ def test_too_few_and_too_many_frames(frames: tuple[int, int] | None, count: int)
     with pytest.raises(ValueError, match=r"v1\.frames: expected at (least 3|most 200,000) frames"):
         _used_frames(declared(frames=frames), count, FILE)
     assert len(_used_frames(declared(), 3, FILE)) == 3
+
+
+@pytest.mark.parametrize(
+    ("fields", "wrong"),
+    [
+        ({"distortion": [-0.2]}, "distortion: expected focal_px beside it"),
+        ({"distortion": [], "focal_px": 600}, "distortion"),
+        ({"distortion": [1, 2, 3], "focal_px": 600}, "distortion: expected k1; k1, k2; k1, k2, p1"),
+        ({"distortion": [0.0] * 6, "focal_px": 600}, "distortion"),
+        ({"distortion": [float("nan")], "focal_px": 600}, "distortion"),
+        ({"distortion": -0.2, "focal_px": 600}, "distortion"),
+    ],
+)
+def test_distortions_that_are_no_lens(fields: dict[str, Any], wrong: str) -> None:
+    with pytest.raises(ValueError, match=wrong):
+        declared(**fields)
+    check_declared(declared(distortion=[-0.2, 0.05], focal_px=600.0), VIDEO, FILE)

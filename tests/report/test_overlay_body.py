@@ -6,11 +6,13 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import torch
 
 from imocap_core import rotations
+from imocap_core.camera.lens import Lens
 from imocap_core.film.overlay_body import (
     NEUTRAL_RGB,
     OverlayBody,
@@ -21,11 +23,13 @@ from imocap_core.film.overlay_body import (
 )
 from imocap_core.film.overlay_film import overlay_film
 from imocap_core.io.video import write_h264
+from imocap_core.viewer.pictures import cutter
 from tests.report.made import FPS, SIZE, K, Made
 
 
 def _cast(made: Made, files: dict[str, Path | None]) -> list[OverlayBody]:
-    return overlay_bodies(made.keypoints, made.camera_motion, made.true, None, files, made.model)
+    keypoints, cameras = made.keypoints, made.camera_motion
+    return overlay_bodies(keypoints, cameras, made.true, None, files, made.model, {})
 
 
 def _neutral() -> np.ndarray:
@@ -57,6 +61,39 @@ def test_the_body_covers_its_keypoints(made: Made) -> None:
             box = performer.keypoints.person_box_px[t]
             centre = (box[:2] + box[2:]) / 2
             assert np.abs([columns.mean(), rows.mean()] - centre).max() < 40
+
+
+def test_the_body_is_painted_where_the_lens_shows_it(made: Made) -> None:
+    pinhole = _cast(made, {"v1": Path("some.mp4")})[0]
+    lens = Lens.of([-0.3], K)
+    bent = Painter(replace(pinhole, lens=lens), made.model, alpha=1.0)
+    straight = Painter(pinhole, made.model, alpha=1.0)
+    grid = np.stack(np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1])), axis=-1)
+    source = lens.undistorted(grid.astype(float)).astype(np.float32)
+    expected = cv2.remap(straight(7, _neutral()), source[..., 0], source[..., 1], cv2.INTER_LINEAR)
+    painted, should, before = (
+        np.abs(image.astype(int) - _neutral()).max(axis=2) > 40
+        for image in (bent(7, _neutral()), expected, straight(7, _neutral()))
+    )
+    inside = (source > 0).all(-1) & (source < np.array(SIZE) - 1).all(-1)
+    assert (painted == should)[inside].mean() > 0.99
+    assert (painted != before).sum() > 3 * (painted != should)[inside].sum()
+
+
+def test_the_viewer_s_pictures_are_without_distortion() -> None:
+    lens = Lens.of([-0.3], K)
+    grid = np.stack(np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1])), axis=-1)
+    straight = np.repeat(grid[..., :1] % 256, 3, axis=2).astype(np.uint8)
+    marks = np.array([[200.0, 100.0], [150.0, 200.0]])
+    filmed = np.zeros((SIZE[1], SIZE[0], 3), np.uint8)
+    for x, y in lens.distorted(marks):
+        cv2.circle(filmed, (round(x), round(y)), 3, (255, 255, 255), -1)
+    shown = cutter((0, 0, *SIZE), lens)(filmed)
+    for x, y in marks.astype(int):
+        assert shown[y, x].min() > 128
+    part = cutter((100, 50, 120, 100), lens)(filmed)
+    np.testing.assert_array_equal(part, shown[50:150, 100:220])
+    np.testing.assert_array_equal(cutter((5, 7, 60, 50), None)(straight), straight[7:57, 5:65])
 
 
 def test_a_part_of_the_picture_is_painted_as_the_part_of_the_whole(made: Made) -> None:

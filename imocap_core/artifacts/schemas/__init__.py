@@ -1,7 +1,11 @@
 """What each artifact contains, one file a stage; `base` checks arrays when a value is made."""
 
 from imocap_core.artifacts.schemas.base import Artifact, Floats, Floats32, Ints, Shape, Value
-from imocap_core.artifacts.schemas.camera_motion import CameraMotion, VideoCameraMotion
+from imocap_core.artifacts.schemas.camera_motion import (
+    CameraMotion,
+    LensDistortion,
+    VideoCameraMotion,
+)
 from imocap_core.artifacts.schemas.evaluate import Evaluate, Table
 from imocap_core.artifacts.schemas.hands import Hands, VideoHands
 from imocap_core.artifacts.schemas.keypoints import (
@@ -60,6 +64,7 @@ __all__ = [
     "Ints",
     "Keypoints",
     "LeftOutVideo",
+    "LensDistortion",
     "NearPair",
     "PathUnit",
     "RefineSync",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -11,8 +11,24 @@ from imocap_core.artifacts.schemas.base import Artifact, Floats, Ints, Shape, Va
 from imocap_core.identifiers import Id
 
 
+class LensDistortion(Value):
+    """Distortion of a lens, in OpenCV's convention, relative to the focal length in K."""
+
+    OPTIONAL: ClassVar[frozenset[str]] = frozenset({"k1_sd"})
+
+    source: Literal["given", "rotation"]
+    coefficients: Annotated[Floats, Shape(5)]  # k1, k2, p1, p2, k3
+    k1_sd: float | None = None  # standard deviation of an estimate
+
+
 class VideoCameraMotion(Value):
-    """One camera. "first" is the first used frame of its video."""
+    """One camera. "first" is the first used frame of its video.
+
+    All but the video's keypoints is of pictures without distortion: where there is a lens, points
+    are undistorted before anything else.
+    """
+
+    OPTIONAL: ClassVar[frozenset[str]] = frozenset({"lens"})
 
     id: Id
     K: Annotated[Floats, Shape(3, 3)]  # of the first frame
@@ -29,6 +45,7 @@ class VideoCameraMotion(Value):
     # initial_smpl gives in metres, and their standard deviations; empty where none is known
     path: Annotated[Floats, Shape("P", 3)] = Field(default_factory=lambda: np.zeros((0, 3)))
     path_sd: Annotated[Floats, Shape("P")] = Field(default_factory=lambda: np.zeros(0))
+    lens: LensDistortion | None = None  # None: taken to be a pinhole
 
 
 class CameraMotion(Artifact):

@@ -39,7 +39,7 @@ class VideoKeypoints(Value):
     """
 
     OPTIONAL: ClassVar[frozenset[str]] = frozenset(
-        {"hands", "damaged", "moments", "corrected", "performer"}
+        {"hands", "damaged", "moments", "corrected", "performer", "distortion"}
     )
 
     id: Id
@@ -62,6 +62,7 @@ class VideoKeypoints(Value):
     moments: SourceMoments | None = None  # None where the frame rate is constant
     corrected: CorrectedMarks | None = None  # None where the keypoints are as detected
     performer: Id | None = None  # as declared; None: the action has one
+    distortion: tuple[float, ...] | None = None  # declared: OpenCV's k1, k2, p1, p2, k3
 
     @model_validator(mode="after")
     def _every_frame_has_a_moment(self) -> VideoKeypoints:

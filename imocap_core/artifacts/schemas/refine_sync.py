@@ -23,7 +23,9 @@ class EventCamera(Value):
     """A camera calibrated from one event: what `Camera` does not have, and the errors it claims."""
 
     id: Id
-    distortion: float  # radial: a ray at r focal lengths from the axis is seen at r (1 + k r^2)
+    # radial: a ray at r focal lengths from the axis is seen at r (1 + k r^2); 0: straight, or taken
+    # out of the keypoints before (`lens` of camera_motion)
+    distortion: float
     offset_frames: float  # frame of this video, among its used frames, at the reference's first
     rate: float  # frames of this video a frame of the reference
     median_px: float  # of the reprojection errors, the detector's constant ones taken off

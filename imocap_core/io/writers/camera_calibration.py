@@ -3,7 +3,7 @@
 `Calib.toml`: Pose2Sim's and aniposelib's tables, a camera each (Pose2Sim's utilities convert it to
 and from the formats of other programs). `intri.yml` and `extri.yml`: OpenCV's FileStorage with
 EasyMocap's names. Rotations are rotation vectors and matrices camera from world, lengths metres,
-distortions OpenCV's k1, k2, p1, p2.
+distortions OpenCV's k1, k2, p1, p2 and, where it is not 0, k3.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class CameraCalibration:
     Attributes:
         id: the video; size: width and height, pixels.
         K: (3, 3) pixels; R: (3, 3) and t: (3,) metres, camera from world.
-        distortion: OpenCV's k1.
+        distortion: OpenCV's k1, k2, p1, p2, k3, relative to K.
     """
 
     id: str
@@ -33,12 +33,13 @@ class CameraCalibration:
     K: Float[np.ndarray, "3 3"]
     R: Float[np.ndarray, "3 3"]
     t: Float[np.ndarray, " 3"]
-    distortion: float
+    distortion: tuple[float, ...]
 
     @property
     def distortions(self) -> list[float]:
-        """k1, k2, p1, p2."""
-        return [self.distortion, 0.0, 0.0, 0.0]
+        """k1, k2, p1, p2 and, where it is not 0, k3, which not every program reads."""
+        filled = [*self.distortion, *[0.0] * (5 - len(self.distortion))]
+        return filled if filled[4] else filled[:4]
 
 
 def write_calibration(out: Path, cameras: Sequence[CameraCalibration]) -> list[Path]:
@@ -80,7 +81,7 @@ def intri_yml(cameras: Sequence[CameraCalibration]) -> str:
     matrices = {}
     for camera in cameras:
         matrices[f"K_{camera.id}"] = camera.K
-        matrices[f"dist_{camera.id}"] = np.array([[*camera.distortions, 0.0]])
+        matrices[f"dist_{camera.id}"] = np.array([[*camera.distortions, 0.0][:5]])
     return _file_storage([camera.id for camera in cameras], matrices)
 
 

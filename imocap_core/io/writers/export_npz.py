@@ -65,6 +65,7 @@ class ExportedVideo:
     phase_s: Float[np.ndarray, " T"] | None = None  # on the common timeline: reference seconds
     time_s: Float[np.ndarray, " T"] | None = None  # in a file of variable frame rate
     per_frame: CameraFrames | None = None  # K, R, t are those of the first frame
+    distortion: Float[np.ndarray, " 5"] | None = None  # OpenCV's k1, k2, p1, p2, k3, of K
 
 
 def write_video(folder: Path, video: ExportedVideo) -> Path:
@@ -83,6 +84,8 @@ def write_video(folder: Path, video: ExportedVideo) -> Path:
         more["time_s"] = video.time_s
     if video.per_frame is not None:
         more |= video.per_frame.arrays()
+    if video.distortion is not None:
+        more["distortion"] = video.distortion
     np.savez(
         file,
         poses=video.poses,
@@ -116,6 +119,7 @@ def write_cameras(folder: Path, videos: list[ExportedVideo], reference: str) -> 
                 "R": v.R.tolist(),
                 "t": v.t.tolist(),
                 "size": list(v.size),
+                **({} if v.distortion is None else {"distortion": v.distortion.tolist()}),
                 **({} if v.per_frame is None else _listed(v.per_frame)),
             }
             for v in videos

@@ -55,9 +55,13 @@ def transform(
 
 
 def calibration(
-    time_ns: int, video: str, K: Float[np.ndarray, "3 3"], size: tuple[int, int]
+    time_ns: int,
+    video: str,
+    K: Float[np.ndarray, "3 3"],
+    size: tuple[int, int],
+    distortion: Float[np.ndarray, " 5"],
 ) -> CameraCalibration:
-    """Intrinsics of pictures of `size` (width, height), without distortion."""
+    """Intrinsics of pictures of `size` (width, height); distortion: OpenCV's, of K."""
     P = np.concatenate([K, np.zeros((3, 1))], axis=1)
     return CameraCalibration(
         timestamp=_stamp(time_ns),
@@ -65,7 +69,7 @@ def calibration(
         width=size[0],
         height=size[1],
         distortion_model="plumb_bob",
-        D=[0.0] * 5,
+        D=distortion.tolist(),
         K=K.ravel().tolist(),
         R=np.eye(3).ravel().tolist(),
         P=P.ravel().tolist(),

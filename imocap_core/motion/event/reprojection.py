@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -22,7 +21,6 @@ from imocap_core.motion.event.rig import (
 )
 
 NEAREST_M = 0.01  # a point behind a camera counts as this far in front of it
-UNDISTORT_STEPS = 50
 LEAST_VIEWS = 2  # of a point: fewer do not place it
 
 
@@ -96,14 +94,3 @@ def derivatives(
     camera[..., RATE] = -samples.velocity_px * (rig.rate * moments[:, None])[:, None, :, None]
     camera[..., [0, 1], [CAMERA, CAMERA + 1]] = samples.size_px[:, None, :, None]
     return Derivatives(camera, by_x_cam @ rig.R)
-
-
-def undistorted(
-    xy_px: Float[np.ndarray, "*batch 2"], K: Float[np.ndarray, "3 3"], distortion: float
-) -> Float[np.ndarray, "*batch 2"]:
-    """Pixels as a lens without distortion would show them; NaN stays."""
-    lens = np.array([distortion, 0.0, 0.0, 0.0])
-    steps = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, UNDISTORT_STEPS, 1e-9)
-    pixels = np.ascontiguousarray(xy_px.reshape(-1, 1, 2))
-    straight = cv2.undistortPoints(pixels, K, lens, P=K, criteria=steps)
-    return np.asarray(straight, dtype=np.float64).reshape(xy_px.shape)

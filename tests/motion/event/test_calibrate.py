@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from imocap_core.motion.event.calibrate import calibrate
 from imocap_core.motion.event.normal import reduced
-from imocap_core.motion.event.reprojection import derivatives, project, undistorted
+from imocap_core.motion.event.reprojection import derivatives, project
 from imocap_core.motion.event.rig import CAMERA, OFFSET, RATE, CameraRig
 from tests.motion.event.made_event import disturbed, made_problem, true_rig
 
@@ -146,11 +146,3 @@ def test_the_size_of_the_world_is_that_of_the_bones() -> None:
     problem = made_problem(truth, np.random.default_rng(9))
     errors = [project(rig, problem.samples(rig)).error_px for rig in (truth, larger)]
     assert errors[0] == pytest.approx(errors[1], abs=1e-6)
-
-
-def test_undistorted_undoes_the_lens() -> None:
-    truth = true_rig(distortion=-0.2)
-    flat = np.random.default_rng(8).uniform(-0.4, 0.4, (50, 2))
-    K = truth.K[1]
-    bent = K[0, 0] * flat * (1 - 0.2 * (flat**2).sum(1, keepdims=True)) + K[:2, 2]
-    assert undistorted(bent, K, -0.2) == pytest.approx(K[0, 0] * flat + K[:2, 2], abs=1e-3)

@@ -1,0 +1,68 @@
+"""A turning camera tells its lens where tracks outside the fit agree, and only there."""
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from imocap_core.camera.lens import Lens
+from imocap_core.camera.parallax import parallax_test
+from imocap_core.camera.projection import intrinsics
+from imocap_core.camera.turning_lens import TurningLens
+from tests.camera.moving_tracks import FOCAL, FRAMES, SIZE, room_points, tracks_of, turning
+
+SPOT = np.zeros((FRAMES, 3))
+CORNER = float(np.linalg.norm((np.array(SIZE) - 1) / 2))
+
+
+@lru_cache
+def told(distortion, widest_deg=12.0, seed=0, **options):
+    rng = np.random.default_rng(seed)
+    tracks = tracks_of(room_points(rng), turning(widest_deg), SPOT, rng, distortion=distortion)
+    return tracks, parallax_test(tracks, FRAMES, SIZE, None, **options)
+
+
+@pytest.mark.parametrize("distortion", [-0.13, 0.1])
+def test_a_bent_lens_is_told_within_its_claimed_error(distortion):
+    _, test = told(distortion)
+    assert test.lens.certain
+    assert test.lens.distortion == pytest.approx(distortion, abs=3 * test.lens.sd)
+    assert 0.001 < test.lens.sd < 0.02
+    lens, k1_sd = test.lens.lens(intrinsics(FOCAL, SIZE), SIZE)
+    assert lens.coefficients[0] == pytest.approx(distortion * (FOCAL / CORNER) ** 2, abs=3 * k1_sd)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_pinhole_is_not_corrected(seed):
+    _, test = told(0.0, seed=seed)
+    assert test.lens is None or not test.lens.certain
+    assert "lens" not in test.words
+
+
+def test_tracks_of_a_known_lens_are_taken_as_straight():
+    tracks, _ = told(-0.13)
+    lens = Lens.of([-0.13], np.diag([CORNER, CORNER, 1.0]))
+    lens.K[:2, 2] = (np.array(SIZE) - 1) / 2
+    test = parallax_test(tracks.undistorted(lens), FRAMES, SIZE, None, straight=True)
+    assert test.verdict == "none"
+    assert test.lens is None
+    assert test.tripod.distortion == pytest.approx(0.0, abs=1e-4)
+    assert test.off_px < 1.0
+
+
+@pytest.mark.parametrize(
+    ("changed", "certain"),
+    [
+        ({}, True),
+        ({"distortion": 0.01}, False),
+        ({"sd": 0.04}, False),
+        ({"gain": 0.05}, False),
+        ({"sigmas": 2.0}, False),
+        ({"apart": 0.05}, False),
+    ],
+)
+def test_every_condition_is_needed(changed, certain):
+    clear = {"distortion": -0.1, "sd": 0.006, "gain": 0.3, "sigmas": 6.0, "apart": 0.002}
+    lens = TurningLens(**(clear | changed))
+    assert lens.certain is certain
+    assert ("give `distortion`" in lens.words) == (not certain and abs(lens.distortion) >= 0.04)
