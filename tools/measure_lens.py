@@ -141,8 +141,8 @@ def main() -> None:
         for part in ("videos", "keypoints", "truth.npz"):
             if not (folder / part).exists():
                 (folder / part).symlink_to((films / part).resolve())
-        known = {"focal_px", "distortion"}.difference(fields)
-        entries = [{k: v for k, v in entry.items() if k not in known} for entry in videos]
+        hidden = {"focal_px", "distortion"}.difference(fields)
+        entries = [{k: v for k, v in entry.items() if k not in hidden} for entry in videos]
         action = {"name": name, "videos": entries, "truth": "truth.npz"}
         (folder / "action.yaml").write_text(yaml.safe_dump(action, sort_keys=False))
         print("|", given.seed, "|", case, "|", row(given.root, name, sets), "|", flush=True)
