@@ -160,7 +160,11 @@ def _opensim(out: Path, result: ActionResult, options: ExportOptions) -> list[Pa
 
 
 def _csv(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
-    return _a_file_each(out, result, "_joints.csv", write_joints_csv)
+    files = []
+    for video in result:
+        files.append(out / f"{video.id}_joints.csv")
+        write_joints_csv(files[-1], clip_of(video, shaped_body(video)), video.joint_sd_mm)
+    return files
 
 
 def _a_file_each(

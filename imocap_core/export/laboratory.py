@@ -8,7 +8,6 @@ from jaxtyping import Float
 from imocap_core.biomechanics.joint_angles import MIDDLE, PAIRED
 from imocap_core.biomechanics.markers import marker_vertices
 from imocap_core.biomechanics.segments import SIDES
-from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.writers.c3d import C3dEvent, C3dTrial
 from imocap_core.result.events import contact_events
 from imocap_core.result.video import VideoResult
@@ -28,8 +27,6 @@ def trial_of(video: VideoResult, up: str) -> C3dTrial:
     markers = {name: joints[:, j] for j, name in enumerate(video.joint_names)}
     surface = surface_points_m(video)
     markers |= {name: MM * points * shown[:, None] for name, points in surface.items()}
-    sigma = video.uncertainty
-    sd = {} if sigma is None else dict(zip(SMPL_JOINTS, sigma.T, strict=True))
     angles, about = _angle_points(video, up)
     return C3dTrial(
         subject=video.performer or video.action,
@@ -37,7 +34,7 @@ def trial_of(video: VideoResult, up: str) -> C3dTrial:
         fps=float(video.fps),
         first=_first_frame(video),
         markers_mm=markers,
-        sd_mm=sd,
+        sd_mm=video.joint_sd_mm,
         angles_deg={label: values * shown[:, None] for label, values in angles.items()},
         descriptions=dict.fromkeys(surface, "surface marker") | about,
         events=_contacts(video, up),

@@ -77,6 +77,7 @@ def npz_values(video: VideoResult, result: ActionResult) -> ExportedVideo:
         R=video.camera.R,
         t=video.camera.t,
         model=video.model,
+        joint_sd_mm=video.uncertainty,
         per_frame=per_frame(video.camera),
         distortion=None if video.camera.lens is None else video.camera.distortion,
         up_axis=result.up_axis,

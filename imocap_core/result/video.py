@@ -206,6 +206,12 @@ class VideoResult:
         return None if self.joint_uncertainty is None else self.joint_uncertainty.sigma_mm
 
     @property
+    def joint_sd_mm(self) -> dict[str, Float[np.ndarray, " T"]]:
+        """The same by joint; empty where the stage `uncertainty` has not run."""
+        sigma = self.uncertainty
+        return {} if sigma is None else dict(zip(SMPL_JOINTS, sigma.T, strict=True))
+
+    @property
     def covariance_mm2(self) -> Float[np.ndarray, "T 24 3 3"] | None:
         """(T, 24, 3, 3) covariance of SMPL's joints about the middle of the hips, world axes, mm^2.
 

@@ -47,13 +47,15 @@ def test_csv_comes_back(tmp_path: Path) -> None:
     inside = clip.inside.copy()
     inside[-1] = False
     frames = clip.frames + 0.25
-    write_joints_csv(
-        tmp_path / "v1.csv", replace(clip, phase_s=phase, inside=inside, frames=frames)
-    )
+    sd = {"left_wrist": np.where(np.arange(len(phase)) == 2, np.nan, 12.5)}
+    written = replace(clip, phase_s=phase, inside=inside, frames=frames)
+    write_joints_csv(tmp_path / "v1.csv", written, sd)
     with (tmp_path / "v1.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert [row["inside"] for row in rows] == ["1"] * 11 + ["0"]
     assert rows[3]["phase_s"] == ""
+    assert [row["left_wrist_sd_m"] for row in rows[1:4]] == ["0.012500", "", "0.012500"]
+    assert "right_wrist_sd_m" not in rows[0]
     assert rows[0]["frame"] == "7.25"
     for j, name in enumerate(clip.joint_names):
         ours = [[float(row[f"{name}_{axis}_m"]) for axis in "xyz"] for row in rows]

@@ -64,6 +64,7 @@ class ExportedVideo:
     inside: Bool[np.ndarray, " T"] | None = None  # on the common timeline: the video shows it
     phase_s: Float[np.ndarray, " T"] | None = None  # on the common timeline: reference seconds
     time_s: Float[np.ndarray, " T"] | None = None  # in a file of variable frame rate
+    joint_sd_mm: Float[np.ndarray, "T 24"] | None = None  # where the stage uncertainty has run
     per_frame: CameraFrames | None = None  # K, R, t are those of the first frame
     distortion: Float[np.ndarray, " 5"] | None = None  # OpenCV's k1, k2, p1, p2, k3, of K
 
@@ -82,6 +83,8 @@ def write_video(folder: Path, video: ExportedVideo) -> Path:
         more |= {"inside": video.inside, "phase_s": video.phase_s}
     if video.time_s is not None:
         more["time_s"] = video.time_s
+    if video.joint_sd_mm is not None:
+        more["joint_sd_mm"] = video.joint_sd_mm
     if video.per_frame is not None:
         more |= video.per_frame.arrays()
     if video.distortion is not None:
