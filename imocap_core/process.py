@@ -1,10 +1,11 @@
 """Thread count and memory allocator of this process, set only where a run begins.
 
-PyTorch and the linear algebra of NumPy and SciPy get one thread. The solver's blocks (75 to 150
+PyTorch, OpenCV and the linear algebra of NumPy and SciPy get one thread. The solver's blocks (75 to 150
 unknowns) are too small to benefit from multithreaded linear algebra; the solver uses one thread per
 motion instead. Every stage runs under the same settings, so results depend neither on the command
 that ran it nor on the machine's cores: products of large matrices are rounded differently on two
-threads (and were slower there).
+threads (and were slower there). OpenCV's pictures are small too, and several videos are tracked at a time:
+its own threads took a fifth of that stage's processor time.
 
 Freed memory is reused for new arrays. The solver allocates and frees arrays of megabytes all the
 time; by default glibc returns each to the system, which provides it again page by page, filled with
@@ -21,11 +22,14 @@ NEVER, LARGEST = 2**31 - 1, 32 * 2**20  # the largest MMAP_THRESHOLD that glibc 
 
 
 def configure_process() -> None:
-    """One thread for linear algebra, freed memory reused: for this process and all its threads."""
+    """One thread for linear algebra and pictures, freed memory reused: for this process and all its
+    threads."""
+    import cv2
     import scipy.linalg  # noqa: F401  (only libraries that are loaded can be limited)
     import torch
     from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
+    cv2.setNumThreads(1)
     torch.set_num_threads(1)
     threadpool_limits(1, user_api="blas")
     keep_freed_memory()
