@@ -79,18 +79,19 @@ def procrustes(
     enough = (w > 0).sum(axis=-1) >= MIN_POINTS
     unit = w / np.where(total > 0, total, 1.0)[..., None]
 
-    mean_x = np.einsum("...n,...nc->...c", unit, x)
-    mean_y = np.einsum("...n,...nc->...c", unit, y)
+    mean_x = (unit[..., None, :] @ x)[..., 0, :]
+    mean_y = (unit[..., None, :] @ y)[..., 0, :]
     x = x - mean_x[..., None, :]
     y = y - mean_y[..., None, :]
-    covariance = np.einsum("...n,...nr,...nc->...rc", unit, y, x)
+    weighted = np.swapaxes(unit[..., None] * x, -1, -2)
+    covariance = np.swapaxes(weighted @ y, -1, -2)
     U, singular, Vt = np.linalg.svd(covariance)
     sign = np.ones_like(singular)
     sign[..., 2] = np.where(np.linalg.det(U) * np.linalg.det(Vt) < 0, -1.0, 1.0)
     R = (U * sign[..., None, :]) @ Vt
     s = np.ones(total.shape)
     if scale:
-        spread = np.einsum("...n,...nc,...nc->...", unit, x, x)
+        spread = np.trace(weighted @ x, axis1=-2, axis2=-1)
         s = (singular * sign).sum(axis=-1) / np.where(spread > 0, spread, np.nan)
     t = mean_y - s[..., None] * np.einsum("...rc,...c->...r", R, mean_x)
     return Alignment(
@@ -194,6 +195,8 @@ def _usable(
     if x.shape[-1:] != (3,) or y.shape[-1:] != (3,) or x.shape[-2:] != y.shape[-2:]:
         raise ValueError(f"points must be (..., N, 3) with one N, got {x.shape} and {y.shape}")
     x, y = np.broadcast_arrays(x, y)
+    if weights is None and np.isfinite(x).all() and np.isfinite(y).all():
+        return x, y, np.ones(x.shape[:-1])
     usable = np.asarray(np.isfinite(x).all(axis=-1) & np.isfinite(y).all(axis=-1))
     w = np.ones(usable.shape) if weights is None else np.broadcast_to(weights, usable.shape)
     w = np.where(usable & np.isfinite(w), w, 0.0)

@@ -27,11 +27,12 @@ def stretched_edge_shares(
     rigid motion of each frame, and to a common scale of both surfaces. Edges without length at rest
     are left out.
     """
-    at_rest = _lengths(rest_m, edges)
+    at_rest = _squared_lengths(rest_m, edges)
     used = at_rest > 0
-    some, lengths = edges[used], at_rest[used]
-    frames = [np.abs(_lengths(frame, some) / lengths - 1) > STRETCH_LIMIT for frame in vertices_m]
-    return np.array([stretched.mean() for stretched in frames])
+    some, squared = edges[used], at_rest[used]
+    shortest, longest = (1 - STRETCH_LIMIT) ** 2 * squared, (1 + STRETCH_LIMIT) ** 2 * squared
+    frames = [_squared_lengths(frame, some) for frame in vertices_m]
+    return np.array([((x < shortest) | (x > longest)).mean() for x in frames])
 
 
 def closed_part(
@@ -80,10 +81,12 @@ def _directed_edges(faces: np.ndarray) -> np.ndarray:
     return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
 
 
-def _lengths(points_m: Float[np.ndarray, "V 3"], edges: Int[np.ndarray, "E 2"]) -> np.ndarray:
-    by_axis = points_m.T
-    difference = np.take(by_axis, edges[:, 0], axis=1) - np.take(by_axis, edges[:, 1], axis=1)
-    return np.asarray(np.sqrt(np.einsum("ce,ce->e", difference, difference)))
+def _squared_lengths(
+    points_m: Float[np.ndarray, "V 3"], edges: Int[np.ndarray, "E 2"]
+) -> Float[np.ndarray, " E"]:
+    first, second = np.ascontiguousarray(edges.T)
+    by_axis = (axis[first] - axis[second] for axis in np.ascontiguousarray(points_m.T))
+    return np.asarray(sum(difference * difference for difference in by_axis))
 
 
 def _signed(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:

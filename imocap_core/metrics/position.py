@@ -58,8 +58,8 @@ def joint_errors_mm(
 ) -> Float[np.ndarray, "T J"]:
     """Distance of every joint to its truth, NaN where either is missing."""
     predicted, true = _paired(predicted_m, true_m)
-    errors: np.ndarray = MM_PER_M * np.linalg.norm(predicted - true, axis=-1)
-    return errors
+    difference = predicted - true
+    return MM_PER_M * np.sqrt(np.einsum("tjc,tjc->tj", difference, difference))
 
 
 def mean_joint_errors_mm(

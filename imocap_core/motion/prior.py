@@ -61,8 +61,9 @@ class PosePrior:
         weight = self.weight.cpu().numpy().astype(float)
         component = rng.choice(len(weight), size=count, p=weight / weight.sum())
         noise = rng.standard_normal((count, self.mean.shape[1]))
-        cholesky = self.cholesky.cpu().numpy()[component]
-        deviation = np.einsum("cij,cj->ci", cholesky, noise)
+        deviation = np.empty_like(noise)
+        for c, cholesky in enumerate(self.cholesky.cpu().numpy()):
+            deviation[component == c] = noise[component == c] @ cholesky.T
         sampled: np.ndarray = self.mean.cpu().numpy()[component] + spread * deviation
         return sampled
 

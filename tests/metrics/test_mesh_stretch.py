@@ -40,6 +40,17 @@ def test_share_forgives_a_rigid_motion_and_a_common_scale() -> None:
     np.testing.assert_allclose(moved, expected)
 
 
+def test_share_is_that_of_edge_by_edge() -> None:
+    moved = CUBE + np.random.default_rng(2).normal(scale=0.4, size=(6, 8, 3))
+    edges = edges_of(FACES)
+    at_rest = [np.linalg.norm(CUBE[a] - CUBE[b]) for a, b in edges]
+    for vertices, share in zip(moved, stretched_edge_shares(moved, CUBE, edges), strict=True):
+        lengths = [np.linalg.norm(vertices[a] - vertices[b]) for a, b in edges]
+        changes = [abs(now / rest - 1) for now, rest in zip(lengths, at_rest, strict=True)]
+        assert share == np.mean([change > 0.4 for change in changes])
+        assert 0 < share < 1
+
+
 def test_an_edge_without_length_is_left_out() -> None:
     rest = CUBE.copy()
     rest[1] = rest[0]
