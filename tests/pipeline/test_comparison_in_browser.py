@@ -76,6 +76,19 @@ def test_a_sentence_leads_to_its_moment_and_its_curves(browser: Browser) -> None
     assert browser.value(button) == "true"
 
 
+def test_joints_are_measured_without_a_mouse(browser: Browser) -> None:
+    browser.value("imocap.act.measure(null)")
+    for joint in ("left hip", "left knee"):
+        browser.value(
+            f"document.getElementById('joint').value = imocap.page.model.joints.indexOf('{joint}')"
+        )
+        browser.value("document.getElementById('add').click()")
+    what, *each = measured(browser)
+    assert what == "from left hip to left knee"
+    assert all(20 < float(text.split(": ")[1].removesuffix(" cm")) < 60 for text in each)
+    browser.value("document.getElementById('clear').click()")
+
+
 def test_distances_and_angles_of_clicked_joints(browser: Browser) -> None:
     browser.value("imocap.act.measure(null)")
     joints = np.array(browser.value("imocap.actors().map(a => a.joints.slice(0, 22))"))
@@ -99,7 +112,7 @@ def test_distances_and_angles_of_clicked_joints(browser: Browser) -> None:
     assert each[1] == f"Bo: {np.degrees(np.arccos(cosine)):.0f}°"
     assert browser.value("document.querySelectorAll('#marks circle').length") == len(LEFT_ARM)
     browser.key("Escape")
-    assert measured(browser)[0].startswith("Click one joint")
+    assert measured(browser)[0].startswith("Click (or add) one joint")
 
 
 def test_every_shown_body_has_its_curve(browser: Browser, page: str) -> None:

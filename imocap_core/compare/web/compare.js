@@ -66,6 +66,7 @@ function start() {
     box.addEventListener("change", () => act.toggle(i));
     return box;
   });
+  page.model.joints.slice(0, BODY_JOINTS).forEach((name, joint) => $("joint").appendChild(new Option(name, joint)));
   for (const { name, label } of page.angles) $("angle").appendChild(new Option(label, name));
   const findings = page.findings.map((finding) => {
     const button = $("findings").appendChild(document.createElement("li")).appendChild(document.createElement("button"));
@@ -135,6 +136,10 @@ function start() {
     $("hover").style.transform = `translate(${e.offsetX + 12}px, ${e.offsetY - 26}px)`;
   });
   $("clear").addEventListener("click", () => act.measure(null));
+  $("add").addEventListener("click", () => {
+    const body = Math.max(0, state.on.indexOf(true));
+    act.measure({ body, joint: Number($("joint").value) });
+  });
   $("angle").addEventListener("change", () => act.angle($("angle").value));
   listenToTransport(page, act);
   const to = (e) => seeker && act.seek(seeker(e.offsetX));

@@ -17,7 +17,7 @@ function jointAt(actors, view, x, y) {
 
 // What is measured, in words. chosen: joints; names: of bodies; placeOf({body, joint}).
 function measured(chosen, bodies, joints, placeOf) {
-  if (!chosen.length) return "Click one joint for its height, two for their distance, three for an angle.";
+  if (!chosen.length) return "Click (or add) one joint for its height, two for their distance, three for an angle.";
   const alike = chosen.every((c) => c.body === chosen[0].body);
   const name = (c) => (alike ? joints[c.joint] : `${bodies[c.body].name}'s ${joints[c.joint]}`);
   const value = (places) => [
