@@ -19,6 +19,7 @@ from imocap_core.io.writers.mcap_view import entry, write_view
 
 K = np.array([[500.0, 0, 240], [0, 510, 135], [0, 0, 1]])
 R = Rotation.from_rotvec([0.2, -0.4, 2.5]).as_matrix()
+DISTORTION = np.array([-0.2, 0.05, 0.0, 0.0, 0.01])
 CENTRE = np.array([1.0, 2.0, 3.0])
 PLACES = np.array([[0.0, 0, 1], [0, 0.1, 1.5], [0.2, 0.1, 1.4]])
 TIMES = (0, 33_333_333, 2_500_000_000)
@@ -32,7 +33,7 @@ def write(file: Path) -> None:
     for time in reversed(TIMES):  # the file puts them in order
         made = {
             "camera/transform": foxglove.transform(time, "v1", R, CENTRE),
-            "camera/calibration": foxglove.calibration(time, "v1", K, (480, 270)),
+            "camera/calibration": foxglove.calibration(time, "v1", K, (480, 270), DISTORTION),
             "camera/image": foxglove.image(time, "v1", b"\xff\xd8 a picture"),
             "camera/keypoints": foxglove.keypoints(
                 time, np.array([[3.0, 4.0], [np.nan, 1.0], [5.0, 6.0]]), RED
