@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import tempfile
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,7 @@ from pathlib import Path
 from imocap_core.artifacts.file_memory import files_below
 from imocap_core.artifacts.shared import SharedFiles
 from imocap_core.errors import WorkFailed
-from imocap_core.library.action_files import action_files
+from imocap_core.library.action_files import action_files, portable_files
 from imocap_core.library.action_record import ActionRecord, input_name, read_record, record_name
 from imocap_core.library.door import plain_errors
 from imocap_core.library.folder_archive import unpack
@@ -77,7 +78,7 @@ def bring_up_to_date(workspace: Workspace, shared: SharedFiles, record: ActionRe
     WorkFailed when the folder has other content that was not pulled, or was changed since.
     """
     folder = workspace.root / "actions" / record.name
-    if _differing(folder, record.files) is None:
+    if _differing(folder, record.files) is None or _is_pushed(workspace, folder, record):
         return False
     with workspace.store.lock(record.name, lambda: None):
         different = _differing(folder, record.files)
@@ -99,6 +100,19 @@ def bring_up_to_date(workspace: Workspace, shared: SharedFiles, record: ActionRe
                 os.replace(folder, old)
             os.replace(fresh, folder)
     return True
+
+
+def _is_pushed(workspace: Workspace, folder: Path, record: ActionRecord) -> bool:
+    """Whether a folder, whose videos may lie elsewhere, is the action that a push makes a record
+    of."""
+    if folder.is_symlink():
+        return False
+    with suppress(WorkFailed, OSError), tempfile.TemporaryDirectory() as aside:
+        declared = read_action(folder)
+        chosen = settings(workspace.pipeline(), declared.params, declared.file, [])
+        files = portable_files(declared, chosen, Path(aside))
+        return {path: content_digest(file) for path, file in files.items()} == record.files
+    return False
 
 
 def _fetch(shared: SharedFiles, path: str, digest: str, draft: Path, fresh: Path) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from imocap_core.artifacts.shared import SharedFiles
 from imocap_core.errors import ArtifactCorrupt, WorkFailed
-from imocap_core.library.action_files import action_files
+from imocap_core.library.action_files import portable_files
 from imocap_core.library.action_record import (
     ActionRecord,
     input_name,
@@ -44,6 +44,9 @@ def push(
 ) -> PushedAction:
     """Copy an action and its current results into a shared store; what is there stays.
 
+    Files of videos that lie outside the action's folder are taken along into it: the action that is
+    pulled has them in `videos`, `keypoints` or `initial`, and names them there.
+
     Args:
         action: its name below root/actions, or the path of its folder.
         store: URL or folder of the store.
@@ -52,19 +55,20 @@ def push(
     Raises:
         WrongUse: no such action.
         WorkFailed: the store cannot be used or has another action of this name, or a file of the
-            action lies outside its folder.
+            action is missing or has no place on another machine.
     """
     workspace = Workspace(Path(root), store)
     job = workspace.job(str(action), [])
     shared = job.store.shared
     assert shared is not None
     name = job.action.name
-    paths = action_files(job.action, job.settings)
-    digests = {path: content_digest(file) for path, file in paths.items()}
-    before = None if replace else read_record(shared, record_name(name))
-    if before is not None and before.files != digests:
-        raise WorkFailed(_refusal(shared, name, before.files, digests))
-    new = push_files(shared, paths, digests, replace=replace)
+    with tempfile.TemporaryDirectory() as aside:
+        paths = portable_files(job.action, job.settings, Path(aside))
+        digests = {path: content_digest(file) for path, file in paths.items()}
+        before = None if replace else read_record(shared, record_name(name))
+        if before is not None and before.files != digests:
+            raise WorkFailed(_refusal(shared, name, before.files, digests))
+        new = push_files(shared, paths, digests, replace=replace)
     results = _push_results(job)
     write_record(shared, record_name(name), ActionRecord(name=name, files=digests, results=results))
     return PushedAction(name, list(digests), new, list(results))

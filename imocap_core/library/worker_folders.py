@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,7 +17,7 @@ from typing import Any
 
 from imocap_core.errors import WorkFailed
 from imocap_core.executors.task import Report, Task
-from imocap_core.library.action_files import action_files
+from imocap_core.library.action_files import portable_files
 from imocap_core.library.action_record import (
     ActionRecord,
     input_name,
@@ -62,9 +63,10 @@ def shared_tasks_of(
     job = workspace.job(action, list(sets))
     shared = job.store.shared
     assert shared is not None
-    paths = action_files(job.action, job.settings)
-    digests = {path: content_digest(file) for path, file in paths.items()}
-    push_files(shared, paths, digests)
+    with tempfile.TemporaryDirectory() as aside:
+        paths = portable_files(job.action, job.settings, Path(aside))
+        digests = {path: content_digest(file) for path, file in paths.items()}
+        push_files(shared, paths, digests)
     record = ActionRecord(name=job.action.name, files=digests)
     name = input_name(hashlib.sha256(record.model_dump_json().encode()).hexdigest())
     if not shared.has(name):

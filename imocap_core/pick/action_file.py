@@ -13,9 +13,9 @@ import yaml
 from imocap_core.errors import WorkFailed
 from imocap_core.limits import MAX_YAML_BYTES, must_be_small_enough
 from imocap_core.pick.changes import Counts, apply_edits
-from imocap_core.pick.document import edited_text
 from imocap_core.pick.edits import Edit
 from imocap_core.pipeline.action import FILE_NAME, Action, action_of
+from imocap_core.pipeline.edited_yaml import edited_text
 from imocap_core.pipeline.yaml_file import load_yaml_text
 from imocap_core.whole_files import write_whole
 

@@ -18,6 +18,7 @@ from typing import Any
 from imocap_core.pipeline.action import DETECT, Action
 from imocap_core.pipeline.content import content_digest
 from imocap_core.pipeline.graph import Pipeline, RunSettings
+from imocap_core.pipeline.places import placed
 from imocap_core.pipeline.source import closure
 from imocap_core.pipeline.stage import Read
 
@@ -129,7 +130,7 @@ def _changed_leaves(title: str, former: Mapping[str, str], now: Mapping[str, str
 def _reads(kind: Read, action: Action) -> Iterator[tuple[str, str | Path]]:
     """What a kind of read stands for: each by a name, a digest or the file that is read."""
     if kind == "declarations":
-        for video in action.videos:
+        for video in placed(action.videos):
             text = _canonical(video.model_dump(mode="json", by_alias=True))
             yield f"declarations {video.id}", hashlib.sha256(text.encode()).hexdigest()
         order = _canonical([video.id for video in action.videos])

@@ -58,6 +58,7 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 from imocap_core.errors import WorkFailed
 from imocap_core.pipeline.action import DETECT, Action, Declaration
 from imocap_core.pipeline.hints import AnchorEntry, ForbiddenEntry
+from imocap_core.pipeline.places import placed
 
 if TYPE_CHECKING:
     import numpy as np
@@ -90,9 +91,10 @@ class Context:
         return np.random.default_rng([self.seed, *self.stage.encode()])
 
     def declarations(self) -> tuple[Declaration, ...]:
-        """The videos as action.yaml declares them (reads: declarations)."""
+        """The videos as action.yaml declares them, with their files inside the action's folder
+        (`places`), so that results do not depend on where they lie (reads: declarations)."""
         self._must_read("declarations")
-        return self._action.videos
+        return placed(self._action.videos)
 
     def action_file(self) -> Path:
         """Path of action.yaml, for messages."""

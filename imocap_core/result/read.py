@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal, TypeVar
@@ -28,6 +29,7 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.camera.world import BodyMotion, Extrinsics, to_world
 from imocap_core.errors import WorkFailed
+from imocap_core.pipeline.action import read_action
 from imocap_core.problem.ground import ground_of
 from imocap_core.problem.lenses import lenses_of
 from imocap_core.result.artifacts import Artifacts
@@ -75,6 +77,7 @@ def read_result(
     cameras = {camera.id: camera for camera in motion.cameras}
     detections = {v.id: v for v in keypoints.videos}
     refined = artifacts.get(RefineSync) if stage == "refine_sync" else None
+    files = _files(keypoints, folder)
     lenses = {} if camera_motion is None else lenses_of(camera_motion, refined)
     videos = [
         _video(
@@ -87,7 +90,7 @@ def read_result(
             sync,
             action=artifacts.action,
             model=f"{motion.model} {motion.model_digest}",
-            folder=folder,
+            file=files.get(v.id),
             hands=_hands(fingers.get(v.id)),
             uncertainty=_uncertainty(sigmas.get(v.id)),
         )
@@ -145,7 +148,7 @@ def _video(
     *,
     action: str,
     model: str,
-    folder: Path | None,
+    file: Path | None,
     hands: HandMotion | None,
     uncertainty: JointUncertainty | None,
 ) -> VideoResult:
@@ -154,7 +157,7 @@ def _video(
         id=motion.id,
         action=action,
         keypoints=detections,
-        video=_file(detections, folder),
+        video=file,
         camera=camera,
         fps=detections.fps,
         frames=detections.source_frames,
@@ -173,11 +176,15 @@ def _video(
     )
 
 
-def _file(detections: VideoKeypoints, folder: Path | None) -> Path | None:
-    if folder is None or detections.video is None:
-        return None
-    file = folder / detections.video
-    return file if file.is_file() else None
+def _files(keypoints: Keypoints, folder: Path | None) -> dict[str, Path]:
+    """The video files that exist, where the action.yaml of a folder has them now."""
+    if folder is None:
+        return {}
+    places = {video.id: video.video for video in keypoints.videos}
+    with suppress(WorkFailed):
+        places |= {video.id: video.video for video in read_action(folder).videos}
+    paths = {video: folder / place for video, place in places.items() if place is not None}
+    return {video: path for video, path in paths.items() if path.is_file()}
 
 
 def _camera(

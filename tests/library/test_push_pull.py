@@ -6,7 +6,6 @@ import json
 import shutil
 import zipfile
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -14,10 +13,8 @@ import imocap
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.library.action_record import must_be_inside
 from imocap_core.library.folder_archive import pack, unpack
-from tests.pipeline.conftest import toy  # noqa: F401  (a fixture)
-
-if TYPE_CHECKING:
-    from tests.pipeline.conftest import Toy
+from imocap_core.pipeline.allowed_scripts import VARIABLE
+from tests.pipeline.conftest import Toy, toy  # noqa: F401  (a fixture)
 
 OUTSIDE = ["../v1.txt", "a/../../b", "/etc/passwd", "..", "", "a\\..\\b", "c:/x", "a\nb", ".git/x"]
 
@@ -109,16 +106,110 @@ def test_what_was_pulled_follows_the_store_until_somebody_changes_it(
     assert (elsewhere / "actions/toy/notes.txt").read_text() == "mine"
 
 
-def test_a_file_outside_the_folder_is_not_pushed(
+OUTSIDE_YAML = """# two clips from elsewhere
+name: toy
+videos:
+  - {id: v1, keypoints: ../../films/clip.txt, fps: 30.0, size: [640, 360]}  # the first
+  - {id: v2, keypoints: ../../other/clip.txt, fps: 30.0, size: [640, 360]}
+"""
+
+
+def with_files_elsewhere(toy: Toy) -> None:  # noqa: F811
+    """Both files of the action lie outside its folder, under one name."""
+    for folder, number in (("films", "1.0"), ("other", "2.0")):
+        (toy.root / folder).mkdir()
+        (toy.root / folder / "clip.txt").write_text(number)
+    (toy.action / "action.yaml").write_text(OUTSIDE_YAML)
+
+
+def test_files_outside_the_folder_are_taken_along(
+    toy: Toy,  # noqa: F811
+    store: str,
+    elsewhere: Path,
+) -> None:
+    with_files_elsewhere(toy)
+    assert toy.imocap(["run", "toy"]) == 0
+    pushed = imocap.push("toy", store=store, root=toy.root)
+    assert pushed.files == ["action.yaml", "keypoints/clip.txt", "keypoints/v2_clip.txt"]
+    assert (toy.action / "action.yaml").read_text() == OUTSIDE_YAML
+    pulled = imocap.pull("toy", store=store, root=elsewhere)
+    assert (pulled.results, pulled.missing) == (pushed.results, [])
+    there = elsewhere / "actions/toy"
+    assert (there / "keypoints/v2_clip.txt").read_text() == "2.0"
+    expected = OUTSIDE_YAML.replace("../../films/clip.txt", "keypoints/clip.txt")
+    expected = expected.replace("../../other/clip.txt", "keypoints/v2_clip.txt")
+    assert (there / "action.yaml").read_text().split() == expected.split()
+    states = [imocap.status("toy", root=root) for root in (toy.root, elsewhere)]
+    assert {s.state for s in states[1]} == {"cached"}
+    assert imocap.push("toy", store=store, root=elsewhere).new_files == []
+    assert imocap.push("toy", store=store, root=toy.root).new_files == []
+
+
+def test_a_pulled_action_runs_to_the_same_digests(
+    toy: Toy,  # noqa: F811
+    store: str,
+    elsewhere: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with_files_elsewhere(toy)
+    imocap.push("toy", store=store, root=toy.root)
+    imocap.pull("toy", store=store, root=elsewhere)
+    assert toy.imocap(["run", "toy"]) == 0
+    monkeypatch.setenv(VARIABLE, str(elsewhere))
+    assert Toy(elsewhere).imocap(["run", "toy"]) == 0
+    assert toy.digests() == Toy(elsewhere).digests() != {}
+
+
+def test_what_was_pushed_may_be_pulled_where_it_came_from(
     toy: Toy,  # noqa: F811
     store: str,
 ) -> None:
-    (toy.root / "actions/clip.txt").write_text("1")
-    text = (toy.action / "action.yaml").read_text().replace("v1.txt", "../clip.txt")
+    with_files_elsewhere(toy)
+    imocap.push("toy", store=store, root=toy.root)
+    assert not imocap.pull("toy", store=store, root=toy.root).new
+    assert (toy.action / "action.yaml").read_text() == OUTSIDE_YAML
+    (toy.root / "films/clip.txt").write_text("7")
+    with pytest.raises(WorkFailed, match="it stays as it is"):
+        imocap.pull("toy", store=store, root=toy.root)
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence"),
+    [
+        ("../nowhere.txt", r"videos.0.keypoints: there is no .*nowhere.txt"),
+        ("../a:b.txt", r"videos.0.keypoints: ../a:b.txt .* no place on another machine"),
+        ("../.hidden/..", r"videos.0.keypoints: ../.hidden/.. .* no place on another machine"),
+    ],
+)
+def test_a_file_that_cannot_be_taken_along_is_named(
+    toy: Toy,  # noqa: F811
+    store: str,
+    name: str,
+    sentence: str,
+) -> None:
+    (toy.root / "actions/a:b.txt").write_text("1")
+    (toy.root / "actions/.hidden").mkdir()
+    text = (toy.action / "action.yaml").read_text().replace("v1.txt", f'"{name}"')
     (toy.action / "action.yaml").write_text(text)
-    with pytest.raises(WorkFailed, match=r"videos.0.keypoints: ../clip.txt lies outside"):
+    with pytest.raises(WorkFailed, match=sentence):
         imocap.push("toy", store=store, root=toy.root)
     assert not record(store).exists()
+
+
+def test_a_link_is_taken_along_as_what_it_leads_to(
+    toy: Toy,  # noqa: F811
+    store: str,
+    elsewhere: Path,
+) -> None:
+    (toy.root / "real.txt").write_text("5")
+    (toy.root / "actions/link.txt").symlink_to(toy.root / "real.txt")
+    text = (toy.action / "action.yaml").read_text().replace("v1.txt", "../link.txt")
+    (toy.action / "action.yaml").write_text(text)
+    imocap.push("toy", store=store, root=toy.root)
+    imocap.pull("toy", store=store, root=elsewhere)
+    pulled = elsewhere / "actions/toy/keypoints/link.txt"
+    assert pulled.read_text() == "5"
+    assert not pulled.is_symlink()
 
 
 @pytest.mark.parametrize("path", OUTSIDE)

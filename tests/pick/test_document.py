@@ -14,8 +14,8 @@ from pydantic import TypeAdapter
 
 from imocap_core.errors import WorkFailed
 from imocap_core.pick.changes import apply_edits
-from imocap_core.pick.document import edited_text
 from imocap_core.pick.edits import Edit
+from imocap_core.pipeline.edited_yaml import edited_text
 
 EDITS = TypeAdapter(list[Edit])
 COUNTS = {"v1": 90, "v2": 100, "v3": 50}
