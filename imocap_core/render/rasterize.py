@@ -47,17 +47,19 @@ def rasterize(
     candidates, plane = _front_faces(xy_px, depth, faces)
     low, high = _pixel_boxes(xy_px[faces[candidates]], size)
     extent = np.maximum(high - low + 1, 0)
-    count = extent[:, 0] * extent[:, 1]
+    extent[extent[:, 0] == 0, 1] = 0  # no rows of no columns
 
-    owner = np.repeat(np.arange(len(candidates)), count)
-    step = np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
-    columns = extent[owner, 0]
-    x = low[owner, 0] + step % columns
-    y = low[owner, 1] + step // columns
+    row_owner, row_step = _spread(extent[:, 1])  # the boxes' rows, then the rows' pixels
+    row_y = low[row_owner, 1] + row_step
+    row, step = _spread(extent[row_owner, 0])
+    owner, y = row_owner[row], row_y[row]
+    x = low[row_owner, 0][row] + step
 
-    coefficients = plane[owner]
-    weight_1 = coefficients[:, 0, 0] * x + coefficients[:, 0, 1] * y + coefficients[:, 0, 2]
-    weight_2 = coefficients[:, 1, 0] * x + coefficients[:, 1, 1] * y + coefficients[:, 1, 2]
+    of_row = plane[row_owner]
+    along_y = of_row[:, :, 1] * row_y[:, None]
+    weight_1, weight_2 = (
+        of_row[:, k, 0][row] * x + along_y[:, k][row] + of_row[:, k, 2][row] for k in range(2)
+    )
     weight_0 = 1.0 - weight_1 - weight_2
     inside = (weight_0 >= _EDGE) & (weight_1 >= _EDGE) & (weight_2 >= _EDGE)
 
@@ -76,6 +78,13 @@ def rasterize(
     chosen = winner[covered]
     weight = np.stack([weight_0[chosen], weight_1[chosen], weight_2[chosen]], axis=1)
     return Fragments(covered, candidates[owner[chosen]], weight, 1.0 / closeness[chosen])
+
+
+def _spread(count: Int[np.ndarray, " C"]) -> tuple[np.ndarray, np.ndarray]:
+    """Each index as often as it counts, and the number of each among those of its index."""
+    owner = np.repeat(np.arange(len(count)), count)
+    first = np.cumsum(count) - count
+    return owner, np.arange(len(owner)) - first[owner]
 
 
 def _front_faces(

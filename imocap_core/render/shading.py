@@ -33,15 +33,12 @@ def vertex_normals(
     vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
 ) -> Float[np.ndarray, "V 3"]:
     """Area-weighted unit normals, outward where faces are counter-clockwise."""
-    corners = vertices[faces]
-    face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    first, second, third = (np.ascontiguousarray(vertices.T)[:, side] for side in faces.T)
+    (ax, ay, az), (bx, by, bz) = second - first, third - first
+    cross = (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
     flat = faces.ravel()
     summed = np.stack(
-        [
-            np.bincount(flat, np.repeat(face_normals[:, k], 3), minlength=len(vertices))
-            for k in range(3)
-        ],
-        axis=1,
+        [np.bincount(flat, np.repeat(c, 3), minlength=len(vertices)) for c in cross], axis=1
     )
     length = np.linalg.norm(summed, axis=1, keepdims=True)
     return summed / np.where(length > 0, length, 1.0)
