@@ -35,9 +35,9 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-def at_once(work: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
-    """Map on as many threads as there are cores."""
-    workers = max(1, min(len(items), cores()))
+def at_once(work: Callable[[Any], Any], items: Sequence[Any], most: int | None = None) -> list[Any]:
+    """Map on as many threads as there are cores, or `most` where that is fewer."""
+    workers = max(1, min(len(items), cores() if most is None else min(cores(), most)))
     with ThreadPoolExecutor(workers) as pool:
         return on(pool)(work, items)
 

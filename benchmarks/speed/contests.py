@@ -21,13 +21,13 @@ from benchmarks.sync.speed import VIDEOS, made_poses
 from imocap_core.body import keypoints_with_jacobian, load_free_body
 from imocap_core.params import FitParams, MotionParams, SyncParams
 from imocap_core.rotations import exp
-from imocap_core.sync.blocks import Blocks
+from imocap_core.sync.block_maps import BlockMaps
 from imocap_core.sync.cycle.methods import relax
+from imocap_core.sync.pair_comparison import compared_pairs
 from imocap_core.sync.pairwise.distance_matrix import distance_matrix
 from imocap_core.sync.pairwise.procrustes import procrustes_distances
 from imocap_core.sync.warp.clocks import Clocks
 from imocap_core.sync.warp.dtw import dtw
-from imocap_core.sync.warp.soft_maps import pairwise_soft_maps
 
 SECONDS = 8.0  # for each size
 MOST_TIMES = 10.0  # of Gauss-Newton's time, after which a rival of it is stopped
@@ -53,10 +53,8 @@ def cycle_consistency(params: SyncParams) -> list[RatioRow]:
     """Soft maps of four videos made consistent, by the default and by the dense solver."""
     entrants = []
     for frames in CYCLE_FRAMES:
-        maps, blocks = _soft_maps(frames, params)
-        ours, rival = (
-            partial(_relaxed, method, maps, blocks, params) for method in (params.method, "svt")
-        )
+        maps = _soft_maps(frames, params)
+        ours, rival = (partial(_relaxed, method, maps, params) for method in (params.method, "svt"))
         entrants.append(Entrants(frames, ours, rival))
     name = f"cycle consistency ({params.method})"
     return contest(name, "ADMM with dense SVDs", "frames in 4 videos", entrants, SECONDS)
@@ -129,15 +127,14 @@ def _solver_row(name: str, solver: str, frames: int, raced: Sequence[RaceRow]) -
     )
 
 
-def _soft_maps(frames: int, params: SyncParams) -> tuple[Float[np.ndarray, "N N"], Blocks]:
+def _soft_maps(frames: int, params: SyncParams) -> BlockMaps:
     poses, fps = made_poses(frames, np.random.default_rng(frames)), [FPS] * VIDEOS
     distances = distance_matrix(poses, None, None, fps, params)
-    maps = pairwise_soft_maps(distances, Clocks(fps, np.ones(VIDEOS)), params)[0]
-    return maps, distances.blocks
+    return compared_pairs(distances, Clocks(fps, np.ones(VIDEOS)), params).soft_maps
 
 
-def _relaxed(method: str, maps: np.ndarray, blocks: Blocks, params: SyncParams) -> object:
-    return relax(method, maps, blocks, rounds=params.rounds, rng=np.random.default_rng(0))
+def _relaxed(method: str, maps: BlockMaps, params: SyncParams) -> object:
+    return relax(method, maps, rounds=params.rounds, rng=np.random.default_rng(0))
 
 
 def _warped(a: Float[np.ndarray, " N"], b: Float[np.ndarray, " S"]) -> object:

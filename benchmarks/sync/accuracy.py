@@ -23,7 +23,6 @@ from benchmarks.sync.scenes import SyncScene, protocol_scene, trial_scene
 from imocap_core.params import SyncParams
 from imocap_core.params.sync import CycleMethod, Warp
 from imocap_core.sync import SyncResult, synchronise
-from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.warp.dtw import dtw, positions_of_rows
 from imocap_core.sync.warp.positions import median_positions
 
@@ -90,10 +89,10 @@ def _accuracy(scene: SyncScene, settings: SyncParams, warp: str, method: str) ->
     choice = replace(settings, warp=cast(Warp, warp), method=cast(CycleMethod, method))
     sync = _synchronised(scene, choice)
     score = score_maps(scene, sync.reference, sync.reference_frame, sync.confidence)
-    blocks, M = Blocks(tuple(map(len, scene.poses))), len(scene.poses)
+    M = len(scene.poses)
     errors = []
     for i, j in ((i, j) for i in range(M) for j in range(M) if i != j):
-        block = np.asarray(blocks.block(sync.relaxed, i, j), dtype=float)
+        block = sync.relaxed.block(i, j)
         if warp == "dtw":
             positions = positions_of_rows(dtw(-block)[0], len(block))
         else:

@@ -14,12 +14,12 @@ from scipy.ndimage import gaussian_filter1d
 
 from imocap_core.params import SyncParams
 from imocap_core.sync import synchronise
-from imocap_core.sync.blocks import Blocks
+from imocap_core.sync.block_maps import BlockMaps
 from imocap_core.sync.cycle.methods import relax
 from imocap_core.sync.cycle.row_contrast import symmetric_affinity
+from imocap_core.sync.pair_comparison import compared_pairs
 from imocap_core.sync.pairwise.distance_matrix import distance_matrix
 from imocap_core.sync.warp.clocks import Clocks
-from imocap_core.sync.warp.soft_maps import pairwise_soft_maps
 
 SIZES = (600, 1200, 1550, 4000)
 LARGEST = {"als": 1550, "svt": 1200}  # beyond it a method is not measured
@@ -55,18 +55,19 @@ def speed(settings: SyncParams) -> list[SpeedRow]:
         rows.append(_row(rows, "affinity", size, work))
         distances = work()
         blocks = distances.blocks
-        maps = pairwise_soft_maps(distances, Clocks(fps, np.ones(VIDEOS)), settings)[0]
-        affinity = symmetric_affinity(maps, blocks)
+        clocks = Clocks(fps, np.ones(VIDEOS))
+        maps = compared_pairs(distances, clocks, settings).soft_maps
+        affinity = BlockMaps.of(symmetric_affinity(maps.dense(), blocks), blocks)
         for method in ("softmap", "als", "svt"):
             if size <= LARGEST.get(method, size):
-                relaxed = partial(_relaxed, method, affinity, blocks, settings.rounds)
+                relaxed = partial(_relaxed, method, affinity, settings.rounds)
                 rows.append(_row(rows, method, size, relaxed))
         rows.append(_row(rows, "whole, default", size, partial(_whole, poses, fps, settings)))
     return rows
 
 
-def _relaxed(method: str, affinity: np.ndarray, blocks: Blocks, rounds: int) -> str:
-    return relax(method, affinity, blocks, rounds=rounds, rng=np.random.default_rng(0))[1].status
+def _relaxed(method: str, affinity: BlockMaps, rounds: int) -> str:
+    return relax(method, affinity, rounds=rounds, rng=np.random.default_rng(0))[1].status
 
 
 def _whole(poses: list[np.ndarray], fps: list[float], settings: SyncParams) -> None:

@@ -25,6 +25,7 @@ from imocap_core.metrics.joints import root_relative
 from imocap_core.metrics.position import mean_joint_errors_mm
 from imocap_core.metrics.scoring import CameraJoints, ScoreRow
 from imocap_core.metrics.sync import cycle_residual_frames
+from imocap_core.problem.sync_maps import maps_of
 
 
 def score(
@@ -74,9 +75,9 @@ def against_truth(
 
 def cycle_row(name: str, sync: Sync) -> ScoreRow:
     """The cycle residual of the videos that are not excluded."""
-    used = [n for i, n in zip(sync.ids, sync.lengths, strict=True) if i not in sync.excluded]
-    included = np.repeat([i not in sync.excluded for i in sync.ids], sync.lengths)
-    value = cycle_residual_frames(sync.relaxed[np.ix_(included, included)], used)
+    used = {v for v, name in enumerate(sync.ids) if name not in sync.excluded}
+    pairs = maps_of(sync).pairs.items()
+    value = cycle_residual_frames({p: m.largest() for p, m in pairs if used.issuperset(p)})
     if np.isfinite(value):
         return ScoreRow(name, scoring.ALL_VIDEOS, "cycle_residual_frames", value)
     return ScoreRow(

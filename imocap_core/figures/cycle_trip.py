@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from imocap_core.artifacts.schemas import Sync
+from imocap_core.problem.sync_maps import maps_of, nearest_by_affinity
 
 Positions = Int[np.ndarray, " T"]  # where each frame of the trip's first video is
 
@@ -22,38 +23,26 @@ def chosen_trip(sync: Sync) -> list[str]:
     return [sync.reference, *sorted(others, key=lambda i: -rank[i])[:2]]
 
 
-def round_trip(
-    matrix: Float[np.ndarray, "N N"],
-    ids: Sequence[str],
-    lengths: Sequence[int],
-    trip: Sequence[str],
-) -> list[Positions]:
+def round_trip(nearest: Callable[[str, str], Positions], trip: Sequence[str]) -> list[Positions]:
     """Position of each frame of the first video of `trip` in each video of the trip, and in the
-    first again, by the largest entry of each row of `matrix`.
+    first again.
 
     Args:
-        matrix: similarity of all frames of all videos, in the order of `ids`.
-        lengths: number of frames of each video.
-
-    Raises:
-        ValueError: the matrix does not have the size of all frames together.
+        nearest: the most similar frame of a second video for each frame of a first.
     """
-    ends = np.cumsum(lengths)
-    if matrix.shape != (ends[-1], ends[-1]):
-        raise ValueError(f"matrix: expected ({ends[-1]}, {ends[-1]}), got {matrix.shape}")
-    rows = {i: slice(e - n, e) for i, e, n in zip(ids, ends, lengths, strict=True)}
-    positions: list[Positions] = [np.arange(rows[trip[0]].stop - rows[trip[0]].start)]
-    for here, there in pairwise([*trip, trip[0]]):
-        step = matrix[rows[here], rows[there]].argmax(axis=1)
+    steps = [nearest(here, there) for here, there in pairwise([*trip, trip[0]])]
+    positions: list[Positions] = [np.arange(len(steps[0]))]
+    for step in steps:
         positions.append(step[positions[-1]])
     return positions
 
 
 def trips_of(sync: Sync, trip: Sequence[str]) -> tuple[list[Positions], list[Positions]]:
     """The round trip by the affinities alone, and after cycle consistency."""
+    maps, number = maps_of(sync), {name: v for v, name in enumerate(sync.ids)}
     return (
-        round_trip(sync.affinity, sync.ids, sync.lengths, trip),
-        round_trip(sync.relaxed, sync.ids, sync.lengths, trip),
+        round_trip(lambda a, b: nearest_by_affinity(sync, a, b), trip),
+        round_trip(lambda a, b: maps.pair(number[a], number[b]).largest(), trip),
     )
 
 

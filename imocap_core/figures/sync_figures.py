@@ -22,6 +22,7 @@ from imocap_core.figures.style import (
     headline,
     new_figure,
 )
+from imocap_core.problem.sync_maps import affinity_between, maps_of
 
 Positions = Float[np.ndarray, " T"]  # fractional index into the reference's used frames
 
@@ -47,15 +48,16 @@ def affinity_figure(
         return None
     figure = new_figure(0.9 + 2.35 * len(others), 5.6)
     axes = figure.subplots(2, len(others), squeeze=False, sharex="col", sharey=True)
-    starts = np.concatenate([[0], np.cumsum(sync.lengths)])
-    slices = {i: slice(a, b) for i, a, b in zip(sync.ids, starts, starts[1:], strict=False)}
-    for row, (matrix, name) in enumerate(
-        [(sync.affinity, "affinity"), (sync.relaxed, f"relaxed ({sync.method})")]
-    ):
+    maps, number = maps_of(sync), {name: v for v, name in enumerate(sync.ids)}
+    to = number[sync.reference]
+    for row, name in enumerate(("affinity", f"relaxed ({sync.method})")):
         for column, video in enumerate(others):
-            ax = axes[row, column]
-            block = matrix[slices[video], slices[sync.reference]].T
-            draw_affinity(ax, block)
+            ax, T = axes[row, column], sync.lengths[number[video]]
+            if row == 0:
+                block, _ = affinity_between(sync, video, sync.reference)
+            else:
+                block = maps.block(number[video], to)
+            draw_affinity(ax, block.T, (-0.5, T - 0.5, -0.5, sync.lengths[to] - 0.5))
             if row == 0:
                 _path(ax, sync, video, true_positions.get(video))
                 ax.set_title(video, color=color_of(sync.ids, video), fontweight="bold")

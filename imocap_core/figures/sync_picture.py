@@ -15,6 +15,7 @@ from imocap_core.artifacts.schemas import Keypoints, Sync, SyncMap, VideoKeypoin
 from imocap_core.figures.style import ACCENT, QUIET, color_of, grid, headline, new_figure
 from imocap_core.figures.sync_figures import draw_affinity, map_of
 from imocap_core.figures.sync_summary import seconds_at, sync_rows, title_of
+from imocap_core.problem.sync_maps import affinity_between
 
 WIDTH_IN = 12.4  # 1612 pixels
 COLUMNS = 4
@@ -58,15 +59,13 @@ def _matrices(
 ) -> None:
     rows = ceil(len(others) / COLUMNS)
     axes = place.subplots(rows, min(COLUMNS, len(others)), squeeze=False)
-    starts = dict(zip(sync.ids, np.cumsum([0, *sync.lengths]), strict=False))
     reference = videos[sync.reference]
     for number, ax in enumerate(axes.flat):
         if number >= len(others):
             ax.set_visible(False)
             continue
         video = videos[others[number]]
-        a, b = starts[video.id], starts[reference.id]
-        block = sync.affinity[a : a + len(video.frames), b : b + len(reference.frames)].T
+        block = affinity_between(sync, video.id, reference.id)[0].T
         frames, frames_there = (v.frames[0] + np.arange(len(v.frames)) for v in (video, reference))
         across, up = ((f[0] - 0.5, f[-1] + 0.5) for f in (frames, frames_there))
         draw_affinity(ax, block, (*across, *up))

@@ -6,12 +6,12 @@ is given in its source frame numbers, fractional between frames.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise, permutations
 
 import numpy as np
-from jaxtyping import Bool, Float, Real
+from jaxtyping import Bool, Float, Int, Real
 
 EQUAL_PHASE = 1e-6
 """Share of the whole phase range below which two phases count as equal."""
@@ -149,32 +149,26 @@ def false_match_share(errors: SyncErrors) -> float:
     return _share(errors.matched, ~errors.has_truth)
 
 
-def cycle_residual_frames(relaxed: Float[np.ndarray, "N N"], lengths: Sequence[int]) -> float:
+def cycle_residual_frames(nearest: Mapping[tuple[int, int], Int[np.ndarray, "_T"]]) -> float:
     """Cycle residual: distance of a frame's image from the frame itself after a cycle of videos.
 
     Needs no truth. Each frame is mapped to the most similar frame of a second video, of a third,
-    and back (with two videos: there and back), by the largest entry of each row.
+    and back (with two videos: there and back).
 
     Args:
-        relaxed: affinity over the frames of all videos together. lengths: frames of each.
+        nearest: [i, j]: the most similar frame of video j for each frame of video i, of all i != j.
 
     Returns:
         Median over frames and cycles of |end - start|, in frames; NaN for a single video.
     """
-    matrix = np.asarray(relaxed)
-    if matrix.shape != (sum(lengths),) * 2:
-        raise ValueError(f"relaxed must be ({sum(lengths)},) * 2 for {lengths}: {matrix.shape}")
-    ends = np.cumsum(lengths)
-    rows = [slice(end - length, end) for end, length in zip(ends, lengths, strict=True)]
-    videos = range(len(lengths))
-    step = {(i, j): matrix[rows[i], rows[j]].argmax(axis=1) for i, j in permutations(videos, 2)}
-    round_trips = permutations(videos, 3) if len(lengths) > 2 else permutations(videos, 2)
+    videos = sorted({i for i, _ in nearest})
+    round_trips = permutations(videos, 3) if len(videos) > 2 else permutations(videos, 2)
     moved = []
     for first, second, *third in round_trips:
-        frame = step[first, second]
+        frame = nearest[first, second]
         for here, there in pairwise((second, *third, first)):
-            frame = step[here, there][frame]
-        moved.append(np.abs(frame - np.arange(lengths[first])))
+            frame = nearest[here, there][frame]
+        moved.append(np.abs(frame - np.arange(len(frame))))
     return float(np.median(np.concatenate(moved))) if moved else float("nan")
 
 

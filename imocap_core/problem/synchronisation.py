@@ -21,6 +21,7 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.params import SyncParams
+from imocap_core.problem.sync_maps import stored_affinities, stored_maps
 from imocap_core.sync import Hints, SyncResult, estimated_rates, synchronise
 from imocap_core.sync.frozen_pictures import DistinctFrames, distinct_frames, frozen_runs
 from imocap_core.sync.screening.messages import sentences
@@ -181,8 +182,8 @@ def sync_artifact(result: SyncResult, ids: Sequence[str], fps: Sequence[float]) 
         mirrored=[ids[v] for v in result.screening.flipped],
         notes=sentences(result.screening, ids),
         trust=_trust(result, ids, fps),
-        affinity=result.affinity,
-        relaxed=result.relaxed,
+        affinity=stored_affinities(result.affinity, list(ids)),
+        relaxed=stored_maps(result.relaxed),
     )
 
 

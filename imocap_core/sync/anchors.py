@@ -146,9 +146,8 @@ def anchored_distances(
     """All pairs of frames compared, with the penalties of all anchors in both directions."""
     if not hints.anchors:
         return distances
-    squares = distances.squares.copy()
-    for i, j in distances.blocks.pairs():
-        block = distances.blocks.block(squares, i, j)
+    squares = dict(distances.squares)
+    for (i, j), block in distances.squares.items():
         for a, b in ((i, j), (j, i)):
             block = anchored_squares(
                 block,
@@ -157,8 +156,7 @@ def anchored_distances(
                 nat=square_per_nat(distances.matched_square, fps[a], evidence_per_s),
                 fps_to=fps[b],
             ).T
-        distances.blocks.block(squares, i, j)[...] = block
-        distances.blocks.block(squares, j, i)[...] = block.T
+        squares[i, j] = block
     return replace(distances, squares=squares)
 
 

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from imocap_core.params import SyncParams
 from imocap_core.sync.anchors import Hints
 from imocap_core.sync.axis_average import averaged_over_axes, axes_of
+from imocap_core.sync.block_maps import BlockMaps
 from imocap_core.sync.map_consistency import PairMaps
 from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
 from imocap_core.sync.reference_anchors import anchor_penalty, anchors_to_reference
@@ -21,6 +22,9 @@ from imocap_core.sync.refinement import ReferenceAxis, refined_warps
 from imocap_core.sync.warp.clocks import Clocks
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
 from imocap_core.workers import at_once
+
+MEMORY_BYTES = 1 << 28  # of the maps of all axes that are refined at once
+COPIES = 4  # of all maps, while they are refined
 
 # On training clips anything from 0.2 s on gives the same error; steps and dribbles last longer.
 REACH_S = 0.3
@@ -48,7 +52,7 @@ class AxisChoice:
 def refined_over_axes(
     choice: AxisChoice,
     distances: DistanceMatrix,
-    relaxed: Float[np.ndarray, "N_a N_a"],
+    relaxed: BlockMaps,
     matched: Float[np.ndarray, "N_a M"],
     params: SyncParams,
     reprojection: ReprojectionEvidence | None,
@@ -60,10 +64,20 @@ def refined_over_axes(
         videos = [choice.reference]
     axes = [choice.axis(v, distances, params) for v in videos]
     refined = at_once(
-        lambda axis: refined_warps(distances, relaxed, matched, axis, params, reprojection), axes
+        lambda axis: refined_warps(distances, relaxed, matched, axis, params, reprojection),
+        axes,
+        _axes_at_once(relaxed, choice.reference, params),
     )
     maps = {v: positions for v, (positions, _) in zip(videos, refined, strict=True)}
     lengths = [len(x) for x in distances.poses]
     reach_frames = REACH_S * choice.clocks.fps[choice.reference]
     averaged = averaged_over_axes(maps, choice.reference, lengths, reach_frames)
     return averaged, refined[0][1], axes[0]
+
+
+def _axes_at_once(relaxed: BlockMaps, reference: int, params: SyncParams) -> int:
+    """As many axes as fit into the memory for them, one at least."""
+    videos = range(len(relaxed.blocks.lengths))
+    entries = sum(x.size for v in videos for x in relaxed.pair(v, reference).values)
+    of_axis = COPIES * np.dtype(float).itemsize * params.positions_per_frame * entries
+    return max(1, MEMORY_BYTES // max(1, of_axis))

@@ -10,8 +10,11 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.sync.anchors import Hints
+from imocap_core.sync.block_maps import BlockMaps
+from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.frozen_pictures import DistinctFrames, distinct_frames, frozen_runs
 from imocap_core.sync.joint_synchronisation import JointResult
+from imocap_core.sync.pairwise.banded import BandedMap
 from imocap_core.sync.screening.registration import Keypoints2D
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
 
@@ -109,9 +112,6 @@ def of_all_frames(result: Result, videos: Sequence[DistinctFrames]) -> Result:
     phase and its confidence, as one observation."""
     if not any(d.repeated for d in videos):
         return result
-    rows = np.concatenate(
-        [d.picture + begin for d, begin in zip(videos, _begins(videos), strict=True)]
-    )
     reference = videos[result.reference]
     frames = [
         reference.in_frames(x)[d.picture]
@@ -125,11 +125,16 @@ def of_all_frames(result: Result, videos: Sequence[DistinctFrames]) -> Result:
             c[d.picture] / d.times_shown for c, d in zip(result.confidence, videos, strict=True)
         ],
         phase=[p[d.picture] for p, d in zip(result.phase, videos, strict=True)],
-        affinity=result.affinity[np.ix_(rows, rows)],
-        relaxed=result.relaxed[np.ix_(rows, rows)],
+        affinity=result.affinity.of_frames([d.picture for d in videos]),
+        relaxed=_maps_of_frames(result.relaxed, videos),
     )
 
 
-def _begins(videos: Sequence[DistinctFrames]) -> list[int]:
-    """First row of each video among the pictures of all."""
-    return [0, *np.cumsum([len(d.first) for d in videos])[:-1].tolist()]
+def _maps_of_frames(maps: BlockMaps, videos: Sequence[DistinctFrames]) -> BlockMaps:
+    """The maps between pictures as maps between frames."""
+    pictures = [d.picture for d in videos]
+    pairs = {
+        (i, j): BandedMap.of(soft_map.dense()[np.ix_(pictures[i], pictures[j])])
+        for (i, j), soft_map in maps.pairs.items()
+    }
+    return BlockMaps(Blocks(tuple(len(p) for p in pictures)), pairs)

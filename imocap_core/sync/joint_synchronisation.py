@@ -10,11 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32
+from jaxtyping import Bool, Float
 
 from imocap_core.params import SyncParams
+from imocap_core.sync.affinities import AFFINITIES, Affinities, affinities, affinity_matrix
 from imocap_core.sync.anchors import Hints, anchored_distances
 from imocap_core.sync.axis_refinement import AxisChoice, refined_over_axes
+from imocap_core.sync.block_maps import BlockMaps
 from imocap_core.sync.confidence import Route, calibrated_confidence
 from imocap_core.sync.cycle.methods import relax
 from imocap_core.sync.cycle.report import CycleReport
@@ -23,21 +25,18 @@ from imocap_core.sync.map_consistency import (
     PairMaps,
     cycle_residuals,
     left_out_disagreement,
-    pair_maps,
 )
-from imocap_core.sync.pairwise.affinity import gaussian_affinity, reciprocal_affinity
+from imocap_core.sync.pair_comparison import compared_pairs
 from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix, distance_matrix
 from imocap_core.sync.phase import WeightedMap, common_phase, inside
-from imocap_core.sync.reference import central_and_covering, centrality, coverage
+from imocap_core.sync.reference import central_and_covering, coverage
 from imocap_core.sync.reference_anchors import hard_anchor_maps, through_hard_anchors
 from imocap_core.sync.refinement import ReferenceAxis
 from imocap_core.sync.repeated_motion import Repetition, next_repetition
 from imocap_core.sync.warp.clocks import Clocks
 from imocap_core.sync.warp.dtw_paths import dtw_warps
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
-from imocap_core.sync.warp.soft_maps import pairwise_soft_maps
 
-AFFINITIES = {"reciprocal": reciprocal_affinity, "gaussian": gaussian_affinity}
 WARPS = ("posterior", "dtw")
 # The refined map to the reference against one map between two videos, which carries the noise of
 # two single estimates.
@@ -53,7 +52,7 @@ class JointResult:
         reference_frame: per video, fractional index into the reference; NaN unmatched.
         confidence: per video, in [0, 1].
         phase: per video, seconds of the reference on the common time axis.
-        affinity: Eq. 1, all frames of all videos.
+        affinity: Eq. 1, for pictures.
         relaxed: after cycle consistency (Eq. 2), row-stochastic per block.
         centrality: of each video; by it and by coverage the reference was chosen, unless given.
         matched_square: squared distance typical of matching frames.
@@ -70,8 +69,8 @@ class JointResult:
     reference_frame: list[Float[np.ndarray, "_T"]]
     confidence: list[Float[np.ndarray, "_T"]]
     phase: list[Float[np.ndarray, "_T"]]
-    affinity: Float32[np.ndarray, "N_a N_a"]
-    relaxed: Float32[np.ndarray, "N_a N_a"]
+    affinity: Affinities
+    relaxed: BlockMaps
     centrality: Float[np.ndarray, " M"]
     matched_square: float
     cycle: CycleReport
@@ -108,17 +107,20 @@ def synchronise_jointly(
     distances = distance_matrix(poses, confidence, joint_weights, clock, params)
     distances = anchored_distances(distances, hints, clock, params.evidence_per_s)
     blocks = distances.blocks
-    affinity = _affinity(distances, params)
-    soft_maps, matched = pairwise_soft_maps(distances, clocks, params)
-    centralities = centrality(distances, soft_maps, matched)
+    affinity = affinities(distances, params.affinity)
+    compared = compared_pairs(distances, clocks, params)
+    matched, pairs, centralities = compared.matched, compared.pairs, compared.centralities
     chosen = reference
     if chosen is None:
         chosen = central_and_covering(centralities, coverage(matched, blocks), eligible)
 
-    evidence = soft_maps if params.warp == "posterior" else affinity
-    relaxed, report = relax(params.method, evidence, blocks, rounds=params.rounds, rng=rng)
-    pairs = pair_maps(soft_maps, matched, blocks, clock, params.confidence_reach_s)
+    evidence = compared.soft_maps
+    if params.warp == "dtw":
+        evidence = BlockMaps.of(affinity_matrix(distances, params.affinity), blocks)
+    distances = distances.with_squares_of(chosen)
+    relaxed, report = relax(params.method, evidence, rounds=params.rounds, rng=rng)
     if params.warp == "posterior":
+        del evidence, compared  # their memory is needed
         choice = AxisChoice(clocks, hints, pairs, chosen, centralities)
         frames, masses, axis = refined_over_axes(
             choice, distances, relaxed, matched, params, reprojection
@@ -126,7 +128,7 @@ def synchronise_jointly(
         repetitions = _repetitions(frames, distances, chosen, clock[chosen])
         certainty = _confidences(frames, masses, axis, distances, pairs, repetitions)
     else:
-        frames, certainty = dtw_warps(relaxed, soft_maps, blocks, chosen, fps, params)
+        frames, certainty = dtw_warps(relaxed, compared.soft_maps, chosen, fps, params)
         repetitions = _repetitions(frames, distances, chosen, clock[chosen])
     frames[chosen] = np.arange(float(lengths[chosen]))
     certainty[chosen] = np.ones(lengths[chosen])
@@ -144,8 +146,8 @@ def synchronise_jointly(
         reference_frame=frames,
         confidence=certainty,
         phase=[np.where(f, np.nan, p) for f, p in zip(forbidden, phase, strict=True)],
-        affinity=affinity.astype(np.float32),
-        relaxed=relaxed.astype(np.float32),
+        affinity=affinity,
+        relaxed=relaxed,
         centrality=centralities,
         matched_square=distances.matched_square,
         cycle=report,
@@ -187,14 +189,6 @@ def _confidences(
         mass if v == chosen else calibrated_confidence(route(v), distances, pairs)
         for v, mass in enumerate(masses)
     ]
-
-
-def _affinity(distances: DistanceMatrix, params: SyncParams) -> np.ndarray:
-    """Eq. 1: affinities (N_a, N_a) of all pairs of frames; within a video the identity."""
-    scale = np.sqrt(distances.matched_square)
-    affinity = AFFINITIES[params.affinity](np.sqrt(distances.squares), scale)
-    distances.blocks.set_diagonal_to_identity(affinity)
-    return affinity
 
 
 def _check(params: SyncParams) -> None:

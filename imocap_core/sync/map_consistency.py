@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations, permutations
+from itertools import combinations
 
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.sync.blocks import Blocks
+from imocap_core.sync.pairwise.banded import BandedMap
 from imocap_core.sync.warp.positions import mass_within, median_positions
 
 
@@ -46,23 +46,17 @@ class CycleResidual:
     share: float
 
 
-def pair_maps(
-    soft_maps: Float[np.ndarray, "N_a N_a"],
-    matched: Float[np.ndarray, "N_a M"],
-    blocks: Blocks,
-    fps: Sequence[float],
-    reach_s: float,
-) -> PairMaps:
-    """Median positions of soft maps between whole frames, where P(matched) is at least 1/2."""
-    positions, confidence = {}, {}
-    for i, j in permutations(range(len(blocks.lengths)), 2):
-        soft_map = np.asarray(blocks.block(soft_maps, i, j), dtype=float)
-        p_matched = matched[blocks.rows(i), j]
-        position = median_positions(soft_map)
-        mass = mass_within(soft_map, position, reach_s * fps[j]) * p_matched
-        positions[i, j] = np.where(p_matched >= 0.5, position, np.nan)
-        confidence[i, j] = np.where(p_matched >= 0.5, np.minimum(mass, 1.0), 0.0)
-    return PairMaps(positions, confidence)
+def map_of_pair(
+    soft_map: BandedMap, matched: Float[np.ndarray, " N"], reach_frames: float
+) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " N"]]:
+    """Median positions of a soft map between whole frames, where P(matched) is at least 1/2, and
+    confidences."""
+    position = median_positions(soft_map)
+    mass = mass_within(soft_map, position, reach_frames) * matched
+    return (
+        np.where(matched >= 0.5, position, np.nan),
+        np.where(matched >= 0.5, np.minimum(mass, 1.0), 0.0),
+    )
 
 
 def composed(

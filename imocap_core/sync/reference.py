@@ -14,39 +14,33 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.sync.blocks import Blocks
+from imocap_core.sync.pairwise.banded import BandedMap
 from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
 
 NEAR = 0.8  # of the largest centrality: harmless changes move one against another by a tenth
 EQUAL = 0.01  # difference of coverages that are the same
 
 
-def centrality(
+def mean_similarity(
+    soft_map: BandedMap,
+    matched: Float[np.ndarray, " N"],
+    squares: Float[np.ndarray, "N S"],
     distances: DistanceMatrix,
-    soft_maps: Float[np.ndarray, "N_a N_a"],
-    matched: Float[np.ndarray, "N_a M"],
-) -> Float[np.ndarray, " M"]:
-    """Centrality of each video, in [0, 1].
-
-    The mean over the other videos' frames of P(it has a counterpart in the video) x similarity of
-    that counterpart, exp(-d^2 / (2 matched_square)).
+) -> float:
+    """Mean over a video's frames of P(it has a counterpart in another video) x similarity of that
+    counterpart, exp(-d^2 / (2 matched_square)).
 
     Args:
-        soft_maps: P(frame of another video | frame), one block per pair.
-        matched: P(frame has a counterpart in a video).
+        soft_map: P(frame of the other video | frame).
+        matched: P(frame has a counterpart there).
+        squares: squared distances, NaN unknown.
     """
-    M, blocks = len(distances.poses), distances.blocks
-    out = np.ones(M)
-    for v in range(M):
-        shares = []
-        for u in range(M):
-            if u == v:
-                continue
-            square = np.nan_to_num(distances.block(u, v), nan=distances.unrelated_square)
-            expected = (blocks.block(soft_maps, u, v) * square).sum(axis=1)
-            similarity = np.exp(-0.5 * expected / distances.matched_square)
-            shares.append(np.mean(matched[blocks.rows(u), v] * similarity))
-        out[v] = np.mean(shares) if shares else 1.0
-    return out
+    expected = np.zeros(len(matched))
+    for rows, columns, values in soft_map:
+        square = np.nan_to_num(squares[rows, columns], nan=distances.unrelated_square)
+        expected[rows] = (values * square).sum(axis=1)
+    similarity = np.exp(-0.5 * expected / distances.matched_square)
+    return float(np.mean(matched * similarity))
 
 
 def coverage(matched: Float[np.ndarray, "N_a M"], blocks: Blocks) -> Float[np.ndarray, " M"]:

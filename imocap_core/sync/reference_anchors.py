@@ -17,10 +17,11 @@ from imocap_core.sync.anchors import (
 )
 from imocap_core.sync.map_consistency import PairMaps
 from imocap_core.sync.phase import HARD_WEIGHT, WeightedMap
+from imocap_core.sync.warp.nearby_squares import NearbySquares
 
 # video, squared distances (T_v, S), typical square, observations a second
 #   -> squared distances with the penalties of the user's anchors
-AnchorPenalty = Callable[[int, np.ndarray, float, float], np.ndarray]
+AnchorPenalty = Callable[[int, NearbySquares, float, float], NearbySquares]
 
 
 def anchors_to_reference(
@@ -70,16 +71,19 @@ def anchor_penalty(
         return None
 
     def penalty(
-        video: int, squares: np.ndarray, matched_square: float, evidence_per_s: float
-    ) -> np.ndarray:
-        return anchored_squares(
-            squares,
+        video: int, squares: NearbySquares, matched_square: float, evidence_per_s: float
+    ) -> NearbySquares:
+        if not points[video]:
+            return squares
+        penalised = anchored_squares(
+            squares.nearby.dense(),  # all positions are near where there are anchors
             points[video],
             matched_square=matched_square,
             nat=square_per_nat(matched_square, fps[video], evidence_per_s),
             fps_to=fps[reference],
             per_frame=per_frame,
         )
+        return NearbySquares.of(penalised)
 
     return penalty
 

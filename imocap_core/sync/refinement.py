@@ -14,10 +14,13 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.params import SyncParams
+from imocap_core.sync.block_maps import BlockMaps
+from imocap_core.sync.pairwise.banded import Band, BandedMap, blocks_of_frames, search_bands
 from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
 from imocap_core.sync.reference_anchors import AnchorPenalty
 from imocap_core.sync.warp.clocks import Clocks
 from imocap_core.sync.warp.leave_one_out import squared_distances_to_others
+from imocap_core.sync.warp.nearby_squares import NearbySquares
 from imocap_core.sync.warp.positions import isotonic, mass_within, median_positions
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
 from imocap_core.sync.warp.soft_maps import at_fine_positions, soft_map, typical_matched_square
@@ -26,6 +29,7 @@ from imocap_core.workers import at_once
 SHARP_ROUNDS = 2  # the last refinements, against a template that errs less than two estimates
 SHARPNESS = 3.0  # factor of their evidence
 REPROJECTION_ROUNDS = 4
+SEARCH_S = 2.0  # beyond what a map does not rule out, a refinement looks this far
 KEYPOINTS_PER_S = 60.0  # a detector's errors persist far less than those of poses
 
 
@@ -46,12 +50,12 @@ class ReferenceAxis:
     penalty: AnchorPenalty | None = None
 
     def soft_map(
-        self, v: int, squares: np.ndarray, matched_square: float, params: SyncParams
-    ) -> tuple[np.ndarray, np.ndarray]:
+        self, v: int, squares: NearbySquares, matched_square: float, params: SyncParams
+    ) -> tuple[BandedMap, np.ndarray]:
         """`soft_map` (T_v, S) of video v to the reference, with the user's anchors."""
         if self.penalty is not None:
             squares = self.penalty(v, squares, matched_square, params.evidence_per_s)
-        return soft_map(
+        posterior, matched = soft_map(
             squares,
             matched_square,
             self.change[v],
@@ -62,11 +66,20 @@ class ReferenceAxis:
             params=params,
             smooth_rate_share=0.0,
         )
+        return posterior.trimmed(), matched
+
+    def nearby(self, maps: Sequence[BandedMap], params: SyncParams) -> list[Band]:
+        """The positions near those of a video's maps; all, where the user gave anchors."""
+        if self.penalty is not None:
+            N, S = maps[0].shape
+            return [(rows, slice(0, S)) for rows in blocks_of_frames(N)]
+        frames = SEARCH_S * self.clocks.action_fps[self.reference]
+        return search_bands(maps, round(frames * params.positions_per_frame))
 
 
 def refined_warps(
     distances: DistanceMatrix,
-    relaxed: Float[np.ndarray, "N_a N_a"],
+    relaxed: BlockMaps,
     matched: Float[np.ndarray, "N_a M"],
     axis: ReferenceAxis,
     params: SyncParams,
@@ -78,12 +91,7 @@ def refined_warps(
     `reprojection`, where that is more accurate than comparing poses.
     """
     M, blocks, per_frame = len(distances.poses), distances.blocks, params.positions_per_frame
-    maps = [
-        at_fine_positions(
-            np.asarray(blocks.block(relaxed, v, axis.reference), dtype=float), per_frame
-        )
-        for v in range(M)
-    ]
+    maps = [at_fine_positions(relaxed.pair(v, axis.reference), per_frame) for v in range(M)]
     in_reference = [matched[blocks.rows(v), axis.reference] for v in range(M)]
     certainty = _refine_by_poses(maps, in_reference, distances, axis, params)
     if reprojection is not None:
@@ -101,12 +109,12 @@ def refined_warps(
 
 
 def _refine_by_poses(
-    maps: list[np.ndarray],
+    maps: list[BandedMap],
     matched: list[np.ndarray],
     distances: DistanceMatrix,
     axis: ReferenceAxis,
     params: SyncParams,
-) -> list[np.ndarray]:
+) -> list[BandedMap]:
     """Refine the maps (T_v, S) and P(matched) (T_v,) by the poses of the other videos, in place.
 
     The last rounds weigh the evidence more: the template errs less than the two estimates for which
@@ -121,21 +129,20 @@ def _refine_by_poses(
     windows = [params.orientation_window_s * f for f in axis.clocks.action_fps]
     for round_, evidence in enumerate(plan):
         weighted = [
-            None if v == axis.reference else m * p[:, None]
+            None if v == axis.reference else m.scaled(p)
             for v, (m, p) in enumerate(zip(maps, matched, strict=True))
         ]
         squares_of_videos = squared_distances_to_others(
             distances.poses,
             distances.weights,
             weighted,
+            [axis.nearby(both, params) for both in zip(maps, usual, strict=True)],
             axis.reference,
             params.positions_per_frame,
             windows if round_ else None,
         )
-        for v, squares in enumerate(squares_of_videos):
-            if squares is None:
-                continue
-            typical = typical_matched_square(squares, distances)
+        for v, squares in squares_of_videos:
+            typical = typical_matched_square(squares.least, distances)
             usual[v], matched[v] = axis.soft_map(v, squares, typical, params)
             maps[v] = (
                 usual[v] if evidence is params else axis.soft_map(v, squares, typical, evidence)[0]
@@ -144,11 +151,11 @@ def _refine_by_poses(
 
 
 def _refine_by_reprojection(
-    maps: list[np.ndarray],
+    maps: list[BandedMap],
     reprojection: ReprojectionEvidence,
     axis: ReferenceAxis,
     params: SyncParams,
-) -> dict[int, np.ndarray]:
+) -> dict[int, BandedMap]:
     """Refine the maps (T_v, S) by the keypoints, in place; which frames are matched is unchanged.
 
     Returns the maps of weaker evidence of the videos that were refined, as the certainty of their
@@ -159,14 +166,15 @@ def _refine_by_reprojection(
 
     others = [v for v in range(len(maps)) if v != axis.reference]
 
-    def squares_of(v: int, before: Sequence[np.ndarray]) -> np.ndarray | None:
-        return reprojection.squares(v, before, axis.reference, params.positions_per_frame)
+    def squares_of(v: int, before: Sequence[BandedMap]) -> NearbySquares | None:
+        nearby = axis.nearby([before[v]], params)
+        return reprojection.squares(v, before, nearby, axis.reference, params.positions_per_frame)
 
-    def warped(squares: dict[int, np.ndarray], evidence: SyncParams) -> dict[int, np.ndarray]:
+    def warped(squares: dict[int, NearbySquares], evidence: SyncParams) -> dict[int, BandedMap]:
         new_maps = at_once(lambda v: axis.soft_map(v, squares[v], 1.0, evidence)[0], list(squares))
         return dict(zip(squares, new_maps, strict=True))
 
-    last: dict[int, np.ndarray] = {}
+    last: dict[int, NearbySquares] = {}
     for _ in range(REPROJECTION_ROUNDS):
         errors = at_once(partial(squares_of, before=tuple(maps)), others)
         squares = {v: error for v, error in zip(others, errors, strict=True) if error is not None}

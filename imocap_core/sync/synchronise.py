@@ -7,14 +7,17 @@ synchronised jointly (`joint_synchronisation`), and the result covers all videos
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
 
 from imocap_core.params import SyncParams
+from imocap_core.sync.affinities import Affinities, strides
 from imocap_core.sync.anchors import Hints, check_hints
+from imocap_core.sync.block_maps import BlockMaps
 from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.distinct_videos import SyncEvidence, distinct_videos, of_all_frames
 from imocap_core.sync.joint_synchronisation import JointResult, synchronise_jointly
@@ -25,12 +28,14 @@ from imocap_core.sync.screening.screening import Screening, screen
 from imocap_core.sync.warp.playback_rate import playback_rates
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
 
+Part = TypeVar("Part")
+
 
 @dataclass(frozen=True)
 class SyncResult(JointResult):
     """Position of every frame of every video in the reference video, with confidences.
 
-    An excluded video is unmatched throughout: NaN, confidence 0, no phase, zeros in the matrices.
+    An excluded video is unmatched throughout: NaN, confidence 0, no phase, no affinity or map.
 
     Attributes:
         screening: mirrored and excluded videos.
@@ -199,8 +204,8 @@ def _of_all_videos(
         reference_frame=frames,
         confidence=confidence,
         phase=phase,
-        affinity=_matrix_of_all(joint.affinity, used, lengths),
-        relaxed=_matrix_of_all(joint.relaxed, used, lengths),
+        affinity=_affinities_of_all(joint.affinity, used, lengths),
+        relaxed=BlockMaps(Blocks(tuple(lengths)), _renumbered(joint.relaxed.pairs, used)),
         centrality=centrality,
         matched_square=joint.matched_square,
         cycle=joint.cycle,
@@ -216,15 +221,16 @@ def _of_all_videos(
     )
 
 
-def _matrix_of_all(matrix: np.ndarray, used: list[int], lengths: list[int]) -> np.ndarray:
-    """A matrix of the used videos' frames extended to all frames; the others match themselves."""
-    if len(used) == len(lengths):
-        return matrix
-    blocks = Blocks(tuple(lengths))
-    rows = np.concatenate([np.arange(blocks.total)[blocks.rows(v)] for v in used])
-    out = np.eye(blocks.total, dtype=np.float32)
-    out[np.ix_(rows, rows)] = matrix
-    return out
+def _affinities_of_all(joint: Affinities, used: list[int], lengths: list[int]) -> Affinities:
+    """Those of the used videos; there are none of the others."""
+    return Affinities(strides(lengths), _renumbered(joint.pairs, used))
+
+
+def _renumbered(
+    pairs: Mapping[tuple[int, int], Part], used: Sequence[int]
+) -> dict[tuple[int, int], Part]:
+    """What there is of each pair, by the videos' numbers among all."""
+    return {(used[i], used[j]): part for (i, j), part in pairs.items()}
 
 
 def _status(joint: JointResult) -> str:

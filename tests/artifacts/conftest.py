@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from imocap_core.artifacts.schemas import Sync, SyncMap
+from tests.made_sync import stored_matrix
 
 
 @pytest.fixture
@@ -23,6 +24,5 @@ def sync() -> Sync:
         method="softmap",
         centrality=np.array([1.0, float("inf")]),
         status="1 frame of b is unmatched",
-        affinity=np.eye(5, dtype=np.float32),
-        relaxed=np.full((5, 5), 0.25, dtype=np.float32),
+        **stored_matrix(np.full((5, 5), 0.25), ["a", "b"], [3, 2]),
     )

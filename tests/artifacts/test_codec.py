@@ -50,8 +50,9 @@ def test_round_trip(tmp_path: Path, sync: Sync, content: Content) -> None:
     assert read.files == content.files
     np.testing.assert_array_equal(back.maps[1].reference_frame, sync.maps[1].reference_frame)
     np.testing.assert_array_equal(back.centrality, sync.centrality)
-    assert back.affinity.dtype == np.float32
-    assert back.affinity.flags.writeable
+    assert back.affinity[0].scaled.dtype == np.uint16
+    assert back.relaxed.entries.dtype == np.float32
+    assert back.relaxed.entries.flags.writeable
 
 
 def test_the_same_content_gives_the_same_bytes(tmp_path: Path, content: Content) -> None:
@@ -62,9 +63,10 @@ def test_the_same_content_gives_the_same_bytes(tmp_path: Path, content: Content)
 def test_digest_is_of_the_content_alone(content: Content) -> None:
     other = dataclasses.replace(content, provenance={"key": "other"}, files={})
     assert other.digest == content.digest
-    changed = {**content.arrays, "affinity": content.arrays["affinity"] + 1e-6}
+    entries = content.arrays["relaxed/entries"]
+    changed = {**content.arrays, "relaxed/entries": entries + 1e-6}
     assert dataclasses.replace(content, arrays=changed).digest != content.digest
-    flat = {**content.arrays, "affinity": content.arrays["affinity"].reshape(25)}
+    flat = {**content.arrays, "relaxed/entries": entries.reshape(2, -1)}
     assert dataclasses.replace(content, arrays=flat).digest != content.digest
 
 
@@ -175,7 +177,7 @@ def test_another_mcap_reader_sees_topics_and_schemas(tmp_path: Path, content: Co
         summary = make_reader(stream).get_summary()
     assert summary is not None
     topics = {channel.topic for channel in summary.channels.values()}
-    assert {"/header", "/affinity", "/maps/1/reference_frame"} <= topics
+    assert {"/header", "/relaxed/entries", "/maps/1/reference_frame"} <= topics
     assert {s.name for s in summary.schemas.values()} == {"imocap.Sync", "imocap.NdArray"}
 
 

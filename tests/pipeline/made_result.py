@@ -31,6 +31,7 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.export.formats import Exported, export
 from imocap_core.library.result import Result
 from imocap_core.pipeline.action import Action
+from tests.made_sync import stored_matrix
 
 K = np.array([[600.0, 0, 320], [0, 600, 180], [0, 0, 1]])
 LENGTHS = {"a": 31, "b": 21}
@@ -126,8 +127,7 @@ def refined(phases: dict[str, np.ndarray] | None) -> RefineSync:
             for v in LENGTHS
         ],
         method="als", centrality=np.ones(2), status="", trust=trust,
-        affinity=np.zeros((count, count), dtype=np.float32),
-        relaxed=np.zeros((count, count), dtype=np.float32),
+        **stored_matrix(np.zeros((count, count)), list(LENGTHS), list(LENGTHS.values())),
     )  # fmt: skip
     return RefineSync(rounds=[], best=0, sync=sync, motion=ba, status="")
 

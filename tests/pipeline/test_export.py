@@ -32,6 +32,7 @@ from imocap_core.io.estimators.smpl_npz import read_smpl_npz
 from imocap_core.library.result import Result
 from imocap_core.pipeline.action import Action
 from tests.made_keypoints import made_keypoints
+from tests.made_sync import stored_matrix
 
 LENGTHS = {"a": 30, "b": 20}
 FIRST = {"a": 100, "b": 7}  # source frame numbers start there
@@ -93,8 +94,7 @@ def refined() -> RefineSync:
         method="als",
         centrality=np.ones(2),
         status="",
-        affinity=np.zeros((50, 50), dtype=np.float32),
-        relaxed=np.zeros((50, 50), dtype=np.float32),
+        **stored_matrix(np.zeros((50, 50)), ["a", "b"], [30, 20]),
     )
     return RefineSync(rounds=[], best=0, sync=sync, motion=ba, status="")
 

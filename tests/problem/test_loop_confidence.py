@@ -6,6 +6,7 @@ import pytest
 from imocap_core.artifacts.schemas import CommonMotion, Sync, SyncMap, SyncTrust, VideoTrust
 from imocap_core.problem.loop_confidence import with_first_repetitions, with_independent_confidence
 from imocap_core.problem.one_motion import is_one_motion
+from tests.made_sync import stored_matrix
 
 
 def common(deviation_m: float, path_m: float) -> CommonMotion:
@@ -30,8 +31,7 @@ def sync(frames: list[float], confidence: list[float]) -> Sync:
         method="softmap",
         centrality=np.ones(2),
         status="made",
-        affinity=np.eye(8, dtype=np.float32),
-        relaxed=np.eye(8, dtype=np.float32),
+        **stored_matrix(np.eye(8), ["a", "b"], [4, 4]),
     )
 
 

@@ -30,6 +30,7 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.evaluate.body_points import body_points
 from imocap_core.io.truth import model_text
 from tests.made_keypoints import made_keypoints
+from tests.made_sync import stored_matrix
 
 SIZE = (320, 240)
 K = np.array([[300.0, 0, 160], [0, 300, 120], [0, 0, 1]])
@@ -219,6 +220,5 @@ class Made:
             method="softmap",
             centrality=np.linspace(1, 0.5, len(lengths)),
             status="converged",
-            affinity=affinity,
-            relaxed=affinity,
+            **stored_matrix(affinity, self.ids, lengths),
         )

@@ -11,8 +11,10 @@ from imocap_core.artifacts.schemas import CycleTriple, SyncTrust, VideoTrust
 from imocap_core.evaluate.results import StageResult
 from imocap_core.evaluate.scoreboard import against_truth, cycle_row
 from imocap_core.io.truth import read_truth
+from imocap_core.problem.sync_maps import maps_of
 from imocap_core.report.table_markup import markdown
 from imocap_core.report.trust_tables import trust_tables
+from tests.made_sync import stored_matrix
 from tests.report.made import Made
 
 
@@ -70,9 +72,10 @@ def test_a_video_without_part_is_not_scored_against_the_others(made: Made, tmp_p
 
 def test_the_cycle_residual_speaks_of_the_videos_that_take_part(made: Made) -> None:
     n = sum(made.sync.lengths[:2])
-    relaxed = made.sync.relaxed.copy()
+    relaxed = maps_of(made.sync).dense()
     relaxed[n:, :n] = relaxed[:n, n:] = 0.0
-    whole = made.sync.model_copy(update={"relaxed": relaxed})
+    stored = stored_matrix(relaxed, made.sync.ids, made.sync.lengths)
+    whole = made.sync.model_copy(update=stored)
     out = whole.model_copy(update={"excluded": ["v3"]})
     assert (cycle_row("x", whole).value or 0) > 3.0
     assert cycle_row("x", out).value == 0.0

@@ -7,6 +7,7 @@ from imocap_core.sync import Anchor, Hints
 from imocap_core.sync.anchors import AnchorPoint, anchored_squares, led_through
 from imocap_core.sync.phase import positions_in
 from imocap_core.sync.reference_anchors import anchor_penalty
+from imocap_core.sync.warp.nearby_squares import NearbySquares
 from tests.sync.test_synchronise import estimated, four_phases, run
 
 
@@ -97,7 +98,9 @@ def test_an_anchor_weighs_the_same_at_any_rate_of_observations() -> None:
     """Its nats against the evidence's: squares times observations, as warps weigh them."""
     penalty = anchor_penalty([[], [AnchorPoint(3, 20.0, False)]], [30.0, 30.0], 0, 1)
     assert penalty is not None
-    squares = np.ones((6, 40))
-    nats = [(penalty(1, squares, 1.0, rate) - squares) * rate / 30.0 for rate in (15.0, 60.0)]
+    squares = NearbySquares.of(np.ones((6, 40)))
+    nats = [
+        (penalty(1, squares, 1.0, rate).nearby.dense() - 1.0) * rate / 30.0 for rate in (15.0, 60.0)
+    ]
     assert nats[0].max() > 1.0
     np.testing.assert_allclose(nats[0], nats[1])

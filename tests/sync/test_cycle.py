@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
+from imocap_core.sync.block_maps import BlockMaps
 from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.cycle.als import als
 from imocap_core.sync.cycle.methods import held_out_residual, relax, relax_auto
 from imocap_core.sync.cycle.row_contrast import symmetric_affinity
 from imocap_core.sync.cycle.softmap import row_stochastic, softmap
 from imocap_core.sync.cycle.svt import shrink_spectrum, svt
+from imocap_core.sync.pairwise.banded import BandedMap
 
 RNG = np.random.default_rng
 
@@ -58,8 +60,8 @@ def softmap_naive(affinity: np.ndarray, blocks: Blocks) -> np.ndarray:
 def test_softmap_is_its_formula() -> None:
     blocks = Blocks((4, 5, 6))
     affinity = RNG(0).random((15, 15)) + 0.01
-    relaxed, report = softmap(affinity, blocks, rounds=1)
-    np.testing.assert_allclose(relaxed, softmap_naive(affinity, blocks), atol=1e-5)
+    relaxed, report = softmap(BlockMaps.of(affinity, blocks), rounds=1)
+    np.testing.assert_allclose(relaxed.dense(), softmap_naive(affinity, blocks), atol=1e-5)
     assert report.iterations == 1
 
 
@@ -76,7 +78,8 @@ def wrong_matches(matrix: np.ndarray, truth: np.ndarray, blocks: Blocks) -> int:
 @pytest.mark.parametrize("method", ["als", "svt"])
 def test_wrong_matches_fall(method: str) -> None:
     truth, noisy, blocks = permutation_scene(RNG(1), noise=0.25)
-    relaxed, report = relax(method, noisy, blocks, rounds=2, rng=RNG(2))
+    maps, report = relax(method, BlockMaps.of(noisy, blocks), rounds=2, rng=RNG(2))
+    relaxed = maps.dense()
     assert wrong_matches(noisy, truth, blocks) > 20
     assert wrong_matches(relaxed, truth, blocks) < 0.7 * wrong_matches(noisy, truth, blocks)
     assert report.method == method
@@ -89,12 +92,12 @@ def test_softmap_sharpens_noisy_soft_maps() -> None:
     blocks = Blocks((60,) * 4)
     every = np.concatenate(phases)
     blurred = every[:, None] - every[None, :] + 0.04 * rng.normal(size=(240, 240))
-    maps = row_stochastic(np.exp(-0.5 * (blurred / 0.03) ** 2), blocks)
-    relaxed, _ = softmap(maps, blocks)
+    maps = BlockMaps.of(np.exp(-0.5 * (blurred / 0.03) ** 2), blocks)
+    relaxed, _ = softmap(maps)
 
-    def error(matrix: np.ndarray) -> float:
+    def error(maps: BlockMaps) -> float:
         errors = [
-            np.asarray(blocks.block(matrix, i, j)) @ phases[j] - phases[i]
+            row_stochastic(maps.pair(i, j)).dense() @ phases[j] - phases[i]
             for i, j in blocks.pairs()
         ]
         return float(np.mean(np.abs(errors)))
@@ -124,9 +127,9 @@ def test_shrinking_the_spectrum_is_soft_thresholding_of_singular_values() -> Non
 
 
 def test_a_row_without_affinity_is_uniform() -> None:
-    blocks = Blocks((2, 4))
-    matrix = np.zeros((6, 6))
-    np.testing.assert_allclose(row_stochastic(matrix, blocks)[0, 2:], 0.25)
+    matrix = np.eye(2, 4)
+    matrix[0] = 0.0
+    np.testing.assert_allclose(row_stochastic(BandedMap.of(matrix)).dense()[0], 0.25)
 
 
 def test_an_uninformative_video_does_not_blur_the_others() -> None:
@@ -134,31 +137,29 @@ def test_an_uninformative_video_does_not_blur_the_others() -> None:
     dark = truth.copy()
     for v in (0, 1, 2):
         blocks.block(dark, 3, v)[...], blocks.block(dark, v, 3)[...] = 1.0, 1.0
-    relaxed, _ = softmap(dark, blocks)
-    matching = np.asarray(blocks.block(relaxed, 0, 1))[np.asarray(blocks.block(truth, 0, 1)) > 0]
+    relaxed, _ = softmap(BlockMaps.of(dark, blocks))
+    matching = relaxed.block(0, 1)[np.asarray(blocks.block(truth, 0, 1)) > 0]
     assert matching.min() > 0.9
 
 
 def test_auto_prefers_the_smaller_held_out_residual() -> None:
     _, noisy, blocks = permutation_scene(RNG(6), noise=0.1)
-    maps = row_stochastic(noisy + 1e-6, blocks)
-    _, report = relax_auto(maps, blocks, rounds=2, rng=RNG(0))
-    residual = {
-        m: held_out_residual(m, maps, blocks, rounds=2, rng=RNG(0)) for m in ("softmap", "als")
-    }
+    maps = BlockMaps.of(noisy + 1e-6, blocks)
+    _, report = relax_auto(maps, rounds=2, rng=RNG(0))
+    residual = {m: held_out_residual(m, maps, rounds=2, rng=RNG(0)) for m in ("softmap", "als")}
     assert report.method == min(residual, key=lambda m: residual[m])
 
 
 def test_two_videos_have_no_cycle() -> None:
-    maps = np.eye(6)
-    same, report = relax("softmap", maps, Blocks((3, 3)), rounds=2, rng=RNG(0))
+    maps = BlockMaps.of(np.eye(6), Blocks((3, 3)))
+    same, report = relax("softmap", maps, rounds=2, rng=RNG(0))
     assert same is maps
     assert "fewer than three" in report.status
 
 
 def test_unknown_method_is_named() -> None:
     with pytest.raises(ValueError, match="magic"):
-        relax("magic", np.eye(9), Blocks((3, 3, 3)), rounds=2, rng=RNG(0))
+        relax("magic", BlockMaps.of(np.eye(9), Blocks((3, 3, 3))), rounds=2, rng=RNG(0))
 
 
 def test_symmetric_affinity() -> None:

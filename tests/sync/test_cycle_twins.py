@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from imocap_core.sync.block_maps import BlockMaps
 from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.cycle.als import als
 from imocap_core.sync.cycle.methods import relax
@@ -152,6 +153,7 @@ def test_a_reciprocal_affinity_is_not_flattened(method: str) -> None:
     off = np.abs(np.tile(phase, 4)[:, None] - np.tile(phase, 4)[None, :])
     off = off + 0.05 * RNG(6).random(off.shape)
     blocks = Blocks((T,) * 4)
-    relaxed, _ = relax(method, 1 / (1 + off / 0.3), blocks, rounds=2, rng=RNG(7))
-    path, _ = dtw(-np.asarray(blocks.block(relaxed, 0, 1), dtype=float))
+    maps = BlockMaps.of(1 / (1 + off / 0.3), blocks)
+    relaxed, _ = relax(method, maps, rounds=2, rng=RNG(7))
+    path, _ = dtw(-relaxed.block(0, 1))
     assert np.abs(positions_of_rows(path, T) - np.arange(T)).mean() < 2.0

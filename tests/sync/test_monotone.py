@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
+from imocap_core.sync.pairwise.banded import BandedMap
 from imocap_core.sync.warp.monotone import ANY_STEP, StepPrior, monotone_posterior
 from imocap_core.sync.warp.soft_maps import at_fine_positions
 
@@ -61,7 +62,7 @@ def test_time_reversal_reverses() -> None:
 
 def test_fine_positions_interpolate_the_map_and_sum_to_one() -> None:
     soft_map = np.random.default_rng(4).dirichlet(np.ones(5), 6)
-    fine = at_fine_positions(soft_map, 4)
+    fine = at_fine_positions(BandedMap.of(soft_map), 4).dense()
     positions = np.arange(17) / 4
     expected = np.stack([np.interp(positions, np.arange(5), row) for row in soft_map])
     np.testing.assert_allclose(fine, expected / expected.sum(axis=1, keepdims=True), atol=1e-12)

@@ -1,12 +1,14 @@
 """Synchronisation by reprojection: given motion, cameras and size of the noise."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from imocap_core.params import MotionParams
 from imocap_core.sync import synchronise
+from imocap_core.sync.pairwise.banded import BandedMap, blocks_of_frames
 from imocap_core.sync.warp import offset_squares
 from imocap_core.sync.warp.reprojection import (
     CalibratedVideo,
@@ -56,6 +58,20 @@ def blurred(true_at: np.ndarray, positions: np.ndarray, width: float) -> np.ndar
     return soft / soft.sum(1, keepdims=True)
 
 
+def all_squares(*scene: Any) -> np.ndarray:
+    """Of all frames and moments."""
+    return reprojection_squares(*scene)(slice(None), slice(None))
+
+
+def evidence_of_second(videos: list[CalibratedVideo], maps: list[np.ndarray]) -> np.ndarray | None:
+    """Of the second video's frames, all positions of the first one."""
+    banded = [BandedMap.of(m) for m in maps]
+    nearby = [(rows, slice(0, maps[1].shape[1])) for rows in blocks_of_frames(len(maps[1]))]
+    evidence = ReprojectionEvidence(videos, MotionParams())
+    squares = evidence.squares(1, banded, nearby, 0, 4)
+    return None if squares is None else squares.nearby.dense()
+
+
 def test_derivatives_by_rigid_offsets_are_those_of_the_projection() -> None:
     video = film(np.linspace(0, 1, 3), 0.7, 1)
     x = motion(np.linspace(0, 1, 3))
@@ -76,9 +92,7 @@ def test_a_performance_turned_and_shifted_keeps_its_time() -> None:
     turned = CalibratedVideo(
         video.xyz_m, video.xy_px + np.array([15.0, -8.0]), video.weight, K, video.R, video.t
     )
-    squares = reprojection_squares(
-        projected(motion(phase), video), turned, np.arange(81), MotionParams()
-    )
+    squares = all_squares(projected(motion(phase), video), turned, np.arange(81), MotionParams())
     assert np.abs(squares.argmin(1) - np.arange(81)).mean() < 1.0
     assert np.median(squares.min(1)) < 1.5
 
@@ -92,7 +106,7 @@ def test_reprojection_sharpens_a_blurred_map() -> None:
     true = [phase / 6 * (frames - 1) for phase in (reference, other, third)]
     rng = np.random.default_rng(6)
     maps = [blurred(x + 1.0 * rng.normal(size=len(x)), positions, 1.5) for x in true]
-    squares = ReprojectionEvidence(videos, MotionParams()).squares(1, maps, 0, per_frame)
+    squares = evidence_of_second(videos, maps)
     assert squares is not None
     error = np.abs(positions[squares.argmin(1)] - true[1])
     assert error.mean() < 0.25  # of reference frames; it was 0.8
@@ -134,7 +148,7 @@ def test_reprojection_of_a_performance_that_differs_is_not_used() -> None:
     videos = [film(phase, a, 7 + k, spread_m=0.08) for k, a in enumerate((0.0, 1.6, 3.1))]
     positions = np.arange(60 * 4 + 1) / 4
     maps = [blurred(np.arange(61.0), positions, 0.5)] * 3
-    assert ReprojectionEvidence(videos, MotionParams()).squares(1, maps, 0, 4) is None
+    assert evidence_of_second(videos, maps) is None
 
 
 def test_the_others_motion_is_without_the_video_itself() -> None:
@@ -142,13 +156,11 @@ def test_the_others_motion_is_without_the_video_itself() -> None:
     videos = [film(phase, a, 10 + k) for k, a in enumerate((0.0, 1.6, 3.1))]
     positions = np.arange(60 * 4 + 1) / 4
     maps = [blurred(np.arange(61.0), positions, 0.3)] * 3
-    squares = ReprojectionEvidence(videos, MotionParams()).squares(1, maps, 0, 4)
+    squares = evidence_of_second(videos, maps)
     moved = CalibratedVideo(
         videos[1].xyz_m + 5.0, *(getattr(videos[1], n) for n in ("xy_px", "weight", "K", "R", "t"))
     )
-    again = ReprojectionEvidence([videos[0], moved, videos[2]], MotionParams()).squares(
-        1, maps, 0, 4
-    )
+    again = evidence_of_second([videos[0], moved, videos[2]], maps)
     assert squares is not None
     assert again == pytest.approx(squares)
 
@@ -159,7 +171,7 @@ def test_the_current_moment_of_a_frame_does_not_bias_its_counterpart(off: int) -
     phase = np.linspace(0, 4, 81)
     video = film(phase, 0.7, 30)
     believed = np.clip(np.arange(81) + off, 0, 80)
-    squares = reprojection_squares(projected(motion(phase), video), video, believed, MotionParams())
+    squares = all_squares(projected(motion(phase), video), video, believed, MotionParams())
     inner = slice(8, 73)
     error = squares.argmin(1)[inner] - np.arange(81)[inner]
     assert abs(error.mean()) < 0.1 * abs(off)
@@ -176,7 +188,7 @@ def test_the_fit_of_rigid_offsets_at_every_moment_is_a_ridge_regression(
     phase = np.linspace(0, 1, 6)
     video = film(phase, 0.4, 31)
     template, moments = projected(motion(phase), video), np.array([0, 1, 1, 3, 4, 5])
-    squares = reprojection_squares(template, video, moments, MotionParams())
+    squares = all_squares(template, video, moments, MotionParams())
     weight, precision = weights_and_precision(template, video, moments, MotionParams())
     for t in range(6):
         for s in range(6):

@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from imocap_core.sync.pairwise.banded import BandedMap
 from imocap_core.sync.pairwise.rigid_alignment import centred
 from imocap_core.sync.warp.template import (
     ISOTROPIC,
@@ -26,7 +27,7 @@ def test_the_mean_is_the_direct_weighted_one() -> None:
     poses, soft = _poses(rng), rng.dirichlet(np.full(3 * T - 2, 0.2), T)
     weights = rng.uniform(0.2, 1.0, (T, J))
     base = poses_of_reference(_poses(rng), np.ones((T, J)), 3, VIEW_PRECISION)
-    part = poses_of_video(poses, weights, soft, base, VIEW_PRECISION, 0.0)
+    part = poses_of_video(poses, weights, BandedMap.of(soft), base, VIEW_PRECISION, 0.0)
     both = fused([base, part])
 
     shared = weights * (soft @ base.weights)
@@ -68,7 +69,7 @@ def test_depth_of_one_camera_is_resolved_by_another() -> None:
     guessed = np.array([0.005, 0.005, 0.08])  # metres, along the camera's axes
     first = true + rng.normal(size=true.shape) * guessed
     second = true @ aside.T + rng.normal(size=true.shape) * guessed
-    there, maps = np.ones((T, J)), np.eye(T)
+    there, maps = np.ones((T, J)), BandedMap.of(np.eye(T))
     errors = {}
     for name, axes in (("by axes", VIEW_PRECISION), ("plain", ISOTROPIC)):
         base = poses_of_reference(first, there, 1, axes)
@@ -84,7 +85,7 @@ def test_joints_that_are_visible_in_no_video_have_no_weight() -> None:
     poses = _poses(rng)
     poses[:, 2] = np.nan
     base = poses_of_reference(poses, weights, 1, VIEW_PRECISION)
-    part = poses_of_video(poses, weights, np.eye(T), base, VIEW_PRECISION, 0.0)
+    part = poses_of_video(poses, weights, BandedMap.of(np.eye(T)), base, VIEW_PRECISION, 0.0)
     both = fused([base, part])
     assert np.isfinite(both.poses).all()
     assert (both.weights[:, 2] == 0).all()

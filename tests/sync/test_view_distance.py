@@ -1,10 +1,18 @@
 """Distances in a video's own axes, against one pair at a time."""
 
+from typing import Any
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from imocap_core.sync.pairwise.banded import BandedMap
 from imocap_core.sync.pairwise.rigid_alignment import centred, rotations_onto
 from imocap_core.sync.pairwise.view_distance import axis_precisions, squared_view_distances
+
+
+def all_squares(*scene: Any) -> np.ndarray:
+    """Of all frames and positions."""
+    return squared_view_distances(*scene)(slice(None), slice(None))
 
 
 def test_is_the_weighted_distance_of_every_pair() -> None:
@@ -12,8 +20,8 @@ def test_is_the_weighted_distance_of_every_pair() -> None:
     others = rng.normal(size=(9, 10, 3))
     R_other_from_pose = Rotation.random(random_state=1).as_matrix()
     poses = others[:7] @ R_other_from_pose + rng.normal(size=(7, 10, 3)) * [0.1, 0.1, 0.25]
-    w, u, maps = np.ones((7, 10)), np.ones((9, 10)), np.eye(7, 9)
-    squares = squared_view_distances(poses, w, others, u, maps, window=5.0)
+    w, u, maps = np.ones((7, 10)), np.ones((9, 10)), BandedMap.of(np.eye(7, 9))
+    squares = all_squares(poses, w, others, u, maps, 5.0)
 
     x, y = centred(poses, w), centred(others, u)
     R = rotations_onto(x, y[:7], w, 5.0)
@@ -42,14 +50,14 @@ def test_rotations_are_recovered_and_smooth() -> None:
 def test_missing_joints_do_not_count() -> None:
     rng = np.random.default_rng(4)
     poses, others = rng.normal(size=(6, 10, 3)), rng.normal(size=(8, 10, 3))
-    w, u, maps = np.ones((6, 10)), np.ones((8, 10)), rng.random((6, 8))
+    w, u, maps = np.ones((6, 10)), np.ones((8, 10)), BandedMap.of(rng.random((6, 8)))
     w[:, 4:] = 0.0
     u[:, 4:] = 0.0
-    whole = squared_view_distances(poses, w, others, u, maps, 2.0)
+    whole = all_squares(poses, w, others, u, maps, 2.0)
     poses[:, 4:], others[:, 4:] = np.nan, 50.0
-    np.testing.assert_allclose(squared_view_distances(poses, w, others, u, maps, 2.0), whole)
+    np.testing.assert_allclose(all_squares(poses, w, others, u, maps, 2.0), whole)
     u[2] = 0.0
-    assert np.isnan(squared_view_distances(poses, w, others, u, maps, 2.0)[:, 2]).all()
+    assert np.isnan(all_squares(poses, w, others, u, maps, 2.0)[:, 2]).all()
 
 
 def test_equal_axes_have_equal_precision() -> None:

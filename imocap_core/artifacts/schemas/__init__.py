@@ -29,7 +29,9 @@ from imocap_core.artifacts.schemas.motion import (
 )
 from imocap_core.artifacts.schemas.refine_sync import EventCamera, EventCameras, RefineSync, Round
 from imocap_core.artifacts.schemas.sync import (
+    AffinityBlock,
     CycleTriple,
+    SoftMapBands,
     Sync,
     SyncMap,
     SyncSummary,
@@ -45,6 +47,7 @@ from imocap_core.artifacts.schemas.uncertainty import (
 )
 
 __all__ = [
+    "AffinityBlock",
     "AlternativeMotion",
     "Artifact",
     "Camera",
@@ -71,6 +74,7 @@ __all__ = [
     "Round",
     "Shape",
     "SmplBa",
+    "SoftMapBands",
     "SourceMoments",
     "StartFit",
     "Sync",

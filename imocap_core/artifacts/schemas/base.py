@@ -28,6 +28,7 @@ from pydantic_core import CoreSchema, core_schema
 Floats = npt.NDArray[np.float64]
 Floats32 = npt.NDArray[np.float32]
 Ints = npt.NDArray[np.int64]
+Ints16 = npt.NDArray[np.uint16]
 
 
 def dtype_of(array_type: Any) -> np.dtype[Any]:

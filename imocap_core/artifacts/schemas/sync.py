@@ -5,9 +5,19 @@ from __future__ import annotations
 from math import nan
 from typing import Annotated, ClassVar
 
+import numpy as np
 from pydantic import Field, model_validator
 
-from imocap_core.artifacts.schemas.base import Artifact, Floats, Floats32, Shape, Value, unique
+from imocap_core.artifacts.schemas.base import (
+    Artifact,
+    Floats,
+    Floats32,
+    Ints,
+    Ints16,
+    Shape,
+    Value,
+    unique,
+)
 
 
 class SyncMap(Value):
@@ -91,12 +101,55 @@ class SyncSummary(Value):
         return self
 
 
+FRAMES = 32  # of a block of a soft map
+
+
+class AffinityBlock(Value):
+    """Affinities (Eq. 1) of two videos' frames: of every n-th of each, for pictures."""
+
+    first: str
+    second: str
+    every: Annotated[Ints, Shape(2)]  # n of either video
+    scaled: Annotated[Ints16, Shape("A", "B")]  # 0 to 65535 for 0 to 1
+
+
+class SoftMapBands(Value):
+    """Row-stochastic maps from every video to every other one, in the order of the ids.
+
+    A map's frames come in blocks of 32; of each block the entries from its first to its last
+    position above 1/10,000 of a row's largest, the others are left out.
+    """
+
+    position: Annotated[Ints, Shape("B")]  # the first one of each block
+    width: Annotated[Ints, Shape("B")]
+    entries: Annotated[Floats32, Shape("E")]  # of all blocks, each row by row
+
+
 class Sync(Artifact, SyncSummary):
-    """Correspondences with the affinity they came from (Eq. 2); N frames of all videos together."""
+    """Correspondences with the affinities they came from (Eq. 2)."""
 
     OPTIONAL: ClassVar[frozenset[str]] = frozenset({"sound_start_s"})
 
-    affinity: Annotated[Floats32, Shape("N", "N")]
-    relaxed: Annotated[Floats32, Shape("N", "N")]
+    affinity: list[AffinityBlock]  # one a pair of videos; none of an excluded one
+    relaxed: SoftMapBands
     # when each video of one event began, by its sound, NaN where that does not tell; else None
     sound_start_s: Annotated[Floats, Shape("M")] | None = None
+
+    @model_validator(mode="after")
+    def _bands_fit(self) -> Sync:
+        M, blocks = len(self.lengths), [-(-T // FRAMES) for T in self.lengths]
+        position, width = self.relaxed.position, self.relaxed.width
+        rows, most = [], []
+        for v, T in enumerate(self.lengths):
+            sizes = [min(FRAMES, T - FRAMES * b) for b in range(blocks[v])]
+            rows += sizes * (M - 1)
+            most += [n for u, n in enumerate(self.lengths) if u != v for _ in sizes]
+        if len(position) != len(rows):
+            raise ValueError(f"relaxed: expected {len(rows)} bands, got {len(position)}")
+        if ((position < 0) | (width < 0) | (position + width > np.array(most, dtype=int))).any():
+            raise ValueError("relaxed: expected bands within the videos, got one beyond")
+        if (expected := int(width @ np.array(rows, dtype=int))) != len(self.relaxed.entries):
+            raise ValueError(
+                f"relaxed: expected {expected} entries, got {len(self.relaxed.entries)}"
+            )
+        return self

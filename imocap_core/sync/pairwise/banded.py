@@ -1,51 +1,184 @@
-"""Products with soft maps, whose entries vanish away from the warp.
+"""Soft maps as bands: their entries vanish away from the warp.
 
 The posterior over monotone warps falls off so fast that most entries of a row are lost in the
-rounding of any sum over it. Products without them cost time in proportion to the frames, not to
-their square.
+rounding of any sum over it. Without them a map takes memory, and a product with it time, in
+proportion to the frames, not to their square.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
+from numpy.typing import DTypeLike
 
 NEGLIGIBLE = 1e-24  # of a row's largest entry; sums are rounded at 1e-16
 FRAMES = 32  # of a block; the positions of its band are those of any of its frames
 
+Band = tuple[slice, slice]  # frames, positions
+
 
 @dataclass(frozen=True)
 class BandedMap:
-    """A soft map of N frames to S positions, and for each block of frames the positions that are
-    not negligible to all of them."""
+    """A matrix of N frames and S positions that is zero outside a band.
 
-    soft_map: Float[np.ndarray, "N S"]
-    bands: list[tuple[slice, slice]]
+    Attributes:
+        bands: blocks of frames, in order, and the positions of each.
+        values: the entries of each band.
+    """
+
+    shape: tuple[int, int]
+    bands: Sequence[Band]
+    values: Sequence[Float[np.ndarray, "_n _s"]]
 
     @classmethod
-    def of(cls, soft_map: Float[np.ndarray, "N S"]) -> BandedMap:
-        bands = []
-        for first in range(0, len(soft_map), FRAMES):
-            rows = slice(first, min(first + FRAMES, len(soft_map)))
+    def of(
+        cls,
+        soft_map: Float[np.ndarray, "N S"],
+        negligible: float = NEGLIGIBLE,
+        dtype: DTypeLike | None = None,
+    ) -> BandedMap:
+        """The map without what is negligible beside its row's largest entry, as type `dtype`."""
+        N, S = soft_map.shape
+        bands, values = [], []
+        for rows in blocks_of_frames(N):
             block = soft_map[rows]
-            entries = block > NEGLIGIBLE * block.max(axis=1, keepdims=True)
-            (positions,) = np.nonzero(entries.any(axis=0))
-            if len(positions):
-                bands.append((rows, slice(int(positions[0]), int(positions[-1]) + 1)))
-        return cls(soft_map, bands)
+            columns = support(block, negligible)
+            if columns is not None:
+                bands.append((rows, columns))
+                values.append(np.array(block[:, columns], dtype=dtype))
+        return cls((N, S), bands, values)
+
+    @classmethod
+    def computed(
+        cls,
+        shape: tuple[int, int],
+        bands: Sequence[Band],
+        entries: Callable[[slice, slice], Float[np.ndarray, "_n _s"]],
+    ) -> BandedMap:
+        """The entries of given bands, computed band by band."""
+        return cls(shape, bands, [entries(rows, columns) for rows, columns in bands])
+
+    def __iter__(self) -> Iterator[tuple[slice, slice, Float[np.ndarray, "_n _s"]]]:
+        """Frames, positions, entries of each band."""
+        for (rows, columns), values in zip(self.bands, self.values, strict=True):
+            yield rows, columns, values
+
+    def dense(self, dtype: DTypeLike | None = None) -> Float[np.ndarray, "N S"]:
+        """The whole matrix; of type `dtype`, by default that of the entries."""
+        stored = self.values[0].dtype if self.values else np.dtype(float)
+        out = np.zeros(self.shape, dtype=stored if dtype is None else dtype)
+        for rows, columns, values in self:
+            out[rows, columns] = values
+        return out
+
+    def mapped(self, change: Callable[[slice, slice, np.ndarray], np.ndarray]) -> BandedMap:
+        """New entries in the same bands, from frames, positions and entries."""
+        return BandedMap(self.shape, self.bands, [change(*part) for part in self])
+
+    def trimmed(self, negligible: float = NEGLIGIBLE) -> BandedMap:
+        """The map without what is negligible beside its row's largest entry, in bands of FRAMES."""
+        bands, parts = [], []
+        for rows, columns, values in self:
+            for part in blocks_of_frames(rows.stop - rows.start):
+                inside = support(values[part], negligible)
+                if inside is not None:
+                    frames = slice(rows.start + part.start, rows.start + part.stop)
+                    first = columns.start
+                    bands.append((frames, slice(first + inside.start, first + inside.stop)))
+                    parts.append(values[part, inside].copy())
+        return BandedMap(self.shape, bands, parts)
+
+    def astype(self, dtype: DTypeLike) -> BandedMap:
+        """The same in another precision."""
+        return self.mapped(lambda rows, columns, values: values.astype(dtype))
+
+    def scaled(self, factor: Float[np.ndarray, " N"]) -> BandedMap:
+        """Every row times a number."""
+        return self.mapped(lambda rows, _, values: values * factor[rows, None])
+
+    def per_row(
+        self, number: Callable[[np.ndarray], np.ndarray], elsewhere: float = 0.0
+    ) -> Float[np.ndarray, " N"]:
+        """A number of each row from its entries, such as their sum."""
+        out = np.full(self.shape[0], elsewhere)
+        for rows, _, values in self:
+            out[rows] = number(values)
+        return out
+
+    def row_sums(self) -> Float[np.ndarray, " N"]:
+        """The sum of each row."""
+        return self.per_row(lambda values: values.sum(axis=1))
+
+    def largest(self) -> Int[np.ndarray, " N"]:
+        """The position of each row's largest entry; 0 where a row has none."""
+        out = np.zeros(self.shape[0], dtype=np.int64)
+        for rows, columns, values in self:
+            positions = columns.start + values.argmax(axis=1)
+            out[rows] = np.where(values.max(axis=1) > 0, positions, 0)
+        return out
 
     def gathered(self, values: Float[np.ndarray, "S F"]) -> Float[np.ndarray, "N F"]:
         """soft_map @ values: what each frame meets at its positions."""
-        out = np.zeros((len(self.soft_map), values.shape[1]))
-        for rows, columns in self.bands:
-            out[rows] = self.soft_map[rows, columns] @ values[columns]
+        out = np.zeros((self.shape[0], values.shape[1]))
+        for rows, columns, entries in self:
+            out[rows] = entries @ values[columns]
         return out
 
     def spread(self, values: Float[np.ndarray, "N F"]) -> Float[np.ndarray, "S F"]:
         """soft_map.T @ values: what the frames bring to each position."""
-        out = np.zeros((self.soft_map.shape[1], values.shape[1]))
-        for rows, columns in self.bands:
-            out[columns] += self.soft_map[rows, columns].T @ values[rows]
+        out = np.zeros((self.shape[1], values.shape[1]))
+        for rows, columns, entries in self:
+            out[columns] += entries.T @ values[rows]
         return out
+
+
+def blocks_of_frames(N: int) -> Iterator[slice]:
+    """The frames of each band."""
+    return (slice(first, min(first + FRAMES, N)) for first in range(0, N, FRAMES))
+
+
+def support(block: Float[np.ndarray, "n S"], negligible: float) -> slice | None:
+    """From the first to the last position that is not negligible to all rows; None: there is
+    none."""
+    entries = block > negligible * block.max(axis=1, keepdims=True)
+    (positions,) = np.nonzero(entries.any(axis=0))
+    return slice(int(positions[0]), int(positions[-1]) + 1) if len(positions) else None
+
+
+def search_bands(maps: Sequence[BandedMap], reach: int) -> list[Band]:
+    """Bands that contain those of all maps, and `reach` positions more to either side.
+
+    Every frame has one; where no map has an entry, it is all positions.
+    """
+    N, S = maps[0].shape
+    found: dict[int, list[slice]] = {}
+    for soft_map in maps:
+        for rows, columns in soft_map.bands:
+            found.setdefault(rows.start, []).append(columns)
+    bands = []
+    for rows in blocks_of_frames(N):
+        near = found.get(rows.start)
+        if near is None:
+            bands.append((rows, slice(0, S)))
+            continue
+        first, stop = min(c.start for c in near), max(c.stop for c in near)
+        bands.append((rows, slice(max(first - reach, 0), min(stop + reach, S))))
+    return bands
+
+
+def whole_band(matrix: Float[np.ndarray, "N S"]) -> BandedMap:
+    """A matrix as one band of all its entries (not copied)."""
+    N, S = matrix.shape
+    return BandedMap((N, S), [(slice(0, N), slice(0, S))], [matrix])
+
+
+def frames_of(bands: Sequence[Band]) -> list[tuple[slice, int, int]]:
+    """Positions, band, and row in the band of each frame."""
+    return [
+        (columns, band, row)
+        for band, (rows, columns) in enumerate(bands)
+        for row in range(rows.stop - rows.start)
+    ]

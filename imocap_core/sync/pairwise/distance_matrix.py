@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -23,7 +23,8 @@ class DistanceMatrix:
     Attributes:
         poses, weights: per video, at the common body scale.
         blocks: the videos' places among the N_a frames.
-        squares: squared distances; NaN where unknown and within one video.
+        squares: [i, j] with i < j: squared distances of the frames of video i to those of video j;
+            NaN where unknown.
         matched_square: typical of matching frames.
         unrelated_square: typical of any two frames.
         least_square: squared distance below which performances are not told apart.
@@ -33,15 +34,23 @@ class DistanceMatrix:
     poses: list[Float[np.ndarray, "_T J 3"]]
     weights: list[Float[np.ndarray, "_T J"]]
     blocks: Blocks
-    squares: Float[np.ndarray, "N_a N_a"]
+    squares: dict[tuple[int, int], Float[np.ndarray, "_N_i _N_j"]]
     matched_square: float
     unrelated_square: float
     least_square: float
     change: list[Float[np.ndarray, "_T"]]
 
     def block(self, i: int, j: int) -> Float[np.ndarray, "N_i N_j"]:
-        """Squared distances of the frames of video i to those of video j (a view)."""
-        return self.blocks.block(self.squares, i, j)
+        """Squared distances of the frames of video i to those of video j (a view); NaN within one
+        video."""
+        if i == j:
+            return np.full((len(self.poses[i]),) * 2, np.nan)
+        return self.squares[i, j] if i < j else self.squares[j, i].T
+
+    def with_squares_of(self, video: int) -> DistanceMatrix:
+        """The same with squared distances to one video alone: the others' memory is freed."""
+        squares = {pair: block for pair, block in self.squares.items() if video in pair}
+        return replace(self, squares=squares)
 
 
 def distance_matrix(
@@ -62,8 +71,7 @@ def distance_matrix(
     per_video = [scaled[blocks.rows(v)] for v in range(len(poses))]
     squares = _all_squares(per_video, weights, fps, blocks, params.velocity_weight_s)
     nearest, usual = [], []
-    for i, j in blocks.pairs():
-        block = blocks.block(squares, i, j)
+    for block in squares.values():
         valid = block[np.isfinite(block).any(axis=1)]
         if valid.size:
             nearest.append(np.median(np.nanmin(valid, axis=1)))
@@ -81,22 +89,16 @@ def _all_squares(
     fps: Sequence[float],
     blocks: Blocks,
     velocity_weight_s: float,
-) -> np.ndarray:
-    """Squared distances (N_a, N_a) between frames of different videos; NaN within a video."""
+) -> dict[tuple[int, int], np.ndarray]:
+    """Squared distances between frames of different videos, one matrix a pair of videos."""
     points, point_weights = list(poses), list(weights)
     if velocity_weight_s > 0:
         for v, x in enumerate(poses):
             points[v], point_weights[v] = with_velocity(x, weights[v], fps[v], velocity_weight_s)
     # a mean over twice as many points, of which half are poses
     factor = 2.0 if velocity_weight_s > 0 else 1.0
-    all_points, all_weights = np.concatenate(points), np.concatenate(point_weights)
-    squares = np.full((blocks.total, blocks.total), np.nan)
-    for v in range(len(poses) - 1):
-        rows = blocks.rows(v)
-        rest = slice(rows.stop, None)
-        distances = procrustes_distances(
-            all_points[rows], all_points[rest], all_weights[rows], all_weights[rest]
-        )
-        squares[rows, rest] = factor * distances**2
-        squares[rest, rows] = squares[rows, rest].T
+    squares = {}
+    for i, j in blocks.pairs():
+        distances = procrustes_distances(points[i], points[j], point_weights[i], point_weights[j])
+        squares[i, j] = factor * distances**2
     return squares

@@ -9,6 +9,7 @@ certain each of its axes is. Given both, the distance is a plain weighted one, a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,20 +42,20 @@ def align_with_template(
     weights: Float[np.ndarray, "N J"],
     template: Float[np.ndarray, "S J 3"],
     template_weights: Float[np.ndarray, "S J"],
-    soft_map: Float[np.ndarray, "N S"],
+    soft_map: BandedMap,
     window: float,
 ) -> TemplateAlignment:
     """Align each frame of a video with its mean counterpart in a template.
 
     Args:
-        soft_map: current position of the frames in the template; each row of any scale.
+        soft_map: current position of the frames in the template (N, S); each row of any scale.
         window: frames, as in `rotations_onto`.
     """
     S = soft_map.shape[1]
     x, y = centred(poses, weights), centred(template, template_weights)
-    banded, total = BandedMap.of(soft_map), np.maximum(soft_map.sum(axis=1), 1e-12)[:, None]
-    targets = (banded.gathered(y.reshape(S, -1)) / total).reshape(x.shape)
-    both = weights * (banded.gathered(template_weights) / total)
+    total = np.maximum(soft_map.row_sums(), 1e-12)[:, None]
+    targets = (soft_map.gathered(y.reshape(S, -1)) / total).reshape(x.shape)
+    both = weights * (soft_map.gathered(template_weights) / total)
     R = rotations_onto(x, targets, both, window)
     residuals = x - np.einsum("nab,nja->njb", R, targets)
     return TemplateAlignment(x, y, R, np.asarray(residuals), both)
@@ -81,10 +82,11 @@ def squared_view_distances(
     weights: Float[np.ndarray, "N J"],
     template: Float[np.ndarray, "S J 3"],
     template_weights: Float[np.ndarray, "S J"],
-    soft_map: Float[np.ndarray, "N S"],
+    soft_map: BandedMap,
     window: float,
-) -> Float[np.ndarray, "N S"]:
-    """Mean squared joint distance of a video's frames to a template, in the video's axes.
+) -> Callable[[slice, slice], Float[np.ndarray, "_n _s"]]:
+    """Mean squared joint distance of a video's frames to a template, in the video's axes: a
+    function of frames and positions.
 
     Arguments as of `align_with_template`. NaN where no joint is shared.
     """
@@ -97,9 +99,16 @@ def squared_view_distances(
     RPR = np.einsum("nab,b,ncb->nac", R, precision, R)
     RPx = np.einsum("nab,njb->nja", R * precision, x) * weights[..., None]
     yy = np.einsum("sja,sjb->sjab", y, y) * template_weights[..., None, None]
-    square = (weights * (x * x * precision).sum(axis=-1)) @ template_weights.T
-    square -= 2.0 * RPx.reshape(N, -1) @ (y * template_weights[..., None]).reshape(S, -1).T
-    square += (weights[..., None] * RPR.reshape(N, 1, 9)).reshape(N, -1) @ yy.reshape(S, -1).T
-    shared = weights @ template_weights.T
-    mean = np.maximum(square, 0.0) / np.where(shared > 0, shared, 1.0)
-    return np.where(shared > 0, mean, np.nan)
+    xPx = weights * (x * x * precision).sum(axis=-1)
+    by_y, by_yy = RPx.reshape(N, -1), (weights[..., None] * RPR.reshape(N, 1, 9)).reshape(N, -1)
+    weighted_y, yy = (y * template_weights[..., None]).reshape(S, -1), yy.reshape(S, -1)
+
+    def squares(frames: slice, positions: slice) -> np.ndarray:
+        square = xPx[frames] @ template_weights[positions].T
+        square -= 2.0 * by_y[frames] @ weighted_y[positions].T
+        square += by_yy[frames] @ yy[positions].T
+        shared = weights[frames] @ template_weights[positions].T
+        mean = np.maximum(square, 0.0) / np.where(shared > 0, shared, 1.0)
+        return np.where(shared > 0, mean, np.nan)
+
+    return squares

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from jaxtyping import Float
 
@@ -33,3 +35,16 @@ def normalised(
     posterior[~(inside > 0)] = 1.0 / joint.shape[1]
     matched = np.divide(inside, total, out=np.zeros(len(inside)), where=total > 0)
     return posterior, matched
+
+
+def moved(
+    state: np.ndarray, here: slice, there: slice, step: Callable[[np.ndarray], np.ndarray]
+) -> np.ndarray:
+    """A step of the chain from the positions `here` (..., S_here) to the positions `there`, of
+    which those that the state does not have are 0."""
+    if here == there:
+        return step(state)
+    first, stop = min(here.start, there.start), max(here.stop, there.stop)
+    wide = np.zeros((*state.shape[:-1], stop - first))
+    wide[..., here.start - first : here.stop - first] = state
+    return step(wide)[..., there.start - first : there.stop - first]

@@ -8,15 +8,17 @@ template with a fraction of that noise; each video is warped onto the template m
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from jaxtyping import Float
 
+from imocap_core.sync.pairwise.banded import Band, BandedMap
 from imocap_core.sync.pairwise.procrustes import procrustes_distances
 from imocap_core.sync.pairwise.rigid_alignment import centred
 from imocap_core.sync.pairwise.view_distance import align_with_template, squared_view_distances
 from imocap_core.sync.pairwise.whitening import whitening
+from imocap_core.sync.warp.nearby_squares import NearbySquares
 from imocap_core.sync.warp.template import (
     ISOTROPIC,
     VIEW_PRECISION,
@@ -30,16 +32,19 @@ from imocap_core.sync.warp.template import (
 def squared_distances_to_others(
     poses: Sequence[Float[np.ndarray, "_T J 3"]],
     weights: Sequence[Float[np.ndarray, "_T J"]],
-    soft_maps: Sequence[Float[np.ndarray, "_T S"] | None],
+    soft_maps: Sequence[BandedMap | None],
+    nearby: Sequence[Sequence[Band]],
     reference: int,
     per_frame: int,
     windows: Sequence[float] | None,
-) -> list[Float[np.ndarray, "_T S"] | None]:
-    """Per video: squared distance of its frames to the template made of all other videos.
+) -> Iterator[tuple[int, NearbySquares]]:
+    """Of every video but the reference, one after another: squared distances of its frames to the
+    template made of all other videos.
 
     Args:
         soft_maps: into the reference's positions, rows scaled by how much the frame counts; None
-            for the reference, and None in the result.
+            for the reference.
+        nearby: per video, the positions near those of its map.
         per_frame: positions per frame of the reference.
         windows: frames over which each video's orientation changes. With them, poses are compared
             in each video's camera axes and whitened joints; without, by their Procrustes distance.
@@ -50,17 +55,26 @@ def squared_distances_to_others(
         base if p is None else poses_of_video(x, w, p, base, axes, windows[v] if windows else 0.0)
         for v, (x, w, p) in enumerate(zip(poses, weights, soft_maps, strict=True))
     ]
-    squares: list[np.ndarray | None] = []
     for v, soft_map in enumerate(soft_maps):
         if soft_map is None:
-            squares.append(None)
             continue
         others = fused([part for u, part in enumerate(parts) if u != v])
-        x, w = poses[v], weights[v]
         if windows is None:
-            squares.append(procrustes_distances(x, others.poses, w, others.weights) ** 2)
+            squares = _procrustes_squares(poses[v], weights[v], others)
         else:
-            squares.append(_squares_of_features(x, w, others, soft_map, windows[v]))
+            squares = _squares_of_features(poses[v], weights[v], others, soft_map, windows[v])
+        yield v, NearbySquares.computed(soft_map.shape, nearby[v], squares)
+
+
+def _procrustes_squares(
+    poses: np.ndarray, weights: np.ndarray, template: TemplatePoses
+) -> Callable[[slice, slice], np.ndarray]:
+    """Squared Procrustes distances, of frames and positions."""
+
+    def squares(frames: slice, positions: slice) -> np.ndarray:
+        others, visible = template.poses[positions], template.weights[positions]
+        return procrustes_distances(poses[frames], others, weights[frames], visible) ** 2
+
     return squares
 
 
@@ -68,10 +82,10 @@ def _squares_of_features(
     poses: np.ndarray,
     weights: np.ndarray,
     template: TemplatePoses,
-    soft_map: np.ndarray,
+    soft_map: BandedMap,
     window: float,
-) -> np.ndarray:
-    """Squared distances in the video's axes between whitened joints."""
+) -> Callable[[slice, slice], np.ndarray]:
+    """Squared distances in the video's axes between whitened joints, of frames and positions."""
     y, y_weights = template.poses, template.weights
     residuals = align_with_template(poses, weights, y, y_weights, soft_map, window).residuals
     W = whitening(residuals, weights)

@@ -10,12 +10,14 @@ distribution shows how certain its match is.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.sync.warp.forward_backward import bounded_likelihoods, normalised
+from imocap_core.sync.pairwise.banded import Band, BandedMap, frames_of, whole_band
+from imocap_core.sync.warp.forward_backward import bounded_likelihoods, moved, normalised
 
 
 @dataclass(frozen=True)
@@ -72,36 +74,102 @@ def monotone_posterior(
             first and after the last position (inf = every frame has one).
         steps: prior of the steps from frame to frame.
     """
-    N, S = cost.shape
-    # A match chooses among positions and "unmatched" doesn't: charge the match the prior of one
-    # step of a walk that fills S positions in N frames.
-    match_likelihood, skip_likelihood, _ = bounded_likelihoods(cost + np.log1p(S / N), unmatched)
-    # a warp leaves "before" near the first position and enters "after" near the last
-    edge = max(1, int(np.ceil(2.0 * S / N)))
-    entry, leave = np.zeros(S), np.zeros(S)
-    entry[:edge], leave[-edge:] = 1.0, 1.0
+    posterior, matched = banded_posterior(whole_band(cost), unmatched=unmatched, steps=steps)
+    return posterior.values[0], matched
 
-    forward, before, after = np.empty((N, S)), np.empty(N), np.zeros(N)
-    forward[0], before[0] = match_likelihood[0], skip_likelihood[0]
-    for t in range(N):
-        if t:
-            come = steps.advanced(forward[t - 1]) + before[t - 1] * entry
-            forward[t] = come * match_likelihood[t]
-            before[t] = before[t - 1] * skip_likelihood[t]
-            after[t] = (after[t - 1] + forward[t - 1] @ leave) * skip_likelihood[t]
-        scale = max(forward[t].max(), before[t], after[t])
-        forward[t], before[t], after[t] = forward[t] / scale, before[t] / scale, after[t] / scale
 
-    joint, outside = np.empty((N, S)), np.empty(N)
-    back, back_before, back_after = np.ones(S), 1.0, 1.0
-    for t in range(N - 1, -1, -1):
-        if t < N - 1:
-            match, skip = back * match_likelihood[t + 1], skip_likelihood[t + 1]
-            back_before = entry @ match + back_before * skip
-            back = steps.advanced(match[::-1])[::-1] + leave * back_after * skip
-            back_after = back_after * skip
+def banded_posterior(
+    cost: BandedMap,
+    *,
+    unmatched: float | Float[np.ndarray, " N"],
+    steps: StepPrior = ANY_STEP,
+) -> tuple[BandedMap, Float[np.ndarray, " N"]]:
+    """`monotone_posterior` over the warps within a band, which every frame must have."""
+    N, _ = cost.shape
+    inside, outside = _joint_weights(_Likelihoods.of(cost, unmatched), steps)
+    matched, values = np.empty(N), []
+    for (rows, _), joint in zip(cost.bands, inside, strict=True):
+        posterior, matched[rows] = normalised(joint, outside[rows])
+        values.append(posterior)
+    return BandedMap(cost.shape, cost.bands, values), matched
+
+
+@dataclass(frozen=True)
+class _Likelihoods:
+    """Of the match at each position of the frame's band, and of no match.
+
+    entry, leave: (S,) where a warp may begin and end, near the first and the last position.
+    """
+
+    bands: Sequence[Band]
+    match: Sequence[np.ndarray]
+    skip: np.ndarray
+    entry: np.ndarray
+    leave: np.ndarray
+
+    @classmethod
+    def of(cls, cost: BandedMap, unmatched: float | np.ndarray) -> _Likelihoods:
+        N, S = cost.shape
+        # A match chooses among positions and "unmatched" doesn't: charge the match the prior of
+        # one step of a walk that fills S positions in N frames.
+        charge, skip, match = np.log1p(S / N), np.empty(N), []
+        for_each = np.broadcast_to(unmatched, N)
+        for rows, _, values in cost:
+            likelihood, skip[rows], _ = bounded_likelihoods(values + charge, for_each[rows])
+            match.append(likelihood)
+        edge = max(1, int(np.ceil(2.0 * S / N)))
+        entry, leave = np.zeros(S), np.zeros(S)
+        entry[:edge], leave[-edge:] = 1.0, 1.0
+        return cls(cost.bands, match, skip, entry, leave)
+
+
+def _joint_weights(
+    likelihoods: _Likelihoods, steps: StepPrior
+) -> tuple[list[np.ndarray], Float[np.ndarray, " N"]]:
+    """Weights of each frame's positions, band by band, and of having no counterpart, each frame's
+    up to one factor: forward messages, times backward ones."""
+    frames, skip = frames_of(likelihoods.bands), likelihoods.skip
+    entry, leave = likelihoods.entry, likelihoods.leave
+    joint, before, after = _forward(likelihoods, steps)
+    outside = np.empty(len(skip))
+    here, _, _ = frames[-1]
+    back, back_before, back_after = np.ones(here.stop - here.start), 1.0, 1.0
+    for t in range(len(frames) - 1, -1, -1):
+        here, band, row = frames[t]
+        if t < len(frames) - 1:
+            there, next_band, next_row = frames[t + 1]
+            match = back * likelihoods.match[next_band][next_row]
+            back_before = entry[there] @ match + back_before * skip[t + 1]
+            back = moved(match, there, here, lambda x: steps.advanced(x[::-1])[::-1])
+            back = back + leave[here] * back_after * skip[t + 1]
+            back_after = back_after * skip[t + 1]
             scale = max(back.max(), back_before, back_after)
             back, back_before, back_after = back / scale, back_before / scale, back_after / scale
-        joint[t] = forward[t] * back
+        joint[band][row] *= back
         outside[t] = before[t] * back_before + after[t] * back_after
-    return normalised(joint, outside)
+    return joint, outside
+
+
+def _forward(
+    likelihoods: _Likelihoods, steps: StepPrior
+) -> tuple[list[np.ndarray], Float[np.ndarray, " N"], Float[np.ndarray, " N"]]:
+    """Forward messages: of each frame's positions, of "before the warp's start" and of "after its
+    end"."""
+    frames, skip = frames_of(likelihoods.bands), likelihoods.skip
+    inside = [np.empty_like(match) for match in likelihoods.match]
+    before, after = np.empty(len(frames)), np.zeros(len(frames))
+    state, last = np.zeros(0), slice(0, 0)
+    for t, (here, band, row) in enumerate(frames):
+        match = likelihoods.match[band][row]
+        if t:
+            come = moved(state, last, here, steps.advanced)
+            come = come + before[t - 1] * likelihoods.entry[here]
+            after[t] = (after[t - 1] + state @ likelihoods.leave[last]) * skip[t]
+            before[t] = before[t - 1] * skip[t]
+            state = come * match
+        else:
+            before[0], state = skip[0], match
+        scale = max(state.max(), before[t], after[t])
+        state, before[t], after[t] = state / scale, before[t] / scale, after[t] / scale
+        inside[band][row], last = state, here
+    return inside, before, after

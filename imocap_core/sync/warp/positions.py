@@ -6,24 +6,33 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import isotonic_regression
 
+from imocap_core.sync.pairwise.banded import BandedMap, whole_band
+
 
 def median_positions(
-    soft_map: Float[np.ndarray, "N S"], per_frame: int = 1
+    soft_map: Float[np.ndarray, "N S"] | BandedMap, per_frame: int = 1
 ) -> Float[np.ndarray, " N"]:
     """The median of each row of a stochastic map, in frames, fractional: it minimises the mean
     error.
 
     Each column is taken as a bin one column wide; `per_frame` columns make a frame.
     """
-    cumulative = np.cumsum(soft_map, axis=1) / np.maximum(
-        soft_map.sum(axis=1, keepdims=True), 1e-300
-    )
+    banded = _as_banded(soft_map)
+    position = np.zeros(banded.shape[0])
+    for rows, columns, values in banded:
+        position[rows] = columns.start + _medians(values)
+    return np.asarray(np.clip(position, 0.0, banded.shape[1] - 1.0) / per_frame)
+
+
+def _medians(soft_map: np.ndarray) -> np.ndarray:
+    """Median column (N,) of each row."""
+    cumulative = np.cumsum(soft_map, axis=1, dtype=float)
+    cumulative /= np.maximum(soft_map.sum(axis=1, keepdims=True, dtype=float), 1e-300)
     bin_ = (cumulative >= 0.5).argmax(axis=1)[:, None]
     upper = np.take_along_axis(cumulative, bin_, 1)
     lower = np.where(bin_ > 0, np.take_along_axis(cumulative, np.maximum(bin_ - 1, 0), 1), 0.0)
     inside = (0.5 - lower) / np.maximum(upper - lower, 1e-12)
-    position = bin_[:, 0] - 0.5 + inside[:, 0]
-    return np.asarray(np.clip(position, 0.0, soft_map.shape[1] - 1.0) / per_frame)
+    return np.asarray(bin_[:, 0] - 0.5 + inside[:, 0])
 
 
 def isotonic(
@@ -39,14 +48,22 @@ def isotonic(
 
 
 def mass_within(
-    soft_map: Float[np.ndarray, "N S"],
+    soft_map: Float[np.ndarray, "N S"] | BandedMap,
     positions: Float[np.ndarray, " N"],
     reach: float,
     per_frame: int = 1,
 ) -> Float[np.ndarray, " N"]:
     """P(the true position is within `reach` frames of `positions`), per row of a stochastic map."""
-    columns = np.arange(soft_map.shape[1]) / per_frame
-    half = 0.5 / per_frame  # each column is a bin: count the part of it that lies within reach
-    low = np.maximum(columns[None, :] - half, (positions - reach)[:, None])
-    high = np.minimum(columns[None, :] + half, (positions + reach)[:, None])
-    return np.asarray((soft_map * np.maximum(high - low, 0.0) * per_frame).sum(axis=1))
+    banded = _as_banded(soft_map)
+    mass, half = np.zeros(banded.shape[0]), 0.5 / per_frame  # each column is a bin
+    for rows, columns, values in banded:
+        bins = np.arange(columns.start, columns.stop) / per_frame
+        low = np.maximum(bins - half, (positions[rows] - reach)[:, None])
+        high = np.minimum(bins + half, (positions[rows] + reach)[:, None])
+        # the part of the bin that lies within reach
+        mass[rows] = (values * np.maximum(high - low, 0.0) * per_frame).sum(axis=1)
+    return mass
+
+
+def _as_banded(soft_map: np.ndarray | BandedMap) -> BandedMap:
+    return soft_map if isinstance(soft_map, BandedMap) else whole_band(soft_map)

@@ -8,7 +8,7 @@ other videos' motion at every moment, and the moment of the smallest error is it
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,8 @@ from jaxtyping import Float, Int
 
 from imocap_core.params import MotionParams
 from imocap_core.robust import geman_mcclure
-from imocap_core.sync.pairwise.banded import BandedMap
+from imocap_core.sync.pairwise.banded import Band, BandedMap
+from imocap_core.sync.warp.nearby_squares import NearbySquares
 from imocap_core.sync.warp.offset_squares import OFFSET, squares_after_offsets
 from imocap_core.sync.warp.positions import median_positions
 from imocap_core.sync.warp.template import (
@@ -66,7 +67,7 @@ class ProjectedTemplate:
 
 def leave_one_out_motion(
     videos: Sequence[CalibratedVideo],
-    soft_maps: Sequence[Float[np.ndarray, "_T S"]],
+    soft_maps: Sequence[BandedMap],
     without: int,
     reference: int,
     per_frame: int,
@@ -74,7 +75,7 @@ def leave_one_out_motion(
     """Mean motion of all videos but one at the positions of the reference.
 
     Args:
-        soft_maps: per video, into the reference's positions.
+        soft_maps: per video, into the reference's positions (T, S).
         without: the video left out.
         per_frame: positions per frame of the reference.
     """
@@ -86,9 +87,8 @@ def leave_one_out_motion(
         if u == reference:
             parts.append(isotropic_poses(*interpolated_poses(video.xyz_m, ones, per_frame)))
             continue
-        banded = BandedMap.of(soft_map)
-        total = banded.spread(ones)[..., None]
-        flat = banded.spread(video.xyz_m.reshape(len(soft_map), -1))
+        total = soft_map.spread(ones)[..., None]
+        flat = soft_map.spread(video.xyz_m.reshape(len(ones), -1))
         mean = flat.reshape(-1, *video.xyz_m.shape[1:]) / np.maximum(total, 1e-9)
         parts.append(isotropic_poses(mean, np.minimum(total[..., 0], 1.0)))
     return fused(parts).poses
@@ -114,8 +114,9 @@ def reprojection_squares(
     video: CalibratedVideo,
     moments: Int[np.ndarray, " T"],
     motion: MotionParams,
-) -> Float[np.ndarray, "T S"]:
-    """Mean squared reprojection error of each frame at each moment, in units of the noise.
+) -> Callable[[slice, slice], Float[np.ndarray, "_t _s"]]:
+    """Mean squared reprojection error of each frame at each moment, in units of the noise: a
+    function of frames and moments.
 
     At every moment the best rigid offset of the body is fitted (variable projection): offsets that
     were fitted at a frame's current moment would absorb the error of that moment.
@@ -129,10 +130,16 @@ def reprojection_squares(
     count = np.maximum((weight / np.maximum(video.weight, 1e-12)).sum(1), 1e-6)
     middle = template.xy_px.mean(axis=(0, 1))
     detected = np.where(weight[..., None] > 0, video.xy_px - middle, 0.0)
-    squares = squares_after_offsets(
-        detected, weight, template.xy_px - middle, template.by_offset, precision
-    )
-    return squares / (2 * count)[:, None]
+    template_px = template.xy_px - middle
+
+    def squares(frames: slice, positions: slice) -> np.ndarray:
+        points, seen = detected[frames], weight[frames]
+        total = squares_after_offsets(
+            points, seen, template_px[positions], template.by_offset[positions], precision
+        )
+        return np.asarray(total / (2 * count[frames])[:, None])
+
+    return squares
 
 
 def weights_and_precision(
@@ -194,22 +201,28 @@ class ReprojectionEvidence:
     def squares(
         self,
         v: int,
-        soft_maps: Sequence[Float[np.ndarray, "_T S"]],
+        soft_maps: Sequence[BandedMap],
+        nearby: Sequence[Band],
         reference: int,
         per_frame: int,
-    ) -> Float[np.ndarray, "T_v S"] | None:
+    ) -> NearbySquares | None:
         """Squared reprojection errors of video v against the others' motion, each frame's in units
         of its smallest and of the typical smallest one.
 
-        `soft_maps` as of `leave_one_out_motion`. None where the typical error exceeds the noise: a
-        performance that differs is mistaken for another moment, so that reprojection is less
-        accurate than comparing poses.
+        `soft_maps` as of `leave_one_out_motion`; `nearby`: the positions near those of v's. None
+        where the typical error exceeds the noise: a performance that differs is mistaken for
+        another moment, so that reprojection is less accurate than comparing poses.
         """
         motion = leave_one_out_motion(self.videos, soft_maps, v, reference, per_frame)
         positions = median_positions(soft_maps[v], per_frame) * per_frame
         moments = np.rint(positions).astype(np.int64)
         template = projected(motion, self.videos[v])
-        squares = reprojection_squares(template, self.videos[v], moments, self.params)
-        best = squares.min(axis=1, keepdims=True)
-        typical = float(np.median(best))
-        return squares / np.maximum(best, typical) if typical <= LARGEST_SQUARE else None
+        squares = NearbySquares.computed(
+            soft_maps[v].shape,
+            nearby,
+            reprojection_squares(template, self.videos[v], moments, self.params),
+        )
+        typical = float(np.median(squares.least))
+        if typical > LARGEST_SQUARE:
+            return None
+        return squares.divided(np.maximum(squares.least, typical))

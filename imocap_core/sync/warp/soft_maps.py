@@ -6,12 +6,14 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.params import SyncParams
+from imocap_core.sync.pairwise.banded import BandedMap
 from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
 from imocap_core.sync.warp.clocks import Clocks
 from imocap_core.sync.warp.counterpart import evidence_of_match
-from imocap_core.sync.warp.monotone import StepPrior, monotone_posterior
+from imocap_core.sync.warp.monotone import StepPrior, banded_posterior
+from imocap_core.sync.warp.nearby_squares import NearbySquares
 from imocap_core.sync.warp.rate_prior import rate_prior
-from imocap_core.sync.warp.smooth_rate import smooth_rate_posterior
+from imocap_core.sync.warp.smooth_rate import banded_rate_posterior
 
 # cost of a frame of the other video left over at an end, as a share of that of a matching pair
 SKIPPED_SHARE = 0.3
@@ -30,7 +32,7 @@ def observations_per_frame(evidence_per_s: float, fps: float) -> float:
 
 
 def soft_map(
-    squares: Float[np.ndarray, "N S"],
+    squares: NearbySquares,
     matched_square: float,
     change: Float[np.ndarray, " N"],
     *,
@@ -40,7 +42,7 @@ def soft_map(
     per_frame: int,
     params: SyncParams,
     smooth_rate_share: float,
-) -> tuple[Float[np.ndarray, "N S"], Float[np.ndarray, " N"]]:
+) -> tuple[BandedMap, Float[np.ndarray, " N"]]:
     """Soft map of one video into another from squared distances, and P(matched) of each frame.
 
     The mean over all monotone warps, and, with weight `smooth_rate_share`, over those of slowly
@@ -48,7 +50,6 @@ def soft_map(
     went on.
 
     Args:
-        squares: NaN unknown.
         matched_square: typical squared distance of matching frames.
         change: squared change of the first video's pose around each frame (`pose_change`).
         fps, fps_to: of the two videos, in the action's time.
@@ -56,13 +57,10 @@ def soft_map(
         per_frame: positions (columns) per frame of the second video.
     """
     observations = observations_per_frame(params.evidence_per_s, evidence_fps)
-    valid = np.isfinite(squares)
-    filled = squares if valid.all() else _with_row_means(squares, valid)
-    nearest = filled.min(axis=1)
-    farther = (filled - nearest[:, None]) / matched_square
-    cost = observations * np.minimum(farther, FARTHEST)
+    known = np.isfinite(squares.least)
+    cost = _costs(squares, matched_square, observations)
     unmatched = evidence_of_match(
-        np.where(valid.any(axis=1), nearest, matched_square),
+        np.where(known, squares.least, matched_square),
         change,
         matched_square=matched_square,
         level=params.unmatched_level,
@@ -70,7 +68,7 @@ def soft_map(
     )
     usual = fps_to / fps * per_frame
     steps = step_prior(usual, params.max_rate)
-    posterior, matched = monotone_posterior(cost, unmatched=unmatched, steps=steps)
+    posterior, matched = banded_posterior(cost, unmatched=unmatched, steps=steps)
     if smooth_rate_share == 0:
         return posterior, matched
     prior = rate_prior(
@@ -81,13 +79,34 @@ def soft_map(
         fps=fps,
     )
     skipped = SKIPPED_SHARE * observations / usual
-    smooth, smooth_matched = smooth_rate_posterior(
+    smooth, smooth_matched = banded_rate_posterior(
         cost, prior, unmatched=unmatched, skipped=skipped
     )
+    values = [
+        (1 - smooth_rate_share) * a + smooth_rate_share * b
+        for a, b in zip(posterior.values, smooth.values, strict=True)
+    ]
     return (
-        (1 - smooth_rate_share) * posterior + smooth_rate_share * smooth,
+        BandedMap(posterior.shape, posterior.bands, values),
         (1 - smooth_rate_share) * matched + smooth_rate_share * smooth_matched,
     )
+
+
+def _costs(squares: NearbySquares, matched_square: float, observations: float) -> BandedMap:
+    """Nats by which each position is less likely than the frame's nearest pose."""
+    least = np.nan_to_num(squares.least)
+
+    def of(rows: slice, _: slice, values: np.ndarray) -> np.ndarray:
+        known = np.isfinite(values)
+        filled = values if known.all() else _with_row_means(values, known)
+        nearest = np.minimum(least[rows], filled.min(axis=1))
+        farther = filled - nearest[:, None]
+        farther /= matched_square
+        np.minimum(farther, FARTHEST, out=farther)
+        farther *= observations
+        return farther
+
+    return squares.nearby.mapped(of)
 
 
 def _with_row_means(squares: np.ndarray, valid: np.ndarray) -> np.ndarray:
@@ -107,53 +126,45 @@ def step_prior(usual: float, max_rate: float) -> StepPrior:
     return StepPrior(min(int(np.ceil(LARGEST_USUAL * usual)), largest), largest, LEAP)
 
 
-def pairwise_soft_maps(
-    distances: DistanceMatrix, clocks: Clocks, params: SyncParams
-) -> tuple[Float[np.ndarray, "N_a N_a"], Float[np.ndarray, "N_a M"]]:
-    """Soft maps between all videos at whole frames, and P(matched) of each frame in each video.
-
-    The blocks within a video are the identity.
-    """
-    blocks, M = distances.blocks, len(distances.poses)
-    maps, matched = np.zeros_like(distances.squares), np.ones((blocks.total, M))
-    for i in range(M):
-        for j in range(M):
-            if i != j:
-                squares = distances.block(i, j)
-                blocks.block(maps, i, j)[...], matched[blocks.rows(i), j] = soft_map(
-                    squares,
-                    typical_matched_square(squares, distances),
-                    distances.change[i],
-                    fps=clocks.action_fps[i],
-                    fps_to=clocks.action_fps[j],
-                    evidence_fps=clocks.evidence_fps[i],
-                    per_frame=1,
-                    params=params,
-                    smooth_rate_share=params.regularity,
-                )
-    blocks.set_diagonal_to_identity(maps)
-    return maps, matched
-
-
-def typical_matched_square(squares: Float[np.ndarray, "N S"], distances: DistanceMatrix) -> float:
-    """Typical squared distance of matching frames of one pair: the median of the row minima."""
-    valid = np.isfinite(squares).any(axis=1)
-    typical = (
-        float(np.median(np.nanmin(squares[valid], axis=1)))
-        if valid.any()
-        else distances.matched_square
+def pairwise_soft_map(
+    i: int, j: int, distances: DistanceMatrix, clocks: Clocks, params: SyncParams
+) -> tuple[BandedMap, Float[np.ndarray, " N"]]:
+    """Soft map of video i into video j at whole frames, and P(matched) of each frame."""
+    squares = NearbySquares.of(distances.block(i, j))
+    return soft_map(
+        squares,
+        typical_matched_square(squares.least, distances),
+        distances.change[i],
+        fps=clocks.action_fps[i],
+        fps_to=clocks.action_fps[j],
+        evidence_fps=clocks.evidence_fps[i],
+        per_frame=1,
+        params=params,
+        smooth_rate_share=params.regularity,
     )
+
+
+def typical_matched_square(least: Float[np.ndarray, " N"], distances: DistanceMatrix) -> float:
+    """Typical squared distance of matching frames of one pair: the median of the rows' least."""
+    known = np.isfinite(least)
+    typical = float(np.median(least[known])) if known.any() else distances.matched_square
     return max(typical, distances.least_square, 1e-6 * distances.matched_square)
 
 
-def at_fine_positions(
-    soft_map: Float[np.ndarray, "N S"], per_frame: int
-) -> Float[np.ndarray, "N S_fine"]:
+def at_fine_positions(soft_map: BandedMap, per_frame: int) -> BandedMap:
     """A row-stochastic map at whole frames, interpolated to `per_frame` positions a frame."""
     N, S = soft_map.shape
-    fine = np.empty((N, (S - 1) * per_frame + 1))
-    fine[:, ::per_frame] = soft_map
-    for k in range(1, per_frame):
-        x = k / per_frame
-        fine[:, k::per_frame] = (1 - x) * soft_map[:, :-1] + x * soft_map[:, 1:]
-    return fine / np.maximum(fine.sum(axis=1, keepdims=True), 1e-300)
+    bands, parts = [], []
+    for rows, columns, values in soft_map:
+        # the entries beside the band are 0
+        before, after = int(columns.start > 0), int(columns.stop < S)
+        coarse = np.pad(values.astype(float), ((0, 0), (before, after)))
+        fine = np.empty((len(coarse), (coarse.shape[1] - 1) * per_frame + 1))
+        fine[:, ::per_frame] = coarse
+        for k in range(1, per_frame):
+            x = k / per_frame
+            fine[:, k::per_frame] = (1 - x) * coarse[:, :-1] + x * coarse[:, 1:]
+        first = (columns.start - before) * per_frame
+        bands.append((rows, slice(first, first + fine.shape[1])))
+        parts.append(fine / np.maximum(fine.sum(axis=1, keepdims=True), 1e-300))
+    return BandedMap((N, (S - 1) * per_frame + 1), bands, parts)

@@ -77,7 +77,7 @@ def poses_of_reference(
 def poses_of_video(
     poses: Float[np.ndarray, "N J 3"],
     weights: Float[np.ndarray, "N J"],
-    soft_map: Float[np.ndarray, "N S"],
+    soft_map: BandedMap,
     reference: TemplatePoses,
     axes: Float[np.ndarray, "3"],
     window: float,
@@ -90,17 +90,16 @@ def poses_of_video(
     """
     N, J, _ = poses.shape
     S = len(reference.poses)
-    banded = BandedMap.of(soft_map)
-    targets = banded.gathered(reference.poses.reshape(S, -1)).reshape(poses.shape)
-    shared = weights * banded.gathered(reference.weights)
+    targets = soft_map.gathered(reference.poses.reshape(S, -1)).reshape(poses.shape)
+    shared = weights * soft_map.gathered(reference.weights)
     x = centred(poses, shared)
     R = rotations_onto(x, centred(targets, shared), shared, window)
     frame_precision = (R * axes) @ R.swapaxes(1, 2)
     pull = np.einsum("nab,njb->nja", R * axes, x) * weights[..., None]
-    total = banded.spread(weights)
+    total = soft_map.spread(weights)
     by_joint = (weights[..., None] * frame_precision.reshape(N, 1, 9)).reshape(N, -1)
-    precision = banded.spread(by_joint).reshape(S, J, 3, 3)
-    mean = _solved(precision, banded.spread(pull.reshape(N, -1)).reshape(S, J, 3))
+    precision = soft_map.spread(by_joint).reshape(S, J, 3, 3)
+    mean = _solved(precision, soft_map.spread(pull.reshape(N, -1)).reshape(S, J, 3))
     # several frames at one position count as one
     count = np.maximum(total, 1.0)[..., None, None]
     return TemplatePoses(mean, np.minimum(total, 1.0), precision / count)
