@@ -154,13 +154,13 @@ def search_bands(maps: Sequence[BandedMap], reach: int) -> list[Band]:
     Every frame has one; where no map has an entry, it is all positions.
     """
     N, S = maps[0].shape
-    found: dict[int, list[slice]] = {}
+    columns_of: dict[int, list[slice]] = {}
     for soft_map in maps:
         for rows, columns in soft_map.bands:
-            found.setdefault(rows.start, []).append(columns)
+            columns_of.setdefault(rows.start, []).append(columns)
     bands = []
     for rows in blocks_of_frames(N):
-        near = found.get(rows.start)
+        near = columns_of.get(rows.start)
         if near is None:
             bands.append((rows, slice(0, S)))
             continue

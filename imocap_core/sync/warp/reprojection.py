@@ -133,9 +133,9 @@ def reprojection_squares(
     template_px = template.xy_px - middle
 
     def squares(frames: slice, positions: slice) -> np.ndarray:
-        points, seen = detected[frames], weight[frames]
+        points, visible = detected[frames], weight[frames]
         total = squares_after_offsets(
-            points, seen, template_px[positions], template.by_offset[positions], precision
+            points, visible, template_px[positions], template.by_offset[positions], precision
         )
         return np.asarray(total / (2 * count[frames])[:, None])
 

@@ -57,10 +57,10 @@ def soft_map(
         per_frame: positions (columns) per frame of the second video.
     """
     observations = observations_per_frame(params.evidence_per_s, evidence_fps)
-    known = np.isfinite(squares.least)
+    comparable = np.isfinite(squares.least)
     cost = _costs(squares, matched_square, observations)
     unmatched = evidence_of_match(
-        np.where(known, squares.least, matched_square),
+        np.where(comparable, squares.least, matched_square),
         change,
         matched_square=matched_square,
         level=params.unmatched_level,
@@ -97,8 +97,8 @@ def _costs(squares: NearbySquares, matched_square: float, observations: float) -
     least = np.nan_to_num(squares.least)
 
     def of(rows: slice, _: slice, values: np.ndarray) -> np.ndarray:
-        known = np.isfinite(values)
-        filled = values if known.all() else _with_row_means(values, known)
+        valid = np.isfinite(values)
+        filled = values if valid.all() else _with_row_means(values, valid)
         nearest = np.minimum(least[rows], filled.min(axis=1))
         farther = filled - nearest[:, None]
         farther /= matched_square
@@ -146,8 +146,8 @@ def pairwise_soft_map(
 
 def typical_matched_square(least: Float[np.ndarray, " N"], distances: DistanceMatrix) -> float:
     """Typical squared distance of matching frames of one pair: the median of the rows' least."""
-    known = np.isfinite(least)
-    typical = float(np.median(least[known])) if known.any() else distances.matched_square
+    valid = np.isfinite(least)
+    typical = float(np.median(least[valid])) if valid.any() else distances.matched_square
     return max(typical, distances.least_square, 1e-6 * distances.matched_square)
 
 
