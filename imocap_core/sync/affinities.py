@@ -45,7 +45,8 @@ def affinities(distances: DistanceMatrix, kind: str) -> Affinities:
     every, scale = strides(distances.blocks.lengths), float(np.sqrt(distances.matched_square))
     pairs = {}
     for i, j in distances.blocks.pairs():
-        distance = np.sqrt(distances.block(i, j)[:: every[i], :: every[j]])
+        shown = slice(None, None, every[i]), slice(None, None, every[j])
+        distance = np.sqrt(distances.part(i, j, *shown))
         pairs[i, j] = AFFINITIES[kind](distance, scale).astype(np.float32)
     return Affinities(every, pairs)
 
@@ -55,7 +56,7 @@ def affinity_matrix(distances: DistanceMatrix, kind: str) -> Float[np.ndarray, "
     matrix = np.empty((distances.blocks.total,) * 2, dtype=np.float32)
     scale = float(np.sqrt(distances.matched_square))
     for i, j in distances.blocks.pairs():
-        part = AFFINITIES[kind](np.sqrt(distances.block(i, j)), scale)
+        part = AFFINITIES[kind](np.sqrt(distances.part(i, j, slice(None), slice(None))), scale)
         distances.blocks.block(matrix, i, j)[...] = part
         distances.blocks.block(matrix, j, i)[...] = part.T
     distances.blocks.set_diagonal_to_identity(matrix)

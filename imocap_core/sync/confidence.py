@@ -18,11 +18,13 @@ from scipy.ndimage import uniform_filter1d
 from scipy.special import expit, logit
 
 from imocap_core.sync.map_consistency import PairMaps, composed
+from imocap_core.sync.pairwise.banded import blocks_of_frames
 from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
 from imocap_core.sync.repeated_motion import Repetition
 
 WINDOW_S = 0.5  # over which rates and distances are averaged
 LEAST_RATE = 0.05
+ENTRIES_AT_ONCE = 1 << 20
 # feature: weight in the regression
 WEIGHTS = {
     "one": -2.231,
@@ -80,10 +82,7 @@ def confidence_features(
     if matched.any():
         filled = np.interp(frames, frames[matched], route.positions[matched])
     rate = _local_rate(filled, window) * route.fps / route.fps_to
-    square = distances.block(route.v, route.reference)
-    nearest = np.clip(np.rint(filled).astype(int), 0, square.shape[1] - 1)
-    here = square[frames, nearest] / distances.matched_square
-    here = np.where(np.isfinite(here), here, 1.0)
+    here, ambiguity = _distances(route, filled, distances)
     mass = logit(np.clip(route.mass, 0.01, 0.99))
     novelty = -np.expm1(-distances.change[route.v] / distances.matched_square)
     slowness = np.maximum(0.0, -np.log(rate + LEAST_RATE))
@@ -94,13 +93,30 @@ def confidence_features(
             np.log1p(_disagreement(route, filled, pairs) / route.reach_frames),
             np.full(T, mass[matched].mean() if matched.any() else 0.0),
             np.log(0.05 + uniform_filter1d(here, window, mode="nearest")),
-            _ambiguity(square / distances.matched_square, route.reach_frames),
+            ambiguity,
             slowness * novelty,
             slowness,
             1.0 - novelty,
             np.full(T, 0.0 if route.repetition is None else route.repetition.evidence),
         ]
     )
+
+
+def _distances(
+    route: Route, positions: np.ndarray, distances: DistanceMatrix
+) -> tuple[np.ndarray, np.ndarray]:
+    """Squared distance (T,) of each match, 1 where unknown, and `_ambiguity` (T,), of which long
+    videos have that of every n-th frame of the reference."""
+    T, S = len(positions), distances.blocks.lengths[route.reference]
+    n = distances.stride(route.v, route.reference)
+    nearest = np.clip(np.rint(positions).astype(int), 0, S - 1)
+    here, ambiguity = np.empty(T), np.empty(T)
+    for rows in blocks_of_frames(T, max(1, ENTRIES_AT_ONCE * n // S)):
+        square = distances.part(route.v, route.reference, rows, slice(None, None, n))
+        square = square / distances.matched_square
+        ambiguity[rows] = _ambiguity(square, route.reach_frames / n)
+        here[rows] = square[np.arange(len(square)), nearest[rows] // n]
+    return np.where(np.isfinite(here), here, 1.0), ambiguity
 
 
 def _local_rate(positions: np.ndarray, window: int) -> np.ndarray:

@@ -7,7 +7,7 @@ reference, averaged over several axes -> common time axis.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -104,7 +104,8 @@ def synchronise_jointly(
     clocks = Clocks(fps, rates)
     clock = clocks.action_fps
     lengths, forbidden = [len(x) for x in poses], hints.forbidden_frames([len(x) for x in poses])
-    distances = distance_matrix(poses, confidence, joint_weights, clock, params)
+    anchored = bool(hints.anchors)
+    distances = distance_matrix(poses, confidence, joint_weights, clock, params, whole=anchored)
     distances = anchored_distances(distances, hints, clock, params.evidence_per_s)
     blocks = distances.blocks
     affinity = affinities(distances, params.affinity)
@@ -164,9 +165,10 @@ def _repetitions(
     """Of every video; fps: of the reference, in the action's time."""
     out: list[Repetition | None] = []
     for v, position in enumerate(frames):
-        matched = np.isfinite(position) & (v != reference)
-        square = distances.block(v, reference)
-        out.append(next_repetition(square, np.nan_to_num(position), matched, fps))
+        n, matched = distances.stride(v, reference), np.isfinite(position) & (v != reference)
+        square, there = distances.block(v, reference), np.nan_to_num(position)[::n] / n
+        repetition = next_repetition(square, there, matched[::n], fps / n)
+        out.append(repetition and replace(repetition, shift_frames=n * repetition.shift_frames))
     return out
 
 

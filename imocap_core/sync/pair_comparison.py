@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from itertools import permutations
 
 import numpy as np
@@ -46,9 +47,11 @@ def compared_pairs(distances: DistanceMatrix, clocks: Clocks, params: SyncParams
         soft_map, p_matched = pairwise_soft_map(i, j, distances, clocks, params)
         reach = params.confidence_reach_s * clocks.action_fps[j]
         positions[i, j], confidence[i, j] = map_of_pair(soft_map, p_matched, reach)
-        similarity[i, j] = mean_similarity(soft_map, p_matched, distances.block(i, j), distances)
+        soft_map = soft_map.trimmed()
+        squares = partial(distances.part, i, j)
+        similarity[i, j] = mean_similarity(soft_map, p_matched, squares, distances)
         matched[blocks.rows(i), j] = p_matched
-        soft_maps[i, j] = soft_map.trimmed().astype(np.float32)
+        soft_maps[i, j] = soft_map.astype(np.float32)
     centralities = np.array(
         [np.mean(np.delete(similarity[:, v], v)) if M > 1 else 1.0 for v in range(M)]
     )

@@ -8,7 +8,7 @@ others a video shows it leaves alone. Which of them is the reference makes no di
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -24,7 +24,7 @@ EQUAL = 0.01  # difference of coverages that are the same
 def mean_similarity(
     soft_map: BandedMap,
     matched: Float[np.ndarray, " N"],
-    squares: Float[np.ndarray, "N S"],
+    squares: Callable[[slice, slice], Float[np.ndarray, "_n _s"]],
     distances: DistanceMatrix,
 ) -> float:
     """Mean over a video's frames of P(it has a counterpart in another video) x similarity of that
@@ -33,11 +33,11 @@ def mean_similarity(
     Args:
         soft_map: P(frame of the other video | frame).
         matched: P(frame has a counterpart there).
-        squares: squared distances, NaN unknown.
+        squares: squared distances of frames to frames of the other video, NaN unknown.
     """
     expected = np.zeros(len(matched))
     for rows, columns, values in soft_map:
-        square = np.nan_to_num(squares[rows, columns], nan=distances.unrelated_square)
+        square = np.nan_to_num(squares(rows, columns), nan=distances.unrelated_square)
         expected[rows] = (values * square).sum(axis=1)
     similarity = np.exp(-0.5 * expected / distances.matched_square)
     return float(np.mean(matched * similarity))

@@ -135,9 +135,9 @@ class BandedMap:
         return out
 
 
-def blocks_of_frames(N: int) -> Iterator[slice]:
-    """The frames of each band."""
-    return (slice(first, min(first + FRAMES, N)) for first in range(0, N, FRAMES))
+def blocks_of_frames(N: int, size: int = FRAMES) -> Iterator[slice]:
+    """Successive frames, so many at once; by default those of each band."""
+    return (slice(first, min(first + size, N)) for first in range(0, N, size))
 
 
 def support(block: Float[np.ndarray, "n S"], negligible: float) -> slice | None:
@@ -182,3 +182,19 @@ def frames_of(bands: Sequence[Band]) -> list[tuple[slice, int, int]]:
         for band, (rows, columns) in enumerate(bands)
         for row in range(rows.stop - rows.start)
     ]
+
+
+def refined_bands(coarse: BandedMap, shape: tuple[int, int], n: int, reach: int) -> list[Band]:
+    """Bands of all frames and positions, from a map of every n-th frame to every n-th position:
+    those of the frames before, at and after, and `reach` positions more to either side."""
+    places: dict[int, slice] = {}
+    for rows, columns in coarse.bands:
+        places.update(dict.fromkeys(range(rows.start, rows.stop), columns))
+    bands = []
+    for rows in blocks_of_frames(shape[0]):
+        about = range(max(0, rows.start // n - 1), -(-rows.stop // n) + 1)
+        near = [places[k] for k in about if k in places] or [slice(0, coarse.shape[1])]
+        first = n * (min(c.start for c in near) - 1) - reach
+        stop = n * (max(c.stop for c in near) + 1) + reach
+        bands.append((rows, slice(max(0, first), min(shape[1], stop))))
+    return bands

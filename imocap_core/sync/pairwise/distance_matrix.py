@@ -15,16 +15,44 @@ from imocap_core.sync.pairwise.poses import body_scales, joint_weights_of, stack
 from imocap_core.sync.pairwise.procrustes import procrustes_distances
 from imocap_core.sync.pairwise.velocity import with_velocity
 
+# pairs of frames of two videos that are all compared at first; of longer videos every n-th frame is
+ALL_COMPARED = 1 << 22
+
+
+@dataclass(frozen=True)
+class ComparedPoints:
+    """What distances are computed from: the joints, or joints and velocities.
+
+    Attributes:
+        factor: of the squared distances.
+    """
+
+    points: Sequence[Float[np.ndarray, "_T P 3"]]
+    weights: Sequence[Float[np.ndarray, "_T P"]]
+    factor: float
+
+    def squares(self, i: int, j: int, rows: slice, columns: slice) -> Float[np.ndarray, "n m"]:
+        """Squared distances of frames of video i to frames of video j."""
+        distances = procrustes_distances(
+            self.points[i][rows],
+            self.points[j][columns],
+            self.weights[i][rows],
+            self.weights[j][columns],
+        )
+        return np.asarray(self.factor * distances**2)
+
 
 @dataclass(frozen=True)
 class DistanceMatrix:
-    """All pairs of frames compared.
+    """All pairs of frames compared; of long videos every n-th frame, and others on demand.
 
     Attributes:
         poses, weights: per video, at the common body scale.
         blocks: the videos' places among the N_a frames.
-        squares: [i, j] with i < j: squared distances of the frames of video i to those of video j;
-            NaN where unknown.
+        squares: [i, j] with i < j: squared distances of every n-th frame of video i to every n-th
+            of video j; NaN where unknown. n is 1 unless the videos are long.
+        every: [i, j] with i < j: n.
+        compared: what distances of further frames are computed from.
         matched_square: typical of matching frames.
         unrelated_square: typical of any two frames.
         least_square: squared distance below which performances are not told apart.
@@ -35,17 +63,29 @@ class DistanceMatrix:
     weights: list[Float[np.ndarray, "_T J"]]
     blocks: Blocks
     squares: dict[tuple[int, int], Float[np.ndarray, "_N_i _N_j"]]
+    every: dict[tuple[int, int], int]
+    compared: ComparedPoints
     matched_square: float
     unrelated_square: float
     least_square: float
     change: list[Float[np.ndarray, "_T"]]
 
     def block(self, i: int, j: int) -> Float[np.ndarray, "N_i N_j"]:
-        """Squared distances of the frames of video i to those of video j (a view); NaN within one
-        video."""
+        """Squared distances of every n-th frame of video i to every n-th of video j (a view), with
+        n as of `stride`; NaN within one video."""
         if i == j:
             return np.full((len(self.poses[i]),) * 2, np.nan)
         return self.squares[i, j] if i < j else self.squares[j, i].T
+
+    def stride(self, i: int, j: int) -> int:
+        """1 where all frames of two videos are compared, n where every n-th is."""
+        return self.every.get((min(i, j), max(i, j)), 1)
+
+    def part(self, i: int, j: int, rows: slice, columns: slice) -> Float[np.ndarray, "n m"]:
+        """Squared distances of some frames of video i to some of video j."""
+        if self.stride(i, j) == 1:
+            return self.block(i, j)[rows, columns]
+        return self.compared.squares(i, j, rows, columns)
 
     def with_squares_of(self, video: int) -> DistanceMatrix:
         """The same with squared distances to one video alone: the others' memory is freed."""
@@ -59,17 +99,24 @@ def distance_matrix(
     joint_weights: Float[np.ndarray, " J"] | None,
     fps: Sequence[float],
     params: SyncParams,
+    *,
+    whole: bool = False,
 ) -> DistanceMatrix:
-    """Compare every frame of every video with every frame of the others.
+    """Compare the frames of every video with those of the others.
 
-    Arguments as of `synchronise`.
+    Arguments as of `synchronise`; whole: every frame, also of long videos.
     """
     weights = joint_weights_of(poses, confidence, joint_weights)
     scales = body_scales(poses) if params.normalise_scale else np.ones(len(poses))
     least = params.least_difference_m**2
     scaled, blocks = stack(poses, scales)
     per_video = [scaled[blocks.rows(v)] for v in range(len(poses))]
-    squares = _all_squares(per_video, weights, fps, blocks, params.velocity_weight_s)
+    compared = _compared_points(per_video, weights, fps, params.velocity_weight_s)
+    every = {pair: 1 if whole else _stride(*pair, blocks) for pair in blocks.pairs()}
+    squares = {
+        (i, j): compared.squares(i, j, slice(None, None, n), slice(None, None, n))
+        for (i, j), n in every.items()
+    }
     nearest, usual = [], []
     for block in squares.values():
         valid = block[np.isfinite(block).any(axis=1)]
@@ -80,25 +127,30 @@ def distance_matrix(
     unrelated = float(np.mean(usual)) if usual else 1.0
     matched = max(float(np.mean(nearest)), least, 1e-6 * unrelated, 1e-12) if nearest else 1.0
     change = [pose_change(x, w, f) for x, w, f in zip(per_video, weights, fps, strict=True)]
-    return DistanceMatrix(per_video, weights, blocks, squares, matched, unrelated, least, change)
+    return DistanceMatrix(
+        per_video, weights, blocks, squares, every, compared, matched, unrelated, least, change
+    )
 
 
-def _all_squares(
+def _compared_points(
     poses: Sequence[np.ndarray],
     weights: Sequence[np.ndarray],
     fps: Sequence[float],
-    blocks: Blocks,
     velocity_weight_s: float,
-) -> dict[tuple[int, int], np.ndarray]:
-    """Squared distances between frames of different videos, one matrix a pair of videos."""
-    points, point_weights = list(poses), list(weights)
-    if velocity_weight_s > 0:
-        for v, x in enumerate(poses):
-            points[v], point_weights[v] = with_velocity(x, weights[v], fps[v], velocity_weight_s)
+) -> ComparedPoints:
+    if velocity_weight_s == 0:
+        return ComparedPoints(poses, weights, 1.0)
+    both = [
+        with_velocity(x, w, f, velocity_weight_s)
+        for x, w, f in zip(poses, weights, fps, strict=True)
+    ]
     # a mean over twice as many points, of which half are poses
-    factor = 2.0 if velocity_weight_s > 0 else 1.0
-    squares = {}
-    for i, j in blocks.pairs():
-        distances = procrustes_distances(points[i], points[j], point_weights[i], point_weights[j])
-        squares[i, j] = factor * distances**2
-    return squares
+    return ComparedPoints([p for p, _ in both], [w for _, w in both], 2.0)
+
+
+def _stride(i: int, j: int, blocks: Blocks) -> int:
+    """The least n with which no more than ALL_COMPARED pairs of frames are compared."""
+    n = 1
+    while -(-blocks.lengths[i] // n) * -(-blocks.lengths[j] // n) > ALL_COMPARED:
+        n += 1
+    return n

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from jaxtyping import Float
 
 from imocap_core.params import SyncParams
-from imocap_core.sync.pairwise.banded import BandedMap
+from imocap_core.sync.pairwise.banded import BandedMap, refined_bands
 from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
 from imocap_core.sync.warp.clocks import Clocks
 from imocap_core.sync.warp.counterpart import evidence_of_match
@@ -22,6 +24,8 @@ SKIPPED_SHARE = 0.3
 FARTHEST = 5.0
 LARGEST_USUAL = 4.0  # times the usual rate: faster than that is a leap
 LEAP = 0.05  # how much less likely a leap is than a usual step
+UNLIKELY = 1e-9  # of a row's largest entry: where a map of every n-th frame rules positions out
+NEAR_S = 0.5  # beyond the others a map of all frames may lie
 MOST_OBSERVATIONS = 4.0  # independent ones per frame, however low the frame rate
 
 
@@ -129,15 +133,41 @@ def step_prior(usual: float, max_rate: float) -> StepPrior:
 def pairwise_soft_map(
     i: int, j: int, distances: DistanceMatrix, clocks: Clocks, params: SyncParams
 ) -> tuple[BandedMap, Float[np.ndarray, " N"]]:
-    """Soft map of video i into video j at whole frames, and P(matched) of each frame."""
+    """Soft map of video i into video j at whole frames, and P(matched) of each frame.
+
+    Of long videos first the map of every n-th frame; then that of all frames, near it.
+    """
+    n = distances.stride(i, j)
     squares = NearbySquares.of(distances.block(i, j))
+    if n > 1:
+        coarse, _ = _map_of_every(n, squares, i, j, distances, clocks, params)
+        reach = round(NEAR_S * clocks.action_fps[j])
+        shape = distances.blocks.lengths[i], distances.blocks.lengths[j]
+        squares = NearbySquares.computed(
+            shape,
+            refined_bands(coarse.trimmed(UNLIKELY), shape, n, reach),
+            partial(distances.part, i, j),
+        )
+    return _map_of_every(1, squares, i, j, distances, clocks, params)
+
+
+def _map_of_every(
+    n: int,
+    squares: NearbySquares,
+    i: int,
+    j: int,
+    distances: DistanceMatrix,
+    clocks: Clocks,
+    params: SyncParams,
+) -> tuple[BandedMap, Float[np.ndarray, " N"]]:
+    """Soft map of every n-th frame of video i into every n-th of video j."""
     return soft_map(
         squares,
         typical_matched_square(squares.least, distances),
-        distances.change[i],
-        fps=clocks.action_fps[i],
-        fps_to=clocks.action_fps[j],
-        evidence_fps=clocks.evidence_fps[i],
+        distances.change[i][::n],
+        fps=clocks.action_fps[i] / n,
+        fps_to=clocks.action_fps[j] / n,
+        evidence_fps=clocks.evidence_fps[i] / n,
         per_frame=1,
         params=params,
         smooth_rate_share=params.regularity,
