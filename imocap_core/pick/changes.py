@@ -7,12 +7,16 @@ from typing import Any
 
 from imocap_core.pick.edits import (
     AddAnchorEdit,
+    AddForbiddenEdit,
     AnchorEdit,
     DetectEdit,
     DropEdit,
     Edit,
+    EventEdit,
+    ForbiddenEdit,
     FramesEdit,
     MirroredEdit,
+    PerformersEdit,
     PersonEdit,
     SplitEdit,
 )
@@ -45,10 +49,25 @@ def apply_edits(data: Any, edits: Sequence[Edit], counts: Counts) -> None:
                 _drop(data, edit.video)
             case SplitEdit():
                 split_video(data, edit.video, edit.starts, counts.get(edit.video))
-            case AddAnchorEdit():
-                _add_anchor(data, dict(edit.frames), edit.hard)
-            case AnchorEdit():
-                _change_anchor(data, edit.number, edit.hard)
+            case _:
+                _apply_to_action(data, edit)
+
+
+def _apply_to_action(data: Any, edit: Edit) -> None:
+    """An edit of what belongs to several videos: performers, moments, one event."""
+    match edit:
+        case AddAnchorEdit():
+            _add_anchor(data, dict(edit.frames), edit.hard)
+        case AnchorEdit():
+            _change_anchor(data, edit.number, edit.hard)
+        case PerformersEdit():
+            _put_performers(data, edit.performers)
+        case EventEdit():
+            put(data, "event", edit.event if edit.event or "event" in data else None)
+        case AddForbiddenEdit():
+            _add_forbidden(data, edit.video, edit.frames)
+        case ForbiddenEdit():
+            _remove_forbidden(data, edit.number)
 
 
 def person_fields(person: Person) -> dict[str, Any]:
@@ -90,11 +109,14 @@ def _frames_of(anchor: Any) -> dict[str, int]:
 
 
 def _add_anchor(data: Any, frames: dict[str, int], hard: bool) -> None:
-    anchor = flow({**frames, "hard": True} if hard else frames)
-    if data.get("anchors"):
-        data["anchors"].append(anchor)
+    _append(data, "anchors", flow({**frames, "hard": True} if hard else frames))
+
+
+def _append(data: Any, field: str, item: Any) -> None:
+    if data.get(field):
+        data[field].append(item)
     else:
-        data["anchors"] = listed(data, anchor)
+        data[field] = listed(data, item)
 
 
 def _change_anchor(data: Any, number: int, hard: bool | None) -> None:
@@ -108,3 +130,28 @@ def _change_anchor(data: Any, number: int, hard: bool | None) -> None:
         chosen["hard"] = True
     else:
         chosen.pop("hard", None)
+
+
+def _put_performers(data: Any, performers: Mapping[str, str] | None) -> None:
+    if performers is None:
+        for entry in data["videos"]:
+            put(entry, "performer", None)
+        return
+    nameless = [entry["id"] for entry in data["videos"] if entry["id"] not in performers]
+    if nameless:
+        raise ValueError(f"expected a performer of every video, got none of {', '.join(nameless)}")
+    for video, performer in performers.items():
+        put(video_entry(data, video), "performer", performer)
+
+
+def _add_forbidden(data: Any, video: str, frames: tuple[int, int]) -> None:
+    video_entry(data, video)
+    _append(data, "forbidden", flow({"video": video, "frames": list(frames)}))
+
+
+def _remove_forbidden(data: Any, number: int) -> None:
+    spans = data.get("forbidden") or []
+    if number >= len(spans):
+        raise ValueError(f"there is no forbidden span {number + 1} in action.yaml")
+    chosen = spans[number]
+    remove_items(data, "forbidden", lambda span: span is chosen)

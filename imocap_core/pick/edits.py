@@ -79,6 +79,35 @@ class AnchorEdit(_Edit):
     hard: bool | None
 
 
+class PerformersEdit(_Edit):
+    """Who performs in every video, by name; None: one person in all of them."""
+
+    kind: Literal["performers"]
+    performers: Annotated[dict[Id, Id], Field(min_length=1)] | None
+
+
+class EventEdit(_Edit):
+    """Whether all videos film one and the same performance."""
+
+    kind: Literal["event"]
+    event: bool
+
+
+class AddForbiddenEdit(_Edit):
+    """Frames of a video, first and one past the last, that match nothing."""
+
+    kind: Literal["add_forbidden"]
+    video: Id
+    frames: tuple[FrameNumber, FrameNumber]
+
+
+class ForbiddenEdit(_Edit):
+    """Forbidden span `number`, from 0, is removed."""
+
+    kind: Literal["forbidden"]
+    number: Annotated[int, Field(ge=0)]
+
+
 Edit = Annotated[
     PersonEdit
     | FramesEdit
@@ -87,6 +116,10 @@ Edit = Annotated[
     | DropEdit
     | SplitEdit
     | AddAnchorEdit
-    | AnchorEdit,
+    | AnchorEdit
+    | PerformersEdit
+    | EventEdit
+    | AddForbiddenEdit
+    | ForbiddenEdit,
     Field(discriminator="kind"),
 ]

@@ -110,6 +110,7 @@ class Session:
             "files": self.media.documents(),
             "anchors": [{"frames": a.frames, "hard": a.hard} for a in action.anchors],
             "forbidden": [s.model_dump(mode="json") for s in action.forbidden],
+            "event": action.event,
             "warnings": warnings_of(action, counts) + (plan.notes if plan else []),
             "plan": None if plan is None else {"stages": plan.stages, "fault": plan.fault},
             "detection": vars(self.detection),
@@ -130,7 +131,7 @@ class Session:
 
     def _entry(self, video: Declaration) -> dict[str, Any]:
         path = self._path(video)
-        fields = {"id", "frames", "mirrored", "fps", "size"}
+        fields = {"id", "frames", "mirrored", "performer", "fps", "size"}
         return video.model_dump(mode="json", include=fields) | {
             "person": None if video.person is None else person_fields(video.person),
             "file": None if path is None else self.media.number(path),

@@ -96,6 +96,24 @@ def changed_lines(before: str, after: str) -> list[str]:
             ["-     mirrored: ~", "+     mirrored: true"],
         ),
         (BLOCKS, {"kind": "mirrored", "video": "v1", "mirrored": None}, []),
+        (
+            BLOCKS,
+            {"kind": "performers", "performers": {"v1": "anna", "v2": "ben", "v3": "anna"}},
+            ["+     performer: anna", "+     performer: ben", "+     performer: anna"],
+        ),
+        (BLOCKS, {"kind": "performers", "performers": None}, []),
+        (BLOCKS, {"kind": "event", "event": True}, ["+ event: true"]),
+        (BLOCKS, {"kind": "event", "event": False}, []),
+        (
+            BLOCKS,
+            {"kind": "add_forbidden", "video": "v1", "frames": (60, 70)},
+            ["+   - {video: v1, frames: [60, 70]}"],
+        ),
+        (
+            BLOCKS,
+            {"kind": "forbidden", "number": 0},
+            ["- forbidden:", "-   - {video: v2, frames: [0, 50]}"],
+        ),
         (BLOCKS, {"kind": "detect", "video": "v3"}, ["+     keypoints: detect"]),
         (
             BLOCKS,

@@ -143,6 +143,40 @@ def test_mirrored_shots_and_dropping(page: Page) -> None:
     assert "# first" in page.file.read_text()
 
 
+def test_performers_one_event_and_frames_that_match_nothing(page: Page) -> None:
+    browser = page.browser
+    for name, performer in (("v1", "anna"), ("v2", "ben")):
+        page.click(strip(name, ".performer"))
+        browser.call("Input.insertText", text=performer)
+        browser.press("Enter", ENTER)
+        if name == "v1":  # every video has a name, or none has
+            browser.wait("document.getElementById('toast-text').textContent.includes('in v2 too')")
+            assert "performer" not in page.video("v1")
+    page.until(lambda: page.video("v2").get("performer") == "ben")
+    assert page.video("v1")["performer"] == "anna"
+    page.click("#event")
+    page.until(lambda: page.data().get("event") is True)
+    browser.value("document.activeElement.blur()")
+    page.click(strip("v1", "h3 button"))
+    browser.value("document.activeElement.blur()")
+    browser.press("x", ord("X"))
+    browser.wait("document.getElementById('ignore').textContent === 'To here'")
+    browser.press("ArrowLeft", LEFT, shift=True)
+    page.click("#ignore")
+    page.until(lambda: "forbidden" in page.data())
+    assert page.data()["forbidden"] == [
+        {"video": "v1", "frames": [FRAMES // 2 - 10, FRAMES // 2 + 1]}
+    ]
+    browser.wait("document.querySelectorAll('.ignored').length === 1")
+    page.click("#ignored-list button[aria-label]")
+    page.until(lambda: "forbidden" not in page.data())
+    for _ in range(3):
+        page.click("#undo")
+        browser.wait("new Promise(r => setTimeout(() => r(true), 150))")
+    page.until(lambda: page.data().get("event") is None)
+    assert page.video("v1")["performer"] == "anna"
+
+
 def test_everything_by_keyboard(page: Page) -> None:
     press = page.browser.press
     for _ in range(40):  # Tab reaches a person of the large frame
@@ -212,8 +246,8 @@ def test_a_phone_and_a_finger(page: Page) -> None:
         page.browser.wait("document.documentElement.clientWidth === 390")
         assert page.browser.value("document.documentElement.scrollWidth") <= 390
         small = page.browser.value(
-            "[...document.querySelectorAll('button, select, summary')].filter(e => {"
-            "const b = e.getBoundingClientRect();"
+            "[...document.querySelectorAll('button, select, summary, input[type=text]')].filter("
+            "e => { const b = e.getBoundingClientRect();"
             "return b.width && (b.height < 43.5 || b.width < 43.5); }).map(e => e.outerHTML)"
         )
         assert small == []

@@ -1,7 +1,7 @@
 // What the user can do: each is one step that can be undone.
 
 import { edit } from "./api.js";
-import { countOf, fileOf, momentOf, peopleOf, seek, selectedVideo, spanOf, changed, view } from "./store.js";
+import { countOf, fileOf, momentOf, peopleOf, seek, selectedVideo, spanOf, changed, store, view } from "./store.js";
 import { declaredPerson, nearestFrame } from "./performer.js";
 import { tell } from "./toast.js";
 
@@ -91,6 +91,45 @@ export function useShot(video) {
 export function mirror(video, mirrored) {
   const words = mirrored === null ? "may be mirrored: the program decides" : mirrored ? "is mirrored" : "is not mirrored";
   edit([{ kind: "mirrored", video: video.id, mirrored }], `${video.id} ${words}.`);
+}
+
+/** Names of performers are of every video or of none: they are saved together. */
+export async function namePerformer(video, text) {
+  view.names.set(video.id, text.trim());
+  const all = Object.fromEntries(store.state.videos.map(({ id, performer }) => [id, view.names.get(id) ?? performer ?? ""]));
+  const nameless = Object.keys(all).filter((id) => !all[id]);
+  const none = nameless.length === Object.keys(all).length;
+  if (nameless.length && !none) {
+    tell(`Name who performs in ${nameless.join(", ")} too: every video has a name, or none has.`);
+  } else {
+    const changes = store.state.videos.some(({ id, performer }) => (performer ?? "") !== all[id]);
+    if (changes) await edit([{ kind: "performers", performers: none ? null : all }], none ? "One person performs in all videos." : "Each performer has a body of their own.");
+    view.names.clear();
+  }
+  changed();
+}
+
+export function setEvent(event) {
+  edit([{ kind: "event", event }], event ? "All videos film one and the same performance." : "The videos show different performances.");
+}
+
+/** The first press begins a span that matches nothing, the second ends it. */
+export async function ignoreHere(video = selectedVideo()) {
+  const frame = momentOf(video), from = view.ignore;
+  if (from?.id !== video.id) {
+    view.ignore = { id: video.id, frame };
+    tell("Now go to the last frame that matches nothing, and press the button again.");
+    changed();
+    return;
+  }
+  view.ignore = null;
+  const [first, last] = [Math.min(from.frame, frame), Math.max(from.frame, frame)];
+  await edit([{ kind: "add_forbidden", video: video.id, frames: [first, last + 1] }], `Frames ${first} to ${last} of ${video.id} match nothing.`);
+  changed();
+}
+
+export function matchAgain(number) {
+  edit([{ kind: "forbidden", number }], "These frames may match again.");
 }
 
 export function drop(video = selectedVideo()) {

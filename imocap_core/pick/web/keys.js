@@ -1,6 +1,6 @@
 // Everything by keyboard.
 
-import { byNumber, chooseNobody, drop, mark, saveMarks, splitHere, startHere, stopHere } from "./actions.js";
+import { byNumber, chooseNobody, drop, ignoreHere, mark, saveMarks, splitHere, startHere, stopHere } from "./actions.js";
 import { step } from "./api.js";
 import { changed, countOf, fpsOf, momentOf, seek, selectedVideo, store, view } from "./store.js";
 import { stepOf } from "./strip.js";
@@ -15,6 +15,7 @@ const KEYS = [
   ["[ and ]", "the used frames start, end here"],
   ["S", "split the video here"],
   ["M", "mark the moment, then the same moment in another video"],
+  ["X", "frames that match nothing begin here, then end here"],
   ["Enter", "these marks show the same moment"],
   ["Delete", "drop the video"],
   ["Ctrl+Z, Ctrl+Y", "undo, redo"],
@@ -48,7 +49,7 @@ function handle(event) {
   const onButton = event.target.closest("button, a, .person");
   if (event.key === "Enter" && !onButton && view.marks.size > 1) { saveMarks(); return true; }
   const acts = {
-    0: () => chooseNobody(video), "[": () => startHere(), "]": () => stopHere(), s: () => splitHere(), m: () => mark(),
+    0: () => chooseNobody(video), "[": () => startHere(), "]": () => stopHere(), s: () => splitHere(), m: () => mark(), x: () => ignoreHere(),
     Delete: () => drop(), f: () => document.getElementById("find").click(), "?": () => document.getElementById("help").showModal(),
     ArrowUp: () => move(-1), ArrowDown: () => move(1),
   };

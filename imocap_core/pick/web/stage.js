@@ -1,6 +1,6 @@
 // One frame, large, with everybody outlined: click who performs.
 
-import { choose, chooseNobody, choosePoint, splitHere, startHere, stopHere, mark } from "./actions.js";
+import { choose, chooseNobody, choosePoint, ignoreHere, splitHere, startHere, stopHere, mark } from "./actions.js";
 import { declaredPerson, framesInside, likelyPerson, rowAt } from "./performer.js";
 import { addressOf, picture } from "./pictures.js";
 import { countOf, fileOf, momentOf, peopleOf, seek, selectedVideo, shownFrame, sizeOf, spanOf, changed, view, videoOf } from "./store.js";
@@ -26,6 +26,7 @@ export function setUpStage() {
   get("stop").addEventListener("click", () => stopHere());
   get("split").addEventListener("click", () => splitHere());
   get("mark").addEventListener("click", () => mark());
+  get("ignore").addEventListener("click", () => ignoreHere());
   get("outlines").addEventListener("click", clickedBeside);
 }
 
@@ -126,9 +127,10 @@ function drawTransport(video, frame) {
   scrub.max = Math.max(0, count - 1);
   scrub.value = frame;
   scrub.setAttribute("aria-valuetext", `frame ${frame}, ${seconds(video, frame)}`);
-  for (const id of ["start", "stop", "split", "mark", "scrub"]) get(id).disabled = !count;
+  for (const id of ["start", "stop", "split", "mark", "ignore", "scrub"]) get(id).disabled = !count;
   get("split").disabled = !count || frame <= first || frame >= stop;
   write(get("mark"), view.marks.get(video.id) === frame ? "Unmark" : "Mark");
+  write(get("ignore"), view.ignore?.id === video.id ? "To here" : "Ignore");
 }
 
 // ---- everybody as buttons: for the keyboard, and for people who are small in the picture

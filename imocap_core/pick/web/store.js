@@ -7,6 +7,8 @@ export const view = {
   preview: null, // {id, frame} under the pointer
   drag: null, // {id, frames} while a span is dragged
   marks: new Map(), // id -> frame of an anchor that is not saved yet
+  names: new Map(), // id -> performer that is typed and not saved yet
+  ignore: null, // {id, frame}: where a span that matches nothing begins
   whole: new Set(), // ids of videos whose strip shows the whole file
 };
 
@@ -28,6 +30,8 @@ export function setState(state) {
   store.state = state;
   const ids = state.videos.map((video) => video.id);
   if (!ids.includes(view.selected)) view.selected = ids[0] ?? null;
+  for (const id of view.names.keys()) if (!ids.includes(id)) view.names.delete(id);
+  if (view.ignore && !ids.includes(view.ignore.id)) view.ignore = null;
   for (const id of view.marks.keys()) if (!ids.includes(id)) view.marks.delete(id);
   changed();
 }

@@ -136,13 +136,19 @@ export class Strip {
   drawFlags(state, [first, stop], place) {
     const flags = state.anchors.map((anchor, n) => [anchor.frames[this.id], String(n + 1), ""]);
     if (view.marks.has(this.id)) flags.push([view.marks.get(this.id), "+", " open"]);
-    const stamp = JSON.stringify([flags, first, stop, windowOf(this.video)]);
+    const ignored = state.forbidden.filter(({ video }) => video === this.id).map(({ frames }) => frames);
+    if (view.ignore?.id === this.id) ignored.push([view.ignore.frame, view.ignore.frame + 1]);
+    const stamp = JSON.stringify([flags, ignored, first, stop, windowOf(this.video)]);
     if (stamp === this.flagged) return;
     this.flagged = stamp;
     this.flags.replaceChildren(...flags.filter(([frame]) => frame !== undefined).map(([frame, text, kind]) => {
       const flag = element("span", { class: `flag${kind}${frame < first || frame >= stop ? " outside" : ""}`, text });
       flag.style.left = place(frame + 0.5);
       return flag;
+    }), ...ignored.map(([from, to]) => {
+      const span = element("span", { class: "ignored" });
+      span.style.left = place(from); span.style.right = `calc(100% - ${place(to)})`;
+      return span;
     }));
   }
 

@@ -1,6 +1,6 @@
 // A card for every video: its strip, and what is declared of it.
 
-import { cutsInside, drop, mirror, splitShots, useShot } from "./actions.js";
+import { cutsInside, drop, mirror, namePerformer, splitShots, useShot } from "./actions.js";
 import { declaredPerson, likelyPerson } from "./performer.js";
 import { changed, countOf, fileOf, peopleOf, view, videoOf } from "./store.js";
 import { windowOf } from "./film.js";
@@ -8,12 +8,16 @@ import { Strip } from "./strip.js";
 import { element, usedText, write } from "./text.js";
 
 const cards = new Map();
+let suggested = "";
 
 export function drawVideos(state) {
   const list = document.getElementById("videos");
   for (const [id, card] of cards) {
     if (!videoOf(id)) { card.node.remove(); cards.delete(id); }
   }
+  const names = [...new Set(state.videos.map(({ id, performer }) => view.names.get(id) ?? performer).filter(Boolean))];
+  if (names.join() !== suggested) document.getElementById("performers").replaceChildren(...names.map((value) => element("option", { value })));
+  suggested = names.join();
   state.videos.forEach((video, n) => {
     if (!cards.has(video.id)) cards.set(video.id, cardOf(video.id));
     const card = cards.get(video.id);
@@ -34,8 +38,11 @@ function cardOf(id) {
     element("option", { value: "true", text: "Mirrored: yes" }),
     element("option", { value: "false", text: "Mirrored: no" }));
   select.addEventListener("change", () => mirror(videoOf(id), JSON.parse(select.value)));
+  const performer = element("input", { type: "text", class: "performer", placeholder: "Performer's name", "aria-label": `Performer's name in ${id}`, list: "performers", autocomplete: "off", spellcheck: "false", maxlength: 60 });
+  performer.addEventListener("change", () => namePerformer(videoOf(id), performer.value));
+  performer.addEventListener("keydown", (event) => { if (event.key === "Enter") performer.blur(); });
   const card = {
-    name, select,
+    name, select, performer,
     file: element("span", { class: "file" }),
     used: element("span", { class: "used" }),
     shot: button("Only this shot", useShot),
@@ -47,7 +54,7 @@ function cardOf(id) {
   };
   card.drop.setAttribute("aria-label", `Drop ${id}`);
   card.node = element("article", { class: "video", "aria-label": `Video ${id}` },
-    element("header", {}, element("h3", {}, name), card.file, card.used, select, card.drop),
+    element("header", {}, element("h3", {}, name), card.file, card.used, performer, select, card.drop),
     card.strip.node, element("footer", {}, card.state, card.zoom, card.shot, card.shots));
   card.node.addEventListener("focusin", () => { if (view.selected !== id) { view.selected = id; changed(); } });
   card.node.addEventListener("pointerdown", () => { if (view.selected !== id) { view.selected = id; changed(); } });
@@ -67,6 +74,8 @@ function draw(card, video, state) {
   card.zoom.hidden = whole && !view.whole.has(video.id);
   write(card.zoom, view.whole.has(video.id) ? "Zoom in" : "Whole file");
   if (document.activeElement !== card.select) card.select.value = String(video.mirrored);
+  card.performer.hidden = state.videos.length < 2;
+  if (document.activeElement !== card.performer) card.performer.value = view.names.get(video.id) ?? video.performer ?? "";
   const [kind, text] = stateOf(video, state);
   card.state.className = `state ${kind}`;
   write(card.state, text);
