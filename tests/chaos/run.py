@@ -16,7 +16,7 @@ import random
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from tests.chaos.disks import fail_fsyncs, fill_disk, starve
@@ -28,15 +28,15 @@ SOLVING = [stage for stage in STAGES if stage not in ("keypoints", "evaluate")]
 OUT = Path("build/chaos.json")
 
 
-def vary_threads(action: SmallAction) -> Part:
-    """Runs with 1, 2 and 4 threads, and every stage forced alone."""
+def vary_threads(action: SmallAction, counts: Sequence[int] = (1, 2, 4)) -> Part:
+    """Runs with these numbers of threads, and every stage forced alone."""
     wrong: list[str] = []
-    for threads in (1, 2, 4):
+    for threads in counts:
         action.forget()
         wrong += action.differences_after("run", threads=threads)
     for stage in STAGES:
         wrong += action.differences_after(f"stage {stage}", "--force", threads=3)
-    return part_of(3 + len(STAGES), wrong)
+    return part_of(len(counts) + len(STAGES), wrong)
 
 
 def spoil_a_video(action: SmallAction) -> Part:
