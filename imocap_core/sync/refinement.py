@@ -122,7 +122,7 @@ def _refine_by_poses(
     returned.
     """
     sharp = replace(params, evidence_per_s=SHARPNESS * params.evidence_per_s)
-    usual = list(maps)
+    first, usual = list(maps), list(maps)
     plan = [params] * params.consensus_rounds
     plan += [sharp] * (SHARP_ROUNDS if plan else 0)
     # the first refinement aligns frame by frame; only then are orientations accurate enough
@@ -136,7 +136,8 @@ def _refine_by_poses(
             distances.poses,
             distances.weights,
             weighted,
-            [axis.nearby(both, params) for both in zip(maps, usual, strict=True)],
+            # what a later map rules out may come back: bands do not become narrower
+            [axis.nearby(of_video, params) for of_video in zip(maps, usual, first, strict=True)],
             axis.reference,
             params.positions_per_frame,
             windows if round_ else None,
