@@ -3,7 +3,7 @@
 Each group of readers gets an environment of its own below .venv-readers, and the variable by which
 its tests find it. One that cannot be installed within the seconds given is named, and its tests
 are skipped with a reason. Exit code 1 when a test fails. 1.5 GB in all: nothing of this is part of
-`make test`, where these tests are skipped unless a variable names a reader.
+`make test`, where these tests are skipped unless a variable names a reader; CI has the small group.
 """
 
 from __future__ import annotations
@@ -46,10 +46,11 @@ GROUPS = {
         ("ufbx==0.0.5", "usd-core==26.11", "numpy==2.4.6"),
         ("tests/io/test_blender.py",),
     ),
-    "biomechanics": Readers(
-        "IMOCAP_BIOMECHANICS",
-        ("ezc3d==1.7.2", "c3d", "opensim==4.6.*", "numpy"),
-        ("tests/io/test_c3d.py", "tests/pipeline/test_export_opensim.py"),
+    "c3d": Readers("IMOCAP_C3D", ("ezc3d==1.7.2", "c3d", "numpy"), ("tests/io/test_c3d.py",)),
+    "opensim": Readers(
+        "IMOCAP_OPENSIM",
+        ("opensim==4.6.*", "numpy"),
+        ("tests/pipeline/test_export_opensim.py",),
     ),
     "rerun": Readers(
         "IMOCAP_RERUN", ("rerun-sdk==0.41.*",), ("tests/io/test_mcap_view.py",), "rerun"

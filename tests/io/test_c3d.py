@@ -13,7 +13,7 @@ import pytest
 from imocap_core.io.writers.c3d import C3dEvent, C3dTrial, c3d_bytes, write_c3d
 from tests.io.c3d_reader import read_c3d
 
-READERS = os.environ.get("IMOCAP_BIOMECHANICS")
+READERS = os.environ.get("IMOCAP_C3D")
 FRAMES = 7
 
 
@@ -104,9 +104,7 @@ print(json.dumps([of_ezc3d, of_c3d]))
 """
 
 
-@pytest.mark.skipif(
-    READERS is None, reason="IMOCAP_BIOMECHANICS names no interpreter with ezc3d and c3d"
-)
+@pytest.mark.skipif(READERS is None, reason="IMOCAP_C3D names no interpreter with ezc3d and c3d")
 def test_programs_of_others_read_the_same(tmp_path: Path) -> None:
     made = trial()
     write_c3d(tmp_path / "a.c3d", made)

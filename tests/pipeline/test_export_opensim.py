@@ -15,7 +15,7 @@ from tests.io.osim_reader import marker_places_m
 from tests.pipeline.made_result import Made, made_result
 from tools.check_in_opensim import differences_deg, read_storage, solve, with_raised_arms
 
-OPENSIM = os.environ.get("IMOCAP_BIOMECHANICS")
+OPENSIM = os.environ.get("IMOCAP_OPENSIM")
 
 
 @pytest.fixture(scope="module")
@@ -77,7 +77,7 @@ def test_a_negative_elevation_is_the_positive_one_in_the_opposite_plane() -> Non
     np.testing.assert_allclose(R[0], R[1], atol=1e-9)
 
 
-@pytest.mark.skipif(OPENSIM is None, reason="IMOCAP_BIOMECHANICS names no interpreter with opensim")
+@pytest.mark.skipif(OPENSIM is None, reason="IMOCAP_OPENSIM names no interpreter with opensim")
 def test_opensim_finds_our_angles(made: Made) -> None:
     solved = solve(made.out, Path(str(OPENSIM)))
     assert list(solved) == ["a", "b"]
