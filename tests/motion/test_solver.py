@@ -19,6 +19,7 @@ from imocap_core.motion.monocular.starts import (
 )
 from imocap_core.motion.observations import Observation, person_size_px, without_jumps
 from imocap_core.motion.prior import load_pose_prior
+from imocap_core.motion.solver import gauss_newton as gauss_newton_module
 from imocap_core.motion.solver.gauss_newton import gauss_newton
 from imocap_core.motion.solver.objective import linearise, linearise_halves, objective
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
@@ -161,6 +162,19 @@ def test_one_body_stays_one_body_with_every_solver(made: Made) -> None:
         found = solver(terms, start, max_steps=3, shared_globals=True).state
         assert torch.equal(found.betas[0], found.betas[1])
         assert not torch.equal(found.betas, start.betas)
+
+
+def test_equations_that_are_not_held_give_the_same_steps(
+    made: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    both = made.state.rows(torch.tensor([0, 0]))
+    start = disturbed(both, 0.3)
+    terms = monocular_terms(made.body, wide_prior(), made.observations * 2, both.trans, WEIGHTS, 1)
+    held = gauss_newton(terms, start, max_steps=6, shared_globals=True)
+    monkeypatch.setattr(gauss_newton_module, "MOST_HELD", 0)
+    dropped = gauss_newton(terms, start, max_steps=6, shared_globals=True)
+    assert dropped.costs == held.costs
+    assert torch.equal(dropped.state.R_local, held.state.R_local)
 
 
 def test_two_dimensional_keypoints_alone_lead_near_the_truth(made: Made) -> None:

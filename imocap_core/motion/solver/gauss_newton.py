@@ -25,6 +25,8 @@ from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms.base import Term
 from imocap_core.workers import Each, cores, in_turn, on
 
+MOST_HELD = 4096  # frames whose normal equations are kept until a step is accepted: 0.6 GB
+
 
 @dataclass(frozen=True)
 class Solution:
@@ -155,40 +157,58 @@ class _OneBody:
 
     Attributes:
         each: runs the motions; within: the halves of a single one.
+        held: whether the normal equations of all motions are kept until a step is accepted. If
+            not, each motion's are set up, reduced and dropped, and once more after a rejected step.
     """
 
     each: Each
     within: Each
     free_shape: bool
+    held: bool
 
     @classmethod
     def of(cls, motions: Sequence[SolverMotion], each: Each, free_shape: bool) -> "_OneBody":
         """For a single motion ``each`` runs its halves."""
-        alone = len(motions) == 1
-        return cls(in_turn, each, free_shape) if alone else cls(each, in_turn, free_shape)
+        held = sum(motion.state.valid.shape[1] for motion in motions) <= MOST_HELD
+        if len(motions) == 1:
+            return cls(in_turn, each, free_shape, held)
+        return cls(each, in_turn, free_shape, held)
 
     def cost(self, state: list[SolverMotion]) -> Float[np.ndarray, "1"]:
         """Sum of the motions' objectives."""
         return np.array([sum(self.each(partial(SolverMotion.cost, each=self.within), state))])
 
-    def linearise(self, state: list[SolverMotion]) -> list[NormalEquations]:
-        """The normal equations of every motion."""
-        return self.each(partial(_system, free_shape=self.free_shape, each=self.within), state)
+    def linearise(self, state: list[SolverMotion]) -> list[NormalEquations | None]:
+        """The normal equations of every motion; None where they are not held."""
+        if not self.held:
+            return [None] * len(state)
+        systems: list[NormalEquations | None] = self.each(self._system, state)
+        return systems
 
     def trial(
         self,
         state: list[SolverMotion],
-        equations: list[NormalEquations],
+        equations: list[NormalEquations | None],
         damping: Float[np.ndarray, "1"],
     ) -> list[SolverMotion]:
         """Every motion moved, the globals by one and the same step."""
         factor = float(damping[0])
-        reduce = partial(NormalEquations.reduce, damping=factor, each=self.within)
-        reduced = self.each(reduce, equations)
+        pairs = list(zip(state, equations, strict=True))
+        reduced = self.each(partial(self._reduced, damping=factor), pairs)
         d_globals = solve_globals(reduced, factor).nan_to_num()
         return self.each(
             partial(_moved, d_globals=d_globals), list(zip(state, reduced, strict=True))
         )
+
+    def _system(self, motion: SolverMotion) -> NormalEquations:
+        return _system(motion, free_shape=self.free_shape, each=self.within)
+
+    def _reduced(
+        self, pair: tuple[SolverMotion, NormalEquations | None], damping: float
+    ) -> Reduced:
+        motion, equations = pair
+        system = self._system(motion) if equations is None else equations
+        return system.reduce(damping, self.within)
 
     def choose(
         self, better: Bool[np.ndarray, "1"], trial: list[SolverMotion], state: list[SolverMotion]
