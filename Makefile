@@ -31,8 +31,8 @@ PYTHON ?= $(shell for p in python3 python3.11 python3.12 python3.13 python3.14 p
 PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS)
 HASHES ?= --require-hashes
 # One thread a test worker: two workers with two threads each fight over two cores.
-# A file of tests stays on one worker (they share one run of the pipeline), in the order of folders:
-# reordered by number of tests, the few long ones would come last, on one worker alone.
+# A file of tests stays on one worker (they share one run of the pipeline), the long ones first
+# (tests/conftest.py); reordered by number of tests, they would come last, on one worker alone.
 PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help

@@ -1,6 +1,7 @@
 """Settings shared by the whole suite."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import jaxtyping
 import pytest
@@ -42,12 +43,32 @@ CHECKED: tuple[str, ...] = (
     "imocap_core.workspace",
 )
 
+# A file's tests stay on one worker (Makefile): the files that take longest begin first, so that
+# none of them is alone at the end.
+LONGEST = (
+    "sync/test_playback_rate.py",
+    "chaos/test_threads_and_order.py",
+    "sync/test_anchors.py",
+    "regression/test_yoga.py",
+    "regression/test_balance_beam.py",
+    "sync/test_screening.py",
+    "cli/test_sync_command.py",
+    "sync/test_hard_videos.py",
+)
+
 install_import_hook(CHECKED, "tests.shape_check.checked")
 
 # No deadline: the suite must not fail on a busy machine. Derandomised: a failure is the same
 # failure on every machine.
 settings.register_profile("imocap", deadline=None, derandomize=True, max_examples=30)
 settings.load_profile("imocap")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest files first, all else as collected."""
+    folder = Path(__file__).parent
+    rank = {folder / name: place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: rank.get(item.path, len(rank)))
 
 
 @pytest.fixture
