@@ -1,6 +1,6 @@
-"""What a bent lens costs, and what correcting it gives back: the table of docs/cameras.md.
+"""What a bent lens costs, and what correcting it gives back: the table of docs/moving_cameras.md.
 
-``python tools/measure_lens.py ROOT --seed 7``: yoga's four videos (two cameras stand, two turn)
+``python -m tools.measure_lens ROOT --seed 7``: yoga's four videos (two cameras stand, two turn)
 filmed by a pinhole and by lenses whose pictures' corners are displaced by a quarter, as those of
 action cameras are. The second is captured with the distortion ignored, told by the turning cameras,
 and declared together with the focal length; so is the first, with the focal length and without.
@@ -24,17 +24,19 @@ from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync
 from imocap_core.body import load_free_body
 from imocap_core.camera.lens import Lens
 from imocap_core.camera.projection import intrinsics
-from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.evaluate.action_scores import score_results
 from imocap_core.evaluate.results import AFTER_LOOP, StageResult
-from imocap_core.io.truth import model_text
 from imocap_core.io.video import write_h264
 from imocap_core.metrics.scoring import over_videos
 from imocap_core.pipeline import runner
-from imocap_core.pipeline.make_demo import clip_truth, demo_body, video_id, write_keypoints
+from imocap_core.pipeline.make_demo import (
+    clip_truth,
+    demo_body,
+    truth_of_action,
+    video_id,
+    write_keypoints,
+)
 from imocap_core.problem.relative_motion import paths_of
-from imocap_core.synthetic import yoga
-from imocap_core.synthetic.variation import PHASE_PER_S
 from imocap_core.synthetic.yoga_clip import (
     LAYOUT,
     SIZE,
@@ -91,12 +93,7 @@ def bent_clip(clip: DemoClip, lens: Lens) -> DemoClip:
 
 def make_films(folder: Path, seed: int, bent: bool) -> list[dict[str, Any]]:
     """Films, keypoints and truth of a seed; the entries of action.yaml with all that is true."""
-    body, shaped, declared = load_free_body(), demo_body(seed), []
-    truth: dict[str, Any] = {
-        "model": np.array(model_text(body.name, body.digest)),
-        "joint_names": np.array(SMPL_JOINTS),
-        "phase_end": np.float64(yoga.DURATION_S * PHASE_PER_S),
-    }
+    shaped, truth, declared = demo_body(seed), truth_of_action("yoga"), []
     for index in range(len(YOGA_SPANS)):
         video = video_id(index)
         clip = make_yoga_clip(seed, index, shaped)

@@ -10,15 +10,16 @@ import numpy as np
 import yaml
 
 from benchmarks.actions.action_folder import action_key, make_filmed
-from imocap_core.body import load_free_body
-from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.io.truth import model_text
 from imocap_core.io.video import write_h264
-from imocap_core.pipeline.make_demo import clip_truth, demo_body, video_id, write_keypoints
+from imocap_core.pipeline.make_demo import (
+    clip_truth,
+    demo_body,
+    truth_of_action,
+    video_id,
+    write_keypoints,
+)
 from imocap_core.pipeline.source import closure
-from imocap_core.synthetic import yoga
 from imocap_core.synthetic.moving_yoga import make_moving_clip, moving_pictures
-from imocap_core.synthetic.variation import PHASE_PER_S
 from imocap_core.synthetic.walking_cameras import CameraWalk
 from imocap_core.synthetic.yoga_clip import LAYOUT
 
@@ -43,12 +44,7 @@ def make_moving_yoga(folder: Path, seed: int, walks: Mapping[int, CameraWalk]) -
 
 
 def _write(folder: Path, name: str, seed: int, walks: Mapping[int, CameraWalk]) -> None:
-    body, shaped = load_free_body(), demo_body(seed)
-    truth: dict[str, Any] = {
-        "model": np.array(model_text(body.name, body.digest)),
-        "joint_names": np.array(SMPL_JOINTS),
-        "phase_end": np.float64(yoga.DURATION_S * PHASE_PER_S),
-    }
+    shaped, truth = demo_body(seed), truth_of_action("yoga")
     centres: dict[str, Any] = {}
     declared = []
     for index in range(len(WALKS)):

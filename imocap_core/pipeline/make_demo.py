@@ -123,12 +123,7 @@ def _write_videos(
                 ) from None
             if progress is not None:
                 progress(f"made {video_id(jobs[job])} ({done} of {count} videos)")
-    body = load_free_body()
-    truth: dict[str, Any] = {
-        "model": np.array(model_text(body.name, body.digest)),
-        "joint_names": np.array(SMPL_JOINTS),
-        "phase_end": np.float64(_DURATION_S[name] * PHASE_PER_S),
-    }
+    truth = truth_of_action(name)
     for index in range(count):
         truth |= {f"{video_id(index)}/{key}": value for key, value in truths[index].items()}
     return truth
@@ -166,6 +161,16 @@ def clip_truth(clip: DemoClip, shaped: Shaped) -> dict[str, Float[np.ndarray, ".
         "theta": pose_from_rotations(torch.as_tensor(clip.R_smpl)).numpy(),
         "trans": clip.transl,
         "betas": shaped.coefficients.numpy(),
+    }
+
+
+def truth_of_action(demo: str) -> dict[str, Any]:
+    """The arrays of a truth that all videos of a demo share."""
+    body = load_free_body()
+    return {
+        "model": np.array(model_text(body.name, body.digest)),
+        "joint_names": np.array(SMPL_JOINTS),
+        "phase_end": np.float64(_DURATION_S[demo] * PHASE_PER_S),
     }
 
 
