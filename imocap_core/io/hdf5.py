@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -41,7 +42,7 @@ def open_hdf5(path: Path) -> Iterator[Any]:
     must_be_small_enough(path)
     if find_spec("h5py") is None:
         raise ValueError(f"{path}: {MISSING}")
-    must_come_back(path)
+    must_come_back(path, path.stat().st_mtime_ns)
     h5py = import_module("h5py")
     try:
         with h5py.File(path, "r") as root:
@@ -53,9 +54,13 @@ def open_hdf5(path: Path) -> Iterator[Any]:
         raise ValueError(f"{path}: is not readable HDF5 ({reason}); export it again") from None
 
 
-def must_come_back(path: Path) -> None:
+@cache
+def must_come_back(path: Path, changed_ns: int) -> None:
     """ValueError when HDF5's library, in a process of its own, does not finish reading the file, or
-    ends that process. What else is wrong with the file is left to be found."""
+    ends that process. What else is wrong with the file is left to be found.
+
+    A file is opened several times, and tried once for each time that it was changed.
+    """
     reader = [sys.executable, "-P", "-m", TRIAL, str(path.absolute())]
     try:
         trial = subprocess.run(reader, capture_output=True, timeout=TRIAL_S, check=False)

@@ -275,4 +275,13 @@ def test_the_trial_reads_all_parts_and_ends_with_parts_in_circles(
         inner["numbers"] = np.arange(5)
         inner["again"] = root["a"]
         inner["elsewhere"] = h5py.ExternalLink("other.h5", "/")
-    hdf5.must_come_back(path)
+    hdf5.must_come_back(path, 0)
+
+
+def test_a_file_is_tried_once(h5py: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write_sleap(h5py, tmp_path, made.people(LAYOUT))
+    read(path, "sleap", LAYOUT)
+    monkeypatch.setattr(hdf5, "TRIAL_S", 1e-3)
+    read(path, "sleap", LAYOUT)
+    os.utime(path, (0.0, 0.0))
+    assert "has not finished reading it" in refused(path, "sleap", LAYOUT)
