@@ -2,8 +2,8 @@
 
 ``python -m tools.measure_lens ROOT --seed 7``: yoga's four videos (two cameras stand, two turn)
 filmed by a pinhole and by lenses whose pictures' corners are displaced by a quarter, as those of
-action cameras are. The second is captured with the distortion ignored, told by the turning cameras,
-and declared together with the focal length; so is the first, with the focal length and without.
+action cameras are. The second is captured with the distortion ignored, estimated from the turning
+cameras, and declared together with the focal length; so is the first, with the focal length and without.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ CASES: dict[str, tuple[bool, tuple[str, ...], list[str]]] = {
     "pinhole, focal length given": (False, ("focal_px",), []),
     "bent, ignored": (True, (), ["camera_motion.lens=false"]),
     "bent, focal length given, ignored": (True, ("focal_px",), ["camera_motion.lens=false"]),
-    "bent, told by the turning": (True, (), []),
+    "bent, estimated from turning": (True, (), []),
     "bent, declared": (True, ("focal_px", "distortion"), []),
 }
 

@@ -1,4 +1,4 @@
-"""Radial distortion of a camera on one spot, told by how its background moves as it turns.
+"""Radial distortion of a camera on one spot, estimated from how its background moves as it turns.
 
 A rotation moves the picture of a pinhole camera by a homography of three parameters; what is left,
 the same in every pair of frames, is the lens. It counts only where tracks that took no part in the
@@ -32,7 +32,7 @@ FEWEST_OF_A_PAIR = 8  # tracks of a half that two consecutive key frames share
 
 @dataclass(frozen=True)
 class TurningLens:
-    """What a turning camera tells about its lens.
+    """The estimate of a turning camera's lens.
 
     Attributes:
         distortion: `TripodCamera.distortion`; sd: its standard deviation.

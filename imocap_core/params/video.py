@@ -117,7 +117,7 @@ class CameraMotionParams:
     )
     lens: bool = param(
         True,
-        "Take a lens's radial distortion out of the keypoints where the camera's turning tells it "
+        "Take a lens's radial distortion out of the keypoints where the camera's turning shows it "
         "for certain. A `distortion` in action.yaml is taken out in any case.",
     )
     assumed_focal_factor: Positive = param(

@@ -29,8 +29,8 @@ def camera_of_background(
 ) -> tuple[CameraMotionEstimate, LensDistortion | None]:
     """The motion of a camera, as a pinhole camera's, and its lens.
 
-    A declared lens is taken out of the matches first. Else a camera that turns enough tells it;
-    where that is certain, the motion is estimated again without it.
+    A declared lens is taken out of the matches first. Else it is estimated where a camera turns
+    enough; where that is certain, the motion is estimated again without it.
 
     Args:
         matches: of the background; threshold_px: largest error of one that counts as explained.

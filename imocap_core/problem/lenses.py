@@ -1,4 +1,4 @@
-"""The lens of a video: declared, or told by the camera's turning."""
+"""The lens of a video: declared, or estimated from the camera's turning."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def given_distortion(lens: Lens, K: Float[np.ndarray, "3 3"]) -> LensDistortion:
 def estimated_distortion(
     estimate: TurningLens, K: Float[np.ndarray, "3 3"], size: tuple[int, int]
 ) -> LensDistortion:
-    """A lens that the turning tells, relative to the focal length in K."""
+    """A lens estimated from the turning, relative to the focal length in K."""
     lens, k1_sd = estimate.lens(K, size)
     return LensDistortion(source="rotation", coefficients=lens.coefficients, k1_sd=k1_sd)
 
@@ -75,6 +75,6 @@ def lens_words(lens: LensDistortion, size: tuple[int, int], K: Float[np.ndarray,
     if lens.source == "given":
         return f"its lens is corrected as declared (k1 {k1:.3f}, {share:.0%} in the corners)"
     return (
-        f"its turning tells the lens, which is corrected (k1 {k1:.3f} +- {lens.k1_sd:.3f}, "
-        f"{share:.0%} in the corners)"
+        f"its lens was estimated from its turning and is corrected "
+        f"(k1 {k1:.3f} +- {lens.k1_sd:.3f}, {share:.0%} in the corners)"
     )

@@ -102,7 +102,7 @@ GLOSSARY = {
     "camera_px": "Distance of the camera's homographies to those of a pure rotation.",
     "focal_px": "Focal length in pixels: given, estimated from the camera's rotation, or assumed.",
     "lens_k1": "Radial distortion of the lens that was taken out of the keypoints, declared or "
-    "told by the camera's turning: OpenCV's k1, relative to focal_px.",
+    "estimated from the camera's turning: OpenCV's k1, relative to focal_px.",
     "solved_focal_px": "Focal length of the result; an assumed one is estimated with the motion.",
     "focal_sd_pct": "Claimed standard deviation of the focal length, as a share of it.",
     "distortion": "Radial distortion k: a ray at r focal lengths from the axis is seen at "

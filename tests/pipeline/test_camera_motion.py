@@ -129,4 +129,4 @@ def test_a_declared_lens_is_taken_out_of_the_background_too(tmp_path):
     assert told.lens.source == "rotation"
     scale = (told.K[0, 0] / 300.0) ** 2  # the same displacement of pixels
     assert told.lens.coefficients[0] == pytest.approx(-0.25 * scale, abs=3 * told.lens.k1_sd)
-    assert "its turning tells the lens, which is corrected" in told.note
+    assert "its lens was estimated from its turning and is corrected" in told.note

@@ -34,7 +34,7 @@ def test_the_remark(made: Made) -> None:
     (remark,) = camera_findings(with_lens(made).videos)
     assert (remark.kind, remark.video) == ("remark", made.camera_motion.videos[0].id)
     assert remark.text.startswith(
-        "its turning tells the lens, which is corrected (k1 -0.200 +- 0.010, "
+        "its lens was estimated from its turning and is corrected (k1 -0.200 +- 0.010, "
     )
     assert camera_findings(made.camera_motion.videos) == []
 
