@@ -3,7 +3,8 @@
 ``python -m tools.measure_lens ROOT --seed 7``: yoga's four videos (two cameras stand, two turn)
 filmed by a pinhole and by lenses whose pictures' corners are displaced by a quarter, as those of
 action cameras are. The second is captured with the distortion ignored, estimated from the turning
-cameras, and declared together with the focal length; so is the first, with the focal length and without.
+cameras, and declared together with the focal length; so is the first, with the focal length and
+without.
 """
 
 from __future__ import annotations
