@@ -260,8 +260,10 @@ def test_a_phone_and_a_finger(page: Page) -> None:
         assert first == 0
         assert CUT < stop < FRAMES - 4
         x, y = page.middle(strip("v2", ".strip"))
+        height = page.browser.value("scrollY")
         page.browser.touch((x - 50, y))
         page.browser.wait("document.getElementById('stage-name').textContent === 'v2'")
+        assert page.browser.value("scrollY") == height > 0  # a redraw does not scroll back
         assert page.browser.value("Number(document.getElementById('scrub').value)") < FRAMES // 2
     finally:
         page.browser.call("Emulation.setTouchEmulationEnabled", enabled=False)

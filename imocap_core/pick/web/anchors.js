@@ -17,7 +17,7 @@ export function drawAnchors(state) {
   const rows = state.anchors.map((anchor, n) => row(anchor, n));
   const hint = state.videos.length < 2 ? "There is one video only." : "Where videos show the same moment, mark it in two of them: the alignment follows. Nothing is needed if you have no such moment.";
   document.getElementById("anchor-list").replaceChildren(...(rows.length ? rows : [element("li", { class: "none", text: hint })]));
-  if (focused) document.querySelector(`[data-anchor="${focused}"]`)?.focus();
+  if (focused) document.querySelector(`[data-anchor="${focused}"]`)?.focus({ preventScroll: true });
 }
 
 function drawPending() {

@@ -95,7 +95,7 @@ function drawOutlines(video, frame) {
     overlay.append(outlineOf(video, someone, row, someone === declared, unit));
   }
   if (person?.at && person.frame === frame) overlay.append(cross(person.at, unit));
-  if (focused) overlay.querySelector(`.person[data-number="${focused}"]`)?.focus();
+  if (focused) overlay.querySelector(`.person[data-number="${focused}"]`)?.focus({ preventScroll: true });
 }
 
 function outlineOf(video, person, row, chosen, unit) {
@@ -165,7 +165,7 @@ function drawPeople(video, state) {
     find.addEventListener("click", () => get("find").click());
     list.append(find);
   }
-  if (focused) list.querySelector(`[data-chip="${focused}"]`)?.focus();
+  if (focused) list.querySelector(`[data-chip="${focused}"]`)?.focus({ preventScroll: true });
 }
 
 /** The person's picture in the middle of their track. */
