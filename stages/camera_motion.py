@@ -17,6 +17,7 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.camera.background import rescaled, track_background
 from imocap_core.camera.motion import CameraMotionEstimate
 from imocap_core.camera.projection import warp
+from imocap_core.camera.still_background import KeptPictures, still_background
 from imocap_core.cli import stage_main
 from imocap_core.io.colmap import load_colmap
 from imocap_core.io.video import read_gray
@@ -72,9 +73,11 @@ def _look(
 ) -> tuple[CameraMotionEstimate, LensDistortion | None]:
     scale = min(1.0, params.working_size_px / max(video.size))
     first, last = int(video.frames[0]), int(video.frames[-1])
+    boxes = (video.person_box_px[nearest_used(video)] + 0.5) * scale - 0.5
+    sampled = KeptPictures(last + 1 - first, {})
     small = track_background(
-        (picture for _, picture in read_gray(path, first, last + 1, scale=scale)),
-        (video.person_box_px[nearest_used(video)] + 0.5) * scale - 0.5,
+        sampled.passing(picture for _, picture in read_gray(path, first, last + 1, scale=scale)),
+        boxes,
         max_features=params.max_features,
         min_inliers=params.min_inliers,
         threshold_px=params.reprojection_threshold_px,
@@ -89,6 +92,7 @@ def _look(
         [rescaled(match, scale) for match in small],
         params.reprojection_threshold_px / scale,
         lambda: _background(video, path, scale, params),
+        lambda: still_background(sampled, boxes),
         params,
     )
     return camera_at_used_frames(camera, video), lens

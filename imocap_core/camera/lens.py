@@ -144,3 +144,12 @@ class Lens:
         k1, k2, _, _, k3 = self.coefficients
         r2 = radius**2
         return np.maximum(1 + r2 * (3 * k1 + r2 * (5 * k2 + r2 * 7 * k3)), 1e-3)
+
+
+def lens_of_corner(
+    distortion: float, sd: float, K: Float[np.ndarray, "3 3"], size: tuple[int, int]
+) -> tuple[Lens, float]:
+    """The lens of one coefficient that is given for a focal length of half the picture's diagonal,
+    relative to K's, and the standard deviation of its k1."""
+    scale = (K[0, 0] / np.linalg.norm((np.array(size) - 1) / 2)) ** 2
+    return Lens.of([distortion * scale], K), float(sd * scale)

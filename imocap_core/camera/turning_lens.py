@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.camera.feature_tracks import FeatureTracks
-from imocap_core.camera.lens import Lens
+from imocap_core.camera.lens import Lens, lens_of_corner
 from imocap_core.camera.tripod import PairPoints, TrackedPair, TripodCamera
 from imocap_core.camera.tripod_fit import distortion_sd, refit_tripod
 from imocap_core.robust import geman_mcclure
@@ -60,8 +60,7 @@ class TurningLens:
     def lens(self, K: Float[np.ndarray, "3 3"], size: tuple[int, int]) -> tuple[Lens, float]:
         """The lens of pictures of a size whose focal length is K's, and the standard deviation of
         its k1."""
-        scale = (K[0, 0] / np.linalg.norm((np.array(size) - 1) / 2)) ** 2
-        return Lens.of([self.distortion * scale], K), float(self.sd * scale)
+        return lens_of_corner(self.distortion, self.sd, K, size)
 
     @property
     def certain(self) -> bool:

@@ -117,8 +117,9 @@ class CameraMotionParams:
     )
     lens: bool = param(
         True,
-        "Take a lens's radial distortion out of the keypoints where the camera's turning shows it "
-        "for certain. A `distortion` in action.yaml is taken out in any case.",
+        "Take a lens's radial distortion out of the keypoints where the camera's turning, or "
+        "straight lines of the scene where it stands, show it for certain. A `distortion` in "
+        "action.yaml is taken out in any case.",
     )
     assumed_focal_factor: Positive = param(
         1.0,

@@ -7,8 +7,10 @@ from dataclasses import replace
 
 from imocap_core.artifacts.schemas import LensDistortion, VideoKeypoints
 from imocap_core.camera.background import Matches
+from imocap_core.camera.line_lens import lens_from_lines
 from imocap_core.camera.motion import CameraMotionEstimate, estimate_camera_motion, static_camera
 from imocap_core.camera.parallax import ParallaxTest
+from imocap_core.camera.still_background import StillBackground
 from imocap_core.camera.undistorted_background import undistorted_matches
 from imocap_core.params import CameraMotionParams
 from imocap_core.problem.lenses import (
@@ -25,16 +27,19 @@ def camera_of_background(
     matches: Sequence[Matches],
     threshold_px: float,
     background: Callable[[], Background],
+    still: Callable[[], StillBackground],
     params: CameraMotionParams,
 ) -> tuple[CameraMotionEstimate, LensDistortion | None]:
     """The motion of a camera, as a pinhole camera's, and its lens.
 
     A declared lens is taken out of the matches first. Else it is estimated where a camera turns
-    enough; where that is certain, the motion is estimated again without it.
+    enough; where that is certain, the motion is estimated again without it. Of a camera that stands
+    it is estimated from lines of the scene.
 
     Args:
         matches: of the background; threshold_px: largest error of one that counts as explained.
-        background: follows the feature tracks, which a static camera does not need.
+        background: follows the feature tracks, which a static camera does not need; still: the
+            picture of what stands behind the person, which only a static camera has.
     """
     given = declared_lens(video)
     tested: list[tuple[Background, ParallaxTest]] = []
@@ -69,6 +74,10 @@ def camera_of_background(
         distortion = given_distortion(given, camera.K)
     elif turning is not None and turning.certain:
         distortion = estimated_distortion(turning, camera.K, video.size)
+    elif camera.motion == "static" and params.lens:
+        lines = lens_from_lines(still())
+        if lines is not None and lines.certain:
+            distortion = estimated_distortion(lines, camera.K, video.size)
     return with_lens(camera, distortion, video), distortion
 
 

@@ -1,6 +1,8 @@
-"""The lens of a video: declared, or estimated from the camera's turning."""
+"""The lens of a video: declared, or estimated from the camera's turning or lines of the scene."""
 
 from __future__ import annotations
+
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -12,8 +14,11 @@ from imocap_core.artifacts.schemas import (
     VideoKeypoints,
 )
 from imocap_core.camera.lens import Lens
+from imocap_core.camera.line_lens import LineLens
 from imocap_core.camera.projection import intrinsics
 from imocap_core.camera.turning_lens import TurningLens
+
+EVIDENCE = {"rotation": "its turning", "lines": "straight lines of the scene"}
 
 
 def declared_lens(video: VideoKeypoints) -> Lens | None:
@@ -29,11 +34,14 @@ def given_distortion(lens: Lens, K: Float[np.ndarray, "3 3"]) -> LensDistortion:
 
 
 def estimated_distortion(
-    estimate: TurningLens, K: Float[np.ndarray, "3 3"], size: tuple[int, int]
+    estimate: TurningLens | LineLens, K: Float[np.ndarray, "3 3"], size: tuple[int, int]
 ) -> LensDistortion:
-    """A lens estimated from the turning, relative to the focal length in K."""
+    """An estimated lens, relative to the focal length in K."""
     lens, k1_sd = estimate.lens(K, size)
-    return LensDistortion(source="rotation", coefficients=lens.coefficients, k1_sd=k1_sd)
+    source: Literal["rotation", "lines"] = (
+        "rotation" if isinstance(estimate, TurningLens) else "lines"
+    )
+    return LensDistortion(source=source, coefficients=lens.coefficients, k1_sd=k1_sd)
 
 
 def lens_from(distortion: LensDistortion | None, K: Float[np.ndarray, "3 3"]) -> Lens | None:
@@ -75,6 +83,6 @@ def lens_words(lens: LensDistortion, size: tuple[int, int], K: Float[np.ndarray,
     if lens.source == "given":
         return f"its lens is corrected as declared (k1 {k1:.3f}, {share:.0%} in the corners)"
     return (
-        f"its lens was estimated from its turning and is corrected "
+        f"its lens was estimated from {EVIDENCE[lens.source]} and is corrected "
         f"(k1 {k1:.3f} +- {lens.k1_sd:.3f}, {share:.0%} in the corners)"
     )

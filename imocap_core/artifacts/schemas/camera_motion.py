@@ -16,7 +16,7 @@ class LensDistortion(Value):
 
     OPTIONAL: ClassVar[frozenset[str]] = frozenset({"k1_sd"})
 
-    source: Literal["given", "rotation"]
+    source: Literal["given", "rotation", "lines"]
     coefficients: Annotated[Floats, Shape(5)]  # k1, k2, p1, p2, k3
     k1_sd: float | None = None  # standard deviation of an estimate
 

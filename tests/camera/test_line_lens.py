@@ -1,0 +1,132 @@
+"""A standing camera's lens is estimated from straight lines, and only from them."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import cv2
+import numpy as np
+import pytest
+
+from imocap_core.camera.edges import edge_chains
+from imocap_core.camera.line_lens import LineLens, centred_lens, lens_from_lines
+from imocap_core.camera.projection import intrinsics
+from imocap_core.camera.still_background import KeptPictures, StillBackground, still_background
+
+SIZE = (480, 270)
+CORNER = float(np.linalg.norm((np.array(SIZE) - 1) / 2))
+
+
+def wall(rng):
+    """A plain wall with dark frames in many places, larger than the picture."""
+    picture = np.full((2 * SIZE[1], 2 * SIZE[0]), 170.0)
+    for _ in range(45):
+        x, y = rng.uniform(0, 1.7 * np.array(SIZE))
+        wide, high = rng.uniform(60, 300, 2)
+        turn = np.deg2rad(rng.normal(0, 8) + np.array([0, 90]))
+        along, down = np.array([np.cos(turn), np.sin(turn)]).T
+        corner = np.array([x, y])
+        box = [corner, corner + wide * along, corner + wide * along + high * down,
+               corner + high * down]  # fmt: skip
+        cv2.fillPoly(picture, [np.round(box).astype(np.int32)], float(rng.uniform(40, 220)))
+    return picture
+
+
+def discs(rng):
+    """Round things only."""
+    picture = np.full((2 * SIZE[1], 2 * SIZE[0]), 170.0)
+    for _ in range(60):
+        middle = rng.uniform(0, 2 * np.array(SIZE)).astype(int).tolist()
+        radius, shade = int(rng.uniform(20, 160)), float(rng.uniform(40, 220))
+        cv2.circle(picture, middle, radius, shade, -1)
+    return picture
+
+
+@lru_cache
+def estimated(distortion, seed=0, scene=wall):
+    rng = np.random.default_rng(seed)
+    shown = scene(rng)
+    grid = np.stack(np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1])), axis=-1).astype(float)
+    source = centred_lens(distortion, SIZE).undistorted(grid) + 0.5 * np.array(SIZE)
+    smooth = cv2.GaussianBlur(shown, (0, 0), 0.8).astype(np.float32)
+    picture = cv2.remap(smooth, *source.astype(np.float32).transpose(2, 0, 1), cv2.INTER_LINEAR)
+    noisy = np.clip(picture + rng.normal(0, 2, picture.shape), 0, 255).astype(np.uint8)
+    return lens_from_lines(StillBackground(noisy, np.ones(noisy.shape, bool)))
+
+
+@pytest.mark.parametrize(("distortion", "certain"), [(-0.12, True), (-0.06, True), (0.07, False)])
+def test_a_bent_lens_is_estimated_within_its_claimed_error(distortion, certain):
+    estimate = estimated(distortion)
+    assert estimate.certain is certain
+    assert estimate.distortion == pytest.approx(distortion, abs=3 * estimate.sd)
+    assert 0.005 <= estimate.sd < 0.03
+    lens, k1_sd = estimate.lens(intrinsics(400.0, SIZE), SIZE)
+    assert lens.coefficients[0] == pytest.approx(distortion * (400 / CORNER) ** 2, abs=3 * k1_sd)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_straight_lines_leave_a_pinhole_as_it_is(seed):
+    estimate = estimated(0.0, seed)
+    assert not estimate.certain
+    assert estimate.distortion == pytest.approx(0.0, abs=0.03)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_round_things_say_nothing(seed):
+    estimate = estimated(0.0, seed, discs)
+    assert estimate is None or not estimate.certain
+
+
+@pytest.mark.parametrize(
+    ("changed", "certain"),
+    [
+        ({}, True),
+        ({"distortion": -0.02}, False),
+        ({"distortion": -0.14}, False),
+        ({"sd": 0.03}, False),
+        ({"gain": 0.05}, False),
+        ({"parts": 2}, False),
+        ({"against": 0.3}, False),
+    ],
+)
+def test_what_makes_it_certain(changed, certain):
+    estimate = LineLens(distortion=-0.08, sd=0.01, gain=0.3, parts=5, against=0.02)
+    assert replace(estimate, **changed).certain is certain
+
+
+def test_an_edge_is_found_to_a_fraction_of_a_pixel():
+    x = np.arange(120)[None] - 0.1 * np.arange(90)[:, None]
+    picture = (60 + 140 / (1 + np.exp(-(x - 50.3) / 0.7))).astype(np.uint8)
+    (chain,) = edge_chains(picture, np.ones(picture.shape, bool), 30)
+    off = chain[:, 0] - 0.1 * chain[:, 1] - 50.3
+    assert len(chain) >= 80
+    assert np.abs(off).max() < 0.25
+
+
+def test_edges_are_split_at_corners_and_left_out_where_nothing_is_known():
+    picture = np.full((100, 140), 40, np.uint8)
+    picture[20:80, 30:110] = 200
+    known = np.ones(picture.shape, bool)
+    assert len(edge_chains(picture, known, 30)) == 4
+    known[:, :60] = False
+    assert len(edge_chains(picture, known, 30)) == 3
+
+
+def test_the_person_is_not_in_the_still_picture():
+    frames, shape = 40, (60, 100)
+    boxes = np.array([[2.0 * t, 10, 2 * t + 10, 50] for t in range(frames)])
+    sampled = KeptPictures(frames, {})
+    for t, _ in enumerate(sampled.passing(person_at(t, shape) for t in range(frames))):
+        assert len(sampled.by_frame) <= t + 1
+    assert len(sampled.by_frame) < frames
+    still = still_background(sampled, boxes)
+    assert still.is_background.all()
+    assert (still.picture == 90).all()
+    standing = still_background(sampled, np.tile([20.0, 10, 40, 50], (frames, 1)))
+    assert not standing.is_background[30, 30]
+    assert standing.is_background[30, 80]
+
+
+def person_at(t, shape):
+    picture = np.full(shape, 90, np.uint8)
+    picture[10:50, 2 * t : 2 * t + 10] = 255
+    return picture
