@@ -47,6 +47,9 @@ class LineDisplay:
     def waiting(self) -> None:
         """Nothing."""
 
+    def notice(self, sentence: str) -> None:
+        """Nothing."""
+
 
 @dataclass
 class ForwardingDisplay:
@@ -73,6 +76,10 @@ class ForwardingDisplay:
     def waiting(self) -> None:
         """Passed on."""
         self.display.waiting()
+
+    def notice(self, sentence: str) -> None:
+        """Passed on."""
+        self.display.notice(sentence)
 
 
 @dataclass

@@ -35,6 +35,13 @@ def configure_process() -> None:
     keep_freed_memory()
 
 
+def release_freed_memory() -> None:
+    """Give back what is freed and kept, between two stages: the next one needs other sizes."""
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
+    if trim is not None:
+        trim(0)
+
+
 def keep_freed_memory() -> bool:
     """Set glibc's allocator to reuse freed memory. Whether this was possible."""
     if sys.platform != "linux":

@@ -41,6 +41,10 @@ class FunctionDisplay:
         """Another run of the same action is at work."""
         self._report(self._stage, 0.0, "waiting for another run of this action")
 
+    def notice(self, sentence: str) -> None:
+        """What to know while the run goes on."""
+        self._report(self._stage, 0.0, sentence)
+
 
 @contextmanager
 def displaying(progress: Progress) -> Iterator[Display]:

@@ -17,6 +17,7 @@ from importlib import metadata
 from typing import Any
 
 from imocap_core.errors import ImocapError, Stopped
+from imocap_core.library.memory_notice import available_bytes, frames_of, memory_notice
 from imocap_core.library.status import left_out_notes
 from imocap_core.pipeline.runner import Display, Job, Outcome
 from imocap_core.verdict.findings import Verdict
@@ -24,6 +25,7 @@ from imocap_core.version import __version__
 from imocap_core.whole_files import write_whole
 
 FILE = "run.json"
+LARGE = ("initial_smpl", "sync", "smpl_ba", "refine_sync", "uncertainty")  # stages, in memory
 FORMAT = 1  # rises when a field changes its meaning or goes
 LIBRARIES = ("numpy", "scipy", "torch", "opencv-python-headless", "av", "mcap", "pydantic")
 
@@ -85,13 +87,24 @@ def versions() -> dict[str, str]:
 
 
 class LoggedDisplay:
-    """A `Display` that also notes which stages have ended."""
+    """A `Display` that also notes which stages have ended, and says when memory may not suffice."""
 
     def __init__(self, display: Display, log: RunLog) -> None:
-        self._log = log
-        self.started, self.progress = display.started, display.progress
+        self._log, self._memory_known = log, False
+        self.progress, self.notice = display.progress, display.notice
         self.made_demo, self.waiting = display.made_demo, display.waiting
-        self._finished = display.finished
+        self._started, self._finished = display.started, display.finished
+
+    def started(self, stage: str, why: list[str]) -> None:
+        """A stage begins; before the first that needs much memory, what it is expected to need."""
+        self._started(stage, why)
+        stored = {outcome.stage: outcome.stored for outcome in self._log.outcomes}
+        if self._memory_known or stage not in LARGE or "keypoints" not in stored:
+            return
+        self._memory_known = True
+        if sentence := memory_notice(frames_of(stored["keypoints"]), available_bytes()):
+            self._log.notes.append(sentence)
+            self.notice(sentence)
 
     def finished(self, outcome: Outcome) -> None:
         """A stage has its artifact."""

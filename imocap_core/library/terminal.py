@@ -80,6 +80,9 @@ class Terminal:
     def waiting(self) -> None:
         self.console.print("another run of this action is at work; waiting for it to end")
 
+    def notice(self, sentence: str) -> None:
+        self.console.print(f"[yellow]note:[/] {escape(sentence)}")
+
 
 def reasons(why: list[str]) -> str:
     """The first few reasons, and how many more there are."""

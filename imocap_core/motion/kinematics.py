@@ -71,6 +71,10 @@ class Body:
         posed = self.posed(state)
         return state.cached((self.model, points), lambda: Points(posed.keypoints(points)))
 
-    def derivatives(self, points: PointSet, state: MotionState) -> Points:
-        """Positions and their derivatives."""
-        return Points(*points_with_jacobian(self.posed(state), points))
+    def derivatives(
+        self, points: PointSet, state: MotionState, frames: slice = slice(None)
+    ) -> Points:
+        """Positions and their derivatives, of some frames."""
+        posed = self.posed(state)
+        moving = (x[:, frames] for x in (posed.R_local, posed.transl, posed.R_world))
+        return Points(*points_with_jacobian(Posed(posed.shaped, *moving), points))

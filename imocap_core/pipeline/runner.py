@@ -29,7 +29,7 @@ from imocap_core.pipeline.keys import Recipe, differences, read_files, recipe
 from imocap_core.pipeline.source import module_name
 from imocap_core.pipeline.stage import Context, Inputs, Progress
 from imocap_core.pipeline.unchanged import unchanged
-from imocap_core.process import configure_process
+from imocap_core.process import configure_process, release_freed_memory
 
 if TYPE_CHECKING:
     from imocap_core.artifacts.schemas.base import Artifact
@@ -55,6 +55,9 @@ class Display(Protocol):
 
     def waiting(self) -> None:
         """Another run of the same action is in progress."""
+
+    def notice(self, sentence: str) -> None:
+        """What to know while the run goes on."""
 
 
 @dataclass(frozen=True)
@@ -117,6 +120,7 @@ def run(
         sweep(job.store.folder, job.action.name)
         for stage in stages:
             began = time.perf_counter()
+            release_freed_memory()
             restart_peak()
             needed = job.recipe(stage, done)
             forced = stage in force

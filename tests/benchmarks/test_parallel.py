@@ -35,6 +35,9 @@ class Recording:
     def waiting(self) -> None:
         self.lines.append("waiting")
 
+    def notice(self, sentence: str) -> None:
+        self.lines.append(sentence)
+
 
 def halve(display: object, number: int) -> tuple[int, str, int]:
     if number % 2:

@@ -9,6 +9,19 @@ import pytest
 
 from imocap_core.process import keep_freed_memory
 
+RELEASED = """
+import numpy as np
+from imocap_core.peak_memory import peak_bytes, restart_peak
+from imocap_core.process import keep_freed_memory, release_freed_memory
+keep_freed_memory()
+arrays = [np.ones(100_000) for _ in range(200)]
+del arrays
+restart_peak()
+before = peak_bytes()
+release_freed_memory()
+restart_peak()
+print(before - peak_bytes())
+"""
 FAULTS = """
 import resource, sys
 import numpy as np
@@ -31,6 +44,12 @@ def test_arrays_made_again_cost_no_new_pages() -> None:
         return int(done.stdout)
 
     assert faults("kept") < 0.2 * faults("given back")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems' libraries do it differently")
+def test_freed_memory_is_given_back_between_stages() -> None:
+    done = subprocess.run([sys.executable, "-c", RELEASED], capture_output=True, check=True)
+    assert int(done.stdout) > 100_000_000
 
 
 def test_other_systems_are_left_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ further, different starts.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import torch
 from jaxtyping import Float, Int
@@ -18,7 +18,7 @@ from imocap_core.motion.monocular.library import Library
 from imocap_core.robust import geman_mcclure
 from imocap_core.rotations import exp
 
-CHUNK = 32768  # templates matched at once
+CHUNK, FRAMES = 16384, 128  # templates, and frames, matched at once: 0.1 GB
 KEYPOINT_SIGMAS, STEP_SIGMAS = 3.0, 3.0  # Geman-McClure scales of the match and of the path
 
 
@@ -53,6 +53,16 @@ def match(
         sigma: keypoint misfit in units of the person's image size (RMS spread of keypoints):
             detector noise, bone lengths and the library's coarseness together.
     """
+    blocks = zip(xy_px.split(FRAMES), weight.split(FRAMES), strict=True)
+    matched = [_match(library, *block, count=count, sigma=sigma) for block in blocks]
+    return Candidates(
+        *(torch.cat([getattr(x, f.name) for x in matched]) for f in fields(Candidates))
+    )
+
+
+def _match(
+    library: Library, xy_px: Tensor, weight: Tensor, *, count: int, sigma: float
+) -> Candidates:
     w = torch.complex(xy_px[..., 0], xy_px[..., 1])
     total = weight.sum(1).clamp_min(1e-9)
     centre = (weight * w).sum(1) / total

@@ -47,6 +47,7 @@ from imocap_core.motion.posterior.per_video_posterior import (
     per_video_fits,
     per_video_posterior,
 )
+from imocap_core.motion.solver.gauss_newton import motions_at_once
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import POSE, MotionState
 from imocap_core.params import MotionParams
@@ -119,7 +120,8 @@ def motion_posterior(
         return _video_covariance(scene, fits[v], posterior, covariance, rotation_rows)
 
     performers = scene.performers
-    by_video: list[_VideoCovariance] = at_once(of_video, range(videos))
+    most = motions_at_once(result.state.valid.shape[1])
+    by_video: list[_VideoCovariance] = at_once(of_video, range(videos), most)
     shapes = [
         torch.linalg.inv(
             torch.stack([v.schur for v, q in zip(by_video, performers, strict=True) if q == p]).sum(
@@ -148,6 +150,7 @@ def _of_single_video(
     (fit,) = per_video_fits(noise.scene(scene, 1), state, None, options, noise)
     posterior = per_video_posterior(fit)
     video = _video_covariance(scene, fit, posterior, posterior.given_shape, rotation_rows)
+    assert posterior.normal is not None
     shape = torch.linalg.inv(video.schur)
     joints, rotations = _in_numpy(video.joints, shape), _in_numpy(video.rotations, shape)
     return MotionPosterior([joints], [rotations], [0.0], state, posterior.normal, None)

@@ -42,7 +42,7 @@ class PerVideoPosterior:
     """Covariance of one video's local increments, the common motion given.
 
     Attributes:
-        normal: the normal matrix whose inverse this is.
+        normal: the normal matrix whose inverse this is; None where a common motion was given.
         given_shape: (T, 75, 75) covariance of each frame if the shape were known.
         response: (T, 75, 10) how the frames follow the shape.
         schur: (10, 10) this video's information about the shape (inverse covariance; videos of one
@@ -50,7 +50,7 @@ class PerVideoPosterior:
         gain: (T, 75, 75) how far each frame follows a persistent displacement of the common motion.
     """
 
-    normal: NormalEquations
+    normal: NormalEquations | None
     given_shape: Float[Tensor, "T 75 75"]
     response: Float[Tensor, "T 75 10"]
     schur: Float[Tensor, "10 10"]
@@ -92,8 +92,10 @@ def per_video_posterior(fit: PerVideoFit) -> PerVideoPosterior:
     factored = factorise(normal.diagonal[0], normal.next1[0], normal.next2[0])
     response = factored.solve(normal.border[0])
     schur = normal.corner[0] - torch.einsum("tni,tnj->ij", normal.border[0], response)
+    alone = None if fit.couplings else normal
+    del normal  # the largest arrays
     gain = factored.solve(torch.diag_embed(_coupling_weights(fit.couplings, fit.state)))
-    return PerVideoPosterior(normal, factored.inverse_diagonal(), response, schur, gain)
+    return PerVideoPosterior(alone, factored.inverse_diagonal(), response, schur, gain)
 
 
 def _coupling_weights(couplings: list[Term], state: MotionState) -> Tensor:

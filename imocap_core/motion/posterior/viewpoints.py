@@ -14,6 +14,7 @@ from imocap_core.motion.multiview.offset_spread import initial_offset_sd
 from imocap_core.motion.posterior.azimuth import PerformerAxes
 from imocap_core.motion.posterior.common_posterior import CommonPosterior
 from imocap_core.motion.posterior.joint_covariance import joint_jacobian
+from imocap_core.motion.solver.gauss_newton import motions_at_once
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.solver.selected import factorise
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
@@ -59,7 +60,7 @@ def reductions(
     rows, _ = joint_jacobian(body, motion)
 
     def variance(added: Tensor) -> float:
-        blocks = normal.diagonal[0] + share * added
+        blocks = added.mul_(share).add_(normal.diagonal[0])
         factored = factorise(blocks, normal.next1[0], normal.next2[0])
         return _summed(rows, factored.inverse_diagonal())
 
@@ -69,10 +70,13 @@ def reductions(
         count, shape = state.valid.shape[1], state.betas.shape[1]
         added = NormalEquations.zeros(1, count, FRAME_UNKNOWNS, shape, state.trans)
         Reprojection(body, (view,), scale).add_to(added, state)
-        return variance(added.diagonal[0])
+        evidence = added.diagonal[0]
+        del added  # the largest arrays
+        return variance(evidence)
 
     before = variance(torch.zeros_like(normal.diagonal[0]))
-    return 1 - np.array(at_once(with_camera, AZIMUTHS_DEG)) / before
+    most = motions_at_once(motion.valid.shape[1])
+    return 1 - np.array(at_once(with_camera, AZIMUTHS_DEG, most)) / before
 
 
 def _summed(rows: Tensor, covariance: Tensor) -> float:

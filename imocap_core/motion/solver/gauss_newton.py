@@ -4,6 +4,9 @@ A batch is split into its motions, each of its own length. Motions that share th
 together; others are solved separately and stop when they have converged. On a CPU every motion has
 a thread, and a single motion has one for each half of its work: the blocks are too small for a
 linear algebra library's own threads to pay.
+
+Where motions are long fewer are worked on at once, and their normal equations are not kept for
+another damping but factored in place: memory is bounded by the longest motion, steps are the same.
 """
 
 from __future__ import annotations
@@ -25,7 +28,7 @@ from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms.base import Term
 from imocap_core.workers import Each, cores, in_turn, on
 
-MOST_HELD = 4096  # frames whose normal equations are kept until a step is accepted: 0.6 GB
+MOST_HELD = 4096  # frames whose normal equations or factors are in memory at once: 0.6 GB
 
 
 @dataclass(frozen=True)
@@ -83,22 +86,20 @@ def gauss_newton(
             share their globals.
     """
     motions = split_batch(terms, state)
-    alone = len(motions) == 1
-    most = HALVES if alone else len(motions)
-    workers = 1 if state.trans.is_cuda else min(most, cores())
+    count, longest = state.valid.shape
+    at_once = min(count, cores(), motions_at_once(longest))
+    workers = 1 if state.trans.is_cuda else min(cores(), max(at_once, HALVES))
+    rows = _rows_of_bodies((bodies or [0] * count) if shared_globals else range(count))
     with ThreadPoolExecutor(workers) as pool:
+        apart = not shared_globals and at_once > 1
 
-        def bring_down(group: list[SolverMotion], each: Each) -> Descent[list[SolverMotion]]:
-            problem = _OneBody.of(group, each, free_shape)
+        def bring_down(row: list[int]) -> Descent[list[SolverMotion]]:
+            group = [motions[v] for v in row]
+            each = in_turn if apart else on(pool)
+            problem = _OneBody.of(group, each, free_shape, at_once, at_once * longest)
             return descend(problem, group, max_steps=max_steps, tolerance=relative_tolerance)
 
-        if shared_globals or alone:
-            rows = _rows_of_bodies(bodies or [0] * len(motions))
-            descents = [bring_down([motions[v] for v in row], on(pool)) for row in rows]
-        else:
-            rows = [[v] for v in range(len(motions))]
-            groups = [[motion] for motion in motions]
-            descents = on(pool)(lambda group: bring_down(group, in_turn), groups)
+        descents = (on(pool) if apart else in_turn)(bring_down, rows)
     solved = {
         v: (motion.state, bool(descent.converged[0]))
         for row, descent in zip(rows, descents, strict=True)
@@ -117,6 +118,11 @@ def gauss_newton(
     )
     flags = torch.tensor(converged, device=state.valid.device)
     return Solution(merge_batch(state, minima), costs, flags, status)
+
+
+def motions_at_once(frames: int) -> int:
+    """Motions of so many frames whose normal equations may be in memory at the same time."""
+    return max(1, MOST_HELD // max(frames, 1))
 
 
 def _rows_of_bodies(bodies: Sequence[int]) -> list[list[int]]:
@@ -158,7 +164,8 @@ class _OneBody:
     Attributes:
         each: runs the motions; within: the halves of a single one.
         held: whether the normal equations of all motions are kept until a step is accepted. If
-            not, each motion's are set up, reduced and dropped, and once more after a rejected step.
+            not, each motion's are set up, factored in place and dropped, and once more after a
+            rejected step.
     """
 
     each: Each
@@ -167,10 +174,22 @@ class _OneBody:
     held: bool
 
     @classmethod
-    def of(cls, motions: Sequence[SolverMotion], each: Each, free_shape: bool) -> "_OneBody":
-        """For a single motion ``each`` runs its halves."""
-        held = sum(motion.state.valid.shape[1] for motion in motions) <= MOST_HELD
-        if len(motions) == 1:
+    def of(
+        cls,
+        motions: Sequence[SolverMotion],
+        each: Each,
+        free_shape: bool,
+        at_once: int,
+        frames: int,
+    ) -> "_OneBody":
+        """``each`` runs the halves of the motions where these are worked on one by one.
+
+        Args:
+            at_once: motions that are worked on at the same time; frames: of all of these.
+        """
+        of_body = sum(motion.state.valid.shape[1] for motion in motions)
+        held = max(of_body, frames) + frames <= MOST_HELD  # equations, and factors of some
+        if len(motions) == 1 or at_once == 1:
             return cls(in_turn, each, free_shape, held)
         return cls(each, in_turn, free_shape, held)
 
@@ -201,14 +220,16 @@ class _OneBody:
         )
 
     def _system(self, motion: SolverMotion) -> NormalEquations:
-        return _system(motion, free_shape=self.free_shape, each=self.within)
+        each = self.within if self.held else in_turn  # halves are two systems until they are added
+        return _system(motion, free_shape=self.free_shape, each=each)
 
     def _reduced(
         self, pair: tuple[SolverMotion, NormalEquations | None], damping: float
     ) -> Reduced:
         motion, equations = pair
-        system = self._system(motion) if equations is None else equations
-        return system.reduce(damping, self.within)
+        if equations is None:
+            return self._system(motion).reduce(damping, self.within, in_place=True)
+        return equations.reduce(damping, self.within)
 
     def choose(
         self, better: Bool[np.ndarray, "1"], trial: list[SolverMotion], state: list[SolverMotion]

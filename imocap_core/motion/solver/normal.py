@@ -9,7 +9,7 @@ share (body shape, cameras) form a border ("arrow"), eliminated by their Schur c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import torch
 from jaxtyping import Float
@@ -45,7 +45,7 @@ def solve_globals(reduced: Sequence[Reduced], damping: float) -> Float[Tensor, "
     rest = torch.stack([r.rest.sum(0) for r in reduced]).sum(0)
     if len(rest) == 0:
         return rest
-    return -torch.linalg.solve(_damped(schur, damping), rest)
+    return -torch.linalg.solve(_damped(schur.clone(), damping), rest)
 
 
 @dataclass
@@ -85,17 +85,27 @@ class NormalEquations:
             getattr(self, field.name).add_(getattr(other, field.name))
         return self
 
-    def reduce(self, damping: float | Tensor, each: Each = in_turn) -> Reduced:
+    def of_frames(self, frames: slice) -> NormalEquations:
+        """The equations of some frames: what is added to these is added to the whole."""
+        names = ("diagonal", "next1", "next2", "gradient", "border")
+        return replace(self, **{name: getattr(self, name)[:, frames] for name in names})
+
+    def reduce(
+        self, damping: float | Tensor, each: Each = in_turn, *, in_place: bool = False
+    ) -> Reduced:
         """Eliminate the frames.
 
         Args:
             damping: Levenberg-Marquardt factor on the diagonal, one or (B, 1, 1).
             each: runs the two halves of a motion.
+            in_place: the blocks of the frames are lost, and no memory for as many is needed.
         """
         right = torch.cat([self.gradient[..., None], self.border], dim=-1)
-        damped = _damped(self.diagonal, damping)
+        damped = _damped(self.diagonal if in_place else self.diagonal.clone(), damping)
         systems = zip(damped, self.next1, self.next2, right, strict=True)
-        solved = torch.stack([solve_pentadiagonal(*system, each) for system in systems])
+        solved = torch.stack(
+            [solve_pentadiagonal(*system, each, in_place=in_place) for system in systems]
+        )
         frame_only, response = solved[..., 0], solved[..., 1:]
         schur = self.corner - torch.einsum("btni,btnj->bij", self.border, response)
         rest = self.corner_gradient - torch.einsum("btni,btn->bi", self.border, frame_only)
@@ -114,9 +124,8 @@ def add_product(
 
 
 def _damped(blocks: Tensor, damping: float | Tensor) -> Tensor:
-    """Marquardt's scaling: ``damping`` times the diagonal is added to it, and a floor."""
+    """Marquardt's scaling, in place: ``damping`` times the diagonal is added to it, and a floor."""
     diagonal = blocks.diagonal(dim1=-2, dim2=-1)
     floor = 1e-9 * diagonal.amax(dim=-1, keepdim=True) + 1e-9
-    damped = blocks.clone()
-    damped.diagonal(dim1=-2, dim2=-1).add_(damping * diagonal + floor)
-    return damped
+    diagonal.add_(damping * diagonal + floor)
+    return blocks

@@ -3,10 +3,14 @@
 Frames couple to their two successors at most. Eliminating them from the first and from the last
 towards two frames in the middle takes as many operations as from one end, but the two halves can
 be worked on at the same time; at the middle they meet in one small dense system.
+
+Nearly all memory is in the factors, as large as the system. A large system can be factored in
+place: it is lost, and nothing is held twice.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -16,6 +20,7 @@ from torch import Tensor
 from imocap_core.workers import Each, in_turn
 
 MIDDLE = 2  # frames between the halves: as many as a frame couples to
+BLOCK = 32  # frames whose columns are laid out at once
 
 
 @dataclass(frozen=True)
@@ -23,16 +28,19 @@ class Half:
     """Eliminated frames, the outermost first.
 
     Attributes:
-        factors: each frame's Cholesky factor L (n, n).
-        solved: each frame's ``L^-1 [next1 | next2 | right]``, transposed: (2n + k, n).
+        factors: each frame's Cholesky factor L (n, n); ``L^-1 [next1 | next2]`` transposed, in one
+            or two parts of (2n, n); and ``L^-1 right`` transposed (k, n).
         middle: (MIDDLE, 3n + k, n) columns of the next frames, after elimination.
         failed: () nonzero where the matrix is not positive definite.
     """
 
-    factors: list[Tensor]
-    solved: list[Tensor]
+    factors: list[_Factors]
     middle: Tensor
     failed: Tensor
+
+
+_Factors = tuple[Tensor, tuple[Tensor, ...], Tensor]
+_Places = tuple[Tensor, Tensor, Tensor, Tensor]  # of a frame's diagonal, next1, next2, right
 
 
 def solve_pentadiagonal(
@@ -41,6 +49,8 @@ def solve_pentadiagonal(
     next2: Float[Tensor, "T n n"],
     right: Float[Tensor, "T n k"],
     each: Each = in_turn,
+    *,
+    in_place: bool = False,
 ) -> Float[Tensor, "T n k"]:
     """Solve a symmetric positive definite block-pentadiagonal system.
 
@@ -48,6 +58,7 @@ def solve_pentadiagonal(
         diagonal, next1, next2: blocks (t, t), (t, t+1), (t, t+2); the last one of ``next1`` and
             the last two of ``next2`` are ignored.
         each: runs the two halves.
+        in_place: the factors replace the system, ``right`` included.
 
     Returns:
         The solution, NaN where the matrix is not positive definite (the caller damps and
@@ -58,63 +69,88 @@ def solve_pentadiagonal(
         factor, info = torch.linalg.cholesky_ex(diagonal)
         return torch.where(info != 0, torch.nan, torch.cholesky_solve(right, factor))
     first = (frames - MIDDLE) // 2
-    halves = each(
-        _eliminated,
-        [
-            _from_first(diagonal, next1, next2, right, first),
-            _from_last(diagonal, next1, next2, right, first),
-        ],
-    )
+    system = (diagonal, next1, next2, right)
+    columns = [_from_first(*system, first), _from_last(*system, first)]
+    places = _places(*system, first) if in_place else (None, None)
+    halves = each(_eliminated, list(zip(columns, places, strict=True)))
     middle, info = _middle(halves[0].middle, halves[1].middle)
-    ends = each(_substituted, [(halves[0], middle), (halves[1], middle.flip(0))])
-    solution = torch.cat([ends[0], middle, ends[1].flip(0)]).mT
+    solution = right.new_empty(frames, right.shape[2], right.shape[1])
+    solution[first : first + MIDDLE] = middle
+    ends = solution[:first].unbind(), solution[first + MIDDLE :].unbind()[::-1]
+    each(_substitute, [(halves[0], middle, ends[0]), (halves[1], middle.flip(0), ends[1])])
     failed = halves[0].failed | halves[1].failed | info
-    return torch.where(failed != 0, torch.nan, solution)
+    return solution.masked_fill_(failed != 0, torch.nan).mT
 
 
 def _from_first(
     diagonal: Tensor, next1: Tensor, next2: Tensor, right: Tensor, first: int
-) -> Tensor:
-    """(first + MIDDLE, 3n + k, n) columns [diagonal; next1^T; next2^T; right^T] of each frame.
+) -> Iterator[Tensor]:
+    """(3n + k, n) columns [diagonal; next1^T; next2^T; right^T] of each frame, the middle's last.
 
     Contiguous for a library of column-major routines, and so is each frame's update.
     """
-    half = slice(0, first + MIDDLE)
-    return torch.cat([diagonal[half], next1[half].mT, next2[half].mT, right[half].mT], 1)
+    for start in range(0, first + MIDDLE, BLOCK):
+        part = slice(start, min(start + BLOCK, first + MIDDLE))
+        yield from torch.cat([diagonal[part], next1[part].mT, next2[part].mT, right[part].mT], 1)
 
 
-def _from_last(diagonal: Tensor, next1: Tensor, next2: Tensor, right: Tensor, first: int) -> Tensor:
+def _from_last(
+    diagonal: Tensor, next1: Tensor, next2: Tensor, right: Tensor, first: int
+) -> Iterator[Tensor]:
     """The same from the last frame backwards; the middle's own values are in the other half."""
-    n, last = diagonal.shape[1], len(diagonal) - first - MIDDLE
-    columns = diagonal.new_zeros(last + MIDDLE, 3 * n + right.shape[2], n)
-    half = slice(first + MIDDLE, None)
-    columns[:last, :n] = diagonal[half].flip(0)
-    columns[:last, n : 2 * n] = next1[first + 1 : -1].flip(0)
-    columns[:last, 2 * n : 3 * n] = next2[first:-2].flip(0)
-    columns[:last, 3 * n :] = right[half].flip(0).mT
-    return columns
+    frames, n = diagonal.shape[:2]
+    last = first + MIDDLE
+    for stop in range(frames, last, -BLOCK):
+        start = max(stop - BLOCK, last)
+        sources = (
+            diagonal[start:stop], next1[start - 1 : stop - 1], next2[start - 2 : stop - 2],
+            right[start:stop].mT,
+        )  # fmt: skip
+        yield from torch.cat(sources, 1).flip(0)
+    yield from diagonal.new_zeros(MIDDLE, 3 * n + right.shape[2], n)
 
 
-def _eliminated(columns: Tensor) -> Half:
+def _places(
+    diagonal: Tensor, next1: Tensor, next2: Tensor, right: Tensor, first: int
+) -> tuple[list[_Places], list[_Places]]:
+    """Where each half's factors go: in the place of the blocks that they are made of, columns in a
+    row as the library returns them, so that the rounding is the same."""
+    last = first + MIDDLE
+    ahead = diagonal[:first].mT, next1[:first], next2[:first], right[:first].mT
+    back = diagonal[last:].mT, next1[last - 1 : -1], next2[last - 2 : -2], right[last:].mT
+    return list(zip(*ahead, strict=True)), list(zip(*back, strict=True))[::-1]
+
+
+def _eliminated(work: tuple[Iterator[Tensor], Sequence[_Places] | None]) -> Half:
     """All frames but the last two. A frame's factor L gives A = L^-1 [next1 | next2 | right]; the
     products of A's columns are subtracted from the two frames after it."""
-    n = columns.shape[2]
-    info, factors, eliminated = [], [], []
-    frames = columns.unbind()
-    for t in range(len(frames) - MIDDLE):
-        frame, after, last = frames[t : t + 1 + MIDDLE]
-        factor, failed = torch.linalg.cholesky_ex(frame[:n])
+    columns, places = work
+    factors: list[_Factors] = []
+    frame, after = next(columns), next(columns)
+    n, failed = frame.shape[1], frame.new_zeros((), dtype=torch.int32)
+    for last in columns:
+        factor, info = torch.linalg.cholesky_ex(frame[:n])
         solved = torch.linalg.solve_triangular(factor, frame[n:].T, upper=False).T
         one, two, right = solved.split((n, n, len(solved) - 2 * n))
         after[: 2 * n].addmm_(solved[: 2 * n], one.T, alpha=-1)
         after[3 * n :].addmm_(right, one.T, alpha=-1)
         last[:n].addmm_(two, two.T, alpha=-1)
         last[3 * n :].addmm_(right, two.T, alpha=-1)
-        info.append(failed)
-        factors.append(factor)
-        eliminated.append(solved)
-    failed = torch.stack(info).amax() if info else columns.new_zeros((), dtype=torch.int32)
-    return Half(factors, eliminated, columns[-MIDDLE:].clone(), failed)
+        failed |= info
+        if places is None:
+            factors.append((factor, (solved[: 2 * n],), right))
+        else:
+            factors.append(_put(places[len(factors)], factor, one, two, right))
+        frame, after = after, last
+    return Half(factors, torch.stack([frame, after]), failed)
+
+
+def _put(places: _Places, *values: Tensor) -> _Factors:
+    """Factors in their places."""
+    for place, value in zip(places, values, strict=True):
+        place.copy_(value)
+    factor, one, two, right = places
+    return factor, (one, two), right
 
 
 def _middle(from_first: Tensor, from_last: Tensor) -> tuple[Tensor, Tensor]:
@@ -129,15 +165,14 @@ def _middle(from_first: Tensor, from_last: Tensor) -> tuple[Tensor, Tensor]:
     return solution.unflatten(0, (MIDDLE, n)).mT, info
 
 
-def _substituted(work: tuple[Half, Tensor]) -> Tensor:
-    """(frames of the half, k, n) solution, given the middle's in the half's order."""
-    half, middle = work
-    (_, k, n), count = middle.shape, len(half.factors)
+def _substitute(work: tuple[Half, Tensor, Sequence[Tensor]]) -> None:
+    """Write the (k, n) solution of the half's frames, given the middle's in the half's order."""
+    half, middle, solution = work
     near, far = middle.unbind()
-    solution = []
-    for factor, solved in zip(half.factors[::-1], half.solved[::-1], strict=True):
-        later = torch.cat([near, far], 1)
-        value = torch.addmm(solved[2 * n :], later, solved[: 2 * n], alpha=-1)
+    for (factor, parts, right), place in zip(half.factors[::-1], solution[::-1], strict=True):
+        coupling = parts[0] if len(parts) == 1 else torch.cat(parts)
+        if len(parts) > 1:  # the library rounds by where in memory a matrix begins
+            factor = factor.clone()
+        value = torch.addmm(right, torch.cat([near, far], 1), coupling, alpha=-1)
         near, far = torch.linalg.solve_triangular(factor.T, value.T, upper=True).T, near
-        solution.append(near)
-    return torch.stack(solution[::-1]) if solution else middle.new_empty(count, k, n)
+        place.copy_(near)

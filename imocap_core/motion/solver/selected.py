@@ -88,28 +88,36 @@ def factorise(
         got = [tuple(x.shape) for x in (diagonal, next1, next2)]
         raise ValueError(f"diagonal, next1 and next2 must be three arrays (T, n, n), got {got}")
     frames, n = diagonal.shape[:2]
-    blocks = diagonal.clone()
-    entries = torch.diagonal(blocks, dim1=-2, dim2=-1)
-    entries.add_(FLOOR * entries.amax(-1, keepdim=True) + FLOOR)
-    beside = next1.clone()
     factors: list[Tensor] = []
     after: list[Tensor] = []
     ok = True
+    blocks, beside = map(_floored, diagonal), map(torch.clone, next1)
+    block, near, near_next = next(blocks), next(blocks, None), next(beside)
     for t in range(frames):
-        factor, info = torch.linalg.cholesky_ex(blocks[t])
+        far, far_next = next(blocks, None), next(beside, None)
+        factor, info = torch.linalg.cholesky_ex(block)
         ok &= int(info) == 0
-        coupled = torch.cat([beside[t], next2[t]], 1)
+        coupled = torch.cat([near_next, next2[t]], 1)
         if t + 1 >= frames:
             coupled = torch.zeros_like(coupled)
         elif t + 2 >= frames:
             coupled[:, n:] = 0.0
         reach = torch.cholesky_solve(coupled, factor)
-        lost = coupled.T @ reach
-        if t + 1 < frames:
-            blocks[t + 1] -= lost[:n, :n]
-            beside[t + 1] -= lost[:n, n:]
-        if t + 2 < frames:
-            blocks[t + 2] -= lost[n:, n:]
         factors.append(factor)
         after.append(reach)
+        lost = coupled.T @ reach
+        if far is not None:
+            far -= lost[n:, n:]
+        if near is not None and far_next is not None:
+            near -= lost[:n, :n]
+            far_next -= lost[:n, n:]
+            block, near, near_next = near, far, far_next
     return Factored(factors, after, ok)
+
+
+def _floored(block: Float[Tensor, "n n"]) -> Float[Tensor, "n n"]:
+    """A copy with the floor on its diagonal."""
+    copy = block.clone()
+    entries = copy.diagonal()
+    entries.add_(FLOOR * entries.amax() + FLOOR)
+    return copy

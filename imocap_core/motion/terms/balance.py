@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from jaxtyping import Float
 from torch import Tensor
 
-from imocap_core.motion.kinematics import Body
+from imocap_core.motion.kinematics import Body, Points
 from imocap_core.motion.solver.normal import NormalEquations, add_product
 from imocap_core.motion.state import POSE, MotionState
+from imocap_core.motion.terms.in_time import pieces
 from imocap_core.robust import cauchy
 
 
@@ -51,11 +52,16 @@ class Balance:
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """The residual is linear in the joints, so its rows are the joints' derivatives, summed."""
-        points = self.body.derivatives(self.body.joints, state)
+        for frames in pieces(state.valid.shape[1]):
+            points = self.body.derivatives(self.body.joints, state, frames)
+            part = replace(self, arm=self.arm[:, frames], whiten=self.whiten[:, frames])
+            part._add_piece(normal.of_frames(frames), points, state.valid[:, frames])
+
+    def _add_piece(self, normal: NormalEquations, points: Points, valid: Tensor) -> None:
         assert points.d_pose is not None
         assert points.d_beta is not None
         residual = self.residual(points.xyz)
-        weight = self.weight * cauchy(residual.square().sum(-1), self.scale)[1] * state.valid
+        weight = self.weight * cauchy(residual.square().sum(-1), self.scale)[1] * valid
         pose, shape = (
             self.whiten @ (self.arm[:, :, None] @ x.flatten(3)).view(*x.shape[:2], 3, -1)
             for x in (points.d_pose, points.d_beta)

@@ -8,9 +8,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from imocap_core.motion.kinematics import Body
+from imocap_core.motion.kinematics import Body, Points
 from imocap_core.motion.solver.normal import NormalEquations, add_product
 from imocap_core.motion.state import POSE, MotionState
+from imocap_core.motion.terms.in_time import pieces
 from imocap_core.robust import geman_mcclure
 from imocap_core.rotations import project as nearest_rotation
 
@@ -76,11 +77,19 @@ class JointEvidence:
         the Jacobian once.
         """
         given = (self.weight > 0).flatten(0, -2).any(0)  # the others need no equations
-        points = self.body.derivatives(self.body.joints, state)
+        residual = self._residual_at(state)
+        for frames in pieces(state.valid.shape[1]):
+            points = self.body.derivatives(self.body.joints, state, frames)
+            part = replace(self, joints=self.joints[:, frames], weight=self.weight[:, frames])
+            part._add_piece(normal.of_frames(frames), points, residual[:, frames], given)
+
+    def _add_piece(
+        self, normal: NormalEquations, points: Points, residual: Tensor, given: Tensor
+    ) -> None:
         assert points.d_pose is not None
         assert points.d_beta is not None
         pose, shape = (x[:, :, given] for x in (points.d_pose, points.d_beta))
-        metric, pull = self._metric(self._residual_at(state), given)
+        metric, pull = self._metric(residual, given)
         by_pose, by_shape = (
             (metric @ x.flatten(3)).unflatten(-1, (3, -1)).flatten(2, 3) for x in (pose, shape)
         )

@@ -11,7 +11,7 @@ from torch import Tensor
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import MotionState
-from imocap_core.motion.terms.in_time import padded, pairs
+from imocap_core.motion.terms.in_time import padded, pairs, pieces
 from imocap_core.motion.window import running_mean
 from imocap_core.robust import geman_mcclure, geman_mcclure_weight
 
@@ -63,16 +63,21 @@ class FootContact:
         change = torch.cat([shape, step.flatten(2)[..., None]], -1)
         pull = weight * change
         (before, after), (pulled, pulls) = _of_frames(weight), _of_frames(pull)
-        columns = torch.cat([(before + after) * frame, pulled - pulls], -1)
-        of_frame, by_globals = (frame.mT @ columns).split([unknowns, count + 1], -1)
-        across = frame[:, :-1].mT @ (-weight * frame[:, 1:])
         places = (slice(0, unknowns - 3), slice(0, unknowns - 3)), (slice(-3, None),) * 2
-        for mine, rows in places:
-            for theirs, other in places:
-                normal.diagonal[..., rows, other] += of_frame[..., mine, theirs]
-                normal.next1[:, :-1, rows, other] += across[..., mine, theirs]
-            normal.border[..., rows, :count] += by_globals[..., mine, :-1]
-            normal.gradient[..., rows] += by_globals[..., mine, -1]
+        for part in pieces(state.valid.shape[1]):
+            held = (before + after)[:, part] * frame[:, part]
+            columns = torch.cat([held, (pulled - pulls)[:, part]], -1)
+            products = frame[:, part].mT @ columns
+            of_frame, by_globals = products.split([unknowns, count + 1], -1)
+            later = frame[:, part.start + 1 : part.stop + 1]
+            pair = slice(part.start, part.start + later.shape[1])
+            across = frame[:, pair].mT @ (-weight[:, pair] * later)
+            for mine, rows in places:
+                for theirs, other in places:
+                    normal.diagonal[:, part, rows, other] += of_frame[..., mine, theirs]
+                    normal.next1[:, pair, rows, other] += across[..., mine, theirs]
+                normal.border[:, part, rows, :count] += by_globals[..., mine, :-1]
+                normal.gradient[:, part, rows] += by_globals[..., mine, -1]
         corner = shape.flatten(1, 2).mT @ pull.flatten(1, 2)
         normal.corner[:, :count, :count] += corner[..., :-1]
         normal.corner_gradient[:, :count] += corner[..., -1]
@@ -108,12 +113,17 @@ def _steps(feet: Tensor, valid: Tensor) -> Tensor:
 def _derivatives(body: Body, state: MotionState) -> tuple[Tensor, Tensor, Tensor]:
     """Feet (B, T, F, 3), and their derivatives (B, T, 3F, n) by a frame's unknowns that move them,
     the translation last, and by the shape."""
-    points = body.derivatives(body.feet, state)
-    assert points.d_pose is not None
-    assert points.d_beta is not None
-    moves = torch.eye(3).to(points.xyz).expand(*points.xyz.shape, 3)
-    frame = torch.cat([points.d_pose[..., : 3 * body.feet.movers], moves], -1)
-    return points.xyz, frame.flatten(2, 3), points.d_beta.flatten(2, 3)
+    xyz, frame, shape = [], [], []
+    for part in pieces(state.valid.shape[1]):
+        points = body.derivatives(body.feet, state, part)
+        assert points.d_pose is not None
+        assert points.d_beta is not None
+        moves = torch.eye(3).to(points.xyz).expand(*points.xyz.shape, 3)
+        rows = torch.cat([points.d_pose[..., : 3 * body.feet.movers], moves], -1)
+        xyz.append(points.xyz)
+        frame.append(rows.flatten(2, 3))
+        shape.append(points.d_beta.flatten(2, 3))
+    return torch.cat(xyz, 1), torch.cat(frame, 1), torch.cat(shape, 1)
 
 
 def _of_frames(of_pairs: Tensor) -> tuple[Tensor, Tensor]:

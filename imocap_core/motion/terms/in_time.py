@@ -1,10 +1,20 @@
-"""Neighbouring frames: which exist, and values shifted in time."""
+"""Neighbouring frames: which exist, and values shifted in time; and a motion in pieces."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
+
+PIECE = 256  # frames whose derivatives are held at once: 0.1 GB
+
+
+def pieces(frames: int) -> Iterator[slice]:
+    """The frames of a motion, `PIECE` at a time."""
+    for first in range(0, frames, PIECE):
+        yield slice(first, min(first + PIECE, frames))
 
 
 def pairs(valid: Bool[Tensor, "B T"]) -> Bool[Tensor, "B steps"]:

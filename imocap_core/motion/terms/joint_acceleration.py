@@ -17,10 +17,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from imocap_core.motion.kinematics import Body
+from imocap_core.motion.kinematics import Body, Points
 from imocap_core.motion.solver.normal import NormalEquations, add_product
 from imocap_core.motion.state import MotionState
-from imocap_core.motion.terms.in_time import padded, triples
+from imocap_core.motion.terms.in_time import padded, pieces, triples
 from imocap_core.robust import cauchy
 
 # Fitted to the training clips at 30 frames/s (tools/measure_accelerations.py).
@@ -90,38 +90,68 @@ class JointAcceleration:
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
         """An acceleration is linear in three frames' joints: with derivatives J and weights W,
         frames i apart get ``J^T W J'`` of the stencils that hold both."""
+        parts = list(pieces(state.valid.shape[1]))
         if state.valid.shape[1] < len(STENCIL):
             return
-        points = self.body.derivatives(self.body.moving, state)
-        assert points.d_pose is not None
-        assert points.d_beta is not None
-        size, slope = self._size(state)
-        moves = torch.eye(3).to(points.xyz).expand(*points.xyz.shape, 3)
-        J = torch.cat([points.d_pose, moves], -1).flatten(2, 3)  # (B, T, 3J, 75)
-        bend = _bends(points.xyz, state.valid) / size[:, None, None, None]
+        size, moving = self._size(state)[0], self.body.moving
+        whole = self.body.derivatives(moving, state) if len(parts) == 1 else None
+        xyz = (whole or self.body.positions(moving, state)).xyz
+        bend = _bends(xyz, state.valid) / size[:, None, None, None]
         inside = triples(state.valid)[..., None]
         weight = (self._energy_cost(bend)[1] * inside).repeat_interleave(3, -1)  # (B, T-2, 3J)
+        of_pairs = [_pair_weights(weight / size[:, None, None] ** 2, k) for k in range(3)]
+        for frames in parts:
+            around = slice(max(frames.start - 2, 0), min(frames.stop + 2, parts[-1].stop))
+            points = whole or self.body.derivatives(moving, state, around)
+            near = slice(around.start, around.stop - 2)
+            inputs = (bend[:, near].flatten(2), weight[:, near], of_pairs)
+            self._add_piece(normal, self._size(state), frames, around, points, *inputs)
+
+    def _add_piece(
+        self,
+        normal: NormalEquations,
+        sizes: tuple[Tensor, Tensor],
+        frames: slice,
+        around: slice,
+        points: Points,
+        bend: Float[Tensor, "B bends n"],
+        weight: Float[Tensor, "B bends n"],
+        of_pairs: list[Tensor],
+    ) -> None:
+        """Rows of some frames, from the derivatives of these and of two frames on either side."""
+        total, (size, slope) = normal.diagonal.shape[1], sizes
+        assert points.d_pose is not None
+        assert points.d_beta is not None
+        moves = torch.eye(3).to(points.xyz).expand(*points.xyz.shape, 3)
+        J = torch.cat([points.d_pose, moves], -1).flatten(2, 3)  # (B, T, 3J, 75)
         shape = _second_difference(points.d_beta.flatten(2, 3))
-        shape = (shape - bend.flatten(2)[..., None] * slope) / size[:, None, None, None]
-        _add_globals(normal, J / size[:, None, None, None], shape, bend.flatten(2), weight)
-        weight = weight / size[:, None, None] ** 2
+        shape = (shape - bend[..., None] * slope) / size[:, None, None, None]
+        mine = slice(frames.start - around.start, frames.stop - around.start)
+        J_sized = J[:, mine] / size[:, None, None, None]
+        _add_globals(normal.of_frames(frames), J_sized, shape, bend, weight, mine)
         for apart, target in enumerate((normal.diagonal, normal.next1, normal.next2)):
-            share = _pair_weights(weight, apart)[..., None]
-            length = J.shape[1] - apart
-            add_product(target[:, :length], J[:, :length], share * J[:, apart:])
+            rows = slice(frames.start, min(frames.stop, total - apart))
+            first = slice(mine.start, mine.start + rows.stop - rows.start)
+            later = J[:, first.start + apart : first.stop + apart]
+            add_product(target[:, rows], J[:, first], of_pairs[apart][:, rows, :, None] * later)
 
 
 def _add_globals(
-    normal: NormalEquations, J: Tensor, shape: Tensor, bend: Tensor, weight: Tensor
+    normal: NormalEquations, J: Tensor, shape: Tensor, bend: Tensor, weight: Tensor, mine: slice
 ) -> None:
-    """Gradients, and what couples frames with the shape; shape (B, T-2, 3J, n) derivatives."""
+    """Gradients, and what couples frames with the shape.
+
+    Args:
+        J: of the frames of ``normal``, which among those around them are ``mine``.
+        shape: (B, N-2, 3J, n) derivatives of the N frames around them; bend, weight: (B, N-2, 3J).
+    """
     count = shape.shape[-1]
     pull = weight[..., None] * torch.cat([shape, bend[..., None]], -1)
-    ends = [padded(pull, k, 2 - k) for k in range(len(STENCIL))]
+    ends = [padded(pull, k, 2 - k)[:, mine] for k in range(len(STENCIL))]
     columns = J.mT @ (ends[0] - 2 * ends[1] + ends[2])
     normal.border[..., :count] += columns[..., :count]
     normal.gradient += columns[..., count]
-    corner = shape.flatten(1, 2).mT @ pull.flatten(1, 2)
+    corner = shape[:, mine].flatten(1, 2).mT @ pull[:, mine].flatten(1, 2)
     normal.corner[:, :count, :count] += corner[..., :count]
     normal.corner_gradient[:, :count] += corner[..., count]
 

@@ -11,6 +11,7 @@ from torch import Tensor
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import MotionState
+from imocap_core.motion.terms.in_time import pieces
 from imocap_core.motion.terms.inner_solve import solve_rigid_offsets
 from imocap_core.motion.terms.rigid_offset import RIGID, by_rigid_offset, with_rigid_offset
 from imocap_core.motion.terms.view import View, project, projection_jacobian
@@ -86,19 +87,21 @@ class Reprojection:
         return state.trans + rest[:, None]
 
     def add_to(self, normal: NormalEquations, state: MotionState) -> None:
-        """All views of one performer at once (`view_residuals`)."""
+        """All views of one performer at once (`view_residuals`), the frames piece by piece."""
         keypoints = self.body.keypoints
         for performer in sorted({view.performer for view in self.views}):
-            points = self.body.derivatives(keypoints, state.of_performer(performer))
             shown = [view for view in self.views if view.performer == performer]
-            views = [self._residuals(view, state) for view in shown]
-            shapes = state.shape_columns(performer)
-            add_view_residuals(normal, points, views, keypoints.movers, shapes)
+            shapes, body_state = state.shape_columns(performer), state.of_performer(performer)
+            for frames in pieces(state.valid.shape[1]):
+                points = self.body.derivatives(keypoints, body_state, frames)
+                views = [self._residuals(view, state, frames) for view in shown]
+                part = normal.of_frames(frames)
+                add_view_residuals(part, points, views, keypoints.movers, shapes)
 
-    def _residuals(self, fixed: View, state: MotionState) -> ViewResiduals:
-        """One view's weighted residuals and their derivatives."""
-        xyz, d = self.offset_points(fixed, state)
-        view = fixed.with_camera_of(state)
+    def _residuals(self, whole: View, state: MotionState, frames: slice) -> ViewResiduals:
+        """One view's weighted residuals in some frames, and their derivatives."""
+        xyz, d = (x[:, frames] for x in self.offset_points(whole, state))
+        view = whole.of_frames(frames).with_camera_of(state)
         pixels, x_cam = project(view, xyz)
         error = pixels - view.xy_px
         root = (view.weight * geman_mcclure(self._weighted(view, error), self.scale)[1]).sqrt()
@@ -114,7 +117,7 @@ class Reprojection:
             rows = _by_camera(view, state, xyz, by_camera_axes, off_centre)
             residuals = replace(residuals, by_camera=rows.flatten(2, 3), columns=columns)
         if view.offset_precision is not None:
-            pivot = self._pivot(state.of_performer(view.performer))
+            pivot = self._pivot(state.of_performer(view.performer))[:, frames]
             rows = by_rigid_offset(by_point, xyz, pivot, d).flatten(2, 3)
             residuals = replace(
                 residuals,

@@ -49,16 +49,23 @@ class View:
 
     def of(self, v: int, frames: int) -> View:
         """The view of motion ``v`` (batch of 1) in its first frames."""
-        row, precision, centre = slice(v, v + 1), self.offset_precision, self.centre
+        return self._cut(slice(v, v + 1), slice(frames))
+
+    def of_frames(self, frames: slice) -> View:
+        """The view in some frames of every motion."""
+        return self._cut(slice(None), frames)
+
+    def _cut(self, row: slice, frames: slice) -> View:
+        precision, centre = self.offset_precision, self.centre
         return replace(
             self,
-            xy_px=self.xy_px[row, :frames],
-            weight=self.weight[row, :frames],
+            xy_px=self.xy_px[row, frames],
+            weight=self.weight[row, frames],
             K=self.K[row],
             R=self.R[row],
             t=self.t[row],
-            offset_precision=None if precision is None else precision[row, :frames],
-            centre=None if centre is None else centre[row, :frames],
+            offset_precision=None if precision is None else precision[row, frames],
+            centre=None if centre is None else centre[row, frames],
         )
 
     def with_camera_of(self, state: MotionState) -> View:
