@@ -26,6 +26,7 @@ from imocap_core.problem.joint import JointProblem, problem_of
 from imocap_core.problem.loop_confidence import with_first_repetitions, with_independent_confidence
 from imocap_core.problem.sound import with_sound
 from imocap_core.problem.synchronisation import rates_of_motions, synchronise_motions
+from imocap_core.process import release_freed_memory
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
@@ -94,6 +95,7 @@ def _in_turn(
 
     def recover(sync: Sync, motion: JointMotion) -> JointMotion:
         progress("motion")
+        release_freed_memory()  # of the synchronisation, which needs other sizes
         scene = problem.synchronised(sync).scene
         return recover_motion(scene, motion.state, problem.options, cameras=motion.cameras)
 

@@ -17,8 +17,9 @@ if TYPE_CHECKING:
 
 MEMINFO, STATM, CGROUP = Path("/proc/meminfo"), Path("/proc/self/statm"), Path("/sys/fs/cgroup")
 # Largest memory of all stages as measured (docs/scaling.md): of the program and its data, of every
-# frame of every video, and of every frame whose normal equations are in memory.
-PROGRAM_BYTES, FRAME_BYTES, EQUATION_BYTES = 600e6, 50e3, 230e3
+# frame of every video, of every frame whose motion is being fitted, and of the longest video's
+# frames in the posterior.
+PROGRAM_BYTES, FRAME_BYTES, FIT_BYTES, POSTERIOR_BYTES = 600e6, 50e3, 230e3, 700e3
 
 
 def memory_notice(frames: Sequence[int], available: int | None) -> str | None:
@@ -32,8 +33,8 @@ def memory_notice(frames: Sequence[int], available: int | None) -> str | None:
         return None
     total, longest = sum(frames), max(frames)
     return (
-        f"about {expected / 1e9:.1f} GB of memory are expected to be needed ({len(frames)} videos, "
-        f"{total:,} frames, {longest:,} in the longest), and {available / 1e9:.1f} GB are "
+        f"about {expected / 1e9:.2f} GB of memory are expected to be needed ({len(frames)} videos, "
+        f"{total:,} frames, {longest:,} in the longest), and {available / 1e9:.2f} GB are "
         "available: use fewer frames (`frames` of a video in action.yaml), films of a lower frame "
         "rate, or a machine with more memory"
     )
@@ -58,8 +59,8 @@ def expected_bytes(frames: Sequence[int], workers: int) -> int:
 
     longest = max(frames, default=0)
     at_once = min(len(frames), workers, motions_at_once(longest))
-    bytes_ = PROGRAM_BYTES + FRAME_BYTES * sum(frames) + EQUATION_BYTES * at_once * longest
-    return int(bytes_)
+    motion = max(FIT_BYTES * at_once * longest, POSTERIOR_BYTES * longest)
+    return int(PROGRAM_BYTES + FRAME_BYTES * sum(frames) + motion)
 
 
 def available_bytes() -> int | None:

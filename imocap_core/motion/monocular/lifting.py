@@ -18,7 +18,7 @@ from imocap_core.motion.monocular.library import Library
 from imocap_core.robust import geman_mcclure
 from imocap_core.rotations import exp
 
-CHUNK, FRAMES = 16384, 128  # templates, and frames, matched at once: 0.1 GB
+CHUNK, FRAMES = 16384, 32  # templates, and frames, matched at once: 0.1 GB
 KEYPOINT_SIGMAS, STEP_SIGMAS = 3.0, 3.0  # Geman-McClure scales of the match and of the path
 
 

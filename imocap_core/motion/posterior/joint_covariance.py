@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import torch
 from jaxtyping import Float
@@ -32,6 +33,12 @@ class VectorCovariance:
         return self.given_shape + self.by_shape @ shape @ self.by_shape.mT
 
 
+def joined(parts: Sequence[VectorCovariance]) -> VectorCovariance:
+    """Parts of a motion, one after another."""
+    given, by_shape = ([getattr(x, f.name) for x in parts] for f in fields(VectorCovariance))
+    return VectorCovariance(torch.cat(given), torch.cat(by_shape))
+
+
 def vector_covariance(
     by_frame: Float[Tensor, "T K 3 75"],
     by_shape: Float[Tensor, "T K 3 10"] | None,
@@ -51,10 +58,11 @@ def vector_covariance(
 
 
 def joint_jacobian(
-    body: Body, motion: MotionState
+    body: Body, motion: MotionState, frames: slice = slice(None)
 ) -> tuple[Float[Tensor, "T 24 3 75"], Float[Tensor, "T 24 3 10"]]:
-    """Derivatives of joints about the middle of the hips by a motion's increments and its shape."""
-    points = body.derivatives(body.joints, motion)
+    """Derivatives of joints about the middle of the hips by a motion's increments and its shape, of
+    some frames."""
+    points = body.derivatives(body.joints, motion, frames)
     assert points.d_pose is not None
     assert points.d_beta is not None
     d_pose, d_beta = points.d_pose[0], points.d_beta[0]

@@ -36,6 +36,7 @@ from imocap_core.motion.posterior.common_posterior import (
 )
 from imocap_core.motion.posterior.joint_covariance import (
     VectorCovariance,
+    joined,
     joint_jacobian,
     of_whole_frame,
     vector_covariance,
@@ -50,6 +51,7 @@ from imocap_core.motion.posterior.per_video_posterior import (
 from imocap_core.motion.solver.gauss_newton import motions_at_once
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import POSE, MotionState
+from imocap_core.motion.terms.in_time import pieces
 from imocap_core.params import MotionParams
 from imocap_core.workers import at_once
 
@@ -120,7 +122,7 @@ def motion_posterior(
         return _video_covariance(scene, fits[v], posterior, covariance, rotation_rows)
 
     performers = scene.performers
-    most = motions_at_once(result.state.valid.shape[1])
+    most = motions_at_once(2 * result.state.valid.shape[1])  # equations, factors, covariances
     by_video: list[_VideoCovariance] = at_once(of_video, range(videos), most)
     shapes = [
         torch.linalg.inv(
@@ -164,13 +166,14 @@ def _video_covariance(
     rotation_rows: Callable[[MotionState], Tensor],
 ) -> _VideoCovariance:
     """frames: covariance of the video's increments, the shape known."""
-    response = posterior.response
-    by_pose = of_whole_frame(rotation_rows(fit.state))
-    return _VideoCovariance(
-        vector_covariance(*joint_jacobian(scene.body, fit.state), frames, response),
-        vector_covariance(by_pose, None, frames, response),
-        posterior.schur,
-    )
+    response, by_pose = posterior.response, rotation_rows(fit.state)
+    parts = []
+    for part in pieces(len(frames)):
+        joints, given = joint_jacobian(scene.body, fit.state, part), (frames[part], response[part])
+        turned = of_whole_frame(by_pose[part])
+        parts.append((vector_covariance(*joints, *given), vector_covariance(turned, None, *given)))
+    of_joints, of_rotations = zip(*parts, strict=True)
+    return _VideoCovariance(joined(of_joints), joined(of_rotations), posterior.schur)
 
 
 def _in_numpy(vectors: VectorCovariance, shape: Tensor) -> Float[np.ndarray, "T K 3 3"]:

@@ -75,7 +75,7 @@ def reductions(
         return variance(evidence)
 
     before = variance(torch.zeros_like(normal.diagonal[0]))
-    most = motions_at_once(motion.valid.shape[1])
+    most = motions_at_once(2 * motion.valid.shape[1])  # equations, and factors beside them
     return 1 - np.array(at_once(with_camera, AZIMUTHS_DEG, most)) / before
 
 

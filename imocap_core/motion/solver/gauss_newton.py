@@ -28,7 +28,7 @@ from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms.base import Term
 from imocap_core.workers import Each, cores, in_turn, on
 
-MOST_HELD = 4096  # frames whose normal equations or factors are in memory at once: 0.6 GB
+MOST_HELD = 3072  # frames whose normal equations or factors are in memory at once: 0.5 GB
 
 
 @dataclass(frozen=True)

@@ -33,40 +33,39 @@ class Factored:
 
     def solve(self, right: Float[Tensor, "T n k"]) -> Float[Tensor, "T n k"]:
         """Solution of ``H x = right``."""
-        n = right.shape[1]
-        y: list[Tensor] = []
+        n, solution = right.shape[1], torch.empty_like(right)
         for t in range(len(right)):
             value = right[t]
             if t >= 1:
-                value = value - self.after[t - 1][:, :n].T @ y[t - 1]
+                value = value - self.after[t - 1][:, :n].T @ solution[t - 1]
             if t >= 2:
-                value = value - self.after[t - 2][:, n:].T @ y[t - 2]
-            y.append(value)
+                value = value - self.after[t - 2][:, n:].T @ solution[t - 2]
+            solution[t] = value
         later = right.new_zeros(2 * n, right.shape[2])
-        solution: list[Tensor] = []
         for t in reversed(range(len(right))):
-            value = torch.cholesky_solve(y[t], self.factors[t]) - self.after[t] @ later
+            value = torch.cholesky_solve(solution[t], self.factors[t]) - self.after[t] @ later
             later = torch.cat([value, later[:n]])
-            solution.append(value)
-        return self._checked(torch.stack(solution[::-1]))
+            solution[t] = value
+        return self._checked(solution)
 
     def inverse_diagonal(self) -> Float[Tensor, "T n n"]:
         """Blocks (t, t) of ``H^-1``."""
         n = len(self.factors[0])
         later = self.factors[0].new_zeros(2 * n, 2 * n)  # inverse at the two frames after t
-        blocks: list[Tensor] = []
-        for factor, after in zip(self.factors[::-1], self.after[::-1], strict=True):
+        blocks = self.factors[0].new_empty(len(self.factors), n, n)
+        for t in reversed(range(len(blocks))):
+            factor, after = self.factors[t], self.after[t]
             cross = -after @ later
             block = torch.cholesky_inverse(factor) - cross @ after.T
             block = (block + block.T) / 2
-            blocks.append(block)
+            blocks[t] = block
             later = torch.cat(
                 [
                     torch.cat([block, cross[:, :n]], 1),
                     torch.cat([cross[:, :n].T, later[:n, :n]], 1),
                 ]
             )
-        return self._checked(torch.stack(blocks[::-1]))
+        return self._checked(blocks)
 
     def _checked(self, value: Tensor) -> Tensor:
         return value if self.ok else torch.full_like(value, torch.nan)
