@@ -26,6 +26,7 @@ from imocap_core.pipeline.action import Action
 from imocap_core.pipeline.allowed_scripts import must_be_allowed
 from imocap_core.pipeline.graph import Pipeline, RunSettings
 from imocap_core.pipeline.keys import Recipe, differences, read_files, recipe
+from imocap_core.pipeline.parts import Parts
 from imocap_core.pipeline.source import module_name
 from imocap_core.pipeline.stage import Context, Inputs, Progress
 from imocap_core.pipeline.unchanged import unchanged
@@ -129,7 +130,7 @@ def run(
             if stored is None:
                 why = ["forced"] if forced else _reasons(job, stage, needed)
                 display.started(stage, why)
-                stored = _make(job, stage, needed, done, display.progress)
+                stored = _make(job, stage, needed, done, display.progress, forced)
             stored = job.store.share(stage, stored, made=how == "made")
             job.store.publish(job.action.name, stage, stored)
             done[stage] = stored
@@ -170,7 +171,12 @@ def _reasons(job: Job, stage: str, needed: Recipe) -> list[str]:
 
 
 def _make(
-    job: Job, stage: str, needed: Recipe, done: Mapping[str, Stored], progress: Progress
+    job: Job,
+    stage: str,
+    needed: Recipe,
+    done: Mapping[str, Stored],
+    progress: Progress,
+    forced: bool,
 ) -> Stored:
     must_be_allowed(job.pipeline, stage)
     configure_process()
@@ -179,11 +185,12 @@ def _make(
     params = DeclaredParams(
         stage, {name: getattr(job.settings.params, name) for name in spec.params}
     )
+    parts = Parts(job.store, job.action.name, stage, needed, again=forced)
     place = job.store.folder / job.action.name  # leftovers of a killed run are swept there
     with tempfile.TemporaryDirectory(prefix=".stage-", dir=place) as folder:
         report = Path(folder)
         context = Context(
-            stage, job.settings.seed, frozenset(spec.reads), progress, report, job.action
+            stage, job.settings.seed, frozenset(spec.reads), progress, report, job.action, parts
         )
         with unchanged(read_files(job.pipeline, stage, job.action)):
             artifact = _call(job.pipeline.script(stage), context, inputs, params)

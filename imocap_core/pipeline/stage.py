@@ -50,13 +50,14 @@ What the runner promises:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar
 
 from imocap_core.errors import WorkFailed
 from imocap_core.pipeline.action import DETECT, Action, Declaration
+from imocap_core.pipeline.content import content_digest
 from imocap_core.pipeline.hints import AnchorEntry, ForbiddenEntry
 from imocap_core.pipeline.places import placed
 
@@ -65,6 +66,7 @@ if TYPE_CHECKING:
 
     from imocap_core.artifacts.schemas.base import Artifact
     from imocap_core.artifacts.store import Stored
+    from imocap_core.pipeline.parts import Parts
 
 Read = Literal[
     "declarations", "detections", "videos", "sound", "initial", "hints", "event", "truth"
@@ -83,12 +85,26 @@ class Context:
     progress: Progress
     report: Path  # an empty folder; what the stage leaves there is published as report/
     _action: Action
+    _parts: Parts | None = None  # where parts of results are kept
 
     def rng(self) -> np.random.Generator:
         """A fresh generator, the same for every run of this stage with this seed."""
         import numpy as np
 
         return np.random.default_rng([self.seed, *self.stage.encode()])
+
+    def part(
+        self,
+        name: str,
+        made_from: Mapping[str, Artifact | str],
+        kind: type[Kind],
+        make: Callable[[], Kind],
+    ) -> Kind:
+        """A part of the result that nothing but ``made_from``, the stage's code, parameters and
+        seed determine: kept from an earlier result, of any action, or made now."""
+        if self._parts is None:
+            return make()
+        return self._parts.get(name, made_from, kind, make)
 
     def declarations(self) -> tuple[Declaration, ...]:
         """The videos as action.yaml declares them, with their files inside the action's folder
@@ -127,6 +143,11 @@ class Context:
         """File or folder of a monocular estimator's result (reads: initial), or None."""
         self._must_read("initial")
         return self._given_or_detected(video_id, self._declared(video_id).initial)
+
+    def initial_digest(self, video_id: str) -> str:
+        """Digest of what `initial` gives (reads: initial); empty where it gives nothing."""
+        path = self.initial(video_id)
+        return "" if path is None else content_digest(path)
 
     def hints(self) -> tuple[tuple[AnchorEntry, ...], tuple[ForbiddenEntry, ...]]:
         """Anchors and forbidden spans of action.yaml, in source frames (reads: hints)."""

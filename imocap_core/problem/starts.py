@@ -29,6 +29,8 @@ from imocap_core.motion.observations import Observation
 from imocap_core.params import InitialSmplParams
 from imocap_core.problem.estimates import Estimate
 
+KEYPOINTS_ALONE = "monocular"  # origin of a start: neither an estimator nor the lifter
+
 
 def starts(
     body: Body,
@@ -104,4 +106,4 @@ def source_of(
     """Origin of a video's start: an estimator, the lifter, or its keypoints alone."""
     if video.id in lifted:
         return "lifter"
-    return "monocular" if estimates[video.id] is None else video.initial_format or ""
+    return KEYPOINTS_ALONE if estimates[video.id] is None else video.initial_format or ""

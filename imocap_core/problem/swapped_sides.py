@@ -2,70 +2,86 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Int
 
-from imocap_core.artifacts.schemas import AlternativeMotion, Keypoints, VideoMotion
+from imocap_core.artifacts.schemas import AlternativeMotion, InitialSmpl
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.motion.kinematics import Body
-from imocap_core.motion.monocular.fit import CoarseFits
 from imocap_core.motion.monocular.hypotheses import from_starts
-from imocap_core.motion.monocular.library import Library
 from imocap_core.motion.monocular.starts import lifted_starts
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import PosePrior
 from imocap_core.params import FitParams, InitialSmplParams
 from imocap_core.problem.hypotheses import FIRST, candidates_of
-from imocap_core.problem.motions import motions_of
+from imocap_core.problem.motions import alternatives_of
+from imocap_core.problem.observations import body_for, fit_of_single_views
+from imocap_core.problem.single_video import SingleVideo, least_cost, library_of
+from imocap_core.problem.starts import KEYPOINTS_ALONE
 from imocap_core.sync.hypotheses.messages import SWAPPED
 from imocap_core.sync.hypotheses.swapped_sides import swapped_by_others, with_swapped_sides
 
 
 def refits_of_swapped(
-    body: Body,
+    singles: Sequence[SingleVideo],
+    result: InitialSmpl,
     prior: PosePrior,
-    library: Library,
-    observations: Sequence[Observation],
-    keypoints: Keypoints,
-    motions: Sequence[VideoMotion],
-    coarse: CoarseFits,
+    rng: Callable[[], np.random.Generator],
+    fit: FitParams,
     options: InitialSmplParams,
-    weights: FitParams,
-    *,
-    videos: Sequence[int],
 ) -> list[AlternativeMotion]:
     """The alternative of each video whose sides the other videos' motions swap for a while.
 
     Args:
-        motions: of lowest cost; coarse: their fits.
-        videos: those that may have alternatives.
+        result: the fits of all videos; those that begin at an estimate have no alternatives.
     """
-    rows = zip(motions, keypoints.videos, strict=True)
+    videos = [single.keypoints.videos[0] for single in singles]
+    rows = zip(result.videos, videos, strict=True)
     states = swapped_by_others([candidates_of(m, [], v) for m, v in rows], SMPL_JOINTS)
     refits = []
-    for v in videos:
-        if not states[v].any():
+    for v, motion in enumerate(result.videos):
+        if result.source[motion.id] != KEYPOINTS_ALONE or not states[v].any():
             continue
-        observation = with_sides(observations[v], states[v], body.keypoints.names, coarse.stride)
-        starts = lifted_starts(body, library, observation, options)
-        alone, least = Keypoints(videos=[keypoints.videos[v]]), coarse.best_cost(v, len(states[v]))
-        fits = from_starts(
-            body, prior, library, observation, starts, coarse.stride, weights,
-            count=options.hypotheses,
-        )  # fmt: skip
+        starts = [start for start in result.starts if start.video == motion.id]
+        least = least_cost(starts, singles[v].frames, singles[v].stride(options))
+        fits = fits_with_sides(singles[v], states[v], prior, rng(), fit, options)
         refits += [
             AlternativeMotion(
-                name=SWAPPED if fit.name == FIRST else f"{SWAPPED}, {fit.name}",
-                excess_cost=fit.cost - least,
-                motion=motions_of(body, fit.motion, [observations[v]], alone)[0],
+                name=SWAPPED if refit.name == FIRST else f"{SWAPPED}, {refit.name}",
+                excess_cost=refit.excess_cost - least,
+                motion=refit.motion.model_copy(update={"id": motion.id}),
                 swapped=states[v],
             )
-            for fit in fits
+            for refit in fits
         ]
     return refits
+
+
+def fits_with_sides(
+    single: SingleVideo,
+    states: Int[np.ndarray, " T"],
+    prior: PosePrior,
+    rng: np.random.Generator,
+    fit: FitParams,
+    options: InitialSmplParams,
+) -> list[AlternativeMotion]:
+    """The distinct fits of one video whose detections have swapped sides, with their own costs.
+
+    Args:
+        states: as of `swapped_by_others`.
+    """
+    body, stride = body_for(single.keypoints), single.stride(options)
+    weights = fit_of_single_views(single.keypoints, fit, {}, options.shape_prior)
+    library = library_of(body, prior, rng, options)
+    observed = single.observed(body, weights, {})
+    observation = with_sides(observed[0], states, body.keypoints.names, stride)
+    starts = lifted_starts(body, library, observation, options)
+    fits = from_starts(
+        body, prior, library, observation, starts, stride, weights, count=options.hypotheses
+    )
+    return alternatives_of(body, [fits], observed, single.keypoints)
 
 
 def with_sides(

@@ -1,0 +1,77 @@
+"""Parts of a stage's result: made once, and found by whoever needs them again."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.pipeline.conftest import ACTION, HEAD
+
+if TYPE_CHECKING:
+    from tests.pipeline.conftest import Toy
+
+SCALE = """
+class Scaled(Numbers):
+    pass
+
+def run(ctx, inputs, params):
+    came("scale")
+    factor = 2.0 if params.sync.method == "als" else 1.0
+
+    def part(name, value):
+        def make():
+            came(f"part_{name}")
+            return Numbers(values={"any": factor * value}, seed=0.0)
+
+        return ctx.part("value", {"value": repr(value)}, Numbers, make).values["any"]
+
+    numbers = inputs.get(Numbers)
+    values = {name: part(name, value) for name, value in numbers.values.items()}
+    return Scaled(values=values, seed=numbers.seed)
+"""
+
+
+@pytest.fixture
+def parts(toy: Toy) -> Toy:
+    """The toy, whose stage `scale` is made of parts, one a video; it has run."""
+    (toy.root / "toys" / "scale.py").write_text(HEAD + SCALE)
+    assert toy.imocap(["run", "toy"]) == 0
+    assert toy.ran() == ["gather", "scale", "part_v1", "part_v2", "evaluate"]
+    return toy
+
+
+def test_a_changed_video_is_the_only_part_that_is_made(parts: Toy) -> None:
+    (parts.action / "v2.txt").write_text("7")
+    assert parts.imocap(["run", "toy"]) == 0
+    assert parts.ran() == ["gather", "scale", "part_v2", "evaluate"]
+
+
+def test_another_action_finds_the_part_of_a_video_that_it_has(parts: Toy) -> None:
+    other = parts.root / "actions" / "other"
+    other.mkdir()
+    (other / "action.yaml").write_text(ACTION.replace("toy", "other").replace("v1", "side"))
+    (other / "side.txt").write_text((parts.action / "v1.txt").read_text())
+    (other / "v2.txt").write_text("11")
+    assert parts.imocap(["run", "other"]) == 0
+    assert parts.ran() == ["gather", "scale", "part_v2", "evaluate"]
+
+
+@pytest.mark.parametrize(
+    "words", [["--set", "sync.method=als"], ["--force"], ["--set", "sync.max_rate=7"]]
+)
+def test_a_parameter_of_the_stage_or_force_makes_all_parts(parts: Toy, words: list[str]) -> None:
+    assert parts.imocap(["run", "toy", *words]) == 0
+    assert [name for name in parts.ran() if "part" in name] == ["part_v1", "part_v2"]
+
+
+def test_a_damaged_part_is_made_again(parts: Toy) -> None:
+    before = parts.digests()
+    for file in (parts.root / "artifacts" / ".cache" / "scale_value").iterdir():
+        file.write_bytes(file.read_bytes()[:-40])
+    for file in (parts.root / "artifacts").glob("**/scale/*.mcap"):
+        file.unlink()
+    (parts.root / "artifacts" / "toy" / "scale.mcap").unlink()
+    assert parts.imocap(["run", "toy"]) == 0
+    assert parts.ran() == ["scale", "part_v1", "part_v2"]
+    assert parts.digests() == before
