@@ -8,6 +8,8 @@ fitted once for all actions that have it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import torch
 
 from imocap_core.artifacts.schemas import Artifact, CameraMotion, InitialSmpl, Keypoints
@@ -25,41 +27,69 @@ AT_ONCE = 2  # videos: more take more memory and are not faster
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
     """A motion for every video by itself."""
-    keypoints, cameras = inputs.get(Keypoints), inputs.get(CameraMotion)
-    prior, options = load_pose_prior(), params.initial_smpl
-    ids = [video.id for video in keypoints.videos]
-    alone = len(ids) == 1
-    singles = [
-        SingleVideo.of(v, camera, estimate_of(ctx, v, torch.as_tensor(camera.R_first_from_frame)))
-        for v, camera in zip(keypoints.videos, cameras.videos, strict=True)
-    ]
-    ended: list[int] = []
+    ids = [video.id for video in inputs.get(Keypoints).videos]
+    videos = {i: single_video(ctx, inputs, i) for i in ids}
+    ended: list[str] = []
 
-    def fit(v: int) -> InitialSmpl:
+    def part(i: str) -> InitialSmpl:
         def progress(doing: str) -> None:
-            ctx.progress(0.8 * len(ended) / len(ids), f"{ids[v]}: {doing}")
+            ctx.progress(0.8 * len(ended) / len(ids), f"{i}: {doing}")
 
-        return fit_single_video(
-            singles[v], prior, ctx.rng(), params.fit, options, alone=alone, progress=progress
-        )
+        fit = part_of_video(ctx, params, i, videos[i], len(ids) == 1, progress)
+        ended.append(i)
+        return fit
 
-    def kept_or_fitted(v: int) -> InitialSmpl:
-        made_from: dict[str, Artifact | str] = {
-            "keypoints": singles[v].keypoints,
-            "camera_motion": singles[v].cameras,
-            "initial": ctx.initial_digest(ids[v]),
-            "alternatives": "no" if alone else "yes",
-        }
-        part = ctx.part("video", made_from, InitialSmpl, lambda: fit(v))
-        ended.append(v)
-        return part
-
-    result = joined(at_once(kept_or_fitted, range(len(ids)), AT_ONCE), ids)
-    if not alone and options.hypotheses > 1:
+    result = joined(at_once(part, ids, AT_ONCE), ids)
+    if len(ids) > 1 and params.initial_smpl.hypotheses > 1:
         ctx.progress(0.8, "sides that the other videos' motions swap")
+        prior, singles = load_pose_prior(), list(videos.values())
+        options = params.initial_smpl
         refits = refits_of_swapped(singles, result, prior, ctx.rng, params.fit, options)
         result.alternatives.extend(refits)
     return result
+
+
+def make_part(ctx: Context, inputs: Inputs, params: Params, video: str) -> None:
+    """The motion of one video, for a worker of its own; none where the video was left out."""
+    ids = [v.id for v in inputs.get(Keypoints).videos]
+    if video in ids:
+        single = single_video(ctx, inputs, video)
+        part_of_video(
+            ctx, params, video, single, len(ids) == 1, lambda doing: ctx.progress(0.0, doing)
+        )
+
+
+def single_video(ctx: Context, inputs: Inputs, name: str) -> SingleVideo:
+    """One video's detections, camera, and monocular estimate, if any."""
+    pairs = zip(inputs.get(Keypoints).videos, inputs.get(CameraMotion).videos, strict=True)
+    video, camera = next(pair for pair in pairs if pair[0].id == name)
+    estimate = estimate_of(ctx, video, torch.as_tensor(camera.R_first_from_frame))
+    return SingleVideo.of(video, camera, estimate)
+
+
+def part_of_video(
+    ctx: Context,
+    params: Params,
+    name: str,
+    single: SingleVideo,
+    alone: bool,
+    progress: Callable[[str], None],
+) -> InitialSmpl:
+    """The fit of one video, kept or made now."""
+    made_from: dict[str, Artifact | str] = {
+        "keypoints": single.keypoints,
+        "camera_motion": single.cameras,
+        "initial": ctx.initial_digest(name),
+        "alternatives": "no" if alone else "yes",
+    }
+
+    def make() -> InitialSmpl:
+        prior, options = load_pose_prior(), params.initial_smpl
+        return fit_single_video(
+            single, prior, ctx.rng(), params.fit, options, alone=alone, progress=progress
+        )
+
+    return ctx.part("video", made_from, InitialSmpl, make)
 
 
 if __name__ == "__main__":

@@ -38,7 +38,7 @@ COMMAND = [sys.executable, "-c", "import sys; from imocap_core.cli import main; 
 
 
 @dataclass
-class Cluster:
+class StartedCluster:
     """A Dask scheduler and its workers, each with a working folder."""
 
     address: str
@@ -46,7 +46,7 @@ class Cluster:
 
 
 @contextmanager
-def cluster(roots: list[Path]) -> Iterator[Cluster]:
+def cluster(roots: list[Path]) -> Iterator[StartedCluster]:
     """A scheduler, and a worker of one thread for each of these working folders."""
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
@@ -60,7 +60,7 @@ def cluster(roots: list[Path]) -> Iterator[Cluster]:
             stack.callback(process.terminate)
             return process
 
-        made = Cluster(address)
+        made = StartedCluster(address)
         place = ["--host", "127.0.0.1", "--port", address.split(":")[1], "--no-dashboard"]
         start([sys.executable, "-m", "distributed.cli.dask_scheduler", *place])
         for root in roots:

@@ -1,6 +1,7 @@
 """The cache of the store: its contents, what can be removed, and leftovers of killed runs.
 
     .cache/<stage>/<key>.mcap       results of stages
+    .cache/<stage>_<part>/<key>.mcap  parts of them, for other results (pipeline.parts)
     .cache/detections/<key>.npz     detections of videos
     .cache/.used/<action>           `<stage>/<key>`, a line for every result that it has used
     .cache/files.json               digests of files that have not changed (file_memory.py)

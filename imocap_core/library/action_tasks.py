@@ -1,4 +1,5 @@
-"""The tasks of actions: (action, video) for detection, (action, stage) for the rest.
+"""The tasks of actions: (action, video) for detection, (action, stage, video) for a stage whose
+result has a part for each video, (action, stage) for all.
 
 Stages of one action come after one another, actions do not. Of what may begin, the action named
 first goes on, so that finished actions come early.
@@ -11,9 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from imocap_core.executors.task import Report, Task
+from imocap_core.library.door import plain_errors
 from imocap_core.library.progress import FunctionDisplay
 from imocap_core.library.running import run_action
 from imocap_core.pipeline import builtin_actions
+from imocap_core.pipeline.runner import make_part
 from imocap_core.workspace import Workspace
 
 WHOLE = "all stages"
@@ -47,7 +50,7 @@ def tasks_of(workspace: Workspace, action: str, sets: Sequence[str], priority: i
     root = workspace.root
     if action in builtin_actions.BUILT_IN:
         made = Task(task_name(action, "demo"), make_built_in, (root, action), (), priority)
-        stages = _stage_tasks(workspace, action, sets, (made.name,), priority)
+        stages = _stage_tasks(workspace, action, [], sets, (made.name,), priority)
         return [made, *stages]
     declared = workspace.job(action, list(sets)).action
     if any(video.repetitions for video in declared.videos):  # its parts are known only later
@@ -65,22 +68,34 @@ def tasks_of(workspace: Workspace, action: str, sets: Sequence[str], priority: i
         if video.detected
     ]
     after = tuple(task.name for task in detections)
-    return [*detections, *_stage_tasks(workspace, action, sets, after, priority)]
+    ids = [video.id for video in declared.videos]
+    return [*detections, *_stage_tasks(workspace, action, ids, sets, after, priority)]
 
 
 def _stage_tasks(
     workspace: Workspace,
     action: str,
+    videos: Sequence[str],
     sets: Sequence[str],
     after: tuple[str, ...],
     priority: int,
 ) -> list[Task]:
+    """A task a stage, after those of its parts; of a single video, the part is the whole."""
     tasks = []
-    stages = list(workspace.pipeline().stages)
-    for stage in stages:
-        until = None if stage == stages[-1] else stage
-        arguments = (workspace.root, action, tuple(sets), workspace.shared, until)
-        task = Task(task_name(action, stage), run_to, arguments, after, priority)
+    stages = list(workspace.pipeline().stages.items())
+    common = (workspace.root, action, tuple(sets), workspace.shared)
+    for stage, spec in stages:
+        if spec.parts == "videos" and len(videos) > 1:
+            parts = [
+                Task(
+                    task_name(action, f"{stage} {v}"), part_of, (*common, stage, v), after, priority
+                )
+                for v in videos
+            ]
+            tasks += parts
+            after = tuple(part.name for part in parts) or after
+        until = None if stage == stages[-1][0] else stage
+        task = Task(task_name(action, stage), run_to, (*common, until), after, priority)
         tasks.append(task)
         after = (task.name,)
     return tasks
@@ -109,6 +124,22 @@ def detect_video(
     job = Workspace(root, shared).job(action, list(sets))
     display = FunctionDisplay(lambda stage, share, text: report(share, text))
     detect_one(job.action, video, job.settings.params.detect, job.store, display)
+
+
+@plain_errors
+def part_of(
+    report: Report,
+    root: Path,
+    action: str,
+    sets: tuple[str, ...],
+    shared: str | None,
+    stage: str,
+    video: str,
+) -> None:
+    """Make the part of a stage's result that belongs to a video, unless it is cached."""
+    display = FunctionDisplay(lambda stage, share, text: report(share, text))
+    job = Workspace(root, shared).ready_job(action, list(sets), display)
+    make_part(job, stage, video, display)
 
 
 def run_to(

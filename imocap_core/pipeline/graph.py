@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
@@ -27,7 +27,11 @@ GROUPS = [f.name for f in fields(Params)]
 
 
 class StageSpec(BaseModel):
-    """One stage of the graph."""
+    """One stage of the graph.
+
+    parts: "videos" where the result has a part for each video that can be made by itself; the
+    script has `make_part` then.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -35,6 +39,7 @@ class StageSpec(BaseModel):
     inputs: list[str]
     reads: list[Read]
     params: list[str]
+    parts: Literal["videos"] | None = None
 
 
 class _PipelineFile(BaseModel):

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Protocol, cast, runtime_checkable
+from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 
 from imocap_core.artifacts.cache import sweep
 from imocap_core.artifacts.file_memory import save_memory
@@ -17,9 +15,6 @@ from imocap_core.artifacts.store import Store, Stored
 from imocap_core.errors import (
     ArtifactCorrupt,
     WorkFailed,
-    is_out_of_memory,
-    program_fault,
-    system_fault,
 )
 from imocap_core.peak_memory import peak_bytes, restart_peak
 from imocap_core.pipeline.action import Action
@@ -27,15 +22,18 @@ from imocap_core.pipeline.allowed_scripts import must_be_allowed
 from imocap_core.pipeline.graph import Pipeline, RunSettings
 from imocap_core.pipeline.keys import Recipe, differences, read_files, recipe
 from imocap_core.pipeline.parts import Parts
-from imocap_core.pipeline.source import module_name
 from imocap_core.pipeline.stage import Context, Inputs, Progress
+from imocap_core.pipeline.stage_call import (
+    DeclaredParams,
+    in_a_sentence,
+    load_script,
+    returned_artifact,
+)
 from imocap_core.pipeline.unchanged import unchanged
 from imocap_core.process import configure_process, release_freed_memory
 
 if TYPE_CHECKING:
-    from imocap_core.artifacts.schemas.base import Artifact
-
-Run = Callable[[Context, Inputs, Any], "Artifact"]
+    pass
 
 
 @runtime_checkable
@@ -160,6 +158,49 @@ def stage_statuses(job: Job) -> Iterator[StageStatus]:
     save_memory(job.store.folder)
 
 
+def make_part(job: Job, stage: str, video: str, display: Display) -> None:
+    """Make the part of a stage's result that a video determines, unless the result, or the part,
+    is cached.
+
+    Stages before it are brought up to date. Several parts of one action may be made at once.
+
+    WorkFailed when it can't be made.
+    """
+    before = job.pipeline.upstream(stage)[:-1]
+    done = {outcome.stage: outcome.stored for outcome in run(job, display, before)}
+    needed = job.recipe(stage, done)
+    if job.store.look_up(job.action.name, stage, needed.key) is not None:
+        return
+    must_be_allowed(job.pipeline, stage)
+    configure_process()
+    display.started(stage, [])
+    with tempfile.TemporaryDirectory() as folder:
+        prepared = _prepared(job, stage, needed, done, display.progress, Path(folder), again=False)
+        with unchanged(read_files(job.pipeline, stage, job.action)):
+            make = load_script(job.pipeline.script(stage)).make_part
+            in_a_sentence(stage, lambda: make(*prepared, video))
+
+
+def _prepared(
+    job: Job,
+    stage: str,
+    needed: Recipe,
+    done: Mapping[str, Stored],
+    progress: Progress,
+    report: Path,
+    *,
+    again: bool,
+) -> tuple[Context, Inputs, DeclaredParams]:
+    """What a stage's functions are called with; again: parts that are kept are made once more."""
+    spec = job.pipeline.stages[stage]
+    reads, seed = frozenset(spec.reads), job.settings.seed
+    parts = Parts(job.store, job.action.name, stage, needed, again)
+    context = Context(stage, seed, reads, progress, report, job.action, parts)
+    inputs = Inputs(stage, {name: done[name] for name in spec.inputs})
+    groups = {name: getattr(job.settings.params, name) for name in spec.params}
+    return context, inputs, DeclaredParams(stage, groups)
+
+
 def _reasons(job: Job, stage: str, needed: Recipe) -> list[str]:
     try:
         current = job.store.load(job.action.name, stage)
@@ -180,68 +221,15 @@ def _make(
 ) -> Stored:
     must_be_allowed(job.pipeline, stage)
     configure_process()
-    spec = job.pipeline.stages[stage]
-    inputs = Inputs(stage, {name: done[name] for name in spec.inputs})
-    params = DeclaredParams(
-        stage, {name: getattr(job.settings.params, name) for name in spec.params}
-    )
-    parts = Parts(job.store, job.action.name, stage, needed, again=forced)
     place = job.store.folder / job.action.name  # leftovers of a killed run are swept there
     with tempfile.TemporaryDirectory(prefix=".stage-", dir=place) as folder:
         report = Path(folder)
-        context = Context(
-            stage, job.settings.seed, frozenset(spec.reads), progress, report, job.action, parts
-        )
+        prepared = _prepared(job, stage, needed, done, progress, report, again=forced)
         with unchanged(read_files(job.pipeline, stage, job.action)):
-            artifact = _call(job.pipeline.script(stage), context, inputs, params)
+            stage_run = load_script(job.pipeline.script(stage)).run
+            artifact = in_a_sentence(stage, lambda: returned_artifact(stage_run(*prepared)))
         if job.recipe(stage, done).reads != needed.reads:
             raise WorkFailed(f"{stage}: what it reads was changed as it began; run again")
         paths = sorted(p for p in report.rglob("*") if p.is_file())
         files = {path.relative_to(report).as_posix(): path.read_bytes() for path in paths}
     return job.store.put(stage, needed.key, artifact, needed.provenance(), files)
-
-
-def _call(script: Path, context: Context, inputs: Inputs, params: DeclaredParams) -> Artifact:
-    """Run a stage's script; every error in it becomes WorkFailed with one sentence."""
-    from imocap_core.artifacts.schemas.base import Artifact
-
-    try:
-        artifact = _load(script)(context, inputs, params)
-        assert isinstance(artifact, Artifact), f"returned a {type(artifact).__name__}"
-    except (ValueError, OSError, ArtifactCorrupt) as error:
-        raise WorkFailed(f"{context.stage}: {error}") from error
-    except Exception as error:
-        if is_out_of_memory(error):
-            fault = system_fault(MemoryError())
-            raise WorkFailed(f"{context.stage}: {fault}") from MemoryError(str(error))
-        raise WorkFailed(f"{context.stage} broke: {program_fault(error)}") from error
-    return artifact
-
-
-def _load(script: Path) -> Run:
-    """The `run` of a stage's script, imported only when the stage runs."""
-    module = module_name(script)
-    if module:
-        loaded = importlib.import_module(module)
-    else:
-        spec = importlib.util.spec_from_file_location(f"imocap_stage_{script.stem}", script)
-        assert spec is not None
-        assert spec.loader is not None
-        loaded = importlib.util.module_from_spec(spec)
-        spec.loader.exec_module(loaded)
-    return cast(Run, loaded.run)
-
-
-class DeclaredParams:
-    """The groups of parameters that a stage declares; AttributeError for any other."""
-
-    def __init__(self, stage: str, groups: Mapping[str, Any]) -> None:
-        self._stage, self._groups = stage, groups
-
-    def __getattr__(self, group: str) -> Any:
-        if group.startswith("_") or group not in self._groups:
-            raise AttributeError(
-                f"stage {self._stage} wants params.{group}, which pipeline.yaml does not list "
-                f"for it"
-            )
-        return self._groups[group]
