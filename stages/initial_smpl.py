@@ -80,7 +80,7 @@ def part_of_video(
         "keypoints": single.keypoints,
         "camera_motion": single.cameras,
         "initial": ctx.initial_digest(name),
-        "alternatives": "no" if alone else "yes",
+        "alone": str(alone),
     }
 
     def make() -> InitialSmpl:

@@ -109,7 +109,8 @@ def fit_single_video(
 ) -> InitialSmpl:
     """The motion of lowest cost of one video, its alternatives, and the ground under it.
 
-    alone: no other video can choose among alternatives, so there are none.
+    alone: no other video can choose among alternatives, so there are none, or tell how far the
+    body leans, so it balances.
     """
     keypoints, cameras = single.keypoints, single.cameras
     body, estimates = body_for(keypoints), {ANY: single.estimate}
@@ -130,7 +131,8 @@ def fit_single_video(
         observations = single.observed(body, weights, evidence, units)
     solved = fit_monocular(
         body, prior, observations, [starts_with(0, observations[0])], weights,
-        stride=single.stride(options), max_steps=options.max_steps, progress=progress,
+        stride=single.stride(options), max_steps=options.max_steps, balance=alone,
+        progress=progress,
     )  # fmt: skip
     motions = motions_of(body, solved.state, observations, keypoints)
     source = source_of(keypoints.videos[0], estimates, lifted)

@@ -42,11 +42,6 @@ def test_a_weight_of_0_leaves_it_out() -> None:
     assert balance_terms(made.body, leaning(0.1), made.observations, FitParams(balance=0.0)) == []
 
 
-def test_several_videos_have_none() -> None:
-    made = scene(20, [0.0, 1.0], np.random.default_rng(0))
-    assert balance_terms(made.body, leaning(0.1), made.observations, FitParams()) == []
-
-
 def test_the_arm_is_from_the_middle_of_the_feet_to_the_centre_of_mass() -> None:
     joints = standing(10)
     filmed = FilmedBody(joints, 25.0, np.eye(3))

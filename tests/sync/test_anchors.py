@@ -1,9 +1,11 @@
 """What the user knows, on made motion: anchors that agree, anchors that don't, forbidden spans."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
-from imocap_core.sync import Anchor, Hints
+from imocap_core.sync import Anchor, Hints, SyncResult
 from imocap_core.sync.anchors import AnchorPoint, anchored_squares, led_through
 from imocap_core.sync.phase import positions_in
 from imocap_core.sync.reference_anchors import anchor_penalty
@@ -16,8 +18,13 @@ def poses() -> list[np.ndarray]:
     return [estimated(p, rng) for p in four_phases()]
 
 
+@cache
+def without_hints() -> SyncResult:
+    return run(poses(), reference=0)
+
+
 def test_a_hard_anchor_is_met_exactly_against_the_evidence() -> None:
-    free = run(poses(), reference=0)
+    free = without_hints()
     target = int(free.reference_frame[1][60]) + 9
     tied = run(poses(), reference=0, hints=Hints((Anchor(1, 60, 0, target, hard=True),)))
     f = tied.reference_frame[1]
@@ -30,7 +37,7 @@ def test_a_hard_anchor_is_met_exactly_against_the_evidence() -> None:
 
 
 def test_a_soft_anchor_pulls_and_does_not_force() -> None:
-    free = run(poses(), reference=0).reference_frame[1]
+    free = without_hints().reference_frame[1]
     near, far = (
         run(poses(), reference=0, hints=Hints((Anchor(0, int(free[60]) + off, 1, 60),)))
         for off in (2, 60)
@@ -42,7 +49,7 @@ def test_a_soft_anchor_pulls_and_does_not_force() -> None:
 
 @pytest.mark.parametrize("hard", [False, True])
 def test_an_anchor_between_two_others_ties_them(hard: bool) -> None:
-    free = run(poses(), reference=0)
+    free = without_hints()
     before = positions_in(free.phase[1][50:51], free.phase[2])[0]
     target = before + 5.0
     tied = run(poses(), reference=0, hints=Hints((Anchor(1, 50, 2, target, hard),)))

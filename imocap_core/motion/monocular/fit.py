@@ -147,6 +147,7 @@ def fit_monocular(
     *,
     stride: int,
     max_steps: int,
+    balance: bool = False,
     progress: Progress = lambda _: None,
 ) -> MonocularFit:
     """Fit every video by itself from each of its starts and return the best fit.
@@ -157,6 +158,7 @@ def fit_monocular(
     Args:
         observations: M videos; starts: the starts of each (at least one each).
         max_steps: Gauss-Newton steps of the last fit.
+        balance: bodies balance over their support, as no other video tells how far they lean.
     """
     owner = [v for v, of_video in enumerate(starts) for _ in of_video]
     progress(f"{len(owner)} starts on every {stride}th frame")
@@ -171,8 +173,10 @@ def fit_monocular(
     state = all_frames(fits.state.rows(chosen), observations, stride)
     terms = monocular_terms(body, prior, observations, state.trans, weights, 1.0)
     for _ in range(BALANCE_ROUNDS):
-        balanced = [*terms, *balance_terms(body, state, observations, weights)]
-        solution = gauss_newton(balanced, state, max_steps=max_steps, relative_tolerance=TOLERANCE)
+        balanced = balance_terms(body, state, observations, weights) if balance else []
+        solution = gauss_newton(
+            [*terms, *balanced], state, max_steps=max_steps, relative_tolerance=TOLERANCE
+        )
         state = solution.state
     costs = [[fits.costs[row] for row in fits.rows(v)] for v in videos]
     return MonocularFit(state, costs, solution.status, fits)

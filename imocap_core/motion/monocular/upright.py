@@ -34,11 +34,11 @@ def balance_terms(
 ) -> list[Term]:
     """Balance over the limbs that support each motion, under the up that its video tells.
 
-    Both are those of ``state`` and constant in the term. Where an action has several videos there
-    is no such term: they tell together how far a body leans, and who balances on one leg would be
-    drawn off the truth (`docs/ground.md`).
+    Both are those of ``state`` and constant in the term. It is for an action's only video: several
+    tell together how far a body leans, and who balances on one leg would be drawn off the truth
+    (`docs/ground.md`).
     """
-    if weights.balance == 0 or len(observations) > 1:
+    if weights.balance == 0:
         return []
     level = LevelPrior(
         weights.camera_roll_deg, weights.camera_pitch_deg, weights.camera_pitch_down_deg
