@@ -38,7 +38,7 @@ function cardOf(id) {
     element("option", { value: "true", text: "Mirrored: yes" }),
     element("option", { value: "false", text: "Mirrored: no" }));
   select.addEventListener("change", () => mirror(videoOf(id), JSON.parse(select.value)));
-  const performer = element("input", { type: "text", class: "performer", placeholder: "Performer's name", "aria-label": `Performer's name in ${id}`, list: "performers", autocomplete: "off", spellcheck: "false", maxlength: 60 });
+  const performer = element("input", { type: "text", class: "performer", placeholder: "Performer", "aria-label": `Performer's name in ${id}`, list: "performers", autocomplete: "off", spellcheck: "false", maxlength: 60 });
   performer.addEventListener("change", () => namePerformer(videoOf(id), performer.value));
   performer.addEventListener("keydown", (event) => { if (event.key === "Enter") performer.blur(); });
   const card = {
