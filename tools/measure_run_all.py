@@ -33,7 +33,7 @@ from imocap_core.synthetic.yoga_clip import LAYOUT, make_yoga_clip, pictures
 
 Digests = dict[tuple[str, str], str]
 PATIENCE_S = 120
-VIDEOS, FRAMES, CRF, STAGES = 3, 60, 20, 8
+VIDEOS, FRAMES, CRF, STAGES = 2, 40, 20, 9
 COMMAND = [sys.executable, "-c", "import sys; from imocap_core.cli import main; sys.exit(main())"]
 
 
