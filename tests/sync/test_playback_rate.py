@@ -14,10 +14,12 @@ from tests.sync.test_synchronise import FPS, PARAMS, error_s, estimated, pose_at
 SPEEDS = [1.0, 1.1, 0.9, 1.2]
 
 
-def videos(speeds: list[float], seed: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Phases and estimates of one action of 5 s, each video at its own speed."""
+def videos(
+    speeds: list[float], seed: int, seconds: float = 5.0
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Phases and estimates of one action, each video at its own speed."""
     rng = np.random.default_rng(seed)
-    phases = [np.arange(0.1 * v, 5.0, s / FPS) for v, s in enumerate(speeds)]
+    phases = [np.arange(0.1 * v, seconds, s / FPS) for v, s in enumerate(speeds)]
     poses = [pose_at(p) + 0.03 * rng.normal(size=(len(p), 12, 3)) for p in phases]
     return phases, poses
 
@@ -77,7 +79,7 @@ def test_rates_are_relative() -> None:
 @cache
 def error_at(speed: float) -> float:
     """The mean error in seconds of the second video, played at this speed."""
-    phases, _ = videos([1.0, speed, 0.9, 1.1], 7)
+    phases, _ = videos([1.0, speed, 0.9, 1.1], 7, seconds=3.5)
     rng = np.random.default_rng(8)
     poses = [estimated(p, rng) for p in phases]
     result = run(poses, PARAMS, reference=0)
@@ -101,7 +103,7 @@ def test_clocks_tell_the_action_s_time() -> None:
 
 
 def test_rates_that_were_estimated_before_give_the_same_maps() -> None:
-    _, poses = videos([1.0, 0.25, 0.9], 4)
+    _, poses = videos([1.0, 0.25, 0.9], 4, seconds=3.5)
     params = replace(PARAMS, max_rate=32.0)
     given = estimated_rates(poses, fps=[FPS] * 3, params=params)
     assert given[1] < 0.5
