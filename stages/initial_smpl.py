@@ -15,14 +15,13 @@ import torch
 from imocap_core.artifacts.schemas import Artifact, CameraMotion, InitialSmpl, Keypoints
 from imocap_core.cli import stage_main
 from imocap_core.motion.prior import load_pose_prior
+from imocap_core.motion.solver.gauss_newton import motions_at_once
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.estimates import estimate_of
 from imocap_core.problem.single_video import SingleVideo, fit_single_video, joined
 from imocap_core.problem.swapped_sides import refits_of_swapped
 from imocap_core.workers import at_once
-
-AT_ONCE = 2  # videos: more take more memory and are not faster
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
@@ -39,7 +38,9 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
         ended.append(i)
         return fit
 
-    result = joined(at_once(part, ids, AT_ONCE), ids)
+    longest = max(video.frames for video in videos.values())
+    most = motions_at_once(2 * longest)  # a video's starts are fitted at once, too
+    result = joined(at_once(part, ids, most), ids)
     if len(ids) > 1 and params.initial_smpl.hypotheses > 1:
         ctx.progress(0.8, "sides that the other videos' motions swap")
         prior, singles = load_pose_prior(), list(videos.values())

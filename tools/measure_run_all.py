@@ -11,16 +11,12 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
 
@@ -30,71 +26,18 @@ from imocap_core.io.video import write_h264
 from imocap_core.pipeline.make_demo import demo_body, video_id, write_keypoints
 from imocap_core.pipeline.source import PROJECT
 from imocap_core.synthetic.yoga_clip import LAYOUT, make_yoga_clip, pictures
+from tools.dask_cluster import started_cluster
 
 Digests = dict[tuple[str, str], str]
-PATIENCE_S = 120
 VIDEOS, FRAMES, CRF, STAGES = 2, 40, 20, 9
 COMMAND = [sys.executable, "-c", "import sys; from imocap_core.cli import main; sys.exit(main())"]
-
-
-@dataclass
-class StartedCluster:
-    """A Dask scheduler and its workers, each with a working folder."""
-
-    address: str
-    workers: list[subprocess.Popen[bytes]] = field(default_factory=list)
-
-
-@contextmanager
-def cluster(roots: list[Path]) -> Iterator[StartedCluster]:
-    """A scheduler, and a worker of one thread for each of these working folders."""
-    with socket.socket() as unused:
-        unused.bind(("127.0.0.1", 0))
-        address = f"127.0.0.1:{unused.getsockname()[1]}"
-    with ExitStack() as stack:
-
-        def start(words: list[str], **more: str) -> subprocess.Popen[bytes]:
-            quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-            process = subprocess.Popen(words, env={**environment(), **more}, cwd=PROJECT, **quiet)
-            stack.callback(process.wait)
-            stack.callback(process.terminate)
-            return process
-
-        made = StartedCluster(address)
-        place = ["--host", "127.0.0.1", "--port", address.split(":")[1], "--no-dashboard"]
-        start([sys.executable, "-m", "distributed.cli.dask_scheduler", *place])
-        for root in roots:
-            words = [sys.executable, "-m", "distributed.cli.dask_worker", address]
-            words += ["--nthreads", "1", "--no-dashboard", "--local-directory", str(root / "dask")]
-            settings = {"IMOCAP_ROOT": str(root), "DASK_DISTRIBUTED__WORKER__DAEMON": "False"}
-            made.workers.append(start([*words, "--no-nanny"], **settings))
-        wait_for_workers(address, len(roots))
-        yield made
-
-
-def wait_for_workers(address: str, count: int) -> None:
-    """Until so many answer the scheduler."""
-    from distributed import Client
-
-    with Client(address, timeout=PATIENCE_S) as client:
-        client.wait_for_workers(count, timeout=PATIENCE_S)
-
-
-def environment() -> dict[str, str]:
-    """Of the processes: this code."""
-    return {**os.environ, "PYTHONPATH": os.pathsep.join([str(PROJECT), *python_path()])}
-
-
-def python_path() -> list[str]:
-    """What PYTHONPATH names already."""
-    return [part for part in os.environ.get("PYTHONPATH", "").split(os.pathsep) if part]
 
 
 def run_all(root: Path, names: list[str], words: list[str]) -> subprocess.Popen[bytes]:
     """`imocap run-all` of the actions, begun."""
     line = [*COMMAND, "--root", str(root), "run-all", *names, *words, "--json"]
     output = (root / "run-all.json").open("wb")
-    return subprocess.Popen(line, env=environment(), stdout=output, cwd=PROJECT)
+    return subprocess.Popen(line, stdout=output, cwd=PROJECT)
 
 
 def finished(root: Path, process: subprocess.Popen[bytes]) -> Digests:
@@ -147,7 +90,7 @@ def in_this_machine(root: Path, names: list[str], executor: str, workers: int) -
 
 def on_cluster(root: Path, names: list[str], roots: list[Path], words: list[str]) -> Digests:
     """By two Dask workers, of which the first is killed when a third of the results is there."""
-    with cluster(roots) as made:
+    with started_cluster(roots, {}, replaced=False) as made:
         words = ["--executor", "dask", "--address", made.address, *words]
         command = run_all(root, names, words)
         while command.poll() is None and len(results(roots)) < len(names) * STAGES / 3:

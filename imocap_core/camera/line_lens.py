@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -44,6 +45,8 @@ class LineLens:
         parts: number of parts of the picture that speak for it; against: what others lose, as a
             share of what these gain.
     """
+
+    source: ClassVar[Literal["lines"]] = "lines"
 
     distortion: float
     sd: float

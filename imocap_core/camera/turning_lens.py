@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -39,6 +40,8 @@ class TurningLens:
         gain: share of held-out tracks' cost that it removes; sigmas: this over its standard error.
         apart: difference between the distortions of two halves of the tracks.
     """
+
+    source: ClassVar[Literal["rotation"]] = "rotation"
 
     distortion: float
     sd: float

@@ -11,7 +11,7 @@ from imocap_core.errors import WrongUse
 from imocap_core.library.door import plain_errors
 from imocap_core.library.one_off import Params, one_off
 from imocap_core.pipeline import runner
-from imocap_core.pipeline.keys import Recipe
+from imocap_core.pipeline.recipe import Recipe
 from imocap_core.pipeline.runner import Job, StageStatus
 from imocap_core.workspace import Workspace
 

@@ -70,6 +70,10 @@ class MotionState:
         value: T = entry[1]
         return value
 
+    def uncached(self) -> MotionState:
+        """The same state without what was computed from it, for uses that should not add to it."""
+        return replace(self)
+
     @cached_property
     def _cache(self) -> dict[tuple[int, ...], tuple[tuple[object, ...], Any]]:
         return {}

@@ -16,7 +16,8 @@ from typing import Any
 from imocap_core.artifacts.store import Stored
 from imocap_core.errors import ArtifactCorrupt, WorkFailed
 from imocap_core.pipeline.graph import SCORING_STAGE
-from imocap_core.pipeline.keys import Recipe, recipe, value_differences
+from imocap_core.pipeline.keys import recipe, value_differences
+from imocap_core.pipeline.recipe import Recipe
 from imocap_core.pipeline.runner import Job
 
 MAX_REASONS = 3

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
@@ -19,33 +19,12 @@ from imocap_core.pipeline.action import DETECT, Action
 from imocap_core.pipeline.content import content_digest
 from imocap_core.pipeline.graph import Pipeline, RunSettings
 from imocap_core.pipeline.places import placed
+from imocap_core.pipeline.recipe import Recipe, canonical
 from imocap_core.pipeline.source import closure
 from imocap_core.pipeline.stage import Read
 
 OPTIONAL = {"imocap_core.io.colmap": "pycolmap"}  # module -> library that it can do without
 FIELDS = {"detections": "keypoints", "videos": "video", "sound": "video", "initial": "initial"}
-FORMAT = 1  # raise when the way artifacts are made or stored changes what they mean
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """Everything that determines a result; every leaf is a value or a digest."""
-
-    code: Mapping[str, str]  # module -> digest
-    params: Mapping[str, Mapping[str, Any]]
-    seed: int
-    inputs: Mapping[str, str]  # stage -> content digest
-    reads: Mapping[str, str]  # "videos v1" -> content digest
-    format: int = FORMAT
-
-    @property
-    def key(self) -> str:
-        """The stage key."""
-        return hashlib.sha256(_canonical(asdict(self)).encode()).hexdigest()
-
-    def provenance(self) -> dict[str, str]:
-        """The recipe as text, to be stored with a result."""
-        return {name: _canonical(value) for name, value in asdict(self).items()}
 
 
 def recipe(
@@ -131,16 +110,16 @@ def _reads(kind: Read, action: Action) -> Iterator[tuple[str, str | Path]]:
     """What a kind of read stands for: each by a name, a digest or the file that is read."""
     if kind == "declarations":
         for video in placed(action.videos):
-            text = _canonical(video.model_dump(mode="json", by_alias=True))
+            text = canonical(video.model_dump(mode="json", by_alias=True))
             yield f"declarations {video.id}", hashlib.sha256(text.encode()).hexdigest()
-        order = _canonical([video.id for video in action.videos])
+        order = canonical([video.id for video in action.videos])
         yield "declarations (order)", hashlib.sha256(order.encode()).hexdigest()
         return
     if kind == "hints":
         for name, entries in (("anchors", action.anchors), ("forbidden", action.forbidden)):
-            text = _canonical([entry.model_dump(mode="json") for entry in entries])
+            text = canonical([entry.model_dump(mode="json") for entry in entries])
             yield f"hints {name}", hashlib.sha256(text.encode()).hexdigest()
-        mirrored = _canonical({video.id: video.mirrored for video in action.videos})
+        mirrored = canonical({video.id: video.mirrored for video in action.videos})
         yield "hints mirrored", hashlib.sha256(mirrored.encode()).hexdigest()
         return
     if kind == "truth":
@@ -163,10 +142,6 @@ def _reads(kind: Read, action: Action) -> Iterator[tuple[str, str | Path]]:
 
 def _digest_of(file: Path, absent: str | None) -> str:
     return content_digest(file) if absent is None or file.exists() else absent
-
-
-def _canonical(value: Any) -> str:
-    return json.dumps(value, sort_keys=True, separators=(",", ":"))
 
 
 def _flat(groups: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from imocap_core.artifacts.cache import mark_used
 from imocap_core.artifacts.store import Store
-from imocap_core.pipeline.keys import Recipe
+from imocap_core.pipeline.recipe import Recipe
 
 if TYPE_CHECKING:
     from imocap_core.artifacts.schemas.base import Artifact

@@ -20,8 +20,9 @@ from imocap_core.peak_memory import peak_bytes, restart_peak
 from imocap_core.pipeline.action import Action
 from imocap_core.pipeline.allowed_scripts import must_be_allowed
 from imocap_core.pipeline.graph import Pipeline, RunSettings
-from imocap_core.pipeline.keys import Recipe, differences, read_files, recipe
+from imocap_core.pipeline.keys import differences, read_files, recipe
 from imocap_core.pipeline.parts import Parts
+from imocap_core.pipeline.recipe import Recipe
 from imocap_core.pipeline.stage import Context, Inputs, Progress
 from imocap_core.pipeline.stage_call import (
     DeclaredParams,

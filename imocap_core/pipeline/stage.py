@@ -53,7 +53,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Protocol, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 from imocap_core.errors import WorkFailed
 from imocap_core.pipeline.action import DETECT, Action, Declaration
@@ -66,25 +66,13 @@ if TYPE_CHECKING:
 
     from imocap_core.artifacts.schemas.base import Artifact
     from imocap_core.artifacts.store import Stored
+    from imocap_core.pipeline.parts import Parts
 
 Read = Literal[
     "declarations", "detections", "videos", "sound", "initial", "hints", "event", "truth"
 ]
 Progress = Callable[[float, str], None]  # share done (0 to 1), what is being done
 Kind = TypeVar("Kind", bound="Artifact")
-
-
-class KeptParts(Protocol):
-    """Where parts of results are kept (`pipeline.parts`)."""
-
-    def get(
-        self,
-        name: str,
-        made_from: Mapping[str, Artifact | str],
-        kind: type[Kind],
-        make: Callable[[], Kind],
-    ) -> Kind:
-        """As `Context.part`."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +85,7 @@ class Context:
     progress: Progress
     report: Path  # an empty folder; what the stage leaves there is published as report/
     _action: Action
-    _parts: KeptParts | None = None
+    _parts: Parts | None = None
 
     def rng(self) -> np.random.Generator:
         """A fresh generator, the same for every run of this stage with this seed."""

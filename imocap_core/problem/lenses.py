@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 from jaxtyping import Float
 
@@ -38,10 +36,7 @@ def estimated_distortion(
 ) -> LensDistortion:
     """An estimated lens, relative to the focal length in K."""
     lens, k1_sd = estimate.lens(K, size)
-    source: Literal["rotation", "lines"] = (
-        "rotation" if isinstance(estimate, TurningLens) else "lines"
-    )
-    return LensDistortion(source=source, coefficients=lens.coefficients, k1_sd=k1_sd)
+    return LensDistortion(source=estimate.source, coefficients=lens.coefficients, k1_sd=k1_sd)
 
 
 def lens_from(distortion: LensDistortion | None, K: Float[np.ndarray, "3 3"]) -> Lens | None:

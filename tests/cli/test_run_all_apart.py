@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
-import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
 
-from imocap_core.pipeline.allowed_scripts import VARIABLE
-from imocap_core.pipeline.source import PROJECT
-from tests.s3_server import free_port, needs_s3, s3_store
+from tests.s3_server import needs_s3, s3_store
+from tools.dask_cluster import started_cluster
 
 if TYPE_CHECKING:
     from tests.pipeline.conftest import Toy
@@ -24,43 +20,6 @@ if TYPE_CHECKING:
 Capture = pytest.CaptureFixture[str]
 pytest.importorskip("distributed", reason="the extra dask is not installed")
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="kills a process as Linux does")
-
-
-@contextmanager
-def cluster(roots: list[Path], environment: dict[str, str]) -> Iterator[str]:
-    """A scheduler and a worker in each of these working folders; the scheduler's address."""
-    address = f"127.0.0.1:{free_port()}"
-    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": PROJECT}
-    with ExitStack() as stack:
-
-        def start(words: list[str], **more: str) -> None:
-            process = subprocess.Popen(
-                words,
-                env={**os.environ, "PYTHONPATH": str(PROJECT), **environment, **more},
-                **quiet,
-            )
-            stack.callback(process.wait)
-            stack.callback(process.terminate)
-
-        start([*dask, "--host", "127.0.0.1", "--port", address[10:], "--no-dashboard"])
-        for root in roots:
-            worker = [sys.executable, "-m", "distributed.cli.dask_worker", address]
-            worker += ["--nthreads", "1", "--no-dashboard", "--local-directory", str(root / "dask")]
-            start(
-                worker,
-                IMOCAP_ROOT=str(root),
-                DASK_DISTRIBUTED__WORKER__DAEMON="False",
-                **{VARIABLE: str(root)},
-            )
-        yield address
-
-
-def wait_for_workers(address: str, count: int) -> None:
-    from distributed import Client
-
-    with Client(address, timeout=30) as client:
-        client.wait_for_workers(count, timeout=30)
 
 
 def worker_folder(toy: Toy, name: str) -> Path:
@@ -91,9 +50,8 @@ def test_workers_with_folders_of_their_own_give_what_one_machine_gives(
     toy.ran()
     capsys.readouterr()
     roots = [worker_folder(toy, "first"), worker_folder(toy, "second")]
-    with cluster(roots, {"TOY_SCALE": "kill once"}) as address:
-        wait_for_workers(address, 2)
-        words = ["toy", "--executor", "dask", "--address", address, "--store", store]
+    with started_cluster(roots, {"TOY_SCALE": "kill once"}) as cluster:
+        words = ["toy", "--executor", "dask", "--address", cluster.address, "--store", store]
         assert toy.imocap(["run-all", *words, "--json"]) == 0
     (end,) = json.loads(capsys.readouterr().out)["actions"]
     assert [stage["how"] for stage in end["stages"]] == ["made"] * 3
@@ -109,8 +67,8 @@ def test_a_worker_with_another_pipeline_is_a_sentence(
     root = worker_folder(toy, "first")
     text = (root / "pipeline.yaml").read_text()
     (root / "pipeline.yaml").write_text(text.replace("seed: 7", "seed: 8"))
-    with cluster([root], {}) as address:
-        words = ["toy", "--executor", "dask", "--address", address]
+    with started_cluster([root], {}) as cluster:
+        words = ["toy", "--executor", "dask", "--address", cluster.address]
         assert toy.imocap(["run-all", *words, "--store", str(tmp_path / "shared")]) == 1
     assert "has another version of imocap, or another pipeline.yaml" in capsys.readouterr().out
     assert toy.ran() == []

@@ -11,7 +11,8 @@ import numpy as np
 from imocap_core.artifacts import codec
 from imocap_core.artifacts.schemas import Keypoints
 from imocap_core.errors import ArtifactCorrupt
-from imocap_core.pipeline.keys import Recipe, differences
+from imocap_core.pipeline.keys import differences
+from imocap_core.pipeline.recipe import Recipe
 from tests.made_keypoints import made_keypoints
 
 VIDEO = made_keypoints(np.arange(3))
