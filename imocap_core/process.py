@@ -15,8 +15,12 @@ zeros: this took a tenth of a fit's processor time. Other systems' libraries are
 from __future__ import annotations
 
 import ctypes
+import mmap
 import sys
+from contextlib import suppress
+from pathlib import Path
 
+STATM, LARGE_BYTES = Path("/proc/self/statm"), 1e9
 TRIM_THRESHOLD, MMAP_THRESHOLD, ARENA_MAX = -1, -3, -8  # mallopt(3)
 NEVER, LARGEST = 2**31 - 1, 32 * 2**20  # the largest MMAP_THRESHOLD that glibc takes
 
@@ -40,6 +44,15 @@ def release_freed_memory() -> None:
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
     if trim is not None:
         trim(0)
+
+
+def release_if_large() -> None:
+    """The same between two parts of a stage, where the process is large: memory that is wanted
+    again costs time."""
+    with suppress(OSError):
+        pages = int(STATM.read_text().split()[1])
+        if pages * mmap.PAGESIZE > LARGE_BYTES:
+            release_freed_memory()
 
 
 def keep_freed_memory() -> bool:

@@ -25,8 +25,8 @@ from imocap_core.problem.hints import hints_of
 from imocap_core.problem.joint import JointProblem, problem_of
 from imocap_core.problem.loop_confidence import with_first_repetitions, with_independent_confidence
 from imocap_core.problem.sound import with_sound
-from imocap_core.problem.synchronisation import rates_of_motions, synchronise_motions
-from imocap_core.process import release_freed_memory
+from imocap_core.problem.synchronisation import rates_of_motions, summary_of, synchronise_motions
+from imocap_core.process import release_freed_memory, release_if_large
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
@@ -60,7 +60,7 @@ def _in_turn(
     initial: InitialSmpl,
     begin: LoopRound[Sync, JointMotion],
     params: Params,
-) -> Alternation[Sync, JointMotion]:
+) -> Alternation[Sync, SyncSummary, JointMotion]:
     """Synchronisation and SMPL-BA in turn."""
     first_sync = begin.sync
     hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))
@@ -79,6 +79,7 @@ def _in_turn(
         nonlocal rounds_begun
         rounds_begun += 1
         progress("sync")
+        release_if_large()  # of the motion, which needs other sizes
         sync = synchronise_motions(
             problem.filmed_joints(motion),
             keypoints,
@@ -93,16 +94,21 @@ def _in_turn(
         sound = first_sync.sound_start_s
         return with_one_offset(sync, keypoints, sound) if ctx.event() else sync
 
+    def solve(what: str) -> None:
+        progress(f"motion, {what}")
+        release_if_large()
+
     def recover(sync: Sync, motion: JointMotion) -> JointMotion:
         progress("motion")
         release_freed_memory()  # of the synchronisation, which needs other sizes
         scene = problem.synchronised(sync).scene
-        return recover_motion(scene, motion.state, problem.options, cameras=motion.cameras)
+        return recover_motion(scene, motion.state, problem.options, solve, cameras=motion.cameras)
 
     return alternate(
         begin,
         synchronise,
         recover,
+        outline=summary_of,
         maps=lambda sync: [m.reference_frame for m in sync.maps],
         cost=lambda motion: motion.misfit,
         max_rounds=params.refine.max_rounds if len(keypoints.videos) > 1 else 0,
@@ -111,14 +117,16 @@ def _in_turn(
 
 
 def _as_artifact(
-    loop: Alternation[Sync, JointMotion], problem: JointProblem, single_pass: SmplBa
+    loop: Alternation[Sync, SyncSummary, JointMotion],
+    problem: JointProblem,
+    single_pass: SmplBa,
 ) -> RefineSync:
     """All rounds as they are stored; common motion and ground are the result's alone."""
     motions = [single_pass, *(problem.result(r.motion) for r in loop.rounds[1:])]
     return RefineSync(
         rounds=[
             Round(
-                sync=_summary(round_.sync),
+                sync=round_.sync,
                 motion=motion.model_copy(update={"common": None, "ground": None}),
                 cost=round_.cost,
                 sync_change_frames=round_.change_frames,
@@ -130,10 +138,6 @@ def _as_artifact(
         motion=motions[loop.best],
         status=loop.status,
     )
-
-
-def _summary(sync: Sync) -> SyncSummary:
-    return SyncSummary.model_validate({n: getattr(sync, n) for n in SyncSummary.model_fields})
 
 
 if __name__ == "__main__":

@@ -9,10 +9,16 @@ from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.ground import with_ground
 from imocap_core.problem.joint import problem_of
+from imocap_core.process import release_if_large
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> SmplBa:
     """One pass of SMPL-BA on the first correspondences."""
+
+    def progress(message: str) -> None:
+        ctx.progress(0.5, message)
+        release_if_large()  # the next solve needs other sizes
+
     keypoints, cameras, sync = inputs.get(Keypoints), inputs.get(CameraMotion), inputs.get(Sync)
     problem = problem_of(
         keypoints,
@@ -23,12 +29,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> SmplBa:
         params.motion,
         event=ctx.event(),
     )
-    motion = recover_motion(
-        problem.scene,
-        problem.start,
-        problem.options,
-        progress=lambda message: ctx.progress(0.5, message),
-    )
+    motion = recover_motion(problem.scene, problem.start, problem.options, progress)
     return with_ground(problem.result(motion), keypoints, cameras, sync.excluded, params.fit)
 
 

@@ -29,6 +29,7 @@ from imocap_core.problem.uncertainty import (
     anatomical_rotations,
     uncertainty_of,
 )
+from imocap_core.process import release_if_large
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Uncertainty:
@@ -59,6 +60,7 @@ def posterior_of(
     scene = group.problem.scene_of(group.solution)
     rows = partial(anatomical_rotations, scene.body.model)
     posterior = motion_posterior(scene, group.solution, options, noise, rows)
+    release_if_large()  # the viewpoints need other sizes
     viewpoints = viewpoint_report(
         scene,
         group.solution,

@@ -108,6 +108,11 @@ class MotionState:
         """Index of a free focal length among the globals."""
         return self.betas.shape[1] + 6 * self.camera_t.shape[1] + focal
 
+    def of_frames(self, frames: slice) -> MotionState:
+        """Some frames of every motion."""
+        parts = {name: getattr(self, name)[:, frames] for name in ("R_local", "trans", "valid")}
+        return replace(self, **parts)
+
     def shape_columns(self, performer: int = 0) -> slice:
         """Indices of a performer's shape among the globals."""
         count = self.betas.shape[1]

@@ -14,6 +14,7 @@ from imocap_core.artifacts.schemas import (
     EventCameras,
     Keypoints,
     Sync,
+    SyncSummary,
 )
 from imocap_core.camera.lens import Lens
 from imocap_core.motion.event.bones import bone_lengths, bones_of, typical_lengths
@@ -31,6 +32,7 @@ from imocap_core.motion.observations import Observation
 from imocap_core.params import EventParams
 from imocap_core.problem.event_timing import clock_of_participants, offset_by_sound, on_lines
 from imocap_core.problem.joint import JointProblem
+from imocap_core.problem.synchronisation import summary_of
 
 MOST_MOMENTS = 300  # of a calibration: of longer videos every second, third, ... moment is used
 SOUND_SD_S, MATCHES_SD_S = 0.01, 0.2  # of an offset by sound, and by the matches
@@ -50,7 +52,7 @@ def calibrated_round(
     first: LoopRound[Sync, JointMotion],
     params: EventParams,
     progress: Progress,
-) -> tuple[Alternation[Sync, JointMotion], EventCameras]:
+) -> tuple[Alternation[Sync, SyncSummary, JointMotion], EventCameras]:
     """Calibrate the cameras from the event, and fit the motion again with them: the one round after
     the first.
 
@@ -79,7 +81,8 @@ def calibrated_round(
     before, after = ([m.reference_frame for m in x.maps] for x in (first.sync, sync))
     change = mean_change(before, after)
     status = f"the cameras are calibrated from the event: {solved.status}"
-    rounds = [first, LoopRound(sync, again, again.misfit, change)]
+    begin = LoopRound(summary_of(first.sync), motion, first.cost, first.change_frames)
+    rounds = [begin, LoopRound(summary_of(sync), again, again.misfit, change)]
     stored = _stored(ids, scene, solved, params, _stride(task))
     return Alternation(rounds, 1, sync, status), stored
 

@@ -72,7 +72,7 @@ class JointProblem:
 
     def scene_of(self, motion: JointMotion) -> Scene:
         """The scene as a motion explains it: sides put right, and the solved intrinsics."""
-        scene = with_sides_of_others(self.scene, motion.state, motion.cameras)
+        scene = with_sides_of_others(self.scene, motion.state.uncached(), motion.cameras)
         return scene.with_intrinsics(motion.cameras)
 
     def reprojection_evidence(self, motion: JointMotion) -> ReprojectionEvidence:

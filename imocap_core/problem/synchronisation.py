@@ -187,6 +187,11 @@ def sync_artifact(result: SyncResult, ids: Sequence[str], fps: Sequence[float]) 
     )
 
 
+def summary_of(sync: Sync) -> SyncSummary:
+    """A synchronisation without its matrices."""
+    return SyncSummary.model_validate({n: getattr(sync, n) for n in SyncSummary.model_fields})
+
+
 def joint_weights_of(params: SyncParams) -> Float[np.ndarray, "24"] | None:
     """Weights of SMPL's joints, None where all are equal."""
     given = params.joint_weights

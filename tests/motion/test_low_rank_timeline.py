@@ -108,14 +108,17 @@ def test_missing_keypoints_are_never_blended_in() -> None:
     np.testing.assert_allclose(strength[:, 0], [1.0, 0.5, 0.0, 0.0])
 
 
-def rounds(costs: list[float], maps: list[float], limit: int) -> Alternation[np.ndarray, float]:
+def rounds(
+    costs: list[float], maps: list[float], limit: int
+) -> Alternation[np.ndarray, list[np.ndarray], float]:
     """An alternation whose rounds have these costs and these correspondences."""
-    cost, place = iter(costs), iter(maps)
+    cost, place = iter(costs), dict(zip([9.0, *costs], maps, strict=False))
     return alternate(
         LoopRound(np.zeros(4), 9.0, 9.0, 0.0),
-        lambda motion: np.full(4, next(place)),
+        lambda motion: np.full(4, place[motion]),
         lambda sync, motion: next(cost),
-        maps=lambda sync: [sync],
+        outline=lambda sync: [sync],
+        maps=lambda outline: outline,
         cost=lambda motion: motion,
         max_rounds=limit,
         settled_frames=0.1,
@@ -145,7 +148,8 @@ def test_a_round_that_loses_frames_is_not_kept_for_being_cheap() -> None:
         LoopRound(np.zeros(4), 9.0, 9.0, 0.0),
         lambda motion: lost,
         lambda sync, motion: 1.0,
-        maps=lambda sync: [sync],
+        outline=lambda sync: [sync],
+        maps=lambda outline: outline,
         cost=lambda motion: motion,
         max_rounds=1,
         settled_frames=0.1,

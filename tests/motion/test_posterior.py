@@ -19,7 +19,12 @@ from imocap_core.motion.posterior.common_posterior import (
 from imocap_core.motion.posterior.joint_covariance import joint_jacobian, vector_covariance
 from imocap_core.motion.posterior.motion_posterior import motion_posterior, nearest_reference
 from imocap_core.motion.posterior.noise import Noise
-from imocap_core.motion.posterior.per_video_posterior import per_video_fits, per_video_posterior
+from imocap_core.motion.posterior.per_video_posterior import (
+    PerVideoFit,
+    PosteriorPiece,
+    per_video_fits,
+    per_video_posterior,
+)
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.solver.objective import linearise
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
@@ -57,6 +62,12 @@ def few(made: Made, frames: int) -> tuple[Scene, MotionState]:
     return replace(whole(made), observations=[o]), state
 
 
+def posterior_of(fit: PerVideoFit) -> tuple[PosteriorPiece, Tensor]:
+    """Of all its frames, which are one piece, and the information about the shape."""
+    (piece,), schur = per_video_posterior(fit, lambda piece: piece)
+    return piece, schur
+
+
 def dense(normal: NormalEquations) -> Tensor:
     """The whole normal matrix of one motion: frames first, then globals."""
     _, frames, n, m = normal.border.shape
@@ -76,10 +87,10 @@ def test_joint_covariances_are_those_of_the_dense_inverse(made: Made) -> None:
     frames = 4
     one, state = few(made, frames)
     honest = WHITE.scene(one, 1)
-    own = per_video_posterior(per_video_fits(honest, state, None, OPTIONS, WHITE)[0])
+    own, schur = posterior_of(per_video_fits(honest, state, None, OPTIONS, WHITE)[0])
     by_frame, by_shape = joint_jacobian(made.body, state)
     claim = vector_covariance(by_frame, by_shape, own.given_shape, own.response)
-    found = claim.covariance(torch.linalg.inv(own.schur))
+    found = claim.covariance(torch.linalg.inv(schur))
     inverse = torch.linalg.inv(dense(linearise(per_video_terms(honest, state.trans), state)))
     for t in range(frames):
         at = [*range(t * FRAME_UNKNOWNS, (t + 1) * FRAME_UNKNOWNS), *range(-10, 0)]
@@ -92,14 +103,14 @@ def test_joint_covariances_are_those_of_the_dense_inverse(made: Made) -> None:
 def test_the_gain_is_what_a_displaced_common_motion_does(given: tuple[Scene, JointMotion]) -> None:
     all_, result = given
     evidence = common_evidence(all_, result, OPTIONS)
-    own = per_video_posterior(
+    own, _ = posterior_of(
         per_video_fits(WHITE.scene(all_, 3), result.state, evidence, OPTIONS, WHITE)[1]
     )
     size = torch.linalg.eigvals(own.gain).abs()
     assert float(size.max()) < 1.3  # follows, never overshoots by much
     elbow = own.gain[FRAMES // 2, 3 * 18 : 3 * 18 + 3, 3 * 18 : 3 * 18 + 3]
     assert 0.05 < float(elbow.trace()) / 3 < 1.0
-    still = per_video_posterior(
+    still, _ = posterior_of(
         per_video_fits(WHITE.scene(all_, 3), result.state, None, OPTIONS, WHITE)[1]
     )
     assert float(still.gain.abs().max()) == 0.0
@@ -158,7 +169,8 @@ def test_without_a_common_motion_one_is_fitted(made: Made) -> None:
 
 def test_the_common_motion_s_covariance_is_the_dense_inverse_s(made: Made) -> None:
     posterior = common_posterior(WHITE.scene(whole(made), 1), evidence_at_truth(made), WHITE)
-    inverse = torch.linalg.inv(dense(posterior.normal))
+    motion = posterior.evidence.motion
+    inverse = torch.linalg.inv(dense(linearise(posterior.terms, motion)))
     expected = torch.stack(
         [
             inverse[t * FRAME_UNKNOWNS :, t * FRAME_UNKNOWNS :][:FRAME_UNKNOWNS, :FRAME_UNKNOWNS]

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 S = TypeVar("S")  # correspondences
+R = TypeVar("R")  # of a round: without what they were read from
 M = TypeVar("M")  # motion
 DIVERGED = 1.3  # cost of a round, relative to the lowest, that counts as running away
 LOST_SHARE = 0.1  # a round may match this share of frames less than the best
@@ -31,14 +32,14 @@ class LoopRound(Generic[S, M]):
 
 
 @dataclass(frozen=True)
-class Alternation(Generic[S, M]):
+class Alternation(Generic[S, R, M]):
     """All rounds, the index of the best, the final correspondences, and a sentence.
 
     Where the loop settled, the final correspondences are those estimated from the best motion; they
     hardly differ from those that it was recovered with and are nearer to the truth.
     """
 
-    rounds: list[LoopRound[S, M]]
+    rounds: list[LoopRound[R, M]]
     best: int
     sync: S
     status: str
@@ -49,43 +50,48 @@ def alternate(
     synchronise: Callable[[M], S],
     recover: Callable[[S, M], M],
     *,
-    maps: Callable[[S], Sequence[Float[np.ndarray, " _"]]],
+    outline: Callable[[S], R],
+    maps: Callable[[R], Sequence[Float[np.ndarray, " _"]]],
     cost: Callable[[M], float],
     max_rounds: int,
     settled_frames: float,
-) -> Alternation[S, M]:
+) -> Alternation[S, R, M]:
     """Alternate until the correspondences move less than ``settled_frames`` on average.
 
     The last round is the result, unless it matches fewer frames than others do, or its cost has run
     away from the lowest.
 
     Args:
-        first: the single pass; synchronise: new correspondences from a motion.
+        first: the single pass.
+        synchronise: new correspondences from a motion, the same ones whenever it is asked.
         recover: a new motion from correspondences and the motion before.
-        maps: the per-video maps (T_v,) of correspondences; cost: of a motion.
+        outline: what a round keeps of its correspondences: all of them are large, and only the
+            result's are needed in the end.
+        maps: the per-video maps (T_v,) of an outline; cost: of a motion.
     """
-    rounds = [first]
-    settled: S | None = None
+    rounds = [LoopRound(outline(first.sync), first.motion, first.cost, first.change_frames)]
+    latest = first.sync
     status = f"stopped after {max_rounds} rounds, before the correspondences converged"
     if max_rounds == 0:
         status = "has no rounds"
     for _ in range(max_rounds):
-        sync = synchronise(rounds[-1].motion)
+        latest = synchronise(rounds[-1].motion)
+        sync = outline(latest)
         change = mean_change(maps(rounds[-1].sync), maps(sync))
         if change < settled_frames:
             status = f"converged: one more round moves the correspondences by {change:.2f} frames"
-            settled = sync
             break
-        motion = recover(sync, rounds[-1].motion)
+        motion = recover(latest, rounds[-1].motion)
         rounds.append(LoopRound(sync, motion, cost(motion), change))
     best = _best_round(rounds, [matched_share(maps(r.sync)) for r in rounds])
-    final = settled if settled is not None and best == len(rounds) - 1 else rounds[best].sync
     words = f"round {best}" if best else "the first joint solve"
-    lost = "" if best == len(rounds) - 1 else ", because later ones fit worse or match less"
-    return Alternation(rounds, best, final, f"{status}; the result is that of {words}{lost}")
+    if best < len(rounds) - 1:
+        words += ", because later ones fit worse or match less"
+        latest = synchronise(rounds[best - 1].motion) if best else first.sync
+    return Alternation(rounds, best, latest, f"{status}; the result is that of {words}")
 
 
-def _best_round(rounds: Sequence[LoopRound[S, M]], shares: Sequence[float]) -> int:
+def _best_round(rounds: Sequence[LoopRound[R, M]], shares: Sequence[float]) -> int:
     """The last round that still matches what the others match, unless its cost has run away.
 
     A round that loses frames looks cheap, because what it lost no longer counts.

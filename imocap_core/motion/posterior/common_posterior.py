@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from imocap_core.motion.monocular.fit import regularisers
@@ -27,7 +28,7 @@ from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion, Sce
 from imocap_core.motion.posterior.noise import Noise
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.solver.objective import linearise
-from imocap_core.motion.solver.selected import factorise
+from imocap_core.motion.solver.selected import selected_inverse
 from imocap_core.motion.state import FRAME_UNKNOWNS, POSE, MotionState
 from imocap_core.motion.terms import Reprojection, Term
 from imocap_core.params import MotionParams
@@ -61,7 +62,7 @@ class CommonPosterior:
         evidence: with the globals among the motion's unknowns.
         free: videos whose cameras are unknowns, in that order.
         reference: the video whose camera is the world.
-        normal: the normal matrix whose inverse this is.
+        terms: whose normal matrix at the motion this is the inverse of.
         given_globals: (N, 75, 75) covariance of each frame if the globals were known.
         response: (N, 75, m) how the frames follow the globals; globals_: (m, m) their covariance.
     """
@@ -69,7 +70,7 @@ class CommonPosterior:
     evidence: CommonEvidence
     free: list[int]
     reference: int
-    normal: NormalEquations
+    terms: list[Term]
     given_globals: Float[Tensor, "N 75 75"]
     response: Float[Tensor, "N 75 m"]
     globals_: Float[Tensor, "m m"]
@@ -87,20 +88,23 @@ class CommonPosterior:
         variance = self.globals_[first : first + 3, first : first + 3].trace()
         return float(variance.sqrt())
 
-    def in_camera_axes(self, v: int) -> Float[Tensor, "N 75 75"]:
-        """Covariance of the common motion in the axes of camera ``v``."""
+    def in_camera_axes(
+        self, v: int, frames: Int[np.ndarray, " P"] | slice = slice(None)
+    ) -> Float[Tensor, "P 75 75"]:
+        """Covariance of some frames of the common motion in the axes of camera ``v``."""
         motion, cameras = self.evidence.motion, self.evidence.cameras
+        given_globals, response = self.given_globals[frames], self.response[frames]
         R = cameras.R[v]
         rotated = torch.eye(FRAME_UNKNOWNS).to(R)
         rotated[POSE:, POSE:] = R
-        by_globals = -rotated @ self.response
+        by_globals = -rotated @ response
         if v in self.free:
             span = motion.camera_columns(self.free.index(v))
-            by_globals[:, :3, span.start : span.start + 3] += (R @ motion.R_local[0, :, 0]).mT
-            lever = (motion.trans[0] - motion.pivot()) @ R.T
+            by_globals[:, :3, span.start : span.start + 3] += (R @ motion.R_local[0, frames, 0]).mT
+            lever = (motion.trans[0, frames] - motion.pivot()) @ R.T
             eye = torch.eye(3).to(R).expand(len(lever), 3, 3)
             by_globals[:, POSE:, span] += torch.cat([-hat(lever), eye], -1)
-        of_frames = rotated @ self.given_globals @ rotated.T
+        of_frames = rotated @ given_globals @ rotated.T
         return of_frames + by_globals @ self.globals_ @ by_globals.mT
 
 
@@ -156,16 +160,25 @@ def common_posterior(scene: Scene, evidence: CommonEvidence, noise: Noise) -> Co
         *evidence.estimates,  # counted once per correlation time by their own weights
         *regularisers(scene.body, scene.prior, scene.fit, scene.fps),
     ]
-    normal = linearise(terms, state)
-    factored = factorise(normal.diagonal[0], normal.next1[0], normal.next2[0])
-    response = factored.solve(normal.border[0])
-    schur = normal.corner[0] - torch.einsum("tni,tnj->ij", normal.border[0], response)
+    given_globals, response, schur = _inverse(linearise(terms, state))
     return CommonPosterior(
         replace(evidence, motion=state),
         free,
         scene.reference,
-        normal,
-        factored.inverse_diagonal(),
+        terms,
+        given_globals,
         response,
         torch.linalg.inv(schur),
     )
+
+
+def _inverse(normal: NormalEquations) -> tuple[Tensor, Tensor, Tensor]:
+    """(N, 75, 75) inverse if the globals were known, (N, 75, m) solution for the border, and
+    (m, m) information about the globals."""
+    diagonal, border = normal.diagonal[0], normal.border[0]
+    given_globals, response = torch.empty_like(diagonal), torch.empty_like(border)
+    pieces = selected_inverse(diagonal, normal.next1[0], normal.next2[0], lambda t: border[t])
+    for piece in pieces:
+        given_globals[piece.frames], response[piece.frames] = piece.diagonal, piece.solution
+    schur = normal.corner[0] - torch.einsum("tni,tnj->ij", border, response)
+    return given_globals, response, schur

@@ -44,14 +44,13 @@ from imocap_core.motion.posterior.joint_covariance import (
 from imocap_core.motion.posterior.noise import Noise
 from imocap_core.motion.posterior.per_video_posterior import (
     PerVideoFit,
-    PerVideoPosterior,
+    PosteriorPiece,
     per_video_fits,
     per_video_posterior,
 )
 from imocap_core.motion.solver.gauss_newton import motions_at_once
-from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import POSE, MotionState
-from imocap_core.motion.terms.in_time import pieces
+from imocap_core.motion.terms import Term
 from imocap_core.params import MotionParams
 from imocap_core.workers import at_once
 
@@ -67,14 +66,14 @@ class MotionPosterior:
             for; NaN likewise.
         camera_rotation_rad: per video the standard deviation of its camera's rotation.
         motion: the motion seen by all videos (batch of 1, world axes; a single video's own).
-        normal: its normal matrix; common: None for one video.
+        terms: whose normal matrix at the motion was inverted; common: None for one video.
     """
 
     covariances_m2: list[Float[np.ndarray, "_ 24 3 3"]]
     rotations_rad2: list[Float[np.ndarray, "_ K 3 3"]]
     camera_rotation_rad: list[float]
     motion: MotionState
-    normal: NormalEquations
+    terms: list[Term]
     common: CommonPosterior | None
 
 
@@ -115,14 +114,15 @@ def motion_posterior(
     fits = per_video_fits(noise.scene(scene, videos), result.state, evidence, options, noise)
 
     def of_video(v: int) -> _VideoCovariance:
-        posterior = per_video_posterior(fits[v])
-        frames = nearest_reference(scene.timeline.to_reference[v], len(common))
-        carried = common.in_camera_axes(v)[frames]
-        covariance = posterior.given_shape + posterior.gain @ carried @ posterior.gain.mT
-        return _video_covariance(scene, fits[v], posterior, covariance, rotation_rows)
+        at_reference = nearest_reference(scene.timeline.to_reference[v], len(common))
 
-    performers = scene.performers
-    most = motions_at_once(2 * result.state.valid.shape[1])  # equations, factors, covariances
+        def given_shape(piece: PosteriorPiece) -> Tensor:
+            carried = common.in_camera_axes(v, at_reference[piece.frames])
+            return piece.given_shape + piece.gain @ carried @ piece.gain.mT
+
+        return _video_covariance(scene, fits[v], given_shape, rotation_rows)
+
+    performers, most = scene.performers, motions_at_once(result.state.valid.shape[1])
     by_video: list[_VideoCovariance] = at_once(of_video, range(videos), most)
     shapes = [
         torch.linalg.inv(
@@ -136,8 +136,8 @@ def motion_posterior(
         [_in_numpy(v.joints, shapes[p]) for v, p in zip(by_video, performers, strict=True)],
         [_in_numpy(v.rotations, shapes[p]) for v, p in zip(by_video, performers, strict=True)],
         [common.camera_rotation_sd_rad(v) for v in range(videos)],
-        evidence.motion,
-        common.normal,
+        common.evidence.motion,
+        common.terms,
         common,
     )
 
@@ -150,30 +150,29 @@ def _of_single_video(
     rotation_rows: Callable[[MotionState], Tensor],
 ) -> MotionPosterior:
     (fit,) = per_video_fits(noise.scene(scene, 1), state, None, options, noise)
-    posterior = per_video_posterior(fit)
-    video = _video_covariance(scene, fit, posterior, posterior.given_shape, rotation_rows)
-    assert posterior.normal is not None
+    video = _video_covariance(scene, fit, lambda piece: piece.given_shape, rotation_rows)
     shape = torch.linalg.inv(video.schur)
     joints, rotations = _in_numpy(video.joints, shape), _in_numpy(video.rotations, shape)
-    return MotionPosterior([joints], [rotations], [0.0], state, posterior.normal, None)
+    return MotionPosterior([joints], [rotations], [0.0], state, fit.terms, None)
 
 
 def _video_covariance(
     scene: Scene,
     fit: PerVideoFit,
-    posterior: PerVideoPosterior,
-    frames: Float[Tensor, "T 75 75"],
+    given_shape: Callable[[PosteriorPiece], Float[Tensor, "P 75 75"]],
     rotation_rows: Callable[[MotionState], Tensor],
 ) -> _VideoCovariance:
-    """frames: covariance of the video's increments, the shape known."""
-    response, by_pose = posterior.response, rotation_rows(fit.state)
-    parts = []
-    for part in pieces(len(frames)):
-        joints, given = joint_jacobian(scene.body, fit.state, part), (frames[part], response[part])
-        turned = of_whole_frame(by_pose[part])
-        parts.append((vector_covariance(*joints, *given), vector_covariance(turned, None, *given)))
+    """given_shape: covariance of the video's increments in some frames, the shape known."""
+
+    def of_piece(piece: PosteriorPiece) -> tuple[VectorCovariance, VectorCovariance]:
+        given = given_shape(piece), piece.response
+        joints = joint_jacobian(scene.body, fit.state, piece.frames)
+        turned = of_whole_frame(rotation_rows(fit.state.of_frames(piece.frames)))
+        return vector_covariance(*joints, *given), vector_covariance(turned, None, *given)
+
+    parts, schur = per_video_posterior(fit, of_piece)
     of_joints, of_rotations = zip(*parts, strict=True)
-    return _VideoCovariance(joined(of_joints), joined(of_rotations), posterior.schur)
+    return _VideoCovariance(joined(of_joints), joined(of_rotations), schur)
 
 
 def _in_numpy(vectors: VectorCovariance, shape: Tensor) -> Float[np.ndarray, "T K 3 3"]:

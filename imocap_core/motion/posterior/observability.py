@@ -18,6 +18,7 @@ from imocap_core.motion.observations import per_video_view
 from imocap_core.motion.posterior.azimuth import performer_axes
 from imocap_core.motion.posterior.motion_posterior import MotionPosterior
 from imocap_core.motion.posterior.viewpoints import camera_for_single, camera_like, reductions
+from imocap_core.motion.solver.objective import linearise
 from imocap_core.params import MotionParams
 from imocap_core.runs import runs
 
@@ -88,7 +89,7 @@ def viewpoint_report(
     else:
         camera = camera_like(posterior.common)
     gain = reductions(
-        scene.body, posterior.motion, posterior.normal, ground, camera,
+        scene.body, posterior.motion, linearise(posterior.terms, posterior.motion), ground, camera,
         scale=scene.fit.robust_scale_sigma, share=evidence_share,
     )  # fmt: skip
     return ViewpointReport(

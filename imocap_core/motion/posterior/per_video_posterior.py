@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import cast
+from typing import TypeVar, cast
 
 import torch
 from jaxtyping import Float
@@ -19,12 +20,13 @@ from imocap_core.motion.multiview.scene import Scene, per_video_terms
 from imocap_core.motion.posterior.common_posterior import CommonEvidence
 from imocap_core.motion.posterior.noise import Noise
 from imocap_core.motion.solver.gauss_newton import split_batch
-from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.solver.objective import linearise
-from imocap_core.motion.solver.selected import factorise
+from imocap_core.motion.solver.selected import selected_inverse
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms import PathCoupling, PoseCoupling, Term
 from imocap_core.params import MotionParams
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -38,23 +40,20 @@ class PerVideoFit:
 
 
 @dataclass(frozen=True)
-class PerVideoPosterior:
-    """Covariance of one video's local increments, the common motion given.
+class PosteriorPiece:
+    """Covariance of one video's local increments in P of its frames, the common motion given.
 
     Attributes:
-        normal: the normal matrix whose inverse this is; None where a common motion was given.
-        given_shape: (T, 75, 75) covariance of each frame if the shape were known.
-        response: (T, 75, 10) how the frames follow the shape.
-        schur: (10, 10) this video's information about the shape (inverse covariance; videos of one
-            body add up).
-        gain: (T, 75, 75) how far each frame follows a persistent displacement of the common motion.
+        frames: which.
+        given_shape: (P, 75, 75) covariance of each frame if the shape were known.
+        response: (P, 75, 10) how the frames follow the shape.
+        gain: (P, 75, 75) how far each frame follows a persistent displacement of the common motion.
     """
 
-    normal: NormalEquations | None
-    given_shape: Float[Tensor, "T 75 75"]
-    response: Float[Tensor, "T 75 10"]
-    schur: Float[Tensor, "10 10"]
-    gain: Float[Tensor, "T 75 75"]
+    frames: slice
+    given_shape: Float[Tensor, "P 75 75"]
+    response: Float[Tensor, "P 75 10"]
+    gain: Float[Tensor, "P 75 75"]
 
 
 def per_video_fits(
@@ -86,16 +85,30 @@ def per_video_fits(
     ]
 
 
-def per_video_posterior(fit: PerVideoFit) -> PerVideoPosterior:
-    """The inverse of a per-video fit's normal matrix, without damping."""
+def per_video_posterior(
+    fit: PerVideoFit, use: Callable[[PosteriorPiece], T]
+) -> tuple[list[T], Float[Tensor, "10 10"]]:
+    """The inverse of a per-video fit's normal matrix, without damping, piece by piece.
+
+    Args:
+        use: what is made of a piece, which is too large to be kept.
+
+    Returns:
+        What was made of the pieces, and the video's information about the shape (inverse
+        covariance; videos of one body add up).
+    """
     normal = linearise(fit.terms, fit.state)
-    factored = factorise(normal.diagonal[0], normal.next1[0], normal.next2[0])
-    response = factored.solve(normal.border[0])
-    schur = normal.corner[0] - torch.einsum("tni,tnj->ij", normal.border[0], response)
-    alone = None if fit.couplings else normal
-    del normal  # the largest arrays
-    gain = factored.solve(torch.diag_embed(_coupling_weights(fit.couplings, fit.state)))
-    return PerVideoPosterior(alone, factored.inverse_diagonal(), response, schur, gain)
+    border, weights = normal.border[0], _coupling_weights(fit.couplings, fit.state)
+    globals_, schur, results = border.shape[-1], normal.corner[0].clone(), list[T]()
+
+    def right(t: int) -> Tensor:
+        return torch.cat([border[t], torch.diag(weights[t])], 1)
+
+    for piece in selected_inverse(normal.diagonal[0], normal.next1[0], normal.next2[0], right):
+        response, gain = piece.solution[..., :globals_], piece.solution[..., globals_:]
+        schur -= torch.einsum("tni,tnj->ij", border[piece.frames], response)
+        results.append(use(PosteriorPiece(piece.frames, piece.diagonal, response, gain)))
+    return results[::-1], schur
 
 
 def _coupling_weights(couplings: list[Term], state: MotionState) -> Tensor:

@@ -16,9 +16,10 @@ from imocap_core.motion.posterior.common_posterior import CommonPosterior
 from imocap_core.motion.posterior.joint_covariance import joint_jacobian
 from imocap_core.motion.solver.gauss_newton import motions_at_once
 from imocap_core.motion.solver.normal import NormalEquations
-from imocap_core.motion.solver.selected import factorise
+from imocap_core.motion.solver.selected import selected_inverse
 from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
 from imocap_core.motion.terms import Reprojection, View
+from imocap_core.motion.terms.in_time import pieces
 from imocap_core.motion.terms.view import project
 from imocap_core.params import MotionParams
 from imocap_core.workers import at_once
@@ -57,26 +58,33 @@ def reductions(
         motion: batch of 1, N frames, world axes; normal: its normal matrix.
         scale: of the robust loss; share: weight of one frame's image evidence (`Noise`).
     """
-    rows, _ = joint_jacobian(body, motion)
+    without = replace(motion, camera_R=motion.camera_R[:, :0], camera_t=motion.camera_t[:, :0])
 
-    def variance(added: Tensor) -> float:
-        blocks = added.mul_(share).add_(normal.diagonal[0])
-        factored = factorise(blocks, normal.next1[0], normal.next2[0])
-        return _summed(rows, factored.inverse_diagonal())
+    def variance(diagonal: Tensor) -> float:
+        pieces = selected_inverse(diagonal, normal.next1[0], normal.next2[0])
+        return sum(_summed(joint_jacobian(body, motion, p.frames)[0], p.diagonal) for p in pieces)
 
     def with_camera(azimuth_deg: float) -> float:
-        state = replace(motion, camera_R=motion.camera_R[:, :0], camera_t=motion.camera_t[:, :0])
-        view = _view(body, state, axes, camera, azimuth_deg)
-        count, shape = state.valid.shape[1], state.betas.shape[1]
-        added = NormalEquations.zeros(1, count, FRAME_UNKNOWNS, shape, state.trans)
-        Reprojection(body, (view,), scale).add_to(added, state)
-        evidence = added.diagonal[0]
-        del added  # the largest arrays
-        return variance(evidence)
+        view = _view(body, without, axes, camera, azimuth_deg)
+        diagonal = normal.diagonal[0].clone()
+        for frames in pieces(len(diagonal)):
+            evidence = _evidence(body, without.of_frames(frames), view.of_frames(frames), scale)
+            diagonal[frames].add_(evidence, alpha=share)
+        return variance(diagonal)
 
-    before = variance(torch.zeros_like(normal.diagonal[0]))
-    most = motions_at_once(2 * motion.valid.shape[1])  # equations, and factors beside them
-    return 1 - np.array(at_once(with_camera, AZIMUTHS_DEG, most)) / before
+    most = motions_at_once(motion.valid.shape[1])
+    after = np.array(at_once(with_camera, AZIMUTHS_DEG, most))
+    return 1 - after / variance(normal.diagonal[0])
+
+
+def _evidence(
+    body: Body, motion: MotionState, view: View, scale: float
+) -> Float[Tensor, "T 75 75"]:
+    """The view's information about each frame."""
+    frames, shape = motion.valid.shape[1], motion.betas.shape[1]
+    added = NormalEquations.zeros(1, frames, FRAME_UNKNOWNS, shape, motion.trans)
+    Reprojection(body, (view,), scale).add_to(added, motion)
+    return added.diagonal[0]
 
 
 def _summed(rows: Tensor, covariance: Tensor) -> float:

@@ -85,6 +85,12 @@ class NormalEquations:
             getattr(self, field.name).add_(getattr(other, field.name))
         return self
 
+    def times(self, factor: float) -> NormalEquations:
+        """This system multiplied by a number, in place."""
+        for field in fields(self):
+            getattr(self, field.name).mul_(factor)
+        return self
+
     def of_frames(self, frames: slice) -> NormalEquations:
         """The equations of some frames: what is added to these is added to the whole."""
         names = ("diagonal", "next1", "next2", "gradient", "border")
