@@ -20,7 +20,7 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-STATM, LARGE_BYTES = Path("/proc/self/statm"), 1e9
+STATM, LARGE_BYTES = Path("/proc/self/statm"), 800e6
 TRIM_THRESHOLD, MMAP_THRESHOLD, ARENA_MAX = -1, -3, -8  # mallopt(3)
 NEVER, LARGEST = 2**31 - 1, 32 * 2**20  # the largest MMAP_THRESHOLD that glibc takes
 
