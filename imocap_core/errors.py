@@ -32,7 +32,8 @@ class Stopped(BaseException):
 def system_fault(error: OSError | MemoryError) -> str:
     """The sentence about a file that cannot be used, a full disk, or too little memory."""
     if isinstance(error, MemoryError):
-        return f"not enough memory: {error or 'close other programs, or use fewer frames'}"
+        what = f" ({error})" if str(error) else ""
+        return f"not enough memory{what}: close other programs, or use fewer frames"
     if error.errno == errno.ENOSPC:
         where = f" ({error.filename})" if error.filename is not None else ""
         return f"the disk is full{where}; finished stages are stored, run again with more space"
@@ -43,8 +44,9 @@ def system_fault(error: OSError | MemoryError) -> str:
 
 def is_out_of_memory(error: BaseException) -> bool:
     """Whether an allocation failed; PyTorch says so by a RuntimeError."""
+    signs = ("allocate memory", "out of memory")  # of the processor, of a CUDA device
     return isinstance(error, MemoryError) or (
-        isinstance(error, RuntimeError) and "allocate memory" in str(error)
+        isinstance(error, RuntimeError) and any(sign in str(error) for sign in signs)
     )
 
 

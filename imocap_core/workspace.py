@@ -13,6 +13,7 @@ from imocap_core.artifacts.store import Store
 from imocap_core.errors import WorkFailed
 from imocap_core.pipeline import builtin_actions as demos
 from imocap_core.pipeline.action import DETECT, Action, find_action, read_action
+from imocap_core.pipeline.device import CPU, check_device
 from imocap_core.pipeline.graph import FILE_NAME as PIPELINE
 from imocap_core.pipeline.graph import Pipeline, read_pipeline, settings
 from imocap_core.pipeline.runner import Display, Job
@@ -24,10 +25,12 @@ class Workspace:
     """The working folder, and what belongs to it.
 
     shared: URL or folder of a store that several machines share (artifacts/shared.py).
+    device: where stages compute their tensors (pipeline/device.py).
     """
 
     root: Path
     shared: str | None = None
+    device: str = CPU
 
     @property
     def store(self) -> Store:
@@ -60,11 +63,15 @@ class Workspace:
             from imocap_core.detect.action import with_detections
 
             declared = with_detections(declared, chosen.params.detect, self.store)
-        return Job(pipeline, self.store, declared, chosen)
+        return Job(pipeline, self.store, declared, chosen, self.device)
 
     def ready_job(self, action: str, sets: list[str], display: Display) -> Job:
         """The same for running: a built-in action is made first, every file must be there, and
-        people are detected where action.yaml says `keypoints: detect`."""
+        people are detected where action.yaml says `keypoints: detect`.
+
+        WrongUse where PyTorch has no such device here.
+        """
+        check_device(self.device)
         load_memory(self.store.folder)
         if action in demos.BUILT_IN:
             folder = self.root / "actions" / action

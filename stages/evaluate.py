@@ -34,7 +34,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
     claimed, hands = inputs.get(Uncertainty), inputs.get(Hands)
     folder = ctx.action_file().parent
     truth = action_truth(folder, ctx.truth(), keypoints)
-    model = load_free_body()
+    model = load_free_body(ctx.device)
 
     ctx.progress(0.1, "scoring")
     results = stage_results(initial, sync, inputs.get(SmplBa), refined, camera_motion)
@@ -45,13 +45,14 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
 
     pictures: list[Picture] = []
     if params.evaluate.figures:
+        drawn = load_free_body()  # pictures are drawn by NumPy
         ctx.progress(0.3, "drawing plots")
         positions = true_positions(refined.sync, truth)
         pictures += draw_plots(ctx.report, sync, refined, results, truth, positions, scores.rounds)
         ctx.progress(0.6, "drawing over the videos")
         files = {video.id: ctx.video(video.id) for video in keypoints.videos}
-        videos = sheet_videos(keypoints, camera_motion, initial, refined, files, model)
-        pictures += draw_contact_sheets(ctx.report, videos, refined, model)
+        videos = sheet_videos(keypoints, camera_motion, initial, refined, files, drawn)
+        pictures += draw_contact_sheets(ctx.report, videos, refined, drawn)
 
     every = all_scores_table(scores)
     written = write_report(ctx.report, folder.name, tables, every, pictures)

@@ -16,7 +16,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Hands:
     keypoints, refined = inputs.get(Keypoints), inputs.get(RefineSync)
     if all(video.hands is None for video in keypoints.videos):
         return no_hands()
-    body = load_free_body(hands=True)
+    body = load_free_body(ctx.device, hands=True)
     problem = hands_problem(body, keypoints, inputs.get(CameraMotion), refined, params.hands)
     fitted: dict[str, FittedHands] = {}
     sizes = []

@@ -43,7 +43,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> InitialSmpl:
     result = joined(at_once(part, ids, most), ids)
     if len(ids) > 1 and params.initial_smpl.hypotheses > 1:
         ctx.progress(0.8, "sides that the other videos' motions swap")
-        prior, singles = load_pose_prior(), list(videos.values())
+        prior, singles = load_pose_prior(ctx.device), list(videos.values())
         options = params.initial_smpl
         refits = refits_of_swapped(singles, result, prior, ctx.rng, params.fit, options)
         result.alternatives.extend(refits)
@@ -85,7 +85,7 @@ def part_of_video(
     }
 
     def make() -> InitialSmpl:
-        prior, options = load_pose_prior(), params.initial_smpl
+        prior, options = load_pose_prior(ctx.device), params.initial_smpl
         return fit_single_video(
             single, prior, ctx.rng(), params.fit, options, alone=alone, progress=progress
         )

@@ -35,7 +35,14 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     single_pass = inputs.get(SmplBa)
     cameras, initial = inputs.get(CameraMotion), inputs.get(InitialSmpl)
     problem = problem_of(
-        keypoints, cameras, initial, first_sync, params.fit, params.motion, event=ctx.event()
+        keypoints,
+        cameras,
+        initial,
+        first_sync,
+        params.fit,
+        params.motion,
+        event=ctx.event(),
+        device=ctx.device,
     )
     first = problem.solution(single_pass)
     begin, event = LoopRound(first_sync, first, first.misfit, 0.0), None

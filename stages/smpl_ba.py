@@ -28,6 +28,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> SmplBa:
         params.fit,
         params.motion,
         event=ctx.event(),
+        device=ctx.device,
     )
     motion = recover_motion(problem.scene, problem.start, problem.options, progress)
     return with_ground(problem.result(motion), keypoints, cameras, sync.excluded, params.fit)

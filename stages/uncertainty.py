@@ -42,6 +42,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Uncertainty:
         refined,
         params.fit,
         params.motion,
+        ctx.device,
     )
     common = refined.motion.common
     one_motion = common is not None and is_one_motion(common)

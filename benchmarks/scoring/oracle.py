@@ -26,7 +26,6 @@ from imocap_core.motion.multiview.smpl_ba import (
 from imocap_core.motion.state import MotionState
 from imocap_core.params import MotionParams, Params
 from imocap_core.problem.joint import problem_of
-from imocap_core.problem.motions import TEMPLATE
 
 Value = TypeVar("Value")
 
@@ -81,7 +80,7 @@ def true_cameras(sync: SyncSummary, truth: Truth) -> Cameras:
     R = [_required(truth.videos[v].R, v) @ R_ref.T for v in sync.ids]
     t = [_required(truth.videos[v].t, v) - R_v @ t_ref for v, R_v in zip(sync.ids, R, strict=True)]
     K = [_required(truth.videos[v].K, v) for v in sync.ids]
-    return Cameras(*(torch.as_tensor(np.stack(x)).to(TEMPLATE) for x in (R, t, K)))
+    return Cameras(*(torch.as_tensor(np.stack(x)) for x in (R, t, K)))
 
 
 def _required(value: Value | None, video: str) -> Value:

@@ -70,6 +70,14 @@ SharedStore = Annotated[
         help="A store that several machines share: a folder, or s3://BUCKET/PATH.",
     ),
 ]
+Device = Annotated[
+    str,
+    typer.Option(
+        metavar="cpu|cuda",
+        envvar="IMOCAP_DEVICE",
+        help="Where tensors are computed; one of several as cuda:1.",
+    ),
+]
 Verbose = Annotated[
     bool, typer.Option("--verbose", "-v", help="Show every step, all reasons and all warnings.")
 ]

@@ -8,6 +8,7 @@ import typer
 
 from imocap_core.cli.json_output import print_json
 from imocap_core.cli.options import (
+    Device,
     Json,
     Sets,
     SharedStore,
@@ -49,6 +50,7 @@ def run_all_command(
     retries: Annotated[int, typer.Option(help="Further attempts at a task whose worker died.")] = 1,
     sets: Sets = [],  # noqa: B006
     store: SharedStore = None,
+    device: Device = "cpu",
     verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
@@ -67,7 +69,14 @@ def run_all_command(
     check_choice(choice)
     chosen = None if every else actions
     if as_json:
-        ends = run_all(chosen, root=root_of(context), params=sets, executor=choice, store=store)
+        ends = run_all(
+            chosen,
+            root=root_of(context),
+            params=sets,
+            executor=choice,
+            store=store,
+            device=device,
+        )
         print_json({"actions": ends})
     else:
         ask_about_scripts(context)
@@ -79,6 +88,7 @@ def run_all_command(
                 params=sets,
                 executor=choice,
                 store=store,
+                device=device,
                 listener=display.listener(),
             )
         _print_summary(console, ends, verbose)

@@ -10,6 +10,7 @@ import typer
 from imocap_core.cli.json_output import print_json
 from imocap_core.cli.options import (
     ActionName,
+    Device,
     Json,
     Sets,
     SharedStore,
@@ -50,6 +51,7 @@ def run_command(
         str | None, typer.Option(help="Stop after this stage.", autocompletion=stage_names)
     ] = None,
     store: SharedStore = None,
+    device: Device = "cpu",
     verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
@@ -57,7 +59,9 @@ def run_command(
     from imocap_core.library.new_action import action_of_words
     from imocap_core.library.running import run_action
     from imocap_core.library.terminal import Terminal
+    from imocap_core.pipeline.device import check_device
 
+    check_device(device)  # before an action is made of videos
     action, remarks = action_of_words(root_of(context), words, name)
 
     def solve(progress: Progress) -> Run:
@@ -68,6 +72,7 @@ def run_command(
             force=force,
             until=until,
             store=store,
+            device=device,
             progress=progress,
         )
 
@@ -92,6 +97,7 @@ def stage_command(
     action: ActionName,
     force: Force = False,
     sets: Sets = [],  # noqa: B006
+    device: Device = "cpu",
     verbose: Verbose = False,
 ) -> None:
     """Run one stage, and the stages it needs unless they are cached."""
@@ -102,7 +108,13 @@ def stage_command(
     console = speaker()
     with Terminal(console, verbose=verbose) as display:
         done = run_stage(
-            name, action, root=root_of(context), params=sets, force=force, progress=display
+            name,
+            action,
+            root=root_of(context),
+            params=sets,
+            force=force,
+            device=device,
+            progress=display,
         )
     _print_summary(console, done, verbose)
 

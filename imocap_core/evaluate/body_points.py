@@ -32,11 +32,12 @@ def body_points(
     posed = posed_body(model, motion, list(range(len(motion.frames))))
     with_nose = model.points("coco17")
     nose = posed.keypoints(with_nose)[..., with_nose.names.index("nose"), :]
-    return BodyPoints(nose.numpy(), posed.keypoints(model.points(layout)).numpy(), K)
+    return BodyPoints(nose.cpu().numpy(), posed.keypoints(model.points(layout)).cpu().numpy(), K)
 
 
 def posed_body(model: Model, motion: VideoMotion, frames: list[int]) -> Posed:
     """The body at some frames (indices) of a motion, in its camera's axes."""
-    theta = torch.from_numpy(motion.theta[frames]).reshape(len(frames), -1, 3)
-    transl = torch.from_numpy(motion.trans[frames])
-    return model.shape(torch.from_numpy(motion.betas)).pose(rotations.exp(theta), transl)
+    arrays = (motion.theta[frames], motion.trans[frames], motion.betas)
+    theta, transl, betas = (torch.from_numpy(x).to(model.device) for x in arrays)
+    by_joint = theta.reshape(len(frames), -1, 3)
+    return model.shape(betas).pose(rotations.exp(by_joint), transl)

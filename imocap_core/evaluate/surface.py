@@ -68,9 +68,9 @@ def surface_mesh(model: Model) -> SurfaceMesh:
 
     A vertex belongs to the torso when its largest skinning weight is that of a joint of TORSO.
     """
-    faces = model.faces.numpy()
+    faces = model.faces.cpu().numpy()
     torso = [model.joint_names.index(name) for name in TORSO]
-    part = np.isin(model.weights.argmax(dim=1).numpy(), torso)
+    part = np.isin(model.weights.argmax(dim=1).cpu().numpy(), torso)
     return SurfaceMesh(edges_of(faces), *closed_part(faces, part))
 
 
@@ -106,8 +106,9 @@ class _Surface:
 def _surface(body: Posed, frames: slice) -> _Surface:
     shaped = body.shaped
     posed = shaped.pose(body.R_local[frames], body.transl[frames])
-    root = hip_midpoint(posed.joints.numpy(), shaped.model.joint_names)
-    return _Surface(shaped.model, posed.mesh().vertices.numpy(), shaped.vertices_rest.numpy(), root)
+    root = hip_midpoint(posed.joints.cpu().numpy(), shaped.model.joint_names)
+    vertices, rest = (x.cpu().numpy() for x in (posed.mesh().vertices, shaped.vertices_rest))
+    return _Surface(shaped.model, vertices, rest, root)
 
 
 def _distortion(
@@ -147,7 +148,7 @@ def _of_all_frames(parts: Sequence[SurfaceMeasures], scored: bool) -> SurfaceMea
 def _hand_vertices(model: Model) -> Bool[np.ndarray, " V"]:
     """Vertices whose largest skinning weight is that of a wrist or a joint beyond it."""
     beyond = [j for j, name in enumerate(model.joint_names) if _is_of_hand(name)]
-    return np.isin(model.weights.argmax(dim=1).numpy(), beyond)
+    return np.isin(model.weights.argmax(dim=1).cpu().numpy(), beyond)
 
 
 def _is_of_hand(joint: str) -> bool:
@@ -156,7 +157,7 @@ def _is_of_hand(joint: str) -> bool:
 
 def foot_points_m(posed: Posed) -> Float[np.ndarray, "T 4 3"]:
     """Heel and big toe of both feet, on the surface."""
-    return np.asarray(posed.keypoints(_foot_points(posed.shaped.model)).numpy())
+    return np.asarray(posed.keypoints(_foot_points(posed.shaped.model)).cpu().numpy())
 
 
 def _foot_points(model: Model) -> PointSet:

@@ -115,10 +115,11 @@ def true_body(video: VideoTruth | None, model: Model) -> Posed | None:
         return None
     if video.R is None or video.t is None:
         return None
-    shaped = model.shape(torch.from_numpy(video.betas))
-    pelvis_rest = shaped.joints_rest[0].numpy()  # the root turns about the pelvis, not the origin
+    shaped = model.shape(torch.from_numpy(video.betas).to(model.v_template))
+    # the root turns about the pelvis, not the origin
+    pelvis_rest = shaped.joints_rest[0].cpu().numpy()
     transl = (pelvis_rest + video.trans) @ video.R.T + video.t - pelvis_rest
-    return shaped.pose(torch.from_numpy(R_local), torch.from_numpy(transl))
+    return shaped.pose(*(torch.from_numpy(x).to(model.v_template) for x in (R_local, transl)))
 
 
 def true_positions(sync: SyncSummary, truth: Truth | None) -> dict[str, Float[np.ndarray, " _"]]:

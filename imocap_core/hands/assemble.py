@@ -50,7 +50,7 @@ class ArmsAndHands:
     @property
     def visible(self) -> Bool[Tensor, "2 T"]:
         """Whether any keypoint of a hand is used."""
-        return torch.as_tensor((self.weight > 0).any(-1))
+        return torch.as_tensor((self.weight > 0).any(-1), device=self.K.device)
 
 
 def point_weights(
@@ -81,7 +81,7 @@ def point_weights(
 
 def fps_of(videos: Sequence[ArmsAndHands]) -> Float[Tensor, " B"]:
     """Frame rate of every hand of `per_video_views`."""
-    return torch.tensor([v.fps for v in videos for _ in range(2)], dtype=torch.float64)
+    return videos[0].K.new_tensor([v.fps for v in videos for _ in range(2)])
 
 
 def per_video_views(skeleton: HandSkeleton, videos: Sequence[ArmsAndHands]) -> HandViews:
@@ -93,10 +93,11 @@ def per_video_views(skeleton: HandSkeleton, videos: Sequence[ArmsAndHands]) -> H
         return torch.cat([values, last], dim=1)
 
     def batch(name: str) -> Tensor:
-        return torch.cat([padded(torch.as_tensor(getattr(v, name))) for v in videos])
+        return torch.cat([padded(torch.as_tensor(getattr(v, name)).to(v.K)) for v in videos])
 
-    lengths = torch.tensor([v.frames for v in videos for _ in range(2)])
-    valid = torch.arange(length) < lengths[:, None]
+    device = skeleton.bones.device
+    lengths = torch.tensor([v.frames for v in videos for _ in range(2)], device=device)
+    valid = torch.arange(length, device=device) < lengths[:, None]
     weight = torch.where(valid[..., None], batch("weight"), 0.0)
     return HandViews(
         bones=skeleton.bones.repeat(len(videos), 1, 1, 1),
@@ -128,7 +129,7 @@ def common_views(
         xy_px=xy,
         weight=weight,
         R_body=R_body,
-        valid=torch.ones(weight.shape[:2], dtype=torch.bool),
+        valid=torch.ones_like(weight[:, :, 0, 0], dtype=torch.bool),
     )
 
 
@@ -141,14 +142,14 @@ def _common_side(side: int, videos: Sequence[ArmsAndHands], timeline: Timeline) 
         row = (
             sample_rotations(video.R_forearm[side][:, None], frame)[:, 0],
             sample(video.wrist_m[side], frame),
-            torch.as_tensor(xy),
-            torch.as_tensor(trusted),
+            torch.as_tensor(xy).to(video.K),
+            torch.as_tensor(trusted).to(video.K),
             sample_rotations(video.R_body[side][:, None], frame)[:, 0],
         )
         for column, value in zip(columns, row, strict=True):
             column.append(value)
     *parts, R_body = (torch.stack(column, dim=1) for column in columns)
-    trust = torch.as_tensor(timeline.confidence.T) + 1e-6
+    trust = torch.as_tensor(timeline.confidence.T).to(R_body) + 1e-6
     return [*parts, mean(R_body, trust, dim=1)]
 
 
@@ -167,7 +168,7 @@ def common_at(common: HandState, videos: Sequence[ArmsAndHands], timeline: Timel
             position = np.interp(frames, matched, to_reference[matched])
         inside = np.clip(position, 0, count - 1)
         confidence = np.interp(inside, np.arange(count), timeline.confidence[v])
-        of_video = torch.as_tensor(confidence * np.isin(frames, matched))
+        of_video = torch.as_tensor(confidence * np.isin(frames, matched)).to(common.angles)
         for side in range(2):
             R.append(sample_rotations(common.R_wrist[side][:, None], position)[:, 0])
             angles.append(sample(common.angles[side], position))

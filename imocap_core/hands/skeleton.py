@@ -68,8 +68,8 @@ def hand_skeleton(shaped: Shaped) -> HandSkeleton:
     names, rest = shaped.model.joint_names, shaped.joints_rest
     if "left_index1" not in names:
         raise ValueError(f"body: expected one with fingers, got {shaped.model.name}")
-    still = torch.eye(3, dtype=rest.dtype).expand(len(names), 3, 3)
-    posed = shaped.pose(still, torch.zeros(3, dtype=rest.dtype))
+    still = torch.eye(3, dtype=rest.dtype, device=rest.device).expand(len(names), 3, 3)
+    posed = shaped.pose(still, rest.new_zeros(3))
     bones, axes = [], []
     for side in SIDES:
         points = shaped.model.points(f"{side}_hand21")

@@ -42,7 +42,7 @@ def initial_state(problem: HandProblem, stride_s: float) -> HandState:
     stride = max(1, round(stride_s * float(problem.fps.min())))
     chosen = np.unique(np.append(np.arange(0, frames, stride), frames - 1))
     parts = [
-        _tried(problem, torch.as_tensor(chosen[k : k + _AT_ONCE]))
+        _tried(problem, torch.as_tensor(chosen[k : k + _AT_ONCE], device=problem.fps.device))
         for k in range(0, len(chosen), _AT_ONCE)
     ]
     all_R, all_angles, all_offsets, cost = (
@@ -53,7 +53,7 @@ def initial_state(problem: HandProblem, stride_s: float) -> HandState:
     for b, R in enumerate(all_R):
         seconds = np.diff(chosen) / float(problem.fps[b])
         best = cheapest_path(cost[b], R, seconds)
-        pick = torch.arange(count), best
+        pick = torch.arange(count, device=best.device), best
         position = np.interp(np.arange(frames), chosen, np.arange(count))
         paths.append(
             (
@@ -69,7 +69,8 @@ def initial_state(problem: HandProblem, stride_s: float) -> HandState:
 def _tried(problem: HandProblem, frames: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Every rotation in each of N frames by itself: R_wrist (B, N, H, 3, 3), angles (B, N, H, 21),
     offsets (B, N, H, V, 3) and objectives (B, N, H)."""
-    few, rotations = problem.views.frames(frames), wrist_starts()
+    few = problem.views.frames(frames)
+    rotations = wrist_starts().to(problem.fps)
     alone = few.single_frames(len(rotations))
     shape = (*few.valid.shape, len(rotations))
     start = HandState(
@@ -105,4 +106,4 @@ def cheapest_path(
     path = [int(total.argmin())]
     for origin in reversed(back):
         path.append(int(origin[path[-1]]))
-    return torch.tensor(path[::-1])
+    return torch.tensor(path[::-1], device=cost.device)

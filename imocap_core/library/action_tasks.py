@@ -16,6 +16,7 @@ from imocap_core.library.door import plain_errors
 from imocap_core.library.progress import FunctionDisplay
 from imocap_core.library.running import run_action
 from imocap_core.pipeline import builtin_actions
+from imocap_core.pipeline.device import CPU
 from imocap_core.pipeline.runner import make_part
 from imocap_core.workspace import Workspace
 
@@ -54,7 +55,7 @@ def tasks_of(workspace: Workspace, action: str, sets: Sequence[str], priority: i
         return [made, *stages]
     declared = workspace.job(action, list(sets)).action
     if any(video.repetitions for video in declared.videos):  # its parts are known only later
-        whole = (root, action, tuple(sets), workspace.shared, None)
+        whole = (root, action, tuple(sets), workspace.shared, None, workspace.device)
         return [Task(task_name(action, WHOLE), run_to, whole, (), priority)]
     detections = [
         Task(
@@ -88,14 +89,20 @@ def _stage_tasks(
         if spec.parts == "videos" and len(videos) > 1:
             parts = [
                 Task(
-                    task_name(action, f"{stage} {v}"), part_of, (*common, stage, v), after, priority
+                    task_name(action, f"{stage} {v}"),
+                    part_of,
+                    (*common, stage, v, workspace.device),
+                    after,
+                    priority,
                 )
                 for v in videos
             ]
             tasks += parts
             after = tuple(part.name for part in parts) or after
         until = None if stage == stages[-1][0] else stage
-        task = Task(task_name(action, stage), run_to, (*common, until), after, priority)
+        task = Task(
+            task_name(action, stage), run_to, (*common, until, workspace.device), after, priority
+        )
         tasks.append(task)
         after = (task.name,)
     return tasks
@@ -135,10 +142,11 @@ def part_of(
     shared: str | None,
     stage: str,
     video: str,
+    device: str = CPU,
 ) -> None:
     """Make the part of a stage's result that belongs to a video, unless it is cached."""
     display = FunctionDisplay(lambda stage, share, text: report(share, text))
-    job = Workspace(root, shared).ready_job(action, list(sets), display)
+    job = Workspace(root, shared, device).ready_job(action, list(sets), display)
     make_part(job, stage, video, display)
 
 
@@ -149,6 +157,7 @@ def run_to(
     sets: tuple[str, ...],
     shared: str | None,
     until: str | None,
+    device: str = CPU,
 ) -> StageEnd:
     """Bring an action up to date to a stage (None: to its report); earlier ones are cached."""
     done = run_action(
@@ -157,6 +166,7 @@ def run_to(
         params=list(sets),
         until=until,
         store=shared,
+        device=device,
         progress=lambda stage, share, text: report(share, text),
         part_of_many=True,
     )

@@ -19,6 +19,7 @@ from imocap_core.library.one_off import Params, one_off
 from imocap_core.library.running import run_action
 from imocap_core.library.worker_folders import shared_tasks_of
 from imocap_core.memory_limit import can_limit_memory
+from imocap_core.pipeline.device import CPU, check_device
 from imocap_core.workers import cores
 from imocap_core.workspace import Workspace
 
@@ -90,6 +91,7 @@ def run_all(
     params: Params = None,
     executor: ExecutorChoice | str = "processes",
     store: str | None = None,
+    device: str = CPU,
     listener: Listener | None = None,
 ) -> list[ActionEnd]:
     """Run actions to their reports, several at once; those named first end first.
@@ -104,18 +106,21 @@ def run_all(
         params: one-off parameters of all of them.
         store: URL or folder of a store that several machines share. With an address each worker
             works in a folder of its own, and has the actions and the results of others from there.
+        device: where every worker computes tensors; cpu, cuda, or one of several as cuda:1.
 
     Returns:
         One end for each action, in their order.
     """
     shared = None if store is None else absolute_url(store)
-    workspace = Workspace(Path(root).resolve(), shared)
+    workspace = Workspace(Path(root).resolve(), shared, device)
     names = all_actions(workspace) if actions is None else [str(action) for action in actions]
     repeated = sorted({name for name in names if names.count(name) > 1})
     if repeated:
         raise WrongUse(f"expected every action once, got {', '.join(repeated)} twice")
     choice = ExecutorChoice(executor) if isinstance(executor, str) else executor
     check_choice(choice)
+    if choice.address is None:
+        check_device(device)
     listener = listener or Listener()
     apart = shared is not None and choice.address is not None
     planned, ends = _planned(

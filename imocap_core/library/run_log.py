@@ -63,6 +63,7 @@ class RunLog:
             "params": asdict(settings.params),
             "versions": versions(),
             "machine": f"{platform.system()} {platform.machine()}",
+            "device": self.job.device,
         }
 
 

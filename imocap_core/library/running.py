@@ -17,6 +17,7 @@ from imocap_core.library.result import MotionStage, Result
 from imocap_core.library.run_log import LoggedDisplay, recording
 from imocap_core.library.status import left_out_notes, upstream
 from imocap_core.pipeline import runner
+from imocap_core.pipeline.device import CPU, check_device
 from imocap_core.pipeline.repeated_files import repeated_files
 from imocap_core.pipeline.runner import Job, Outcome
 from imocap_core.verdict.findings import Verdict
@@ -48,6 +49,7 @@ def run(
     force: bool = False,
     until: str | None = None,
     store: str | None = None,
+    device: str = CPU,
     progress: Progress = None,
 ) -> Result:
     """Capture an action: run every stage that has changed since the last run, to the report.
@@ -69,6 +71,8 @@ def run(
         until: stop after this stage: smpl_ba, refine_sync, or one that needs one of them.
         store: URL or folder of a store that several machines share: results that are there are
             fetched, and others published.
+        device: where tensors are computed: cpu, cuda, or one of several as cuda:1. Results differ
+            by rounding and are not made again for another device.
         progress: a function of (stage, share, text), True for a bar on the terminal, None for
             silence.
 
@@ -76,11 +80,12 @@ def run(
         The result in the reference camera's axes.
 
     Raises:
-        WrongUse: no such action, stage or parameter.
+        WrongUse: no such action, stage, parameter or device.
         WorkFailed: a stage could not do its work; what was finished stays.
     """
     if (action is None) == (videos is None):
         raise WrongUse("expected an action or videos=[...], one of them")
+    check_device(device)
     if videos is not None:
         action, _ = action_of_videos(Path(root), name, [Path(video) for video in videos])
     assert action is not None
@@ -92,6 +97,7 @@ def run(
         force=force,
         until=until,
         store=store,
+        device=device,
         progress=progress,
     )
     stored = {outcome.stage: outcome.stored for outcome in done.outcomes}
@@ -107,6 +113,7 @@ def run_action(
     force: bool = False,
     until: str | None = None,
     store: str | None = None,
+    device: str = CPU,
     progress: Progress = None,
     part_of_many: bool = False,
 ) -> Run:
@@ -120,7 +127,7 @@ def run_action(
     with displaying(progress) as display:
         began = time.perf_counter()
         cache_limit_bytes()  # a wrong one is noticed before the work
-        workspace = Workspace(Path(root), store)
+        workspace = Workspace(Path(root), store, device)
         job, notes = job_in_parts(workspace, str(action), one_off(params), display)
         notes = [*notes, *repeated_files(job.action)]
         stages = list(job.pipeline.stages) if until is None else upstream(job, until)
@@ -147,6 +154,7 @@ def run_stage(
     root: str | Path = ".",
     params: Params = None,
     force: bool = False,
+    device: str = CPU,
     progress: Progress = None,
 ) -> Run:
     """Run one stage (and what it needs, where that is not cached); arguments as of `run`."""
@@ -154,7 +162,8 @@ def run_stage(
 
     with displaying(progress) as display:
         began = time.perf_counter()
-        job = Workspace(Path(root)).ready_job(str(action), one_off(params), display)
+        workspace = Workspace(Path(root), device=device)
+        job = workspace.ready_job(str(action), one_off(params), display)
         forced = frozenset([name] * force)
         with recording(job, []) as log:
             outcomes = runner.run(

@@ -63,11 +63,14 @@ def lift(
     frames = len(rays)
     stride = max(1, round(fps / RATE_HZ))
     rows = [r for phase in range(min(stride, frames)) for r in window_rows(frames, stride, phase)]
-    window = torch.as_tensor(np.stack(rows))
+    device = network.first.weight.device
+    window = torch.as_tensor(np.stack(rows), device=device)
     inside = (window >= 0) & (window < frames)
     frame = window.clamp(0, frames - 1)
-    xy = torch.as_tensor(rays, dtype=torch.float32)[frame]
-    trust = torch.as_tensor(confidence, dtype=torch.float32)[frame] * inside[..., None]
+    xy = torch.as_tensor(rays, dtype=torch.float32, device=device)[frame]
+    trust = (
+        torch.as_tensor(confidence, dtype=torch.float32, device=device)[frame] * inside[..., None]
+    )
     output = _outputs(network, xy, trust)
     weight = _blending_weights(inside)
     joints = _blend(output.joints, weight, frame, frames)
@@ -75,7 +78,7 @@ def lift(
     first = window[:, 0] % stride == window[0, 0] % stride  # one phase is enough here
     stitched = stitch_alternatives(output.joints[first], output.alternatives[first], HOP)
     coarse = _blend(stitched, weight[first], frame[first], frames)
-    covered = np.unique(frame[first][inside[first]].numpy())
+    covered = np.unique(frame[first][inside[first]].cpu().numpy())
     alternative = _interpolate(coarse[covered], covered, frames)
     return Lifted(joints, np.sqrt(variance), alternative, np.asarray((confidence > 0).any(1)))
 
@@ -101,7 +104,9 @@ def _outputs(
         for begin in range(0, len(xy), CHUNK):
             rays, weight = xy[begin : begin + CHUNK], trust[begin : begin + CHUNK]
             plain = _output(network, rays, weight)
-            mirrored = _output(network, rays[:, :, POINTS] * FLIP[:2], weight[:, :, POINTS])
+            mirrored = _output(
+                network, rays[:, :, POINTS] * FLIP[:2].to(rays), weight[:, :, POINTS]
+            )
             parts.append(_average(plain, mirrored))
     return LifterOutput(
         *(
@@ -128,10 +133,11 @@ def _output(
 def _average(plain: LifterOutput, mirrored: LifterOutput) -> LifterOutput:
     """The mean of both outputs, the second one mirrored back; the alternatives of both."""
     joints, others = mirrored.joints[:, :, JOINTS], mirrored.alternatives[..., JOINTS, :]
+    flip = FLIP.to(joints)
     return LifterOutput(
-        (plain.joints + joints * FLIP) / 2,
+        (plain.joints + joints * flip) / 2,
         (plain.log_variance + mirrored.log_variance[:, :, JOINTS]) / 2,
-        torch.cat([plain.alternatives, others * FLIP], 2),
+        torch.cat([plain.alternatives, others * flip], 2),
         torch.cat([plain.logits, mirrored.logits], 1),
     )
 
@@ -139,7 +145,7 @@ def _average(plain: LifterOutput, mirrored: LifterOutput) -> LifterOutput:
 def _blending_weights(inside: Bool[Tensor, "B L"]) -> Float[Tensor, "B L"]:
     """Largest in the middle of a window, where estimates are best; 0 outside the video."""
     middle = (WINDOW - 1) / 2
-    away = (torch.arange(WINDOW) - middle).abs() / middle
+    away = (torch.arange(WINDOW, device=inside.device) - middle).abs() / middle
     return (1.05 - away) * inside
 
 
@@ -151,11 +157,11 @@ def _blend(
 ) -> Float[np.ndarray, "T *item"]:
     """Weighted means of the values of each frame."""
     flat, share = values.flatten(0, 1), weight.flatten()
-    total = torch.zeros(frames).index_add_(0, frame.flatten(), share)
+    total = flat.new_zeros(frames).index_add_(0, frame.flatten(), share)
     weighted = flat * share.view(-1, *[1] * (flat.ndim - 1))
-    summed = torch.zeros(frames, *flat.shape[1:]).index_add_(0, frame.flatten(), weighted)
+    summed = flat.new_zeros(frames, *flat.shape[1:]).index_add_(0, frame.flatten(), weighted)
     mean = summed / total.clamp_min(1e-9).view(-1, *[1] * (flat.ndim - 1))
-    return mean.double().numpy()
+    return mean.double().cpu().numpy()
 
 
 def _interpolate(

@@ -33,5 +33,5 @@ def stitch_alternatives(
     chosen = [int(total.argmin())]
     for pointer in reversed(back):
         chosen.append(int(pointer[chosen[-1]]))
-    picked = torch.tensor(chosen[::-1])
-    return alternatives[torch.arange(len(picked)), :, picked]
+    picked = torch.tensor(chosen[::-1], device=joints.device)
+    return alternatives[torch.arange(len(picked), device=joints.device), :, picked]

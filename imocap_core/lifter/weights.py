@@ -16,11 +16,11 @@ NAME = "lifter.safetensors"
 METADATA = {"licence": "Apache-2.0", "record": "docs/lifter.md"}
 
 
-@lru_cache(maxsize=1)
-def load_lifter() -> Lifter:
+@lru_cache(maxsize=2)
+def load_lifter(device: torch.device | str = "cpu") -> Lifter:
     """The packaged network, ready for inference (float32, no gradients)."""
     source = resources.files("imocap_core.lifter") / "data" / NAME
-    return read_weights(source.read_bytes(), NAME)
+    return read_weights(source.read_bytes(), NAME).to(device)
 
 
 def read_weights(content: bytes, name: str) -> Lifter:

@@ -19,6 +19,7 @@ from imocap_core.errors import (
 from imocap_core.peak_memory import peak_bytes, restart_peak
 from imocap_core.pipeline.action import Action
 from imocap_core.pipeline.allowed_scripts import must_be_allowed
+from imocap_core.pipeline.device import CPU
 from imocap_core.pipeline.graph import Pipeline, RunSettings
 from imocap_core.pipeline.keys import differences, read_files, recipe
 from imocap_core.pipeline.parts import Parts
@@ -86,12 +87,16 @@ class StageStatus:
 
 @dataclass(frozen=True)
 class Job:
-    """An action, the graph of stages, the settings, and where results are stored."""
+    """An action, the graph of stages, the settings, and where results are stored.
+
+    device: where stages compute their tensors, as of `check_device`; no result's key has it.
+    """
 
     pipeline: Pipeline
     store: Store
     action: Action
     settings: RunSettings
+    device: str = CPU
 
     def recipe(self, stage: str, done: Mapping[str, Stored]) -> Recipe:
         """What a stage's result would be made from now. done: at least its inputs' results."""
@@ -196,7 +201,7 @@ def _prepared(
     spec = job.pipeline.stages[stage]
     reads, seed = frozenset(spec.reads), job.settings.seed
     parts = Parts(job.store, job.action.name, stage, needed, again)
-    context = Context(stage, seed, reads, progress, report, job.action, parts)
+    context = Context(stage, seed, reads, progress, report, job.action, parts, job.device)
     inputs = Inputs(stage, {name: done[name] for name in spec.inputs})
     groups = {name: getattr(job.settings.params, name) for name in spec.params}
     return context, inputs, DeclaredParams(stage, groups)

@@ -86,6 +86,7 @@ class Context:
     report: Path  # an empty folder; what the stage leaves there is published as report/
     _action: Action
     _parts: Parts | None = None
+    device: str = "cpu"  # where tensors are computed; no part of the key
 
     def rng(self) -> np.random.Generator:
         """A fresh generator, the same for every run of this stage with this seed."""

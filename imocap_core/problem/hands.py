@@ -74,7 +74,9 @@ def hands_problem(
     filmed = relative_motions(refined.motion.videos, paths_of(refined.motion.cameras))
     motions = {v.id: v for v in filmed}
     moving = {c.id: c for c in camera_motion.videos}
-    skeleton = hand_skeleton(body.shape(torch.as_tensor(motions[reference].betas)))
+    skeleton = hand_skeleton(
+        body.shape(torch.as_tensor(motions[reference].betas).to(body.v_template))
+    )
     videos = {
         v.id: arms_and_hands(v, moving[v.id], solved[v.id], motions[v.id], skeleton, params)
         for v in keypoints.videos
@@ -101,11 +103,12 @@ def arms_and_hands(
     pixels = undistorted_px(hands.xy_px.reshape(len(video.frames), 42, 2), moving.lens, moving.K)
     xy = warp(moving.H_first_from_frame[:, None], pixels)
     xy = xy.reshape(hands.xy_px.shape)
-    local = exp(torch.as_tensor(motion.theta).reshape(-1, 24, 3))
+    template = skeleton.bones
+    local = exp(torch.as_tensor(motion.theta).to(template).reshape(-1, 24, 3))
     R = world_rotations(local, SMPL_PARENTS)
     wrists = motion.joints[:, WRISTS]
     focal = 0.5 * (camera.K[0, 0] + camera.K[1, 1])
-    hand_px = focal * skeleton.length_m.numpy() / np.maximum(wrists[..., 2], NEAREST_M)
+    hand_px = focal * skeleton.length_m.cpu().numpy() / np.maximum(wrists[..., 2], NEAREST_M)
     weight = point_weights(
         xy,
         hands.confidence,
@@ -116,9 +119,9 @@ def arms_and_hands(
     )
     return ArmsAndHands(
         R_forearm=R[:, ELBOWS].transpose(0, 1),
-        wrist_m=torch.as_tensor(wrists).transpose(0, 1),
+        wrist_m=torch.as_tensor(wrists).to(template).transpose(0, 1),
         R_body=local[:, WRISTS].transpose(0, 1),
-        K=torch.as_tensor(camera.K),
+        K=torch.as_tensor(camera.K).to(template),
         fps=video.fps,
         xy_px=xy.swapaxes(0, 1),
         weight=weight.swapaxes(0, 1),
@@ -180,8 +183,8 @@ def _stored(name: str, frames: np.ndarray, hands: FittedHands) -> VideoHands:
     return VideoHands(
         id=name,
         frames=frames,
-        fingers=hands.finger_vectors.numpy(),
-        wrists=unwrap(log(hands.R_wrist)).numpy(),
-        points_m=hands.points_m.numpy(),
-        visible=hands.visible.numpy().astype("int64"),
+        fingers=hands.finger_vectors.cpu().numpy(),
+        wrists=unwrap(log(hands.R_wrist)).cpu().numpy(),
+        points_m=hands.points_m.cpu().numpy(),
+        visible=hands.visible.cpu().numpy().astype("int64"),
     )

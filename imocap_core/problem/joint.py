@@ -61,12 +61,13 @@ class JointProblem:
     def solution(self, result: SmplBa) -> JointMotion:
         """A stored result as it was solved."""
         motions = self.participants.motions(result.videos)
-        return joint_motion_of(result, motions, self.participants.cameras(result.cameras))
+        cameras = self.participants.cameras(result.cameras)
+        return joint_motion_of(result, motions, cameras, self.scene.body.model.v_template)
 
     def filmed_joints(self, motion: JointMotion) -> list[Float[np.ndarray, "_ 24 3"]]:
         """SMPL's joints of all videos as filmed, metres, in their own cameras' axes."""
         body = self.scene.body
-        xyz = body.positions(body.joints, motion.state.uncached()).xyz.numpy()
+        xyz = body.positions(body.joints, motion.state.uncached()).xyz.cpu().numpy()
         rows = zip(xyz, self.scene.observations, strict=True)
         return self.participants.filmed_joints([x[: len(o.xy_px)] for x, o in rows])
 
@@ -78,12 +79,12 @@ class JointProblem:
     def reprojection_evidence(self, motion: JointMotion) -> ReprojectionEvidence:
         """All motions in one world, to be compared with every video's detections."""
         body, cameras = self.scene.body, motion.cameras
-        xyz = body.positions(body.keypoints, motion.state.uncached()).xyz.numpy()
+        xyz = body.positions(body.keypoints, motion.state.uncached()).xyz.cpu().numpy()
         videos = []
         observations = self.scene_of(motion).observations
         rows = zip(observations, xyz, cameras.K, cameras.R, cameras.t, strict=True)
         for o, x, *camera in rows:
-            K, R, t = (value.numpy() for value in camera)
+            K, R, t = (value.cpu().numpy() for value in camera)
             x = x[: len(o.xy_px)]
             world = (x - t) @ R
             weight = o.confidence / o.sigma_px[:, None] ** 2
@@ -102,21 +103,23 @@ def problem_of(
     motion: MotionParams,
     *,
     event: bool = False,
+    device: str = "cpu",
 ) -> JointProblem:
     """The joint motion's problem for some videos and their correspondences.
 
     Args:
         event: all videos show one performance, so there is one motion for all of them.
+        device: where it is solved.
     """
     motion = replace(motion, objective="single") if event else motion
-    model = body_for(keypoints).model
+    model = body_for(keypoints, device).model
     chosen = sync.alternatives
     motions = initial.model_copy(update={"videos": chosen_motions(initial, chosen)})
     camera_motion = explained_detections(initial, keypoints, camera_motion, chosen)
     keypoints = explained_keypoints(initial, keypoints, chosen)
     participants = participants_of(keypoints, camera_motion, motions, sync, model)
     fit = fit_of(participants.keypoints, fit)
-    body = body_for(participants.keypoints)  # an excluded video's layout may be another
+    body = body_for(participants.keypoints, device)  # an excluded video's layout may be another
     observations = observations_of(
         body,
         participants.keypoints,
@@ -126,7 +129,7 @@ def problem_of(
         participants.initial.path_units,
     )
     scene = scene_of(body, observations, participants.sync(sync), fit)
-    start = state_of(participants.initial.videos)
+    start = state_of(participants.initial.videos, body.model.v_template)
     return JointProblem(participants, scene, start, motion)
 
 
@@ -138,7 +141,7 @@ def scene_of(
     maps = [m.reference_frame for m in sync.maps]
     trust = [m.confidence for m in sync.maps]
     timeline = make_timeline(maps, trust, sync.lengths[reference])
-    prior = load_pose_prior()
+    prior = load_pose_prior(body.model.device)
     return Scene(body, prior, observations, timeline, trust, reference, fit)
 
 

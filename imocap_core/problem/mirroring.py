@@ -150,7 +150,8 @@ def participants_of(
 
 def mirrored_motion(motion: VideoMotion, body: Model) -> VideoMotion:
     """The motion seen in a mirror, in the axes of its own camera."""
-    rest = body.shape(torch.as_tensor(motion.betas)).joints_rest[..., 0, :].numpy().reshape(3)
+    betas = torch.as_tensor(motion.betas).to(body.v_template)
+    rest = body.shape(betas).joints_rest[..., 0, :].cpu().numpy().reshape(3)
     return motion.model_copy(
         update={
             "theta": mirrored_pose(motion.theta),

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from imocap_core.artifacts.schemas import (
     AlternativeMotion,
@@ -26,16 +27,14 @@ from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms.view import project
 from imocap_core.rotations import exp, log, unwrap
 
-TEMPLATE = torch.zeros((), dtype=torch.float64)  # device and dtype of every fit
 
-
-def state_of(videos: Sequence[VideoMotion]) -> MotionState:
-    """Stored motions as one padded batch."""
-    theta = padded([v.theta.reshape(-1, 24, 3) for v in videos], TEMPLATE)
-    trans = padded([v.trans for v in videos], TEMPLATE)
-    lengths = torch.tensor([len(v.frames) for v in videos])
-    valid = torch.arange(theta.shape[1]) < lengths[:, None]
-    betas = torch.as_tensor(np.stack([v.betas for v in videos])).to(TEMPLATE)
+def state_of(videos: Sequence[VideoMotion], template: Tensor) -> MotionState:
+    """Stored motions as one padded batch; template: gives dtype and device."""
+    theta = padded([v.theta.reshape(-1, 24, 3) for v in videos], template)
+    trans = padded([v.trans for v in videos], template)
+    lengths = torch.tensor([len(v.frames) for v in videos], device=template.device)
+    valid = torch.arange(theta.shape[1], device=template.device) < lengths[:, None]
+    betas = torch.as_tensor(np.stack([v.betas for v in videos])).to(template)
     return MotionState.of(exp(theta), trans, betas, valid)
 
 
@@ -55,11 +54,11 @@ def motions_of(
             VideoMotion(
                 id=video.id,
                 frames=video.frames,
-                theta=unwrap(log(state.R_local[v, used])).flatten(1).numpy(),
-                betas=state.betas[v].numpy(),
-                trans=state.trans[v, used].numpy(),
-                joints=joints[v, used].numpy(),
-                reprojection_px=errors[v, used].numpy(),
+                theta=unwrap(log(state.R_local[v, used])).flatten(1).cpu().numpy(),
+                betas=state.betas[v].cpu().numpy(),
+                trans=state.trans[v, used].cpu().numpy(),
+                joints=joints[v, used].cpu().numpy(),
+                reprojection_px=errors[v, used].cpu().numpy(),
             )
         )
     return motions
@@ -94,10 +93,10 @@ def alternatives_of(
     return stored
 
 
-def cameras_of(cameras: Sequence[Camera]) -> Cameras:
-    """Stored cameras as one batch."""
+def cameras_of(cameras: Sequence[Camera], template: Tensor) -> Cameras:
+    """Stored cameras as one batch; template: gives dtype and device."""
     R, t, K = (np.stack([getattr(camera, name) for camera in cameras]) for name in "RtK")
-    return Cameras(*(torch.as_tensor(x).to(TEMPLATE) for x in (R, t, K)))
+    return Cameras(*(torch.as_tensor(x).to(template) for x in (R, t, K)))
 
 
 def smpl_ba_of(
@@ -112,7 +111,7 @@ def smpl_ba_of(
     none = np.zeros((0, 3))
     paths = [none if o.centre_m is None else o.centre_m for o in observations]
     solution = (motion.cameras.K, motion.cameras.R, motion.cameras.t)
-    rows = zip(ids, *(x.numpy() for x in solution), paths, strict=True)
+    rows = zip(ids, *(x.cpu().numpy() for x in solution), paths, strict=True)
     solved = with_intrinsics(observations, motion.cameras)
     return SmplBa(
         reference=reference,
@@ -128,20 +127,21 @@ def smpl_ba_of(
 
 
 def joint_motion_of(
-    result: SmplBa, motions: Sequence[VideoMotion], cameras: Sequence[Camera]
+    result: SmplBa, motions: Sequence[VideoMotion], cameras: Sequence[Camera], template: Tensor
 ) -> JointMotion:
     """A stored result as the core's.
 
     Args:
         motions, cameras: the result's, as they were solved (`mirroring.Participants`).
+        template: gives dtype and device.
     """
     common, spread = None, None
     if result.common is not None:
-        common = _common_state(result.common)
+        common = _common_state(result.common, template)
         spread = DeviationSpread(result.common.keypoint_sd_m, result.common.rigid_offset_sd)
     return JointMotion(
-        state_of(motions),
-        cameras_of(cameras),
+        state_of(motions, template),
+        cameras_of(cameras, template),
         common,
         spread,
         result.objective,
@@ -156,20 +156,21 @@ def _stored_common(motion: JointMotion, ids: list[str]) -> CommonMotion | None:
     others = motion.common.other_betas[0]
     return CommonMotion(
         ids=ids,
-        theta=unwrap(log(motion.common.R_local[0])).flatten(1).numpy(),
-        betas=motion.common.betas[0].numpy(),
-        trans=motion.common.trans[0].numpy(),
+        theta=unwrap(log(motion.common.R_local[0])).flatten(1).cpu().numpy(),
+        betas=motion.common.betas[0].cpu().numpy(),
+        trans=motion.common.trans[0].cpu().numpy(),
         rigid_offset_sd=motion.spread.offset_sd,
         keypoint_sd_m=motion.spread.keypoints_m,
-        other_betas=others.numpy() if len(others) else None,
+        other_betas=others.cpu().numpy() if len(others) else None,
     )
 
 
-def _common_state(common: CommonMotion) -> MotionState:
-    theta, trans, betas = (torch.as_tensor(x) for x in (common.theta, common.trans, common.betas))
-    valid = torch.ones(1, len(trans), dtype=torch.bool)
+def _common_state(common: CommonMotion, template: Tensor) -> MotionState:
+    arrays = (common.theta, common.trans, common.betas)
+    theta, trans, betas = (torch.as_tensor(x).to(template) for x in arrays)
+    valid = torch.ones(1, len(trans), dtype=torch.bool, device=template.device)
     R_local = exp(theta.reshape(1, -1, 24, 3))
     state = MotionState.of(R_local, trans[None], betas[None], valid)
     if common.other_betas is None:
         return state
-    return replace(state, other_betas=torch.as_tensor(common.other_betas)[None])
+    return replace(state, other_betas=torch.as_tensor(common.other_betas).to(template)[None])

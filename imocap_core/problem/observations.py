@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+import torch
 from jaxtyping import Float
 
 from imocap_core.artifacts.schemas import (
@@ -25,9 +26,12 @@ from imocap_core.params import FitParams
 UNKNOWN_PATH_M = 0.3  # of the performer's place, where a camera moves along an unknown path
 
 
-def body_for(keypoints: Keypoints) -> Body:
-    """The free body with the keypoints of every layout that the videos use."""
-    return Body.of(load_free_body(), *layouts_of(keypoints))
+def body_for(keypoints: Keypoints, device: torch.device | str = "cpu") -> Body:
+    """The free body with the keypoints of every layout that the videos use.
+
+    device: of its tensors, and so of all that is computed with it.
+    """
+    return Body.of(load_free_body(device), *layouts_of(keypoints))
 
 
 def layouts_of(keypoints: Keypoints) -> list[str]:

@@ -113,10 +113,14 @@ def fit_single_video(
     body leans, so it balances.
     """
     keypoints, cameras = single.keypoints, single.cameras
-    body, estimates = body_for(keypoints), {ANY: single.estimate}
+    body, estimates = body_for(keypoints, prior.mean.device), {ANY: single.estimate}
     library = library_of(body, prior, rng, options)
     automatic = options.lifter == "auto"
-    lifted = lifted_where_no_estimate(keypoints, cameras, estimates) if automatic else {}
+    lifted = (
+        lifted_where_no_estimate(keypoints, cameras, estimates, prior.mean.device)
+        if automatic
+        else {}
+    )
     evidence = initial_evidence(estimates, lifted)
     weights = fit_of_single_views(keypoints, fit, evidence, options.shape_prior)
     observations = single.observed(body, weights, evidence)

@@ -31,15 +31,20 @@ def solved_groups(
     refined: RefineSync,
     fit: FitParams,
     motion: MotionParams,
+    device: str = "cpu",
 ) -> list[SolvedGroup]:
-    """First the videos that take part, then each excluded one."""
-    problem = problem_of(keypoints, camera_motion, initial, refined.sync, fit, motion)
+    """First the videos that take part, then each excluded one; device: where they are solved."""
+    problem = problem_of(
+        keypoints, camera_motion, initial, refined.sync, fit, motion, device=device
+    )
     together = SolvedGroup(problem, problem.solution(refined.motion))
     ids = [video.id for video in keypoints.videos]
     return [
         together,
         *(
-            _alone(ids.index(video), keypoints, camera_motion, initial, refined, fit, motion)
+            _alone(
+                ids.index(video), keypoints, camera_motion, initial, refined, fit, motion, device
+            )
             for video in refined.sync.excluded
         ),
     ]
@@ -53,6 +58,7 @@ def _alone(
     refined: RefineSync,
     fit: FitParams,
     motion: MotionParams,
+    device: str,
 ) -> SolvedGroup:
     """One video as an action of its own."""
     video, together = keypoints.videos[index], refined.motion
@@ -64,6 +70,7 @@ def _alone(
         single_video_sync(video.id, len(video.frames)),
         fit,
         motion,
+        device=device,
     )
     result = together.model_copy(
         update={

@@ -44,7 +44,8 @@ def starts(
     if lifted is not None:
         return starts_of_lifted(body, library, observation, lifted)
     if isinstance(estimate, Start):
-        return [estimate]
+        R_local, trans = (x.to(library.R_view) for x in (estimate.R_local, estimate.trans))
+        return [Start(R_local, trans, estimate.cost)]
     if isinstance(estimate, torch.Tensor):
         return [start_at_joints(body, estimate.to(library.R_view), observation)]
     if estimate is not None:
@@ -76,15 +77,20 @@ def evidence_of(lifted: Lifted) -> Float[np.ndarray, "T 24 3"]:
 
 
 def lifted_where_no_estimate(
-    keypoints: Keypoints, cameras: CameraMotion, estimates: Mapping[str, Estimate]
+    keypoints: Keypoints,
+    cameras: CameraMotion,
+    estimates: Mapping[str, Estimate],
+    device: torch.device | str = "cpu",
 ) -> dict[str, Lifted]:
     """The lifter's joints of the videos without an estimate, where it can lift their keypoints."""
     pairs = zip(keypoints.videos, cameras.videos, strict=True)
-    results = {v.id: lifted_joints(v, camera) for v, camera in pairs if estimates[v.id] is None}
+    results = {v.id: lifted_joints(v, c, device) for v, c in pairs if estimates[v.id] is None}
     return {video: result for video, result in results.items() if result is not None}
 
 
-def lifted_joints(video: VideoKeypoints, camera: VideoCameraMotion) -> Lifted | None:
+def lifted_joints(
+    video: VideoKeypoints, camera: VideoCameraMotion, device: torch.device | str = "cpu"
+) -> Lifted | None:
     """3D joints of a video's keypoints, in the axes of its first frame's camera.
 
     None when the layout has too few of the lifter's points, or no frame shows any.
@@ -97,7 +103,7 @@ def lifted_joints(video: VideoKeypoints, camera: VideoCameraMotion) -> Lifted | 
     points, confidence = to_common((camera.xy_first_px - centre) / focal, weight, video.layout)
     if not (confidence > 0).any():
         return None
-    return lift(load_lifter(), points, confidence, video.fps)
+    return lift(load_lifter(device), points, confidence, video.fps)
 
 
 def source_of(

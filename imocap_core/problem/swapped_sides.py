@@ -72,7 +72,7 @@ def fits_with_sides(
     Args:
         states: as of `swapped_by_others`.
     """
-    body, stride = body_for(single.keypoints), single.stride(options)
+    body, stride = body_for(single.keypoints, prior.mean.device), single.stride(options)
     weights = fit_of_single_views(single.keypoints, fit, {}, options.shape_prior)
     library = library_of(body, prior, rng, options)
     observed = single.observed(body, weights, {})

@@ -150,7 +150,7 @@ def test_a_worker_takes_no_more_memory_than_it_may() -> None:
     with worker_processes(1, memory_bytes=1 << 30) as executor:
         (end,) = perform([Task("m", fill_memory)], executor)
     assert end.state == "failed"
-    assert end.fault.startswith("not enough memory")
+    assert end.fault == "not enough memory: close other programs, or use fewer frames"
 
 
 def threads(report: Report) -> tuple[str | None, str | None]:

@@ -31,9 +31,9 @@ PARAMS = Params()
 MODEL = load_free_body(hands=True)
 
 
-def handed(*given: Any) -> Hands:
+def handed(*given: Any, device: str = "cpu") -> Hands:
     by_kind = {type(artifact): artifact for artifact in given}
-    context = SimpleNamespace(progress=lambda share, said: None)
+    context = SimpleNamespace(progress=lambda share, said: None, device=device)
     return run(context, SimpleNamespace(get=lambda kind: by_kind[kind]), PARAMS)  # type: ignore[arg-type]
 
 

@@ -36,7 +36,7 @@ JOINTS = ("trunk", "left_shoulder")
 
 def claimed(*given: Any) -> Uncertainty:
     by_kind = {type(artifact): artifact for artifact in given}
-    context = SimpleNamespace(progress=lambda share, said: None)
+    context = SimpleNamespace(progress=lambda share, said: None, device="cpu")
     inputs = SimpleNamespace(get=lambda kind: by_kind[kind])
     return run(context, inputs, PARAMS)  # type: ignore[arg-type]
 

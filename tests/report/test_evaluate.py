@@ -37,6 +37,8 @@ class Inputs:
 class Context:
     """An action of the name of its folder, without video files."""
 
+    device = "cpu"
+
     def __init__(self, action: Path, report: Path, truth: Path | None) -> None:
         self.report, self._action, self._truth = report, action, truth
 
