@@ -17,6 +17,8 @@ SAFE_PATH = "PYTHONSAFEPATH"
 
 Each = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]  # map
 
+_of_thread = threading.local()  # cores: a worker's share of them
+
 
 def in_turn(work: Callable[[Any], Any], items: Sequence[Any]) -> list[Any]:
     """Map in sequence."""
@@ -29,7 +31,11 @@ def on(pool: Executor) -> Each:
 
 
 def cores() -> int:
-    """Number of processor cores that this process may use; where unknown, of all cores."""
+    """Number of processor cores that this thread may use: a worker of `at_once` its share, any
+    other thread those of the process; where unknown, all cores."""
+    share: int | None = getattr(_of_thread, "cores", None)
+    if share is not None:
+        return share
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
@@ -38,8 +44,15 @@ def cores() -> int:
 def at_once(work: Callable[[Any], Any], items: Sequence[Any], most: int | None = None) -> list[Any]:
     """Map on as many threads as there are cores, or `most` where that is fewer."""
     workers = max(1, min(len(items), cores() if most is None else min(cores(), most)))
-    with ThreadPoolExecutor(workers) as pool:
+    if workers == 1:
+        return in_turn(work, items)
+    share = max(1, cores() // workers)
+    with ThreadPoolExecutor(workers, initializer=_take_share, initargs=(share,)) as pool:
         return on(pool)(work, items)
+
+
+def _take_share(share: int) -> None:
+    _of_thread.cores = share
 
 
 @contextmanager

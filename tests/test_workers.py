@@ -19,6 +19,16 @@ def test_at_once_answers_in_the_order_asked() -> None:
     assert at_once(lambda n: n, []) == []
 
 
+def test_workers_share_the_cores(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work that is on a thread of its own does not start as many threads once more."""
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(5), raising=False)
+    assert at_once(lambda _: cores(), range(2)) == [2, 2]
+    assert at_once(lambda _: cores(), range(7)) == [1] * 7
+    assert at_once(lambda _: at_once(lambda _: cores(), range(2)), range(2)) == [[1, 1]] * 2
+    assert at_once(lambda _: cores(), range(2), most=1) == [5, 5]
+    assert cores() == 5
+
+
 def test_systems_that_do_not_tell_what_a_process_may_use_let_it_use_all(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -33,6 +33,7 @@ from imocap_core.io.truth import Truth, VideoTruth, model_text
 from imocap_core.metrics import body_scoring, world
 from imocap_core.metrics.joint_rotations import joint_rotation_errors_deg, segment_rotations
 from imocap_core.metrics.scoring import CameraJoints, ScoreRow, scored_row
+from imocap_core.workers import at_once
 
 JointErrors = dict[str, float]
 NO_TRUTH = "no truth"
@@ -46,15 +47,19 @@ def whole_body_rows(
 ) -> list[list[ScoreRow]]:
     """Every metric of `body_scoring`, per result, all videos; rows without a value have the
     reason."""
-    rows: list[list[ScoreRow]] = [[] for _ in results]
-    for v, video in enumerate(keypoints.videos):
-        motions = [result.motions[v] for result in results]
-        surfaces = _surface_rows([r.name for r in results], video, motions, truth, model)
+    names = [result.name for result in results]
+
+    def of_video(v: int) -> list[list[ScoreRow]]:
+        video, motions = keypoints.videos[v], [result.motions[v] for result in results]
+        surfaces = _surface_rows(names, video, motions, truth, model)
         true = video_truth(truth, video.id)
-        for of_result, result, of_surface in zip(rows, results, surfaces, strict=True):
-            of_result += joint_rows(result.name, video, result.motions[v], true)
-            of_result += of_surface
-    return rows
+        return [
+            [*joint_rows(name, video, motion, true), *of_surface]
+            for name, motion, of_surface in zip(names, motions, surfaces, strict=True)
+        ]
+
+    videos = at_once(of_video, range(len(keypoints.videos)))
+    return [[row for of_result in videos for row in of_result[k]] for k in range(len(results))]
 
 
 def joint_rows(

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 from matplotlib.figure import Figure
 
-from imocap_core.artifacts.schemas import RefineSync, Sync
+from imocap_core.artifacts.schemas import Camera, RefineSync, Sync, SyncMap
 from imocap_core.body import Model
+from imocap_core.camera.world import GroundAlignment
 from imocap_core.conventions import EVAL_12
 from imocap_core.evaluate.results import StageResult
 from imocap_core.evaluate.scoreboard import joint_errors_mm
@@ -25,12 +27,13 @@ from imocap_core.figures.contact_sheets import (
     video_sheet,
 )
 from imocap_core.figures.error_figure import joint_error_figure
-from imocap_core.figures.overlays import contact_sheet
+from imocap_core.figures.overlays import Image, contact_sheet
 from imocap_core.figures.scene_figure import scene_figure
 from imocap_core.figures.style import quiet, save
 from imocap_core.figures.sync_figures import affinity_figure, rounds_figure, warp_figure
 from imocap_core.io.truth import Truth
 from imocap_core.report.files import Picture
+from imocap_core.workers import at_once
 
 ROUND_ERRORS = {"sync_error_pct": "sync error (%)", "pa_mpjpe_mm": "P-MPJPE (mm)"}
 
@@ -84,33 +87,25 @@ def draw_contact_sheets(
 ) -> list[Picture]:
     """Contact sheets over the videos' frames, and body sheets of two of the videos.
 
-    The first contact sheet shows all videos at the same moments.
+    The first contact sheet shows all videos at the same moments. The videos are drawn at once.
     """
     sync = refined.sync
     of_bodies, ground = sheet_ids(refined, videos), upright_world(refined)
     reference = videos[sync.ids.index(sync.reference)].keypoints
     moments = spread(len(reference.frames))
-    together, sheets = [], []
+
+    def drawn(item: tuple[SheetVideo, SyncMap, Camera]) -> _VideoSheets:
+        video, sync_map, camera = item
+        shown = video.keypoints.id in of_bodies
+        of_moments = frames_of_moments(sync_map, moments)
+        return _video_sheets(video, of_moments, model, (camera, ground) if shown else None)
+
     with quiet():
-        for video, sync_map, camera in zip(videos, sync.maps, refined.motion.cameras, strict=True):
-            name = video.keypoints.id
-            of_video = [int(t) for t in spread(len(video.keypoints.frames))]
-            of_moments = frames_of_moments(sync_map, moments)
-            needed = sorted({*of_video, *(t for t in of_moments if t is not None)})
-            cells, cuts = read_cells(video, needed)
-            together.append(moment_cells(video, of_moments, cells, cuts))
-            figure = video_sheet(video, model, of_video, cells, cuts)
-            caption = f"{name}: detections, monocular and final body."
-            sheets.append(_written(folder, figure, f"overlay_{name}.jpg", caption))
-            if name in of_bodies:
-                pictures = cells
-                if video.file is None:
-                    pictures = detected_cells(video, of_video, cells, cuts)
-                figure = body_sheet(video, camera, ground, model, of_video, pictures)
-                caption = CAPTION.format(video=name)
-                sheets.append(_written(folder, figure, f"body_{name}.jpg", caption))
+        items = list(zip(videos, sync.maps, refined.motion.cameras, strict=True))
+        of_videos: list[_VideoSheets] = at_once(drawn, items)
+        sheets = [_written(folder, *sheet) for video in of_videos for sheet in video.sheets]
         figure = contact_sheet(
-            together,
+            [video.moments for video in of_videos],
             [video.keypoints.id for video in videos],
             [f"{sync.reference} frame {reference.frames[t]}" for t in moments],
             "The same moments in every video",
@@ -121,6 +116,40 @@ def draw_contact_sheets(
             caption = "Moments of the video, with the recovered skeleton."
         first = _written(folder, figure, "moments.jpg", caption)
     return [first, *sheets]
+
+
+@dataclass(frozen=True)
+class _VideoSheets:
+    """What is drawn of one video.
+
+    Attributes:
+        moments: its pictures at the moments of the action; sheets: figures, files, captions.
+    """
+
+    moments: list[Image]
+    sheets: list[tuple[Figure, str, str]]
+
+
+def _video_sheets(
+    video: SheetVideo,
+    moments: Sequence[int | None],
+    model: Model,
+    of_body: tuple[Camera, GroundAlignment] | None,
+) -> _VideoSheets:
+    """of_body: the video's camera and the ground, where its body gets a sheet."""
+    name = video.keypoints.id
+    frames = [int(t) for t in spread(len(video.keypoints.frames))]
+    cells, cuts = read_cells(video, sorted({*frames, *(t for t in moments if t is not None)}))
+    figure = video_sheet(video, model, frames, cells, cuts)
+    caption = f"{name}: detections, monocular and final body."
+    sheets = [(figure, f"overlay_{name}.jpg", caption)]
+    if of_body is not None:
+        pictures = cells
+        if video.file is None:
+            pictures = detected_cells(video, frames, cells, cuts)
+        figure = body_sheet(video, *of_body, model, frames, pictures)
+        sheets.append((figure, f"body_{name}.jpg", CAPTION.format(video=name)))
+    return _VideoSheets(moment_cells(video, moments, cells, cuts), sheets)
 
 
 def _written(folder: Path, figure: Figure, name: str, caption: str) -> Picture:

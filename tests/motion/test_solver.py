@@ -86,6 +86,22 @@ def test_a_motion_alone_is_linearised_in_halves_that_add_up(made: Made) -> None:
         assert torch.equal(found, again)
 
 
+@pytest.mark.parametrize("motions", [1, 2])
+@pytest.mark.parametrize("shared", [False, True])
+def test_the_number_of_cores_changes_nothing(
+    made: Made, motions: int, shared: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start = disturbed(made.state, 0.1).rows(torch.zeros(motions, dtype=torch.long))
+    seen = made.observations * motions
+    terms = monocular_terms(made.body, wide_prior(), seen, start.trans, WEIGHTS, 1.0)
+    found = []
+    for count in (1, 2):
+        monkeypatch.setattr("imocap_core.motion.solver.gauss_newton.cores", lambda n=count: n)
+        found.append(gauss_newton(terms, start, max_steps=2, shared_globals=shared))
+    assert torch.equal(found[0].state.R_local, found[1].state.R_local)
+    assert found[0].costs == found[1].costs
+
+
 def test_adam_descends_but_stays_behind_gauss_newton(made: Made) -> None:
     terms = monocular_terms(
         made.body, wide_prior(), made.observations, made.state.trans, WEIGHTS, 1.0

@@ -92,14 +92,15 @@ def gauss_newton(
     rows = _rows_of_bodies((bodies or [0] * count) if shared_globals else range(count))
     with ThreadPoolExecutor(workers) as pool:
         apart = not shared_globals and at_once > 1
+        threads = on(pool) if workers > 1 else in_turn
 
         def bring_down(row: list[int]) -> Descent[list[SolverMotion]]:
             group = [motions[v] for v in row]
-            each = in_turn if apart else on(pool)
-            problem = _OneBody.of(group, each, free_shape, at_once, at_once * longest)
+            each = in_turn if apart else threads
+            problem = _OneBody.of(group, each, free_shape, at_once, at_once * longest, count == 1)
             return descend(problem, group, max_steps=max_steps, tolerance=relative_tolerance)
 
-        descents = (on(pool) if apart else in_turn)(bring_down, rows)
+        descents = (threads if apart else in_turn)(bring_down, rows)
     solved = {
         v: (motion.state, bool(descent.converged[0]))
         for row, descent in zip(rows, descents, strict=True)
@@ -163,6 +164,8 @@ class _OneBody:
 
     Attributes:
         each: runs the motions; within: the halves of a single one.
+        alone: whether a single motion is all there is: its terms are added in halves, wherever
+            these run, so that a result does not depend on the number of cores.
         held: whether the normal equations of all motions are kept until a step is accepted. If
             not, each motion's are set up, factored in place and dropped, and once more after a
             rejected step.
@@ -172,6 +175,7 @@ class _OneBody:
     within: Each
     free_shape: bool
     held: bool
+    alone: bool
 
     @classmethod
     def of(
@@ -181,17 +185,19 @@ class _OneBody:
         free_shape: bool,
         at_once: int,
         frames: int,
+        alone: bool,
     ) -> "_OneBody":
         """``each`` runs the halves of the motions where these are worked on one by one.
 
         Args:
             at_once: motions that are worked on at the same time; frames: of all of these.
+            alone: whether the motion is the only one that is fitted.
         """
         of_body = sum(motion.state.valid.shape[1] for motion in motions)
         held = max(of_body, frames) + frames <= MOST_HELD  # equations, and factors of some
         if len(motions) == 1 or at_once == 1:
-            return cls(in_turn, each, free_shape, held)
-        return cls(each, in_turn, free_shape, held)
+            return cls(in_turn, each, free_shape, held, alone)
+        return cls(each, in_turn, free_shape, held, alone)
 
     def cost(self, state: list[SolverMotion]) -> Float[np.ndarray, "1"]:
         """Sum of the motions' objectives."""
@@ -220,8 +226,11 @@ class _OneBody:
         )
 
     def _system(self, motion: SolverMotion) -> NormalEquations:
-        each = self.within if self.held else in_turn  # halves are two systems until they are added
-        return _system(motion, free_shape=self.free_shape, each=each)
+        if self.alone and self.held:  # halves are two systems until they are added
+            normal = linearise_halves(motion.terms, motion.state, self.within)
+        else:
+            normal = linearise(motion.terms, motion.state)
+        return normal if self.free_shape else _with_held_shape(normal, motion.state)
 
     def _reduced(
         self, pair: tuple[SolverMotion, NormalEquations | None], damping: float
@@ -242,16 +251,11 @@ def _cost_of(term: Term, state: MotionState) -> Tensor:
     return term.cost(state)
 
 
-def _system(motion: SolverMotion, free_shape: bool, each: Each) -> NormalEquations:
-    if each is in_turn:
-        normal = linearise(motion.terms, motion.state)
-    else:
-        normal = linearise_halves(motion.terms, motion.state, each)
-    if not free_shape:
-        shape = slice(0, motion.state.betas.shape[1])
-        normal.border[..., shape] = 0.0
-        normal.corner[:, shape] = normal.corner[:, :, shape] = 0.0
-        normal.corner_gradient[:, shape] = 0.0
+def _with_held_shape(normal: NormalEquations, state: MotionState) -> NormalEquations:
+    shape = slice(0, state.betas.shape[1])
+    normal.border[..., shape] = 0.0
+    normal.corner[:, shape] = normal.corner[:, :, shape] = 0.0
+    normal.corner_gradient[:, shape] = 0.0
     return normal
 
 

@@ -16,6 +16,7 @@ from jaxtyping import Bool, Float
 
 from imocap_core.sync.hypotheses.agreement import Hypothesis3D, pair_costs
 from imocap_core.sync.hypotheses.choice import best_labellings
+from imocap_core.workers import at_once
 
 RATE_PER_S = 15.0  # of frames that are compared
 MOST_FRAMES = 80  # of the longest video
@@ -59,10 +60,9 @@ def choose_jointly(videos: Sequence[CandidateMotions]) -> JointChoice:
         return JointChoice((0,) * len(videos), [() for _ in videos])
     thin = thinned_candidates(videos)
     share = 1.0 / (len(videos) - 1)
-    pairs = {
-        (a, b): share * pair_costs(thin[a].hypotheses, thin[b].hypotheses)
-        for a, b in combinations(range(len(videos)), 2)
-    }
+    edges = list(combinations(range(len(videos)), 2))
+    costs = at_once(lambda e: pair_costs(thin[e[0]].hypotheses, thin[e[1]].hypotheses), edges)
+    pairs = {edge: share * cost for edge, cost in zip(edges, costs, strict=True)}
     best, *others = best_labellings([_unary(v) for v in videos], pairs, margin=TIE)
     rivals = [
         tuple(sorted({o.labels[v] for o in others} - {label}))
