@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -20,14 +21,16 @@ from imocap_core.camera.projection import warp
 from imocap_core.camera.still_background import KeptPictures, still_background
 from imocap_core.cli import stage_main
 from imocap_core.io.colmap import load_colmap
-from imocap_core.io.video import read_gray
+from imocap_core.io.video import GrayPicture, read_gray
 from imocap_core.params import CameraMotionParams, Params
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.even_moments import camera_at_used_frames, nearest_used
 from imocap_core.problem.filmed_background import camera_of_background, without_pictures
 from imocap_core.problem.lenses import undistorted_px
-from imocap_core.problem.moving_camera import Background, background_of
+from imocap_core.problem.moving_camera import background_of
 from imocap_core.workers import cores
+
+MOST_KEPT_BYTES = 64 * 2**20  # grey pictures of one video that are kept from one use to the next
 
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> CameraMotion:
@@ -74,9 +77,10 @@ def _look(
     scale = min(1.0, params.working_size_px / max(video.size))
     first, last = int(video.frames[0]), int(video.frames[-1])
     boxes = (video.person_box_px[nearest_used(video)] + 0.5) * scale - 0.5
+    pictures = _small_pictures(video, path, scale)
     sampled = KeptPictures(last + 1 - first, {})
     small = track_background(
-        sampled.passing(picture for _, picture in read_gray(path, first, last + 1, scale=scale)),
+        sampled.passing(pictures()),
         boxes,
         max_features=params.max_features,
         min_inliers=params.min_inliers,
@@ -91,25 +95,26 @@ def _look(
         video,
         [rescaled(match, scale) for match in small],
         params.reprojection_threshold_px / scale,
-        lambda: _background(video, path, scale, params),
+        lambda: background_of(pictures(), boxes, video.fps, video.size, scale, params),
         lambda: still_background(sampled, boxes),
         params,
     )
     return camera_at_used_frames(camera, video), lens
 
 
-def _background(
-    video: VideoKeypoints, path: Path, scale: float, params: CameraMotionParams
-) -> Background:
-    first, last = int(video.frames[0]), int(video.frames[-1])
-    return background_of(
-        (picture for _, picture in read_gray(path, first, last + 1, scale=scale)),
-        (video.person_box_px[nearest_used(video)] + 0.5) * scale - 0.5,
-        video.fps,
-        video.size,
-        scale,
-        params,
-    )
+def _small_pictures(
+    video: VideoKeypoints, path: Path, scale: float
+) -> Callable[[], Iterator[GrayPicture]]:
+    """The used frames made smaller, as often as asked for; decoded once where they are few."""
+    first, stop = int(video.frames[0]), int(video.frames[-1]) + 1
+
+    def decoded() -> Iterator[GrayPicture]:
+        return (picture for _, picture in read_gray(path, first, stop, scale=scale))
+
+    if (stop - first) * scale**2 * video.size[0] * video.size[1] > MOST_KEPT_BYTES:
+        return decoded
+    kept = list(decoded())
+    return lambda: iter(kept)
 
 
 def _path(camera: CameraMotionEstimate) -> dict[str, np.ndarray]:
