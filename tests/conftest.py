@@ -6,11 +6,10 @@ from pathlib import Path
 import jaxtyping
 import pytest
 from hypothesis import settings
-from jaxtyping import install_import_hook
 
-import tests.shape_check  # noqa: F401  (the hook names it)
+from tests.shape_check import begin_test, check_annotations
 
-# Rooms whose annotations (types, and shapes of arrays) are checked at every call in the tests.
+# Rooms whose annotations (types, and shapes of arrays) are checked in the tests.
 CHECKED: tuple[str, ...] = (
     "imocap_core.alignment",
     "imocap_core.body",
@@ -56,7 +55,7 @@ LONGEST = (
     "sync/test_hard_videos.py",
 )
 
-install_import_hook(CHECKED, "tests.shape_check.checked")
+check_annotations(CHECKED)
 
 # No deadline: the suite must not fail on a busy machine. Derandomised: a failure is the same
 # failure on every machine.
@@ -69,6 +68,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     folder = Path(__file__).parent
     rank = {folder / name: place for place, name in enumerate(LONGEST)}
     items.sort(key=lambda item: rank.get(item.path, len(rank)))
+
+
+def pytest_runtest_setup() -> None:
+    """Annotations are checked at the first calls of each test."""
+    begin_test()
 
 
 @pytest.fixture
