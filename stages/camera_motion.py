@@ -113,8 +113,8 @@ def _small_pictures(
 
     if (stop - first) * scale**2 * video.size[0] * video.size[1] > MOST_KEPT_BYTES:
         return decoded
-    kept = list(decoded())
-    return lambda: iter(kept)
+    pictures = list(decoded())
+    return lambda: iter(pictures)
 
 
 def _path(camera: CameraMotionEstimate) -> dict[str, np.ndarray]:

@@ -4,7 +4,7 @@ import jaxtyping
 import numpy as np
 import pytest
 
-from imocap_core.metrics.position import mpjpe_mm
+from imocap_core.metrics.position import joint_errors_mm
 from tests.shape_check import CALLS, begin_test
 
 FLAT = np.zeros((2, 3))  # no frames
@@ -15,6 +15,6 @@ def test_the_first_calls_of_every_test_are_checked() -> None:
         begin_test()
         for _ in range(CALLS):
             with pytest.raises(jaxtyping.TypeCheckError):
-                mpjpe_mm(FLAT, FLAT)
+                joint_errors_mm(FLAT, FLAT)
         with pytest.raises(ValueError, match="must both be"):  # its own check
-            mpjpe_mm(FLAT, FLAT)
+            joint_errors_mm(FLAT, FLAT)
