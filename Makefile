@@ -80,10 +80,10 @@ lint: $(STAMP)
 
 check: lint test
 
-# The alternative in C (Apache-2.0) comes into a folder of its own; without it its rows are missing.
-BENCHED := dtaidistance==2.5.1
+# Alternatives in C and C++ (Apache-2.0) come into a folder of their own; without them their rows are missing.
+BENCHED := dtaidistance==2.5.1 pyceres==2.6
 bench: $(STAMP)
-	@test -d build/bench || $(PIP) --no-deps --target build/bench '$(BENCHED)' || echo "imocap: $(BENCHED) cannot be installed here"
+	@for each in $(BENCHED); do test -d build/bench/$${each%%=*} || $(PIP) --no-deps --target build/bench $$each || echo "imocap: $$each cannot be installed here"; done
 	@PYTHONPATH=build/bench $(BIN)/imocap benchmark speed
 
 SECONDS ?= 300

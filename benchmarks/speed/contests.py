@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -13,12 +17,17 @@ import torch
 from jaxtyping import Float
 
 from benchmarks.body.speed import LAYOUT, automatic_jacobian
+from benchmarks.cost.action import ActionSize, make_sized_action
 from benchmarks.solver.race import NEWTON, RaceRow, race
 from benchmarks.solver.scene import made_scene
 from benchmarks.speed.contest import Entrants, RatioRow, contest, with_growth
+from benchmarks.speed.least_squares import Race, ceres_solve, motion_race, scipy_solve
+from benchmarks.speed.motion_alone import motion_alone
 from benchmarks.speed.rivals import dtw_by_loops, procrustes_by_svd
 from benchmarks.sync.speed import VIDEOS, made_poses
+from benchmarks.tables import ABSENT
 from imocap_core.body import keypoints_with_jacobian, load_free_body
+from imocap_core.library.running import run_action
 from imocap_core.params import FitParams, MotionParams, SyncParams
 from imocap_core.rotations import exp
 from imocap_core.sync.block_maps import BlockMaps
@@ -35,6 +44,7 @@ AFFINITY_FRAMES, CYCLE_FRAMES, DTW_FRAMES = (75, 150), (300, 600), (150, 450)
 BODIES = (100, 400)
 VIEWS, SOLVED_FRAMES, PROBLEM = 4, (20, 40), "rigid copies"
 SOLVERS = {"lbfgs": "L-BFGS (SciPy)", "adam": "Adam"}
+PIPELINE_VIDEOS, PIPELINE_FRAMES = 3, (60, 120)
 FPS = 30.0
 
 
@@ -110,6 +120,42 @@ def solver(fit: FitParams, motion: MotionParams, seed: int) -> list[RatioRow]:
             SOLVED_FRAMES,
         )
     ]
+
+
+def motion_alone_solvers(fit: FitParams, motion: MotionParams, seed: int) -> list[RatioRow]:
+    """One motion with known cameras and shape: Gauss-Newton and general least-squares solvers."""
+    rivals: dict[str, Race] = {"SciPy's least_squares": scipy_solve}
+    if find_spec("pyceres") is not None:
+        rivals["Ceres, without its residuals' time"] = ceres_solve
+    problems = {n: motion_alone(made_scene(VIEWS, n, fit, seed), motion) for n in SOLVED_FRAMES}
+    rows = []
+    for name, rival in rivals.items():
+        raced = []
+        for frames, problem in problems.items():
+            seconds, watch = motion_race(problem, rival, MOST_TIMES)
+            ours, theirs = 1e3 * seconds, 1e3 * watch.ended_s
+            size, stopped = f"{VIEWS} x {frames} frames", not watch.reached
+            raced.append(
+                RatioRow("motion alone", name, size, ours, theirs, theirs / ours, at_least=stopped)
+            )
+        rows += with_growth(raced, SOLVED_FRAMES)
+    return rows
+
+
+def pipeline() -> list[RatioRow]:
+    """From keypoints and cameras to the final motion, nothing beside it."""
+    rows = []
+    for frames in PIPELINE_FRAMES:
+        with TemporaryDirectory() as folder:
+            size, root = ActionSize(PIPELINE_VIDEOS, frames), Path(folder)
+            make_sized_action(root / size.name, size)
+            run_action(root / size.name, root=root, until="camera_motion")
+            began = time.process_time()
+            run_action(root / size.name, root=root, until="refine_sync")
+            ours = 1e3 * (time.process_time() - began)
+        shown = f"{PIPELINE_VIDEOS} x {frames} frames"
+        rows.append(RatioRow("keypoints to motion", ABSENT, shown, ours, math.nan, math.nan))
+    return with_growth(rows, PIPELINE_FRAMES)
 
 
 def _solver_row(name: str, solver: str, frames: int, raced: Sequence[RaceRow]) -> RatioRow:

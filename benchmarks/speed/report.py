@@ -13,7 +13,7 @@ from benchmarks.names import BenchmarkOptions
 from benchmarks.solver.race import one_core
 from benchmarks.speed import contests
 from benchmarks.speed.contest import RatioRow
-from benchmarks.tables import cell, markdown_table, write_rows, write_texts
+from benchmarks.tables import ABSENT, cell, markdown_table, write_rows, write_texts
 from imocap_core.errors import WrongUse
 from imocap_core.pipeline.runner import Display
 from imocap_core.workspace import Workspace
@@ -37,6 +37,8 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
         "dtw": contests.time_warping,
         "body": contests.body_jacobian,
         "solver": lambda: contests.solver(params.fit, params.motion, pipeline.seed),
+        "motion": lambda: contests.motion_alone_solvers(params.fit, params.motion, pipeline.seed),
+        "pipeline": contests.pipeline,
     }
     if unknown := sorted(set(options.only) - set(parts)):
         raise WrongUse(f"--only {unknown[0]}: expected some of {', '.join(parts)}")
@@ -59,8 +61,8 @@ def markdown(rows: Sequence[RatioRow]) -> str:
             row.part,
             row.rival,
             row.size,
-            cell(row.ours_ms, 1),
-            f"{'> ' if row.at_least else ''}{row.rival_ms:,.1f}",
+            _thousands(row.ours_ms),
+            f"{'> ' if row.at_least else ''}{_thousands(row.rival_ms)}",
             f"{'> ' if row.at_least else ''}{_ratio(row.ratio)}",
             cell(row.growth, 1),
             cell(math.nan if row.at_least else row.rival_growth, 1),
@@ -72,7 +74,7 @@ def markdown(rows: Sequence[RatioRow]) -> str:
 
 def summary(rows: Sequence[RatioRow]) -> str:
     """The ratio at the larger size of every contest."""
-    largest = {(row.part, row.rival): row for row in rows}
+    largest = {(row.part, row.rival): row for row in rows if not math.isnan(row.ratio)}
     cells = [
         [row.part, row.rival, row.size, f"{'> ' if row.at_least else ''}{_ratio(row.ratio)}"]
         for row in largest.values()
@@ -81,4 +83,10 @@ def summary(rows: Sequence[RatioRow]) -> str:
 
 
 def _ratio(value: float) -> str:
+    if math.isnan(value):
+        return ABSENT
     return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
+
+
+def _thousands(value: float) -> str:
+    return ABSENT if math.isnan(value) else f"{value:,.1f}"

@@ -9,10 +9,22 @@ import pytest
 
 from benchmarks.names import BenchmarkOptions
 from benchmarks.parallel import LineDisplay
+from benchmarks.solver.scene import made_scene
 from benchmarks.speed.contest import Entrants, RatioRow, contest, with_growth
+from benchmarks.speed.least_squares import (
+    Race,
+    SparsePattern,
+    Stopwatch,
+    ceres_solve,
+    gauss_newton_alone,
+    scipy_solve,
+)
+from benchmarks.speed.motion_alone import MotionAlone, motion_alone
 from benchmarks.speed.report import markdown, report, summary
 from benchmarks.speed.rivals import dtw_by_loops, procrustes_by_svd
 from imocap_core.errors import WrongUse
+from imocap_core.motion.solver.objective import objective
+from imocap_core.params import FitParams, MotionParams
 from imocap_core.sync.pairwise.procrustes import procrustes_distances
 from imocap_core.sync.warp.dtw import dtw
 from imocap_core.workspace import Workspace
@@ -31,6 +43,36 @@ def test_the_loops_of_time_warping_find_our_path(lengths: tuple[int, int]) -> No
     ours, least = dtw((a[:, None] - b) ** 2)
     assert cost == pytest.approx(least)
     np.testing.assert_array_equal(path, ours)
+
+
+@pytest.fixture(scope="module")
+def alone() -> MotionAlone:
+    return motion_alone(made_scene(3, 4, FitParams(), 3), MotionParams())
+
+
+def test_the_residuals_of_a_motion_alone_are_the_objective_s(alone: MotionAlone) -> None:
+    rng = np.random.default_rng(1)
+    x, along = rng.normal(0.0, [[0.05], [1.0]], (2, 4 * 75))
+
+    def residuals(step: float) -> np.ndarray:
+        return np.concatenate([r.numpy().ravel() for r, _ in alone.rows(x + step * along)])
+
+    u = residuals(0.0)
+    assert u @ u == pytest.approx(float(objective(alone.terms, alone.state(x)).sum()))
+    jacobian = SparsePattern.of(alone).matrix([J.numpy() for _, J in alone.rows(x)])
+    slope = (residuals(1e-6) - residuals(-1e-6)) / 2e-6
+    np.testing.assert_allclose(jacobian @ along, slope, atol=1e-5)
+
+
+@pytest.mark.parametrize("solve", [scipy_solve, ceres_solve])
+def test_general_solvers_find_our_motion_alone(alone: MotionAlone, solve: Race) -> None:
+    if solve is ceres_solve:
+        pytest.importorskip("pyceres")
+    ours = gauss_newton_alone(alone.terms, alone.start)
+    watch = Stopwatch(1.01 * ours.costs[-1], limit_s=60.0)
+    solve(alone, watch)
+    assert watch.reached
+    assert ours.costs[0] > 2.0 * watch.lowest
 
 
 def test_growth_is_the_exponent() -> None:
@@ -55,6 +97,12 @@ def test_a_contest_calls_both_at_every_size() -> None:
 def test_a_rival_that_was_stopped_took_more() -> None:
     text = markdown([RatioRow("p", "r", "s", 1.0, 10.0, 10.0, at_least=True)])
     assert "| > 10.0 | > 10 |" in text
+
+
+def test_a_part_without_a_rival_has_dashes_and_is_not_in_the_summary() -> None:
+    alone = [RatioRow("p", "–", "s", 1.0, np.nan, np.nan)]
+    assert markdown(alone).splitlines()[2] == "| p | – | s | 1.0 | – | – | – | – |"
+    assert len(summary(alone).splitlines()) == 2
 
 
 def test_the_summary_has_the_larger_size_of_every_contest() -> None:
