@@ -130,21 +130,21 @@ def motion_alone(made: MadeScene, options: MotionParams) -> MotionAlone:
     """The motion of a made scene's first common fit from where that fit starts, with the cameras
     and the shape that it ends with."""
     terms, start = first_common_problem(made, options, rigid_offsets=False)
-    known = newton(terms, start).state
+    whole = newton(terms, start).state
     (prior,) = (term for term in terms if isinstance(term, PosePriorTerm))
     (pose,) = (term for term in terms if isinstance(term, PoseSmoothness))
     (path,) = (term for term in terms if isinstance(term, PathSmoothness))
     return MotionAlone(
-        MotionState.of(start.R_local, start.trans, known.betas, start.valid),
-        tuple(_with_known_cameras(term, known) for term in terms if isinstance(term, Reprojection)),
+        MotionState.of(start.R_local, start.trans, whole.betas, start.valid),
+        tuple(_with_known_cameras(term, whole) for term in terms if isinstance(term, Reprojection)),
         prior,
         replace(pose, acceleration_weight=torch.zeros_like(pose.acceleration_weight)),
         path,
     )
 
 
-def _with_known_cameras(term: Reprojection, known: MotionState) -> Reprojection:
-    views = (view.with_camera_of(known) for view in term.views)
+def _with_known_cameras(term: Reprojection, solved: MotionState) -> Reprojection:
+    views = (view.with_camera_of(solved) for view in term.views)
     return replace(term, views=tuple(replace(view, camera=None) for view in views))
 
 
