@@ -31,8 +31,8 @@ def on(pool: Executor) -> Each:
 
 
 def cores() -> int:
-    """Number of processor cores that this thread may use: a worker of `at_once` its share, any
-    other thread those of the process; where unknown, all cores."""
+    """Number of processor cores that this thread may use: its share (`take_share`), else those of
+    the process; where unknown, all cores."""
     share: int | None = getattr(_of_thread, "cores", None)
     if share is not None:
         return share
@@ -47,11 +47,12 @@ def at_once(work: Callable[[Any], Any], items: Sequence[Any], most: int | None =
     if workers == 1:
         return in_turn(work, items)
     share = max(1, cores() // workers)
-    with ThreadPoolExecutor(workers, initializer=_take_share, initargs=(share,)) as pool:
+    with ThreadPoolExecutor(workers, initializer=take_share, initargs=(share,)) as pool:
         return on(pool)(work, items)
 
 
-def _take_share(share: int) -> None:
+def take_share(share: int) -> None:
+    """From now on this thread, being one of several workers, uses so many cores."""
     _of_thread.cores = share
 
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from imocap_core.errors import WorkFailed
 from imocap_core.executors.attempt import attempt
 from imocap_core.executors.task import Begun, Ended, Event, Progressed, Task, Watch
+from imocap_core.workers import take_share
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -134,9 +135,10 @@ def dask_cluster(
 
 
 def _on_worker(task: Task) -> Ended:
-    """One attempt, on a worker of the cluster."""
+    """One attempt, on one thread of a worker of the cluster, which others work beside."""
     from distributed import get_worker
 
+    take_share(1)
     worker = get_worker()
     worker.log_event(TOPIC, (task.name, str(worker.name)))
     return attempt(

@@ -1,8 +1,8 @@
 """Tasks in processes of their own on this machine; a process that dies is replaced.
 
-Every worker is a fresh process (spawn) with one thread of linear algebra, joined to this one by a
-pipe. Where the pipe closes before the task has ended, the process has died: the kernel ends the
-largest one when memory runs out.
+Every worker is a fresh process (spawn) with one thread of linear algebra and its share of the
+cores, joined to this one by a pipe. Where the pipe closes before the task has ended, the process
+has died: the kernel ends the largest one when memory runs out.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from imocap_core.errors import system_fault
 from imocap_core.executors.attempt import attempt
 from imocap_core.executors.task import Begun, Ended, Event, Progressed, Task, Watch
 from imocap_core.memory_limit import limit_memory
-from imocap_core.workers import SAFE_PATH, end_with_parent_only, environment
+from imocap_core.workers import SAFE_PATH, cores, end_with_parent_only, environment, take_share
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 KILL = 9
@@ -32,10 +32,11 @@ KILL = 9
 class WorkerSettings:
     """How worker processes are started.
 
-    memory_bytes: the largest memory of one, None for no limit. fresh: each task gets one of its
-    own. outer_safe_path: this process's PYTHONSAFEPATH.
+    cores: that one may use. memory_bytes: the largest memory of one, None for no limit. fresh: each
+    task gets one of its own. outer_safe_path: this process's PYTHONSAFEPATH.
     """
 
+    cores: int
     memory_bytes: int | None
     fresh: bool
     outer_safe_path: str | None
@@ -132,7 +133,8 @@ def worker_processes(
         memory_bytes: largest memory of one worker; None for no limit.
         fresh: every task gets a process of its own.
     """
-    settings = WorkerSettings(memory_bytes, fresh, os.environ.get(SAFE_PATH))
+    share = max(1, cores() // workers)
+    settings = WorkerSettings(share, memory_bytes, fresh, os.environ.get(SAFE_PATH))
     with environment({SAFE_PATH: "1", **dict.fromkeys(THREADS, "1")}):
         executor = Processes(workers, settings)
         try:
@@ -144,6 +146,7 @@ def worker_processes(
 def _serve(pipe: Connection, settings: WorkerSettings) -> None:
     """Carry out what comes through the pipe, until it closes."""
     end_with_parent_only(settings.outer_safe_path)
+    take_share(settings.cores)
     if settings.memory_bytes is not None:
         limit_memory(settings.memory_bytes)
     while True:

@@ -19,6 +19,7 @@ from imocap_core.executors.processes import worker_processes
 from imocap_core.executors.schedule import Schedule
 from imocap_core.executors.serial import Serial
 from imocap_core.executors.task import Begun, Executor, Progressed, Report, Task
+from imocap_core.workers import cores
 from tests.executors.work import die_once, note, refuse
 
 needs_proc = pytest.mark.skipif(sys.platform != "linux", reason="kills a process as Linux does")
@@ -115,6 +116,16 @@ def test_what_has_priority_begins_first(tmp_path: Path) -> None:
 def test_a_graph_with_a_cycle_or_two_of_one_name_is_refused(tasks: list[Task]) -> None:
     with pytest.raises(ValueError, match=r"task a: expected a new name"):
         Schedule(tasks)
+
+
+def test_workers_share_the_cores() -> None:
+    with worker_processes(cores()) as executor:
+        (end,) = perform([Task("c", own_cores)], executor)
+    assert end.result == 1
+
+
+def own_cores(report: Report) -> int:
+    return cores()
 
 
 @needs_proc
