@@ -12,6 +12,7 @@ from imocap_core.artifacts.schemas import (
     Uncertainty,
 )
 from imocap_core.cli import stage_main
+from imocap_core.motion.monocular.fit import Progress
 from imocap_core.motion.posterior.model_error import (
     claimed_covariance_m2,
     claimed_rotation_sd,
@@ -48,20 +49,28 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Uncertainty:
     one_motion = common is not None and is_one_motion(common)
     posteriors = []
     for k, group in enumerate(groups):
-        ctx.progress(k / len(groups), f"the posterior of {', '.join(group.ids)}")
-        posteriors.append(posterior_of(group, params.uncertainty, one_motion=one_motion and k == 0))
+        progress = partial(_begin, ctx, k / len(groups), ", ".join(group.ids))
+        posteriors.append(
+            posterior_of(group, params.uncertainty, progress, one_motion=one_motion and k == 0)
+        )
     return uncertainty_of(posteriors, keypoints, refined, params.uncertainty)
 
 
+def _begin(ctx: Context, done: float, videos: str, what: str) -> None:
+    """A part of the work, which needs arrays of other sizes than the one before."""
+    ctx.progress(done, f"the posterior of {videos}: {what}")
+    release_if_large()
+
+
 def posterior_of(
-    group: SolvedGroup, params: UncertaintyParams, *, one_motion: bool
+    group: SolvedGroup, params: UncertaintyParams, progress: Progress, *, one_motion: bool
 ) -> GroupPosterior:
     """Covariances and viewpoints of videos that were solved together."""
     noise, options = Noise(params), group.problem.options
     scene = group.problem.scene_of(group.solution)
     rows = partial(anatomical_rotations, scene.body.model)
-    posterior = motion_posterior(scene, group.solution, options, noise, rows)
-    release_if_large()  # the viewpoints need other sizes
+    posterior = motion_posterior(scene, group.solution, options, noise, rows, progress)
+    progress("viewpoints")
     viewpoints = viewpoint_report(
         scene,
         group.solution,

@@ -74,6 +74,11 @@ class MotionState:
         """The same state without what was computed from it, for uses that should not add to it."""
         return replace(self)
 
+    def forget(self) -> None:
+        """Drop what was computed from this state: it is computed again where it is wanted."""
+        self._cache.clear()
+        self._bodies.clear()
+
     @cached_property
     def _cache(self) -> dict[tuple[int, ...], tuple[tuple[object, ...], Any]]:
         return {}

@@ -27,6 +27,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from imocap_core.motion.monocular.fit import Progress
 from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.posterior.common_posterior import (
     CommonPosterior,
@@ -98,6 +99,7 @@ def motion_posterior(
     options: MotionParams,
     noise: Noise,
     rotation_rows: Callable[[MotionState], Float[Tensor, "T K 3 72"]] = no_rotations,
+    progress: Progress = lambda _: None,
 ) -> MotionPosterior:
     """The posterior of a result of SMPL-BA.
 
@@ -109,8 +111,10 @@ def motion_posterior(
     videos, options = len(scene.observations), noise.options(options)
     if videos == 1:
         return _of_single_video(scene, result.state, options, noise, rotation_rows)
+    progress("the motion of all videos")
     evidence = common_evidence(scene, with_common_motion(scene, result, options), options)
     common = common_posterior(noise.scene(scene, 1), evidence, noise)
+    progress("each video's own motion")
     fits = per_video_fits(noise.scene(scene, videos), result.state, evidence, options, noise)
 
     def of_video(v: int) -> _VideoCovariance:

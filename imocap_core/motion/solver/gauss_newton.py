@@ -237,7 +237,9 @@ class _OneBody:
     ) -> Reduced:
         motion, equations = pair
         if equations is None:
-            return self._system(motion).reduce(damping, self.within, in_place=True)
+            system = self._system(motion)
+            motion.state.forget()  # wanted again only where the step is rejected
+            return system.reduce(damping, self.within, in_place=True)
         return equations.reduce(damping, self.within)
 
     def choose(
