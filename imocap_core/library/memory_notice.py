@@ -17,9 +17,8 @@ if TYPE_CHECKING:
 
 MEMINFO, STATM, CGROUP = Path("/proc/meminfo"), Path("/proc/self/statm"), Path("/sys/fs/cgroup")
 # Largest memory of all stages as measured (docs/scaling.md): of the program and its data, of every
-# frame of every video, of every frame whose motion is being fitted, and of the longest video's
-# frames in the posterior.
-PROGRAM_BYTES, FRAME_BYTES, FIT_BYTES, POSTERIOR_BYTES = 600e6, 50e3, 230e3, 700e3
+# frame of every video, and of every frame whose motion is being fitted. The posterior takes less.
+PROGRAM_BYTES, FRAME_BYTES, FIT_BYTES = 700e6, 50e3, 230e3
 
 
 def memory_notice(frames: Sequence[int], available: int | None) -> str | None:
@@ -59,8 +58,7 @@ def expected_bytes(frames: Sequence[int], workers: int) -> int:
 
     longest = max(frames, default=0)
     at_once = min(len(frames), workers, motions_at_once(longest))
-    motion = max(FIT_BYTES * at_once * longest, POSTERIOR_BYTES * longest)
-    return int(PROGRAM_BYTES + FRAME_BYTES * sum(frames) + motion)
+    return int(PROGRAM_BYTES + FRAME_BYTES * sum(frames) + FIT_BYTES * at_once * longest)
 
 
 def available_bytes() -> int | None:
