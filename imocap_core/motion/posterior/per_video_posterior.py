@@ -98,6 +98,7 @@ def per_video_posterior(
         covariance; videos of one body add up).
     """
     normal = linearise(fit.terms, fit.state)
+    fit.state.forget()
     border, weights = normal.border[0], _coupling_weights(fit.couplings, fit.state)
     globals_, schur, results = border.shape[-1], normal.corner[0].clone(), list[T]()
 
