@@ -10,6 +10,7 @@ one is killed, too.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import shutil
 import signal
@@ -105,6 +106,12 @@ def results(roots: list[Path]) -> set[str]:
     return {file.name for root in roots for file in root.glob("artifacts/.cache/*/*.mcap")}
 
 
+def of_all(digests: Digests) -> str:
+    """One digest of all, to compare ways that were not run in one go."""
+    text = repr(sorted(digests.items()))
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
 def main() -> None:
     """Run all actions by every executor and compare."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -149,7 +156,8 @@ def main() -> None:
         first = first or (seconds, made)
         ratio = first[0] / seconds
         equal = sum(made[key] == digest for key, digest in first[1].items())
-        print(f"| {name} | {seconds:.0f} | {ratio:.2f} | {equal} of {len(first[1])} |", flush=True)
+        row = f"| {name} | {seconds:.0f} | {ratio:.2f} | {equal} of {len(first[1])} |"
+        print(f"{row} {of_all(made)} |", flush=True)
 
 
 if __name__ == "__main__":
