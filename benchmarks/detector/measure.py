@@ -16,6 +16,7 @@ from jaxtyping import Float
 from benchmarks.detector.degradations import DEGRADATIONS, PLAIN, Degradation, Picture
 from benchmarks.detector.reference import LIMBS, SHIFTS, reference_limbs, shifted
 from imocap_core.body.layouts import layout_names
+from imocap_core.detect.detection import with_last
 from imocap_core.detect.detectors import Detector, detector_of
 from imocap_core.detect.process import Worker
 from imocap_core.detect.setup import set_up
@@ -100,9 +101,9 @@ def detect(
     answers: list[dict[str, Any]] = []
     numbers, seconds = [], 0.0
     with Worker(python, detector.worker, detector.arguments) as worker:
-        for number, picture in degraded(video, limbs, degradation):
+        for (number, picture), is_last in with_last(degraded(video, limbs, degradation)):
             begin = time.perf_counter()
-            answers.append(worker.detect(len(answers), picture))
+            answers.append(worker.detect(picture, is_last))
             seconds += time.perf_counter() - begin
             numbers.append(number)
     info = probe(video)

@@ -16,6 +16,7 @@ from imocap_core.detect.detection import (
 )
 from imocap_core.detect.detectors import Detector, detector_of
 from imocap_core.detect.setup import set_up
+from imocap_core.detect.several import Undetected, detect_videos
 from imocap_core.errors import WorkFailed
 from imocap_core.io.video import read_gray
 from imocap_core.io.video_check import check_video
@@ -60,17 +61,18 @@ def detect(action: Action, params: DetectParams, store: Store, display: Display)
     )
     if not waiting:
         return
-    display.started("detect", [f"{waiting[0].id} has no detections of {detector.version}"])
+    display.started("detect", [f"{v.id} has no detections of {detector.version}" for v in waiting])
     python = set_up(detector, lambda what: display.progress(0.0, what))
-    for number, declared in enumerate(waiting):
-        if number:
-            display.started("detect", [f"{declared.id} has no detections of {detector.version}"])
+    undetected: dict[Path, Undetected] = {}  # by file: one video may have several names
+    for declared in waiting:
         file = _file(action, declared, detector, store)
         assert file is not None
         assert declared.video is not None
-        if not file.is_file():  # else the same video under another name
-            detect_video(action.folder / declared.video, file, detector, python, display.progress)
-            share_detections(store, [file])
+        undetected[file] = Undetected(action.folder / declared.video, file)
+    try:
+        detect_videos([*undetected.values()], detector, python, display.progress)
+    finally:
+        share_detections(store, [file for file in undetected if file.is_file()])
 
 
 def detect_one(

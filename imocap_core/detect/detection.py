@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from imocap_core.whole_files import publish_once, writer
 
 FOLDER = "detections"
 Progress = Callable[[float, str], None]
+Item = TypeVar("Item")
 
 
 def detections_file(store: Store, video: Path, detector: Detector) -> Path:
@@ -44,6 +45,17 @@ def decoded_ahead(video: Path) -> Iterator[Iterator[tuple[int, RgbPicture]]]:
             pictures.close()
 
 
+def with_last(items: Iterable[Item]) -> Iterator[tuple[Item, bool]]:
+    """Each with whether it is the last."""
+    waiting: list[Item] = []
+    for item in items:
+        if waiting:
+            yield waiting.pop(), False
+        waiting.append(item)
+    for item in waiting:
+        yield item, True
+
+
 def fetch_detections_of(store: Store, file: Path) -> bool:
     """Whether a video's detections are here, or can be fetched from the shared store."""
     if file.is_file():
@@ -59,7 +71,14 @@ def share_detections(store: Store, files: Iterable[Path]) -> None:
 
 
 def detect_video(
-    video: Path, file: Path, detector: Detector, python: Path, progress: Progress
+    video: Path,
+    file: Path,
+    detector: Detector,
+    python: Path,
+    progress: Progress,
+    *,
+    threads: int | None = None,
+    started: Callable[[Worker], None] = lambda worker: None,
 ) -> None:
     """Write the detections of all frames of a video into `file`; whole or not at all.
 
@@ -67,16 +86,20 @@ def detect_video(
 
     `progress` is called with the share of the work and a sentence. WorkFailed when the detector
     fails or finds no person, ValueError when the video cannot be read.
+
+    Args:
+        threads: of the detector's process; started: is called with it.
     """
     count = max(probe(video).frame_count, 1)
     answers = []
     with (
         unchanged({"video": video}),
-        Worker(python, detector.worker, detector.arguments) as worker,
+        Worker(python, detector.worker, detector.arguments, threads) as worker,
         decoded_ahead(video) as pictures,
     ):
-        for number, picture in pictures:
-            answers.append(worker.detect(number, picture))
+        started(worker)
+        for (number, picture), is_last in with_last(pictures):
+            answers.append(worker.detect(picture, is_last))
             progress(min((number + 1) / count, 1.0), f"{video.name}: frame {number + 1} of {count}")
     arrays: dict[str, Any] = detector.arrays(answers)
     if not frames_with_people(arrays):

@@ -131,6 +131,7 @@ def detector_of(params: DetectParams, folder: Path) -> Detector:
                 "min_person_confidence": params.min_person_confidence,
                 "min_tracking_confidence": params.min_tracking_confidence,
                 "most_people": params.most_people,
+                "every_picture": params.every_picture,
             },
             models=(),
             networks={

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import struct
 import subprocess
 import tempfile
@@ -19,13 +20,17 @@ from imocap_core.errors import WorkFailed
 
 ANSWER_S = 300.0  # the longest wait for one answer: loading a model on a busy machine takes 60
 END_S = 30.0
-HEAD = struct.Struct("<III")  # frame, height, width: the protocol of detect/workers
+HEAD = struct.Struct("<III")  # is it the last, height, width: the protocol of detect/workers
 
 
 class Worker:
     """A script of detect/workers in another Python; WorkFailed when it cannot start or go on."""
 
-    def __init__(self, python: Path, script: Path, settings: dict[str, Any]) -> None:
+    def __init__(
+        self, python: Path, script: Path, settings: dict[str, Any], threads: int | None = None
+    ) -> None:
+        """threads: that it computes with; None: as many as the script chooses."""
+        of_threads = {} if threads is None else {"OMP_NUM_THREADS": str(threads)}
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115
         self._name = f"{script.stem} in {python}"
         try:
@@ -34,6 +39,7 @@ class Worker:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._errors,
+                env=os.environ | of_threads,
             )
         except OSError as error:
             self._errors.close()
@@ -54,8 +60,12 @@ class Worker:
         trace: TracebackType | None,
     ) -> None:
         if kind is not None:
-            self._process.kill()
+            self.kill()
         self._end()
+
+    def kill(self) -> None:
+        """End it at once; who waits for its answer gets `WorkFailed`."""
+        self._process.kill()
 
     def _end(self) -> None:
         """Close the pipes to it, and wait for its end."""
@@ -70,9 +80,9 @@ class Worker:
             self._process.wait()
         self._errors.close()
 
-    def detect(self, frame: int, picture: UInt8[np.ndarray, "H W 3"]) -> dict[str, Any]:
+    def detect(self, picture: UInt8[np.ndarray, "H W 3"], is_last: bool) -> dict[str, Any]:
         """The answer to one picture, RGB; WorkFailed when the process fails or ends."""
-        head = HEAD.pack(frame, *picture.shape[:2])
+        head = HEAD.pack(is_last, *picture.shape[:2])
         return self._answer(head, np.ascontiguousarray(picture).tobytes())
 
     def _answer(self, *question: bytes) -> dict[str, Any]:

@@ -38,6 +38,11 @@ class DetectParams:
     most_people: Count = param(
         5, "BlazePose: at most so many people are followed in a picture; each takes time."
     )
+    every_picture: bool = param(
+        False,
+        "BlazePose: look at every picture. Otherwise those between two looks are interpolated "
+        "where everybody moves evenly, which takes half the time",
+    )
     min_tracking_confidence: Share = param(
         0.5,
         "MediaPipe with `follow`, BlazePose: below this confidence the person is lost, and "

@@ -41,8 +41,9 @@ def places(
 
     course = Course(network, person_detector, landmarks, 0.5, 0.5, most_people)
     bodies: list[list[Landmarks]] = []
-    for frame, made in enumerate(pictures):
-        people, earlier = course.next_people(made)
+    all_pictures = [*pictures]
+    for frame, made in enumerate(all_pictures):
+        people, earlier = course.next_people(made, is_last=frame == len(all_pictures) - 1)
         bodies.append(list(people))
         for ago, body in earlier:
             bodies[frame - ago].append(body)

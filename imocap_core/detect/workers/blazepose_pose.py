@@ -1,7 +1,8 @@
 """BlazePose on the pictures of one video, in order: a person detector and a landmark network.
 
 Answers: `people`, each with `pose_landmarks`, `pose_world_landmarks` (33 of [x, y, z, visibility]);
-`earlier`: people in former pictures, each also with `ago`, the number of frames. Settings: the
+`earlier`: people in former pictures, each also with `ago`, the number of frames: those who were
+overlooked, and those of a picture that waited for this one. Settings: the
 networks' files, and those of `blazepose.course`.
 """
 
@@ -15,7 +16,7 @@ from typing import Any
 MOST_THREADS = 4  # more hardly help one picture at a time
 
 
-def people_detector(settings: dict[str, Any]) -> Callable[[Any], dict[str, Any]]:
+def people_detector(settings: dict[str, Any]) -> Callable[[Any, bool], dict[str, Any]]:
     """The courses of everybody through the pictures, as a function of the next."""
     course = importlib.import_module("blazepose.course").Course(
         _network(settings["box_model"]),
@@ -24,11 +25,12 @@ def people_detector(settings: dict[str, Any]) -> Callable[[Any], dict[str, Any]]
         settings["min_person_confidence"],
         settings["min_tracking_confidence"],
         settings["most_people"],
+        every_picture=settings["every_picture"],
     )
 
-    def detect(picture: Any) -> dict[str, Any]:
+    def detect(picture: Any, is_last: bool) -> dict[str, Any]:
         height, width = picture.shape[:2]
-        people, earlier = course.next_people(picture)
+        people, earlier = course.next_people(picture, is_last)
         return {
             "people": [_landmarks(body, width, height) for body in people],
             "earlier": [{"ago": ago} | _landmarks(body, width, height) for ago, body in earlier],

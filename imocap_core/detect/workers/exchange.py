@@ -16,8 +16,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-HEAD = struct.Struct("<III")  # frame, height, width; then the picture's bytes, 3 a pixel
-Detect = Callable[[Any], dict[str, Any]]
+HEAD = struct.Struct("<III")  # 1 if it is the last, height, width; then its bytes, 3 a pixel
+Detect = Callable[[Any, bool], dict[str, Any]]
 WATCH_S = 1.0  # between looks at whether the program is still there
 
 
@@ -25,7 +25,8 @@ def serve(make: Callable[[dict[str, Any]], Detect]) -> int:
     """Answer every picture; 1 after writing why the detector can't be made.
 
     Args:
-        make: the detector of some settings, a function of one picture (H, W, 3).
+        make: the detector of some settings, a function of one picture (H, W, 3), and of whether it
+            is the last.
     """
     threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     settings = json.loads(sys.argv[1])
@@ -45,9 +46,10 @@ def serve(make: Callable[[dict[str, Any]], Detect]) -> int:
         return 1
     answer({"ready": True})
     while len(head := pictures.read(HEAD.size)) == HEAD.size:
-        _, height, width = HEAD.unpack(head)
+        is_last, height, width = HEAD.unpack(head)
         raw = pictures.read(3 * height * width)
-        answer(detect(numpy.frombuffer(raw, numpy.uint8).reshape(height, width, 3)))
+        picture = numpy.frombuffer(raw, numpy.uint8).reshape(height, width, 3)
+        answer(detect(picture, bool(is_last)))
     return 0
 
 

@@ -14,7 +14,7 @@ FIELDS = ("pose_landmarks", "pose_world_landmarks")
 HANDS = ("left_hand_landmarks", "right_hand_landmarks")
 
 
-def landmark_detector(settings: dict[str, Any]) -> Callable[[Any], dict[str, Any]]:
+def landmark_detector(settings: dict[str, Any]) -> Callable[[Any, bool], dict[str, Any]]:
     """MediaPipe's model, as a function of one picture."""
     solutions = importlib.import_module("mediapipe").solutions
     kind = solutions.holistic.Holistic if settings["hands"] else solutions.pose.Pose
@@ -27,7 +27,7 @@ def landmark_detector(settings: dict[str, Any]) -> Callable[[Any], dict[str, Any
     )
     fields = (*FIELDS, *HANDS * settings["hands"])
 
-    def detect(picture: Any) -> dict[str, Any]:
+    def detect(picture: Any, _: bool) -> dict[str, Any]:
         result = model.process(picture)
         return {name: _points(getattr(result, name), name) for name in fields}
 

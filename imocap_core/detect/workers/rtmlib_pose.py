@@ -10,12 +10,12 @@ from collections.abc import Callable
 from typing import Any
 
 
-def people_detector(settings: dict[str, Any]) -> Callable[[Any], dict[str, Any]]:
+def people_detector(settings: dict[str, Any]) -> Callable[[Any, bool], dict[str, Any]]:
     """RTMPose, as a function of one picture."""
     numpy = importlib.import_module("numpy")
     model = _model(importlib.import_module("rtmlib"), settings)
 
-    def detect(picture: Any) -> dict[str, Any]:
+    def detect(picture: Any, _: bool) -> dict[str, Any]:
         bgr = picture[..., ::-1].copy()
         boxes = model.det_model(bgr)
         keypoints, scores = numpy.zeros((0, 1, 2)), numpy.zeros((0, 1))

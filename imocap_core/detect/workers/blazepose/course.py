@@ -3,52 +3,36 @@
 Each person's next crop follows from the last landmarks. The person detector looks at the whole
 picture every few frames and whenever somebody was lost; a box in which nobody is followed is a new
 person, who is also followed backward through the last pictures.
+
+While somebody moves evenly, every second picture waits for the next one. Who that shows to have
+gone on so is not looked at in the picture between.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from .boxes import PersonBox, detect_boxes, overlap
+from .boxes import detect_boxes
 from .crops import Crop, is_same
+from .even import LOOKS, halfway, is_even
+from .followed import FollowedPerson, distance_of, is_followed, largest, merged
 from .hidden import with_hidden
 from .landmarks import Landmarks, detect_landmarks
 from .networks import Network
-from .overlap import (
-    corners_of,
-    distinct,
-    in_front_first,
-    is_duplicate,
-    is_in_the_way,
-    quality,
-    shared,
-    size_of,
-    step,
-)
+from .overlap import in_front_first, is_duplicate, is_in_the_way, quality, shared, step
 from .person import detect_people
 
 EVERY = 5  # frames from one look at the whole picture to the next
-FOLLOWED = 0.5  # intersection over union of the box of a person who is followed and the detector's
 CONTESTED = 0.25  # share of joints at those of others, beyond which a body is not itself
 LEAST_QUALITY = 0.75  # of a body with others painted over, of that without
 LEAST_DETECTED = 0.5  # confidence of a person whom BlazePose's detector gives
 NEAR = 0.5  # sides of a crop: further away it is somebody else
-PREFERRED = 1.3  # of their size: people who are followed already
 MOST_BYTES = 200_000_000  # of the last pictures
 Earlier = list[tuple[int, Landmarks]]  # so many frames ago
-
-
-@dataclass(frozen=True)
-class FollowedPerson:
-    """A followed person: the landmarks now and those of the first frame, `age` frames ago."""
-
-    body: Landmarks
-    first: Landmarks
-    age: int = 0
 
 
 class Course:
@@ -62,17 +46,75 @@ class Course:
         least_person: float,
         least_presence: float,
         most_people: int,
+        *,
+        every_picture: bool = False,
     ) -> None:
+        """every_picture: look at each, however evenly everybody moves."""
         self._boxes, self._person_detector, self._landmarks = boxes, person_detector, landmarks
         self._least_person, self._least_presence = least_person, least_presence
-        self._most_people = most_people
+        self._most_people, self._every_picture = most_people, every_picture
         self._people: list[FollowedPerson] = []
         self._last: deque[tuple[np.ndarray, list[Landmarks]]] = deque()
         self._until_boxes = 0
+        self._frame = -1
+        self._waiting: np.ndarray | None = None  # the last picture, not looked at yet
 
-    def next_people(self, picture: np.ndarray) -> tuple[list[Landmarks], Earlier]:
-        """Everybody in the next picture (H, W, 3), RGB, and the people overlooked in the last."""
-        followed = self._followed(picture)
+    def next_people(
+        self, picture: np.ndarray, is_last: bool = False
+    ) -> tuple[list[Landmarks], Earlier]:
+        """Everybody in the next picture (H, W, 3), RGB, and the people of earlier ones who were
+        overlooked, or waited for this one."""
+        self._frame += 1
+        if self._waiting is None:
+            if not is_last and self._can_wait():
+                self._waiting = picture
+                return [], []
+            return self._looked(picture, self._frame)
+        waiting, self._waiting = self._waiting, None
+        followed = self._followed(picture, self._frame, self._people)
+        if len(merged(followed, [])) == len(self._people):
+            between, followed = self._between(waiting, followed)
+            self._remember(waiting, between)
+            self._until_boxes -= 1
+            now, earlier = self._taken(picture, followed)
+            return now, [(1, body) for body in with_hidden(between)] + earlier
+        before, overlooked = self._looked(waiting, self._frame - 1)
+        earlier = [(1, body) for body in before]
+        earlier += [(ago + 1, body) for ago, body in overlooked]
+        now, overlooked = self._looked(picture, self._frame)
+        return now, earlier + overlooked
+
+    def _can_wait(self) -> bool:
+        """Whether nobody is new, and somebody moves evenly."""
+        if self._every_picture or any(person.age <= EVERY for person in self._people):
+            return False
+        return any(is_even(person.looks, gap=2) for person in self._people)
+
+    def _between(
+        self, waiting: np.ndarray, followed: Sequence[FollowedPerson]
+    ) -> tuple[list[Landmarks], list[FollowedPerson]]:
+        """Everybody's bodies in the picture that waited, and the people of the next one: who did
+        not move evenly is looked at in both."""
+        even = [person for person in followed if is_even(person.looks, gap=2)]
+        bodies = [halfway(person.looks[-2].body, person.body) for person in even]
+        names = {id(person.first) for person in even}
+        others = [person for person in self._people if id(person.first) not in names]
+        looked = self._followed(waiting, self._frame - 1, others, bodies)
+        looks = {id(person.first): person.looks for person in looked}
+        people = [
+            replace(p, looks=(*looks.get(id(p.first), p.looks[:-1]), p.looks[-1])[-LOOKS:])
+            for p in followed
+        ]
+        return bodies + [person.body for person in looked], people
+
+    def _looked(self, picture: np.ndarray, frame: int) -> tuple[list[Landmarks], Earlier]:
+        """Everybody in a picture, and the people overlooked in those before."""
+        return self._taken(picture, self._followed(picture, frame, self._people))
+
+    def _taken(
+        self, picture: np.ndarray, followed: Sequence[FollowedPerson]
+    ) -> tuple[list[Landmarks], Earlier]:
+        """The same, given the people of the last picture in this one."""
         people = merged(followed, [])
         self._until_boxes -= 1
         if self._until_boxes < 0 or not people or len(people) < len(self._people):
@@ -84,10 +126,16 @@ class Course:
         self._remember(picture, [person.body for person in self._people])
         return with_hidden([person.body for person in self._people]), earlier
 
-    def _followed(self, picture: np.ndarray) -> list[FollowedPerson]:
+    def _followed(
+        self,
+        picture: np.ndarray,
+        frame: int,
+        last: Sequence[FollowedPerson],
+        in_place: Sequence[Landmarks] = (),
+    ) -> list[FollowedPerson]:
         """The people of the last picture in this one: the best seen first, the others then without
-        them, where they are in the way."""
-        answers = [(p, self._look(picture, p.body.next_crop)) for p in self._people]
+        them, where they are in the way; in_place: bodies of others there."""
+        answers = [(p, self._look(picture, p.body.next_crop)) for p in last]
         answers = self._with_detected_crops(picture, answers)
         present = [(p, body) for p, body in answers if body]
         steps = [step(body, p.body) for p, body in present]
@@ -95,9 +143,9 @@ class Course:
         people: list[FollowedPerson] = []
         for row in in_front_first(bodies, steps):
             person, body = present[row]
-            others = [other.body for other in people if other.age >= EVERY]
+            others = [*in_place, *(other.body for other in people if other.age >= EVERY)]
             best = self._apart(picture, person.body.next_crop, body, others)
-            people.append(replace(person, body=best, age=person.age + 1))
+            people.append(person.seen(frame, best))
         return people
 
     def _with_detected_crops(
@@ -178,31 +226,3 @@ class Course:
         self._last.append((picture, bodies))
         while len(self._last) > 1 and len(self._last) * picture.nbytes > MOST_BYTES:
             self._last.popleft()
-
-
-def merged(followed: Sequence[FollowedPerson], fresh: Sequence[Landmarks]) -> list[FollowedPerson]:
-    """Different people: who is followed, the best seen first, then who is new."""
-    bodies = [person.body for person in followed]
-    people = [followed[row] for row in distinct(bodies)]
-    for row in distinct(fresh):
-        if not is_duplicate(fresh[row], [person.body for person in people]):
-            people.append(FollowedPerson(fresh[row], fresh[row]))
-    return people
-
-
-def largest(people: Sequence[FollowedPerson], most_people: int) -> list[FollowedPerson]:
-    """At most so many people: the largest, so that nobody changes places with a better seen one;
-    who is followed already is preferred to somebody as large."""
-    size = [size_of(person.body) * (PREFERRED if person.age else 1.0) for person in people]
-    rows = sorted(range(len(people)), key=lambda row: -size[row])[:most_people]
-    return [people[row] for row in sorted(rows)]
-
-
-def distance_of(a: Crop, b: Crop) -> float:
-    """Distance of the middles of two crops, in sides of the larger."""
-    return float(np.hypot(a.x - b.x, a.y - b.y)) / max(a.side, b.side)
-
-
-def is_followed(box: PersonBox, bodies: Sequence[Landmarks]) -> bool:
-    """Whether one of the bodies fills a box."""
-    return any(overlap(corners_of(body), box.corners) > FOLLOWED for body in bodies)

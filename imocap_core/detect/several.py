@@ -1,0 +1,90 @@
+"""Several videos through a detector at the same time, each in a process of its own.
+
+One picture at a time hardly gains from a second thread, so the cores are shared among videos.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Event, Lock
+
+from imocap_core.detect.detection import Progress, detect_video
+from imocap_core.detect.detectors import Detector
+from imocap_core.detect.process import Worker
+from imocap_core.errors import ImocapError
+from imocap_core.workers import cores
+
+MOST_AT_ONCE = 8  # processes of 200 MB, and as much again for the last pictures of each
+
+
+@dataclass(frozen=True)
+class Undetected:
+    """A video, and the file that its detections go into."""
+
+    video: Path
+    file: Path
+
+
+@dataclass
+class _Workers:
+    """The detector's processes that are at work; they can be ended together."""
+
+    stopped: Event = field(default_factory=Event)
+    working: list[Worker] = field(default_factory=list)
+
+    def add(self, worker: Worker) -> None:
+        self.working.append(worker)
+        if self.stopped.is_set():
+            worker.kill()
+
+    def stop(self) -> None:
+        self.stopped.set()
+        for worker in self.working:
+            worker.kill()
+
+
+def detect_videos(
+    videos: Sequence[Undetected], detector: Detector, python: Path, progress: Progress
+) -> None:
+    """Detect people in all of the videos.
+
+    Where one fails, the others are finished, and then the first failure is raised. Ctrl-C ends all.
+
+    Args:
+        progress: called with the share of all the work, and a sentence about one video.
+    """
+    at_once = min(len(videos), cores(), MOST_AT_ONCE)
+    threads = cores() // at_once if at_once > 1 else None
+    shares, lock, workers = [0.0] * len(videos), Lock(), _Workers()
+
+    def detect(row: int) -> ImocapError | ValueError | None:
+        def one_progress(share: float, what: str) -> None:
+            with lock:
+                shares[row] = share
+                progress(sum(shares) / len(shares), what)
+
+        one = videos[row]
+        try:
+            detect_video(
+                one.video, one.file, detector, python, one_progress,
+                threads=threads, started=workers.add,
+            )  # fmt: skip
+        except (ImocapError, ValueError) as error:
+            return error
+        return None
+
+    if at_once == 1:
+        faults = [detect(row) for row in range(len(videos))]
+    else:
+        with ThreadPoolExecutor(at_once) as pool:
+            try:
+                faults = list(pool.map(detect, range(len(videos))))
+            except BaseException:
+                workers.stop()
+                raise
+    for fault in faults:
+        if fault is not None:
+            raise fault
