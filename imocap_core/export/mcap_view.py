@@ -15,7 +15,7 @@ from imocap_core.body.kinematics import world_rotations
 from imocap_core.errors import WorkFailed
 from imocap_core.export.clips import camera_of, clip_of
 from imocap_core.export.notes import notes_of
-from imocap_core.io.video import read_rgb
+from imocap_core.io.video import read_rgb_of
 from imocap_core.io.writers import foxglove
 from imocap_core.io.writers.mcap_view import Entry, entry, write_view
 from imocap_core.io.writers.motion_clip import MotionClip
@@ -112,9 +112,7 @@ def _pictures(
     for t, frame in enumerate(nearest):
         if video.inside[t]:
             moments.setdefault(int(frame), []).append(t)
-    for number, picture in read_rgb(video.video, min(moments), max(moments) + 1):
-        if number not in moments:
-            continue
+    for number, picture in read_rgb_of(video.video, moments):
         small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
         quality = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
         _, data = cv2.imencode(".jpg", cv2.cvtColor(small, cv2.COLOR_RGB2BGR), quality)

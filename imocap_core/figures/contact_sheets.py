@@ -35,7 +35,7 @@ from imocap_core.figures.overlays import (
     from_the_side,
     windows,
 )
-from imocap_core.io.video import read_rgb
+from imocap_core.io.video import read_rgb_of
 from imocap_core.problem.lenses import lenses_of
 from imocap_core.problem.relative_motion import paths_of, paths_of_initial, relative_motions
 
@@ -134,8 +134,7 @@ def read_cells(
     cells = {t: blank_cell() for t in frames}
     if video.file is not None:
         source = {t: int(keypoints.frames[t]) for t in frames}
-        first, last = min(source.values()), max(source.values())
-        for number, picture in read_rgb(video.file, first, last + 1):
+        for number, picture in read_rgb_of(video.file, set(source.values())):
             for t in (t for t in frames if source[t] == number):
                 cells[t] = cuts[t].cut(picture)
     return cells, cuts

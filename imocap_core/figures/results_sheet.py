@@ -21,6 +21,7 @@ from imocap_core.figures.overlays import (
     draw_body,
     from_the_side,
 )
+from imocap_core.workers import at_once
 
 COLUMNS = 6
 
@@ -62,8 +63,8 @@ def results_sheet(
 ) -> Figure:
     """One column per pick; each result in a row over the frame and a row from the side."""
     faces = model.faces.numpy()
-    over, side = [], []
-    for result in results:
+
+    def rows(result: SheetResult) -> tuple[list[Image], list[Image]]:
         row, bodies = [], []
         for v, t in picks:
             camera, video = videos[v].camera, videos[v].keypoints.id
@@ -73,8 +74,9 @@ def results_sheet(
             filmed, K_cell = videos[v].filmed(body, K), cuts[video][t].camera(K)
             row.append(draw_body(cells[video][t], filmed, faces, K_cell))
             bodies.append(body)
-        over.append(row)
-        side.append(from_the_side(np.stack(bodies), faces))
+        return row, from_the_side(np.stack(bodies), faces)
+
+    over, side = zip(*at_once(rows, results), strict=True)
     return contact_sheet(
         [*over, *side],
         [*(r.name for r in results), *(f"{r.name},\nfrom the side" for r in results)],

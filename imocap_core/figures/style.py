@@ -79,13 +79,21 @@ def new_figure(width_in: float, height_in: float, *, arranged: bool = True) -> F
     arranged: axes and titles are laid out automatically.
     """
     layout: Literal["constrained"] | None = "constrained" if arranged else None
-    figure = Figure(figsize=(width_in, height_in), layout=layout, facecolor="white")
+    size = (width_in, height_in)
+    figure = Figure(figsize=size, dpi=DPI, layout=layout, facecolor="white")
     FigureCanvasAgg(figure)
     return figure
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a PNG or JPEG without metadata that differs between releases."""
+    """Write a PNG or JPEG without metadata that differs between releases.
+
+    Axes and titles are laid out here, once: `savefig` would draw all of a figure for that alone.
+    """
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)
+        figure.set_layout_engine(None)
     with draft_of(path) as draft:
         if path.suffix == ".png":
             figure.savefig(draft, dpi=DPI, metadata={"Software": None})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
@@ -65,6 +65,14 @@ def read_rgb(
     """
     for number, frame in _frames(path, first, stop):
         yield number, upright(np.asarray(frame.to_ndarray(format="rgb24"), np.uint8), frame)
+
+
+def read_rgb_of(path: Path, numbers: Collection[int]) -> Iterator[tuple[int, RgbPicture]]:
+    """(frame number, RGB picture) of some frames, in order; the others are decoded only."""
+    first, last = min(numbers, default=0), max(numbers, default=-1)
+    for number, frame in _frames(path, first, last + 1):
+        if number in numbers:
+            yield number, upright(np.asarray(frame.to_ndarray(format="rgb24"), np.uint8), frame)
 
 
 def read_gray(

@@ -10,6 +10,8 @@ from scipy.sparse.csgraph import connected_components
 STRETCH_LIMIT = 0.4
 """Relative change of length beyond which an edge counts as stretched."""
 
+_EDGES_AT_ONCE = 1024  # whose lengths in all frames stay in the processor's cache
+
 
 def edges_of(faces: Int[np.ndarray, "F 3"]) -> Int[np.ndarray, "E 2"]:
     """The edges of a triangle mesh, each once, as pairs of vertex indices."""
@@ -27,12 +29,18 @@ def stretched_edge_shares(
     rigid motion of each frame, and to a common scale of both surfaces. Edges without length at rest
     are left out.
     """
-    at_rest = _squared_lengths(rest_m, edges)
+    at_rest = _squared_lengths(rest_m.T, edges)
     used = at_rest > 0
     some, squared = edges[used], at_rest[used]
     shortest, longest = (1 - STRETCH_LIMIT) ** 2 * squared, (1 + STRETCH_LIMIT) ** 2 * squared
-    frames = [_squared_lengths(frame, some) for frame in vertices_m]
-    return np.array([((x < shortest) | (x > longest)).mean() for x in frames])
+    stretched = np.zeros(len(vertices_m), dtype=np.int64)
+    by_vertex = np.ascontiguousarray(vertices_m.T)  # a vertex's frames in a row
+    for first in range(0, len(some), _EDGES_AT_ONCE):
+        part = slice(first, first + _EDGES_AT_ONCE)
+        lengths = _squared_lengths(by_vertex, some[part])
+        outside = (lengths < shortest[part, None]) | (lengths > longest[part, None])
+        stretched += np.count_nonzero(outside, axis=0)
+    return stretched / len(some)
 
 
 def closed_part(
@@ -82,11 +90,11 @@ def _directed_edges(faces: np.ndarray) -> np.ndarray:
 
 
 def _squared_lengths(
-    points_m: Float[np.ndarray, "V 3"], edges: Int[np.ndarray, "E 2"]
-) -> Float[np.ndarray, " E"]:
+    axes_m: Float[np.ndarray, "3 V *frames"], edges: Int[np.ndarray, "E 2"]
+) -> Float[np.ndarray, "E *frames"]:
     first, second = np.ascontiguousarray(edges.T)
-    by_axis = (axis[first] - axis[second] for axis in np.ascontiguousarray(points_m.T))
-    return np.asarray(sum(difference * difference for difference in by_axis))
+    x, y, z = (np.square(axis.take(first, 0) - axis.take(second, 0)) for axis in axes_m)
+    return np.asarray(x + y + z)
 
 
 def _signed(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.alignment import similarity
-from imocap_core.metrics.position import joint_errors_mm, mean_joint_errors_mm, pa_mpjpe_mm
+from imocap_core.metrics.position import MM_PER_M, mean_joint_errors_mm, pa_mpjpe_mm
 
 
 def aligned_joint_errors_mm(
@@ -44,10 +44,21 @@ def vertex_distances_mm(
     surface (Pavlakos et al., "Learning to estimate 3D human pose and shape from a single color
     image", CVPR 2018). Invariant to a translation of each frame.
     """
-    predicted = predicted_m - predicted_root_m[:, None]
-    return joint_errors_mm(predicted, true_m - true_root_m[:, None])
+    distances = np.empty(predicted_m.shape[:2])
+    for t, (predicted, true) in enumerate(zip(predicted_m, true_m, strict=True)):
+        about_root = predicted.T - predicted_root_m[t][:, None]
+        distances[t] = _distances_mm(about_root, true.T - true_root_m[t][:, None])
+    return distances
 
 
 def pa_pve_mm(predicted_m: Float[np.ndarray, "T V 3"], true_m: Float[np.ndarray, "T V 3"]) -> float:
     """Per-vertex error after a similarity Procrustes alignment of each frame, in mm."""
     return pa_mpjpe_mm(predicted_m, true_m)
+
+
+def _distances_mm(
+    predicted_m: Float[np.ndarray, "3 V"], true_m: Float[np.ndarray, "3 V"]
+) -> Float[np.ndarray, " V"]:
+    """Distance of every vertex to its truth; coordinates in rows."""
+    x, y, z = np.square(predicted_m - true_m)
+    return np.asarray(MM_PER_M * np.sqrt(x + y + z))

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int64
 
 from imocap_core.body.layouts import layout_names
-from imocap_core.io.video import read_rgb
+from imocap_core.io.video import read_rgb_of
 from imocap_core.lifter.infer import lift
 from imocap_core.lifter.points import can_lift, to_common
 from imocap_core.lifter.weights import load_lifter
@@ -202,10 +202,9 @@ def _appearances_of(
     first, last = int(detected.frames[0]), int(detected.frames[-1])
     appearances: list[dict[int, np.ndarray]] = [{} for _ in tracks]
     poses = [dict(zip(track.frames, track.poses, strict=True)) for track in tracks]
-    for number, picture in read_rgb(video, first, last + 1):
+    for number, picture in read_rgb_of(video, range(first, last + 1, step)):
         frame = number - first
-        if frame % step == 0:
-            for of_track, pose_in in zip(appearances, poses, strict=True):
-                if frame in pose_in:
-                    of_track[frame] = appearance_of(picture, pose_in[frame])
+        for of_track, pose_in in zip(appearances, poses, strict=True):
+            if frame in pose_in:
+                of_track[frame] = appearance_of(picture, pose_in[frame])
     return list(appearances)

@@ -82,10 +82,12 @@ def _paint(
     size: tuple[int, int],
 ) -> Float32[np.ndarray, "H W 4"]:
     """Colours premultiplied by coverage, and coverage."""
-    corners = faces[fragments.face]
-    normal = np.einsum("nc,ncd->nd", fragments.weight, normals[corners])
+    first, second, third = np.ascontiguousarray(faces.T).take(fragments.face, axis=1)
+    w0, w1, w2 = np.ascontiguousarray(fragments.weight.T)
+    axes = np.ascontiguousarray(normals.T)
+    normal = np.stack([w0 * n[first] + w1 * n[second] + w2 * n[third] for n in axes], axis=1)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
-    colors = np.broadcast_to(face_colors, (len(faces), 3))[fragments.face]
+    colors = face_colors if face_colors.ndim == 1 else face_colors[fragments.face]
     paint = np.zeros((size[0] * size[1], 4), np.float32)
     paint[fragments.pixel, :3] = np.clip(colors * light.intensity(normal)[:, None], 0, 255)
     paint[fragments.pixel, 3] = 1.0

@@ -44,30 +44,30 @@ def rasterize(
         size: (width, height).
     """
     width, height = size
-    candidates, plane = _front_faces(xy_px, depth, faces)
-    low, high = _pixel_boxes(xy_px[faces[candidates]], size)
-    extent = np.maximum(high - low + 1, 0)
-    extent[extent[:, 0] == 0, 1] = 0  # no rows of no columns
+    front, corners = _front_faces(xy_px, depth, faces)
+    (left, right), (top, bottom) = map(_pixels_between, corners, size)
+    columns = np.maximum(right - left + 1, 0)
+    rows = np.where(columns > 0, np.maximum(bottom - top + 1, 0), 0)
 
-    row_owner, row_step = _spread(extent[:, 1])  # the boxes' rows, then the rows' pixels
-    row_y = low[row_owner, 1] + row_step
-    row, step = _spread(extent[row_owner, 0])
-    owner, y = row_owner[row], row_y[row]
-    x = low[row_owner, 0][row] + step
-
-    of_row = plane[row_owner]
-    along_y = of_row[:, :, 1] * row_y[:, None]
+    row_owner, row_step = _spread(rows)  # the boxes' rows, then the rows' pixels
+    row_y = top[row_owner] + row_step
+    row, step = _spread(columns[row_owner])
+    x = left[row_owner][row] + step
     weight_1, weight_2 = (
-        of_row[:, k, 0][row] * x + along_y[:, k][row] + of_row[:, k, 2][row] for k in range(2)
+        (along_x[row_owner][row] * x + (along_y[row_owner] * row_y)[row]) + offset[row_owner][row]
+        for along_x, along_y, offset in _planes(corners)
     )
     weight_0 = 1.0 - weight_1 - weight_2
-    inside = (weight_0 >= _EDGE) & (weight_1 >= _EDGE) & (weight_2 >= _EDGE)
+    inside = np.flatnonzero((weight_0 >= _EDGE) & (weight_1 >= _EDGE) & (weight_2 >= _EDGE))
 
-    owner, weight_0, weight_1, weight_2 = (a[inside] for a in (owner, weight_0, weight_1, weight_2))
-    pixel = (y * width + x)[inside]
-    corner_closeness = 1.0 / depth[faces[candidates]]  # 1/depth is what is linear in the image
-    corners = corner_closeness[owner]
-    closeness = weight_0 * corners[:, 0] + weight_1 * corners[:, 1] + weight_2 * corners[:, 2]
+    weights = [weight[inside] for weight in (weight_0, weight_1, weight_2)]
+    row = row[inside]
+    owner, pixel = row_owner[row], row_y[row] * width + x[inside]
+    closeness_0, closeness_1, closeness_2 = (  # 1/depth is what is linear in the image
+        weight * (1.0 / depth[corner])[owner]
+        for weight, corner in zip(weights, faces[front].T, strict=True)
+    )
+    closeness = closeness_0 + closeness_1 + closeness_2
 
     nearest = np.zeros(width * height)
     np.maximum.at(nearest, pixel, closeness)
@@ -76,8 +76,8 @@ def rasterize(
     winner[pixel[visible]] = visible  # of equally near faces the last one
     covered = np.flatnonzero(winner >= 0)
     chosen = winner[covered]
-    weight = np.stack([weight_0[chosen], weight_1[chosen], weight_2[chosen]], axis=1)
-    return Fragments(covered, candidates[owner[chosen]], weight, 1.0 / closeness[chosen])
+    weight = np.stack([weight[chosen] for weight in weights], axis=1)
+    return Fragments(covered, front[owner[chosen]], weight, 1.0 / closeness[chosen])
 
 
 def _spread(count: Int[np.ndarray, " C"]) -> tuple[np.ndarray, np.ndarray]:
@@ -89,25 +89,39 @@ def _spread(count: Int[np.ndarray, " C"]) -> tuple[np.ndarray, np.ndarray]:
 
 def _front_faces(
     xy_px: Float[np.ndarray, "V 2"], depth: Float[np.ndarray, " V"], faces: Int[np.ndarray, "F 3"]
-) -> tuple[Int[np.ndarray, " C"], Float[np.ndarray, "C 2 3"]]:
-    """Front faces, and for each the affine map from pixel to 2nd and 3rd barycentric weight."""
-    a, b, c = (xy_px[faces[:, i]] for i in range(3))
-    ab, ac = b - a, c - a
-    area = ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]  # y points down: outward faces turn clockwise
-    front = np.flatnonzero((area < 0) & (depth[faces].min(axis=1) > NEAR_M))
-    a, ab, ac, area = a[front], ab[front], ac[front], area[front]
-    plane = np.empty((len(front), 2, 3))
-    plane[:, 0, 0], plane[:, 0, 1] = ac[:, 1] / area, -ac[:, 0] / area
-    plane[:, 1, 0], plane[:, 1, 1] = -ab[:, 1] / area, ab[:, 0] / area
-    plane[:, :, 2] = -(plane[:, :, 0] * a[:, None, 0] + plane[:, :, 1] * a[:, None, 1])
-    return front, plane
+) -> tuple[Int[np.ndarray, " C"], Float[np.ndarray, "2 3 C"]]:
+    """Front faces, and x and y of their three corners."""
+    by_corner = np.ascontiguousarray(faces.T)
+    xs, ys = (np.ascontiguousarray(axis)[by_corner] for axis in xy_px.T)
+    nearest = np.minimum.reduce(depth[by_corner])
+    front = np.flatnonzero((_doubled_areas(xs, ys) < 0) & (nearest > NEAR_M))
+    return front, np.stack([xs.take(front, axis=1), ys.take(front, axis=1)])
 
 
-def _pixel_boxes(
-    triangles: Float[np.ndarray, "C 3 2"], size: tuple[int, int]
-) -> tuple[Int[np.ndarray, "C 2"], Int[np.ndarray, "C 2"]]:
-    """First and last pixel (inclusive) of each triangle's box within the image."""
-    limit = np.array(size) - 1
-    low = np.clip(np.ceil(triangles.min(axis=1)), 0, limit + 1).astype(np.int64)
-    high = np.clip(np.floor(triangles.max(axis=1)), -1, limit).astype(np.int64)
-    return low, high
+def _doubled_areas(
+    xs: Float[np.ndarray, "3 C"], ys: Float[np.ndarray, "3 C"]
+) -> Float[np.ndarray, " C"]:
+    """Twice the signed areas; y points down, so outward faces turn clockwise: negative."""
+    return np.asarray((xs[1] - xs[0]) * (ys[2] - ys[0]) - (ys[1] - ys[0]) * (xs[2] - xs[0]))
+
+
+def _planes(
+    corners: Float[np.ndarray, "2 3 C"],
+) -> list[tuple[Float[np.ndarray, " C"], Float[np.ndarray, " C"], Float[np.ndarray, " C"]]]:
+    """The affine maps from pixel to 2nd and to 3rd barycentric weight: along x, along y, offset."""
+    xs, ys = corners
+    area = _doubled_areas(xs, ys)
+    slopes = [
+        ((ys[2] - ys[0]) / area, -(xs[2] - xs[0]) / area),
+        (-(ys[1] - ys[0]) / area, (xs[1] - xs[0]) / area),
+    ]
+    return [(along_x, along_y, -(along_x * xs[0] + along_y * ys[0])) for along_x, along_y in slopes]
+
+
+def _pixels_between(
+    corners: Float[np.ndarray, "3 C"], count: int
+) -> tuple[Int[np.ndarray, " C"], Int[np.ndarray, " C"]]:
+    """First and last pixel (inclusive) of each triangle along one axis of the image."""
+    low, high = np.minimum.reduce(corners), np.maximum.reduce(corners)
+    first = np.clip(np.ceil(low), 0, count).astype(np.int64)
+    return first, np.clip(np.floor(high), -1, count - 1).astype(np.int64)

@@ -33,7 +33,8 @@ def vertex_normals(
     vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]
 ) -> Float[np.ndarray, "V 3"]:
     """Area-weighted unit normals, outward where faces are counter-clockwise."""
-    first, second, third = (np.ascontiguousarray(vertices.T)[:, side] for side in faces.T)
+    axes = np.ascontiguousarray(vertices.T)
+    first, second, third = (axes.take(side, axis=1) for side in np.ascontiguousarray(faces.T))
     (ax, ay, az), (bx, by, bz) = second - first, third - first
     cross = (ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
     flat = faces.ravel()

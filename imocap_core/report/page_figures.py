@@ -15,6 +15,7 @@ from imocap_core.figures.results_sheet import SheetResult, picks_of, results_she
 from imocap_core.figures.style import quiet, save
 from imocap_core.figures.uncertainty_figure import uncertainty_figure
 from imocap_core.report.files import Picture
+from imocap_core.workers import at_once
 
 CYCLE, RESULTS, UNCERTAINTY = "cycle.jpg", "results.jpg", "uncertainty.png"
 
@@ -39,13 +40,16 @@ def draw_page_figures(
     starts = cycle_starts(sync, trip)
     of_trip = cycle_frames(sync, trip, starts) if len(trip) > 1 else {}
     picks = picks_of(videos)
+    shown = [
+        sorted(of_trip.get(video.keypoints.id, set()) | {t for w, t in picks if w == v})
+        for v, video in enumerate(videos)
+    ]
+    read = [(video, frames) for video, frames in zip(videos, shown, strict=True) if frames]
     cells: dict[str, dict[int, Image]] = {}
     cuts: dict[str, dict[int, Window]] = {}
-    for v, video in enumerate(videos):
-        name = video.keypoints.id
-        shown = of_trip.get(name, set()) | {t for w, t in picks if w == v}
-        if shown:
-            cells[name], cuts[name] = read_cells(video, sorted(shown))
+    of_videos = at_once(lambda item: read_cells(*item), read)
+    for (video, _), (cells_of, cuts_of) in zip(read, of_videos, strict=True):
+        cells[video.keypoints.id], cuts[video.keypoints.id] = cells_of, cuts_of
     drawn = []
     with quiet():
         if len(trip) > 1:

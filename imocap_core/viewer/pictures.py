@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int, UInt8
 
 from imocap_core.camera.lens import Lens
-from imocap_core.io.video import read_rgb
+from imocap_core.io.video import read_rgb_of
 from imocap_core.viewer.block import Block
 
 Image = UInt8[np.ndarray, "H W 3"]
@@ -78,9 +78,7 @@ def picture_entry(
     wanted = frames[::every].tolist()
     shown = set(wanted)
     encoded: dict[int, bytes] = {
-        number: small_jpeg(shows(picture))
-        for number, picture in read_rgb(file, int(frames.min()), int(frames.max()) + 1)
-        if number in shown
+        number: small_jpeg(shows(picture)) for number, picture in read_rgb_of(file, shown)
     }
     if not encoded:
         return None

@@ -10,6 +10,7 @@ from imocap_core.io.video import (
     probe,
     read_gray,
     read_rgb,
+    read_rgb_of,
     write_h264,
 )
 
@@ -41,6 +42,14 @@ def test_frames_come_back_in_order_and_nearly_unchanged(path):
 
 def test_a_range_of_frames_keeps_its_numbers(path):
     assert [number for number, _ in read_gray(path, 2, 5)] == [2, 3, 4]
+
+
+def test_some_frames_are_those_of_all(path):
+    every = dict(read_rgb(path))
+    some = dict(read_rgb_of(path, {5, 2}))
+    assert list(some) == [2, 5]
+    assert all((some[number] == every[number]).all() for number in some)
+    assert not dict(read_rgb_of(path, set()))
 
 
 def test_grey_frames_can_be_smaller(path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.metrics.position import mean_over_frames
+from imocap_core.metrics.position import joint_errors_mm, mean_over_frames
 from imocap_core.metrics.whole_body import aligned_joint_errors_mm, pa_pve_mm, vertex_distances_mm
 
 ANCHORS = [0, 1, 2, 3]
@@ -73,6 +73,15 @@ def test_pa_pve_forgives_a_similarity(joints: np.ndarray, rng: np.random.Generat
     assert pa_pve_mm(_moved(predicted, rng), joints) == pytest.approx(pa_pve_mm(predicted, joints))
     assert pa_pve_mm(_moved(joints, rng), joints) == pytest.approx(0, abs=1e-9)
     assert pa_pve_mm(joints * [-1, 1, 1], joints) > 50
+
+
+def test_vertex_distances_are_joint_errors_about_the_roots(
+    joints: np.ndarray, rng: np.random.Generator
+) -> None:
+    predicted = joints + rng.normal(scale=0.05, size=joints.shape)
+    roots = predicted[:, 0], joints[:, 0]
+    expected = joint_errors_mm(predicted - roots[0][:, None], joints - roots[1][:, None])
+    np.testing.assert_allclose(vertex_distances_mm(predicted, joints, *roots), expected)
 
 
 def _pve_mm(*surfaces_and_roots: np.ndarray) -> float:

@@ -33,3 +33,14 @@ def test_the_style_ends_with_an_error(tmp_path: Path) -> None:
     with pytest.raises(ZeroDivisionError), quiet():
         assert 1 / (mpl.rcParams["font.size"] == 0)
     assert dict(mpl.rcParams) == before
+
+
+def test_a_figure_is_as_matplotlib_lays_it_out(tmp_path: Path) -> None:
+    laid_out = picture(tmp_path / "a.png")
+    with quiet():
+        figure = new_figure(2.0, 1.5)
+        axes = figure.add_subplot()
+        axes.plot([0, 1], [1, 0])
+        axes.set_title("a title")
+        figure.savefig(tmp_path / "b.png", dpi=figure.dpi, metadata={"Software": None})
+    assert laid_out == (tmp_path / "b.png").read_bytes()
