@@ -9,6 +9,7 @@ NSF EIA-0196217).
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -54,7 +55,7 @@ def fit_clips(
     model = load_free_body()
     body, betas = Body.of(model, "smpl24"), torch.zeros(model.num_betas, dtype=torch.float64)
     shaped, skeleton = model.shape(betas), captured_skeleton(names, parents)
-    stance = neutral_stance(skeleton, clips)
+    stance = neutral_stance(skeleton, [clip[:LONGEST] for clip in clips])
     pieces = [
         (clip, trunk_and_joints(shaped, skeleton, stance, xyz[start : start + CHUNK]))
         for clip, xyz in enumerate(clips)
@@ -87,18 +88,40 @@ def in_a_mirror(theta: np.ndarray) -> np.ndarray:
     return np.concatenate([theta[:, :1] * np.array([1.0, -1.0, -1.0]), mirrored(theta[:, 1:])], 1)
 
 
-def expectation_maximisation(
-    x: np.ndarray, components: int, rng: np.random.Generator
-) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
-    """Mean log likelihood, means (C, D), covariances (C, D, D), weights (C,) of a mixture, from
-    k-means++ seeds."""
+@dataclass(frozen=True)
+class Mixture:
+    """Means (C, D), covariances (C, D, D) and weights (C,) of Gaussians."""
+
+    mean: np.ndarray
+    covariance: np.ndarray
+    weight: np.ndarray
+
+
+def random_start(x: np.ndarray, components: int, rng: np.random.Generator) -> Mixture:
+    """Components of equal weight and spread about k-means++ seeds."""
     means = x[rng.integers(len(x))][None]
     while len(means) < components:
         away = ((x[:, None] - means) ** 2).sum(-1).min(1)
         means = np.concatenate([means, x[rng.choice(len(x), p=away / away.sum())][None]])
-    floor = FLOOR_RAD**2 * np.eye(x.shape[1])
-    covariances = np.repeat((np.cov(x.T) + floor)[None], components, 0)
+    covariance = np.cov(x.T) + FLOOR_RAD**2 * np.eye(x.shape[1])
     weights = np.full(components, 1 / components)
+    return Mixture(means, np.repeat(covariance[None], components, 0), weights)
+
+
+def shipped_start() -> Mixture:
+    """The packaged mixture, without the room for other people."""
+    with np.load(TARGET) as stored:
+        mean, covariance, weight = (
+            stored[k].astype(float) for k in ("mean", "covariance", "weight")
+        )
+    return Mixture(mean, with_room(covariance, -1.0), weight / weight.sum())
+
+
+def expectation_maximisation(x: np.ndarray, start: Mixture) -> tuple[float, Mixture]:
+    """Mean log likelihood and mixture of poses (N, D), from a start."""
+    floor = FLOOR_RAD**2 * np.eye(x.shape[1])
+    means, covariances, weights = start.mean, start.covariance.copy(), start.weight
+    components = len(weights)
     likelihood = -np.inf
     for _ in range(60):
         log_p = np.empty((len(x), components))
@@ -115,16 +138,17 @@ def expectation_maximisation(
         for c in range(components):
             centred = x - means[c]
             covariances[c] = (share[:, c, None] * centred).T @ centred / mass[c] + floor
-    return likelihood, means, covariances, weights
+    return likelihood, Mixture(means, covariances, weights)
 
 
-def with_room(covariance: np.ndarray) -> np.ndarray:
-    """Covariances (C, 69, 69) that leave room for other people's trunks and reaches."""
+def with_room(covariance: np.ndarray, sign: float = 1.0) -> np.ndarray:
+    """Covariances (C, 69, 69) that leave room for other people's trunks and reaches; sign -1 takes
+    it away."""
     wider = covariance.copy()
     for name, spread in ROOM_RAD.items():
         first = 3 * (SMPL_JOINTS.index(name) - 1)
         for row in range(first, first + 3):
-            wider[:, row, row] += spread**2
+            wider[:, row, row] += sign * spread**2
     return wider
 
 
@@ -151,6 +175,9 @@ def main() -> None:
     """Read the training clips, fit, write the prior."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("train", type=Path, help="npz with clip_<id> (T, 27, 3) at 30 frames/s")
+    parser.add_argument(
+        "--resume", action="store_true", help="start at the packaged mixture, not at random"
+    )
     arguments = parser.parse_args()
     configure_process()
     with np.load(arguments.train) as stored:
@@ -161,19 +188,21 @@ def main() -> None:
     articulations = [theta[:, 1:] for theta in motions]
     both = articulations + [mirrored(a) for a in articulations]
     x = np.concatenate(both).reshape(-1, 69)[::2]
-    fits = [
-        expectation_maximisation(x, COMPONENTS, np.random.default_rng(seed))
-        for seed in range(RESTARTS)
-    ]
-    print("mean log likelihoods:", *(f"{likelihood:.2f}" for likelihood, *_ in fits))
-    _, mean, covariance, weight = max(fits, key=lambda fit: fit[0])
+    if arguments.resume:
+        starts = [shipped_start()]
+    else:
+        rngs = [np.random.default_rng(seed) for seed in range(RESTARTS)]
+        starts = [random_start(x, COMPONENTS, rng) for rng in rngs]
+    fits = [expectation_maximisation(x, start) for start in starts]
+    print("mean log likelihoods:", *(f"{likelihood:.2f}" for likelihood, _ in fits))
+    _, best = max(fits, key=lambda fit: fit[0])
     velocity, acceleration = speeds([*motions, *map(in_a_mirror, motions)])
     TARGET.parent.mkdir(parents=True, exist_ok=True)
     np.savez_compressed(
         TARGET,
-        mean=mean.astype(np.float32),
-        covariance=with_room(covariance).astype(np.float32),
-        weight=weight.astype(np.float32),
+        mean=best.mean.astype(np.float32),
+        covariance=with_room(best.covariance).astype(np.float32),
+        weight=best.weight.astype(np.float32),
         velocity_rad=velocity.astype(np.float32),
         acceleration_rad=acceleration.astype(np.float32),
     )

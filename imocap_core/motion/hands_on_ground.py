@@ -23,7 +23,8 @@ from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
 SIDES = ("left", "right")
 CLEARANCE_M = 0.03  # of a hand's middle, lying flat
 STEEPEST_UP = 0.35  # sine by which a hand may point upwards to clear the ground
-BACKWARDS = 1.0  # weight of its back, beside where it points, in where a lifted hand goes
+BACKWARDS = 2.0  # weight of its back, beside where it points, in where a lifted hand goes: wrists
+# extend two to three times as far as they deviate
 RESTING_RAD = 0.5  # from this much on, the palm faces the ground
 KNOWN_HEIGHT_MM = 30.0  # standard deviation of the ground's height above which nothing is done
 

@@ -3,8 +3,9 @@
 Pelvis, chest and head turn as the captured ones do against the neutral stance. The turn from pelvis
 to chest is shared by the three joints of the spine, the turn from chest to head by neck and head.
 Limbs point where the captured bones point, straightened by what a straight captured limb is bent
-more than the body's at rest. Elbows and knees are hinges, so a bent one tells how the upper arm or
-the thigh is turned about itself; of a straight arm it is what bent arms of that elevation tell.
+more than the body's at rest; hands turn with a straightened forearm, feet stay on the ground.
+Elbows and knees are hinges, so a bent one tells how the upper arm or the thigh is turned about
+itself; of a straight arm it is what bent arms of that elevation tell.
 
 The shares of the spine and the rise of the collars are rounded choices. They follow what is
 reported of lumbar and thoracic ranges (White & Panjabi, Clinical Biomechanics of the Spine, 1990)
@@ -94,8 +95,11 @@ def trunk_and_joints(
         R_world[:, joint] = R_world[:, parent] @ R_local[:, joint]
         bone, name = rest[joint] - rest[parent], SMPL_JOINTS[joint]
         if name in skeleton.bones:
-            back = _excess_bend(rest, parents, stance, joint)
-            direction = _direction(skeleton, xyz, name, back)
+            direction = skeleton.bone(xyz, name)
+            for end in (joint, parent) if name.endswith("hand") else (joint,):
+                back = _excess_bend(rest, parents, stance, end)
+                straighten = _straightening(skeleton, xyz, SMPL_JOINTS[end], back)
+                direction = (straighten @ direction[..., None])[..., 0]
             offset = np.linalg.norm(bone) * direction
             if name.endswith("elbow"):
                 chest = R_world[:, SMPL_JOINTS.index("spine3")]
@@ -179,20 +183,20 @@ def _excess_bend(
     return max(stance.bend_rad[end] - float(bend[0]), 0.0)
 
 
-def _direction(
+def _straightening(
     skeleton: CapturedSkeleton, xyz: np.ndarray, far: str, back_rad: float
 ) -> np.ndarray:
-    """(T, 3) where a limb's bone points, straightened by an angle, at most to straight."""
-    direction = skeleton.bone(xyz, far)
+    """(T, 3, 3) what straightens a limb by an angle, at most to straight; `far`: the SMPL joint at
+    the end of the bone that turns."""
     if back_rad == 0.0:
-        return direction
+        return np.tile(np.eye(3), (len(xyz), 1, 1))
+    direction = skeleton.bone(xyz, far)
     side, _, end = far.partition("_")
     near = skeleton.bone(xyz, f"{side}_{NEAR_END[end]}")
     axis = np.cross(near, direction)
     axis /= np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-9)
     back = np.minimum(back_rad, angles_rad(near, direction))
-    turned: np.ndarray = (_exp(-back[:, None] * axis) @ direction[..., None])[..., 0]
-    return turned
+    return _exp(-back[:, None] * axis)
 
 
 def _hold_weights() -> Tensor:

@@ -16,6 +16,7 @@ from imocap_core.synthetic.captured_rotations import rotations_between, trunk_bo
 from imocap_core.synthetic.captured_stance import (
     CapturedSkeleton,
     NeutralStance,
+    angles_rad,
     captured_skeleton,
     neutral_stance,
     standing_frames,
@@ -160,6 +161,23 @@ def test_a_straight_arm_turns_as_bent_ones_of_its_elevation(side: float) -> None
     np.testing.assert_allclose(np.degrees(twist), TWIST_DEG, atol=1e-6)
 
 
+def test_a_straightened_forearm_takes_its_hand_along() -> None:
+    skeleton = stance_and_skeleton()[1]
+    xyz = captured(np.zeros((5, 24, 3)))
+    for side, sign in (("l", 1.0), ("r", -1.0)):  # elbows behind straight arms look bent
+        xyz[:, NAMES.index(f"{side}ForeArm")] += [0.0, 0.04, 0.02 * sign]
+    stance = neutral_stance(skeleton, [xyz])
+    assert stance.bend_rad["wrist"] > 0.2
+    shaped = load_free_body().shape(torch.zeros(10, dtype=torch.float64))
+    wanted, rest = trunk_and_joints(shaped, skeleton, stance, xyz).joints, shaped.joints_rest
+    for side in ("left", "right"):
+        elbow, wrist, hand = (SMPL_JOINTS.index(f"{side}_{n}") for n in ("elbow", "wrist", "hand"))
+        forearm, palm = wanted[:, wrist] - wanted[:, elbow], wanted[:, hand] - wanted[:, wrist]
+        at_rest = rest.numpy()[[hand, wrist]] - rest.numpy()[[wrist, elbow]]
+        expected = np.full(len(xyz), angles_rad(*at_rest))
+        np.testing.assert_allclose(angles_rad(forearm, palm), expected, atol=0.02)
+
+
 def test_turning_the_world_turns_the_root_alone() -> None:
     stance, skeleton = stance_and_skeleton()
     shaped = load_free_body().shape(torch.zeros(10, dtype=torch.float64))
@@ -208,3 +226,12 @@ def test_the_shipped_prior_stands_upright() -> None:
     share = prior.weight.numpy()
     for name, limit in (("spine1", 12), ("spine2", 12), ("spine3", 12), ("left_collar", 10)):
         assert (share * mean[:, SMPL_JOINTS.index(name) - 1]).sum() < limit
+
+
+def test_the_shipped_prior_has_straight_wrists() -> None:
+    """On average nobody bends the wrists sideways (about y, palms down) by more than they can."""
+    prior = load_pose_prior()
+    share = (prior.weight / prior.weight.sum()).numpy()
+    mean = np.degrees(share @ prior.mean.numpy()).reshape(23, 3)
+    for side in ("left", "right"):
+        assert abs(mean[SMPL_JOINTS.index(f"{side}_wrist") - 1, 1]) < 15
