@@ -90,6 +90,11 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=1e9, help="the rate falls to 0 by then")
     parser.add_argument("--resume", action="store_true", help="go on from the checkpoint")
     parser.add_argument("--rate", type=float, default=PEAK_RATE, help="the highest rate")
+    parser.add_argument(
+        "--float32",
+        action="store_true",
+        help="not bfloat16, which takes eight times as long where the processor has to emulate it",
+    )
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     torch.manual_seed(SEED)
@@ -116,7 +121,7 @@ def main() -> None:
         for group in optimiser.param_groups:
             group["lr"] = arguments.rate * min(1.0, (step + 1) / 300) * max(0.0, 1.0 - done)
         features, true = batch_of(motions, bodies, BATCH, rng)
-        with torch.autocast("cpu", torch.bfloat16):
+        with torch.autocast("cpu", torch.bfloat16, enabled=not arguments.float32):
             output = network(features)
         loss = loss_of(output, true, features[..., -1:])
         optimiser.zero_grad()
