@@ -42,7 +42,6 @@ ROOM_RAD = {
     **dict.fromkeys(TRUNK, POSTURE_RAD),
     **dict.fromkeys(("left_shoulder", "right_shoulder"), REACH_RAD),
 }
-CORRECTED = ("left_wrist", "right_wrist", "left_hand", "right_hand")
 CHUNK = 60  # frames fitted as one motion
 BATCH = 32  # motions fitted side by side
 LONGEST = 180  # frames used of each clip
@@ -109,8 +108,8 @@ def random_start(x: np.ndarray, components: int, rng: np.random.Generator) -> Mi
     return Mixture(means, np.repeat(covariance[None], components, 0), weights)
 
 
-def packaged_mixture() -> Mixture:
-    """Of the packaged prior, without the room for other people."""
+def shipped_start() -> Mixture:
+    """The packaged mixture, without the room for other people."""
     with np.load(TARGET) as stored:
         mean, covariance, weight = (
             stored[k].astype(float) for k in ("mean", "covariance", "weight")
@@ -120,48 +119,26 @@ def packaged_mixture() -> Mixture:
 
 def expectation_maximisation(x: np.ndarray, start: Mixture) -> tuple[float, Mixture]:
     """Mean log likelihood and mixture of poses (N, D), from a start."""
-    mixture, likelihood = start, -np.inf
-    for _ in range(60):
-        log_p = log_densities(x, mixture)
-        likelihood = float(logsumexp(log_p, axis=1).mean())
-        mixture = maximised(x, log_p)
-    return likelihood, mixture
-
-
-def log_densities(x: np.ndarray, mixture: Mixture) -> np.ndarray:
-    """(N, C) log of each component's weighted density at poses (N, D), but for a constant."""
-    log_p = np.empty((len(x), len(mixture.weight)))
-    for c, covariance in enumerate(mixture.covariance):
-        factor = np.linalg.cholesky(covariance)
-        white = np.linalg.solve(factor, (x - mixture.mean[c]).T)
-        volume = np.log(np.diag(factor)).sum()
-        log_p[:, c] = np.log(mixture.weight[c]) - volume - (white**2).sum(0) / 2
-    return log_p
-
-
-def maximised(x: np.ndarray, log_p: np.ndarray) -> Mixture:
-    """The mixture of poses (N, D) that have these log densities (N, C) in its components."""
     floor = FLOOR_RAD**2 * np.eye(x.shape[1])
-    share = np.exp(log_p - log_p.max(1, keepdims=True))
-    share /= share.sum(1, keepdims=True)
-    mass = share.sum(0) + 1e-9
-    means = (share.T @ x) / mass[:, None]
-    covariances = []
-    for c, mean in enumerate(means):
-        centred = x - mean
-        covariances.append((share[:, c, None] * centred).T @ centred / mass[c] + floor)
-    return Mixture(means, np.stack(covariances), mass / mass.sum())
-
-
-def with_packaged_shares(x: np.ndarray) -> Mixture:
-    """The packaged mixture's components of corrected poses: each keeps the poses that it has by
-    their joints other than `CORRECTED`, so that nothing else of the prior changes."""
-    packaged = packaged_mixture()
-    others = [k for j, name in enumerate(SMPL_JOINTS[1:]) for k in range(3 * j, 3 * j + 3)
-              if name not in CORRECTED]  # fmt: skip
-    covariance = packaged.covariance[:, others][:, :, others]
-    marginal = Mixture(packaged.mean[:, others], covariance, packaged.weight)
-    return maximised(x, log_densities(x[:, others], marginal))
+    means, covariances, weights = start.mean, start.covariance.copy(), start.weight
+    components = len(weights)
+    likelihood = -np.inf
+    for _ in range(60):
+        log_p = np.empty((len(x), components))
+        for c in range(components):
+            factor = np.linalg.cholesky(covariances[c])
+            white = np.linalg.solve(factor, (x - means[c]).T)
+            log_p[:, c] = np.log(weights[c]) - np.log(np.diag(factor)).sum() - (white**2).sum(0) / 2
+        likelihood = float(logsumexp(log_p, axis=1).mean())
+        share = np.exp(log_p - log_p.max(1, keepdims=True))
+        share /= share.sum(1, keepdims=True)
+        mass = share.sum(0) + 1e-9
+        means = (share.T @ x) / mass[:, None]
+        weights = mass / mass.sum()
+        for c in range(components):
+            centred = x - means[c]
+            covariances[c] = (share[:, c, None] * centred).T @ centred / mass[c] + floor
+    return likelihood, Mixture(means, covariances, weights)
 
 
 def with_room(covariance: np.ndarray, sign: float = 1.0) -> np.ndarray:
@@ -199,9 +176,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("train", type=Path, help="npz with clip_<id> (T, 27, 3) at 30 frames/s")
     parser.add_argument(
-        "--same-components",
-        action="store_true",
-        help="the packaged mixture's components, of corrected wrists and hands",
+        "--resume", action="store_true", help="start at the packaged mixture, not at random"
     )
     arguments = parser.parse_args()
     configure_process()
@@ -213,13 +188,14 @@ def main() -> None:
     articulations = [theta[:, 1:] for theta in motions]
     both = articulations + [mirrored(a) for a in articulations]
     x = np.concatenate(both).reshape(-1, 69)[::2]
-    if arguments.same_components:
-        best = with_packaged_shares(x)
+    if arguments.resume:
+        starts = [shipped_start()]
     else:
         rngs = [np.random.default_rng(seed) for seed in range(RESTARTS)]
-        fits = [expectation_maximisation(x, random_start(x, COMPONENTS, rng)) for rng in rngs]
-        print("mean log likelihoods:", *(f"{likelihood:.2f}" for likelihood, _ in fits))
-        _, best = max(fits, key=lambda fit: fit[0])
+        starts = [random_start(x, COMPONENTS, rng) for rng in rngs]
+    fits = [expectation_maximisation(x, start) for start in starts]
+    print("mean log likelihoods:", *(f"{likelihood:.2f}" for likelihood, _ in fits))
+    _, best = max(fits, key=lambda fit: fit[0])
     velocity, acceleration = speeds([*motions, *map(in_a_mirror, motions)])
     TARGET.parent.mkdir(parents=True, exist_ok=True)
     np.savez_compressed(
