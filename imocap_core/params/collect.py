@@ -17,13 +17,13 @@ class CollectParams:
         "one between the template and all poses of the films.",
     )
     least_score: Share = param(
-        0.2, "Mean likeness of an occurrence to the template; below it nothing is one."
+        0.4, "Mean likeness of an occurrence to the template; below it nothing is one."
     )
     certain_score: Share = param(
-        0.65, "Mean likeness from which on a stretch is an occurrence, whatever else is like it."
+        0.62, "Mean likeness from which on a stretch is an occurrence, whatever else is like it."
     )
     least_contrast: NonNegative = param(
-        2.0,
+        1.0,
         "Between these two: by how many robust standard deviations of all people's best scores "
         "an occurrence must exceed their median.",
     )

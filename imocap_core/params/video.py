@@ -41,7 +41,7 @@ class DetectParams:
     every_picture: bool = param(
         False,
         "BlazePose: look at every picture. Otherwise those between two looks are interpolated "
-        "where everybody moves evenly, which takes half the time",
+        "where somebody moves evenly, which takes up to half the time.",
     )
     min_tracking_confidence: Share = param(
         0.5,
