@@ -145,7 +145,7 @@ class Course:
             person, body = present[row]
             others = [*in_place, *(other.body for other in people if other.age >= EVERY)]
             best = self._apart(picture, person.body.next_crop, body, others)
-            people.append(person.seen(frame, best))
+            people.append(person.with_look(frame, best))
         return people
 
     def _with_detected_crops(

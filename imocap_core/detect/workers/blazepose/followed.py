@@ -27,7 +27,7 @@ class FollowedPerson:
     age: int = 0
     looks: tuple[Look, ...] = ()
 
-    def seen(self, frame: int, body: Landmarks) -> FollowedPerson:
+    def with_look(self, frame: int, body: Landmarks) -> FollowedPerson:
         """The same person in a later picture."""
         looks = (*self.looks, Look(frame, body))[-LOOKS:]
         return replace(self, body=body, age=self.age + 1, looks=looks)
