@@ -76,7 +76,7 @@ lint: $(STAMP)
 	@$(BIN)/ruff format --check .
 	@$(BIN)/python -m tools.check_names
 	@$(BIN)/lint-imports
-	@$(BIN)/mypy
+	@$(BIN)/mypy --num-workers auto
 
 check: lint test
 

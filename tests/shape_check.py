@@ -44,8 +44,16 @@ def _first_calls(fn: Any = None, *, typechecker: Any) -> Any:
         if fn.__init__ is not plain:
             fn.__init__ = _sampled(plain, fn.__init__)
         return fn
-    always = _every_call(fn, typechecker=typechecker)
-    return _sampled(fn, always) if inspect.isfunction(fn) else always
+    if not inspect.isfunction(fn):
+        return _every_call(fn, typechecker=typechecker)
+    always: Callable[..., Any] | None = None
+
+    def checked_call(*args: Any, **kwargs: Any) -> Any:
+        nonlocal always  # made at the first call: most functions of a room are not called
+        always = always or _every_call(fn, typechecker=typechecker)
+        return always(*args, **kwargs)
+
+    return _sampled(fn, checked_call)
 
 
 def _sampled(plain: Callable[..., Any], always: Callable[..., Any]) -> Callable[..., Any]:

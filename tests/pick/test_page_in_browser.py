@@ -55,7 +55,8 @@ class Page:
         return {video["id"]: video for video in self.data()["videos"]}[name]
 
     def middle(self, selector: str) -> tuple[float, float]:
-        """The middle of an element that is visible and not covered by another."""
+        """The middle of an element, once the page has it, that no other covers."""
+        self.browser.wait(f"document.querySelector({selector!r}) !== null")
         x, y = self.browser.value(
             f"(() => {{ const e = document.querySelector({selector!r});"
             "e.scrollIntoView({block: 'center'}); const b = e.getBoundingClientRect();"

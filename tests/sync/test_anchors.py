@@ -10,7 +10,7 @@ from imocap_core.sync.anchors import AnchorPoint, anchored_squares, led_through
 from imocap_core.sync.phase import positions_in
 from imocap_core.sync.reference_anchors import anchor_penalty
 from imocap_core.sync.warp.nearby_squares import NearbySquares
-from tests.sync.test_synchronise import estimated, four_phases, run
+from tests.sync.test_synchronise import FOUR_FPS, estimated, four_phases, run_four
 
 
 def poses() -> list[np.ndarray]:
@@ -20,67 +20,67 @@ def poses() -> list[np.ndarray]:
 
 @cache
 def without_hints() -> SyncResult:
-    return run(poses(), reference=0)
+    return run_four(poses(), reference=0)
 
 
 def test_a_hard_anchor_is_met_exactly_against_the_evidence() -> None:
     free = without_hints()
-    target = int(free.reference_frame[1][60]) + 9
-    tied = run(poses(), reference=0, hints=Hints((Anchor(1, 60, 0, target, hard=True),)))
+    target = int(free.reference_frame[1][40]) + 6
+    tied = run_four(poses(), reference=0, hints=Hints((Anchor(1, 40, 0, target, hard=True),)))
     f = tied.reference_frame[1]
-    assert abs(f[60] - target) <= 0.5
-    assert tied.confidence[1][60] == 1.0
+    assert abs(f[40] - target) <= 0.5
+    assert tied.confidence[1][40] == 1.0
     assert (np.diff(f[np.isfinite(f)]) >= 0).all()
-    assert abs(free.reference_frame[1][60] - target) > 5
-    assert np.nanmax(np.abs(f - free.reference_frame[1])[:30]) < 2.0
-    assert abs(tied.phase[1][60] * 30.0 - target) <= 0.5
+    assert abs(free.reference_frame[1][40] - target) > 3
+    assert np.nanmax(np.abs(f - free.reference_frame[1])[:20]) < 2.0
+    assert abs(tied.phase[1][40] * FOUR_FPS - target) <= 0.5
 
 
 def test_a_soft_anchor_pulls_and_does_not_force() -> None:
     free = without_hints().reference_frame[1]
     near, far = (
-        run(poses(), reference=0, hints=Hints((Anchor(0, int(free[60]) + off, 1, 60),)))
-        for off in (2, 60)
+        run_four(poses(), reference=0, hints=Hints((Anchor(0, int(free[40]) + off, 1, 40),)))
+        for off in (2, 40)
     )
-    wanted = int(free[60]) + 2
-    assert abs(near.reference_frame[1][60] - wanted) < abs(free[60] - wanted)
-    assert abs(far.reference_frame[1][60] - free[60]) < 30  # evidence of all frames outweighs it
+    wanted = int(free[40]) + 2
+    assert abs(near.reference_frame[1][40] - wanted) < abs(free[40] - wanted)
+    assert abs(far.reference_frame[1][40] - free[40]) < 20  # evidence of all frames outweighs it
 
 
 @pytest.mark.parametrize("hard", [False, True])
 def test_an_anchor_between_two_others_ties_them(hard: bool) -> None:
     free = without_hints()
-    before = positions_in(free.phase[1][50:51], free.phase[2])[0]
-    target = before + 5.0
-    tied = run(poses(), reference=0, hints=Hints((Anchor(1, 50, 2, target, hard),)))
-    after = positions_in(tied.phase[1][50:51], tied.phase[2])[0]
+    before = positions_in(free.phase[1][34:35], free.phase[2])[0]
+    target = before + 3.0
+    tied = run_four(poses(), reference=0, hints=Hints((Anchor(1, 34, 2, target, hard),)))
+    after = positions_in(tied.phase[1][34:35], tied.phase[2])[0]
     assert abs(after - target) < (0.5 if hard else abs(before - target))
 
 
 def test_frames_in_forbidden_spans_match_nothing_and_nothing_matches_them() -> None:
-    hints = Hints(forbidden=((1, 20, 35), (0, 70, 80)))
-    result = run(poses(), reference=0, hints=hints)
-    assert np.isnan(result.reference_frame[1][20:35]).all()
-    assert np.isfinite(result.reference_frame[1][40:50]).all()
-    assert np.isnan(result.phase[1][20:35]).all()
-    assert (result.confidence[0][70:80] == 0).all()
+    hints = Hints(forbidden=((1, 14, 24), (0, 47, 54)))
+    result = run_four(poses(), reference=0, hints=hints)
+    assert np.isnan(result.reference_frame[1][14:24]).all()
+    assert np.isfinite(result.reference_frame[1][27:34]).all()
+    assert np.isnan(result.phase[1][14:24]).all()
+    assert (result.confidence[0][47:54] == 0).all()
     for v in (1, 2, 3):
         f = result.reference_frame[v]
-        assert not ((f >= 70) & (f <= 79)).any()
+        assert not ((f >= 47) & (f <= 53)).any()
 
 
 def test_all_impossible_hints_are_named_at_once() -> None:
     hints = Hints(
         (Anchor(0, 10, 1, 500.0), Anchor(2, 5, 2, 6.0), Anchor(0, 10, 3, 20), Anchor(3, 5, 0, 60)),
-        ((1, 100, 200),),
+        ((1, 70, 200),),
     )
     with pytest.raises(ValueError, match="anchor") as error:
-        run(poses(), hints=hints)
+        run_four(poses(), hints=hints)
     message = str(error.value)
-    assert "anchor 1: expected a frame 0 to 119 of video 1, got 500" in message
+    assert "anchor 1: expected a frame 0 to 79 of video 1, got 500" in message
     assert "anchor 2: ties video 2 to itself" in message
     assert "anchors 3 and 4 cross in time" in message
-    assert "forbidden: video 1 has no frames 100 to 199" in message
+    assert "forbidden: video 1 has no frames 70 to 199" in message
 
 
 def test_the_penalty_leaves_other_rows_alone_and_makes_the_anchor_cheapest() -> None:

@@ -39,19 +39,24 @@ class StepPrior:
 
     def advanced(self, state: Float[np.ndarray, " S"]) -> Float[np.ndarray, " S"]:
         """Sum (S,) over all states that lead to each, weighted by the step."""
-        total = np.cumsum(state)
+        total = np.add.accumulate(state)
         near = _within(total, self.usual)
         if self.leap == 0 or self.usual == self.largest:
             return near
-        return near + self.leap * (_within(total, self.largest) - near)
+        far = _within(total, self.largest)
+        far -= near
+        far *= self.leap
+        far += near
+        return far
 
 
 def _within(total: np.ndarray, reach: int) -> np.ndarray:
     """Sum (S,) of all states at most `reach` behind, from the cumulative sum."""
     near: np.ndarray = total.copy()
     if reach + 1 < len(total):
-        near[reach + 1 :] -= total[: -reach - 1]
-        np.maximum(near, 0.0, out=near)
+        beyond = near[reach + 1 :]
+        beyond -= total[: -reach - 1]
+        np.maximum(beyond, 0.0, out=beyond)
     return near
 
 
@@ -98,14 +103,15 @@ def banded_posterior(
 class _Likelihoods:
     """Of the match at each position of the frame's band, and of no match.
 
-    entry, leave: (S,) where a warp may begin and end, near the first and the last position.
+    skip: (N,). edge: of the S positions a warp may begin at so many first ones, and end at as many
+    last ones.
     """
 
     bands: Sequence[Band]
     match: Sequence[np.ndarray]
-    skip: np.ndarray
-    entry: np.ndarray
-    leave: np.ndarray
+    skip: list[float]
+    edge: int
+    S: int
 
     @classmethod
     def of(cls, cost: BandedMap, unmatched: float | np.ndarray) -> _Likelihoods:
@@ -118,9 +124,15 @@ class _Likelihoods:
             likelihood, skip[rows], _ = bounded_likelihoods(values + charge, for_each[rows])
             match.append(likelihood)
         edge = max(1, int(np.ceil(2.0 * S / N)))
-        entry, leave = np.zeros(S), np.zeros(S)
-        entry[:edge], leave[-edge:] = 1.0, 1.0
-        return cls(cost.bands, match, skip, entry, leave)
+        return cls(cost.bands, match, skip.tolist(), edge, S)
+
+    def first(self, here: slice) -> slice:
+        """Where a warp may begin, of these positions."""
+        return slice(0, max(0, self.edge - here.start))
+
+    def last(self, here: slice) -> slice:
+        """Where a warp may end, of these positions."""
+        return slice(max(0, self.S - self.edge - here.start), None)
 
 
 def _joint_weights(
@@ -129,7 +141,6 @@ def _joint_weights(
     """Weights of each frame's positions, band by band, and of having no counterpart, each frame's
     up to one factor: forward messages, times backward ones."""
     frames, skip = frames_of(likelihoods.bands), likelihoods.skip
-    entry, leave = likelihoods.entry, likelihoods.leave
     joint, before, after = _forward(likelihoods, steps)
     outside = np.empty(len(skip))
     here, _, _ = frames[-1]
@@ -139,12 +150,13 @@ def _joint_weights(
         if t < len(frames) - 1:
             there, next_band, next_row = frames[t + 1]
             match = back * likelihoods.match[next_band][next_row]
-            back_before = entry[there] @ match + back_before * skip[t + 1]
+            back_before = float(match[likelihoods.first(there)].sum()) + back_before * skip[t + 1]
+            back_after *= skip[t + 1]
             back = moved(match, there, here, lambda x: steps.advanced(x[::-1])[::-1])
-            back = back + leave[here] * back_after * skip[t + 1]
-            back_after = back_after * skip[t + 1]
-            scale = max(back.max(), back_before, back_after)
-            back, back_before, back_after = back / scale, back_before / scale, back_after / scale
+            back[likelihoods.last(here)] += back_after
+            scale = max(float(back.max()), back_before, back_after)
+            back /= scale
+            back_before, back_after = back_before / scale, back_after / scale
         joint[band][row] *= back
         outside[t] = before[t] * back_before + after[t] * back_after
     return joint, outside
@@ -152,24 +164,27 @@ def _joint_weights(
 
 def _forward(
     likelihoods: _Likelihoods, steps: StepPrior
-) -> tuple[list[np.ndarray], Float[np.ndarray, " N"], Float[np.ndarray, " N"]]:
+) -> tuple[list[np.ndarray], list[float], list[float]]:
     """Forward messages: of each frame's positions, of "before the warp's start" and of "after its
     end"."""
     frames, skip = frames_of(likelihoods.bands), likelihoods.skip
     inside = [np.empty_like(match) for match in likelihoods.match]
-    before, after = np.empty(len(frames)), np.zeros(len(frames))
-    state, last = np.zeros(0), slice(0, 0)
+    before, after = [], []
+    state, last, early, late = np.zeros(0), slice(0, 0), 1.0, 0.0
     for t, (here, band, row) in enumerate(frames):
-        match = likelihoods.match[band][row]
+        match, message = likelihoods.match[band][row], inside[band][row]
         if t:
             come = moved(state, last, here, steps.advanced)
-            come = come + before[t - 1] * likelihoods.entry[here]
-            after[t] = (after[t - 1] + state @ likelihoods.leave[last]) * skip[t]
-            before[t] = before[t - 1] * skip[t]
-            state = come * match
+            come[likelihoods.first(here)] += early
+            np.multiply(come, match, out=message)
+            late += float(state[likelihoods.last(last)].sum())
         else:
-            before[0], state = skip[0], match
-        scale = max(state.max(), before[t], after[t])
-        state, before[t], after[t] = state / scale, before[t] / scale, after[t] / scale
-        inside[band][row], last = state, here
+            message[:] = match
+        early, late = early * skip[t], late * skip[t]
+        scale = max(float(message.max()), early, late)
+        message /= scale
+        early, late = early / scale, late / scale
+        before.append(early)
+        after.append(late)
+        state, last = message, here
     return inside, before, after
