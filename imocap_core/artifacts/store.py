@@ -175,9 +175,9 @@ class Store:
         again = stored.file == target
         if not again:
             _link(stored.file, target)
-        files, report = stored.content.files, self.report(action)
-        if files and not (again and has_files(report, files)):
-            replace_folder(report, files)
+        report = self.report(action)
+        if not (again and _is_report_of(report, stored)) and stored.content.files:
+            replace_folder(report, stored.content.files)
         mark_used(self.folder, action, stage, stored.key)
 
     def lock(self, action: str, waiting: Callable[[], None]) -> AbstractContextManager[None]:
@@ -187,6 +187,17 @@ class Store:
         """
         refuse_links(self.folder, action, CACHE)
         return exclusive(self.folder / action / ".lock", waiting)
+
+
+def _is_report_of(report: Path, stored: Stored) -> bool:
+    """Whether a folder has the side files of an artifact, if there are any."""
+
+    def compared(folder: Path) -> bool:
+        return has_files(folder, stored.content.files)
+
+    with suppress(OSError):  # there is no such folder
+        return remembered(f"report_of_{stored.digest}", report, compared)
+    return False
 
 
 def stored_as(file: Path, content: Content) -> Stored:

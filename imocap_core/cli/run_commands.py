@@ -122,7 +122,7 @@ def stage_command(
 def _print_summary(console: Console, done: Run, verbose: bool) -> None:
     from rich.markup import escape
 
-    from imocap_core.library.outputs import report_page
+    from imocap_core.library.report_page import report_page
 
     for note in done.notes:
         console.print(escape(note))
@@ -130,7 +130,8 @@ def _print_summary(console: Console, done: Run, verbose: bool) -> None:
     made = sum(outcome.how == "made" for outcome in outcomes)
     how = f"{made} made, {len(outcomes) - made} cached" if made else "all cached"
     page = report_page(done.job)
-    end = f" Report: {page}" if page and outcomes[-1].stored.content.files else ""
+    last = list(done.job.pipeline.stages)[-1]
+    end = f" Report: {page}" if page and outcomes[-1].stage == last else ""
     name = done.job.action.name
     console.print(escape(f"{name}: {len(outcomes)} stages, {how}, {done.seconds:.1f} s.{end}"))
     if done.verdict is not None:

@@ -29,10 +29,10 @@ def status_command(
     as_json: Json = False,
 ) -> None:
     """Show which stages are cached, and why others would run."""
-    from imocap_core.library.status import left_out, status, verdict
+    from imocap_core.library.status import left_out_of, status, stored_of, verdict
 
     stages = status(action, root=root_of(context), params=sets, store=store)
-    missing = left_out(action, root=root_of(context), params=sets)
+    missing = left_out_of(stored_of(stages))
     if as_json:
         rows = [
             {

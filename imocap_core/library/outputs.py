@@ -13,6 +13,7 @@ from imocap_core.export.options import ExportOptions as ExportOptions
 from imocap_core.library.door import plain_errors
 from imocap_core.library.folders import output_folder
 from imocap_core.library.one_off import Params, one_off
+from imocap_core.library.report_page import report_page
 from imocap_core.library.result import Result, html_file
 from imocap_core.made_files import record_made
 from imocap_core.pipeline.generation import generation, run_command
@@ -263,15 +264,6 @@ def _compared(job: Job, made: ActionComparison, out: str | Path | None) -> Actio
         report = job.store.report(job.action.name)
         record_made(report, (file.relative_to(report).as_posix() for file in made.files))
     return made
-
-
-def report_page(job: Job) -> Path | None:
-    """The page of an action's report to open first; the folder itself when it has none."""
-    folder = job.store.report(job.action.name)
-    for name in ("report.html", "index.html", "report.md", "index.md"):
-        if (folder / name).is_file():
-            return folder / name
-    return folder if folder.is_dir() else None
 
 
 def _job(action: str | Path, root: str | Path, sets: list[str]) -> Job:

@@ -18,7 +18,7 @@ from imocap_core.artifacts.schemas import (
     VideoTrust,
 )
 from imocap_core.figures.sync_summary import SyncRow, sync_rows
-from imocap_core.library.outputs import report_page
+from imocap_core.library.report_page import report_page
 from imocap_core.result.artifacts import STAGE_OF, Artifacts, artifacts_of_stages
 from imocap_core.verdict.verdict_file import verdict_document
 

@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from imocap_core.errors import WrongUse
 from imocap_core.library.cache_limit import cache_limit_bytes, keep_cache_within_limit
@@ -13,7 +14,6 @@ from imocap_core.library.door import plain_errors
 from imocap_core.library.new_action import action_of_videos
 from imocap_core.library.one_off import Params, one_off
 from imocap_core.library.progress import Progress, displaying
-from imocap_core.library.result import MotionStage, Result
 from imocap_core.library.run_log import LoggedDisplay, recording
 from imocap_core.library.status import left_out_notes, upstream
 from imocap_core.pipeline import runner
@@ -22,6 +22,9 @@ from imocap_core.pipeline.repeated_files import repeated_files
 from imocap_core.pipeline.runner import Job, Outcome
 from imocap_core.verdict.findings import Verdict
 from imocap_core.workspace import Workspace
+
+if TYPE_CHECKING:
+    from imocap_core.library.result import MotionStage, Result
 
 
 @dataclass(frozen=True)
@@ -83,6 +86,8 @@ def run(
         WrongUse: no such action, stage, parameter or device.
         WorkFailed: a stage could not do its work; what was finished stays.
     """
+    from imocap_core.library.result import Result  # NumPy and more, not needed by all commands
+
     if (action is None) == (videos is None):
         raise WrongUse("expected an action or videos=[...], one of them")
     check_device(device)

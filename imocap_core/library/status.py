@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from imocap_core.artifacts.file_memory import remembered, save_memory
 from imocap_core.errors import WrongUse
 from imocap_core.library.door import plain_errors
 from imocap_core.library.one_off import Params, one_off
@@ -16,8 +17,15 @@ from imocap_core.pipeline.runner import Job, StageStatus
 from imocap_core.workspace import Workspace
 
 if TYPE_CHECKING:
-    from imocap_core.artifacts.schemas import LeftOutVideo
     from imocap_core.artifacts.store import Stored
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A declared video that cannot be used, and why."""
+
+    id: str
+    reason: str
 
 
 @dataclass(frozen=True)
@@ -44,8 +52,11 @@ def status(
 
     store: URL or folder of a shared store; results that are there are fetched.
     """
-    workspace = Workspace(Path(root), store)
-    return list(runner.stage_statuses(workspace.job(str(action), one_off(params))))
+    job = Workspace(Path(root), store).job(str(action), one_off(params))
+    statuses = list(runner.stage_statuses(job))
+    left_out_of(stored_of(statuses))  # remembered for the next command
+    save_memory(job.store.folder)
+    return statuses
 
 
 @plain_errors
@@ -71,7 +82,7 @@ def verdict(
 ) -> dict[str, Any] | None:
     """The verdict on an action's results as plain data; None where the motion would run again."""
     job = Workspace(Path(root)).job(str(action), one_off(params))
-    stored = {s.stage: s.stored for s in runner.stage_statuses(job) if s.stored is not None}
+    stored = stored_of(runner.stage_statuses(job))
     if "refine_sync" not in stored:
         return None
     from imocap_core.result.artifacts import artifacts_of_stages
@@ -82,24 +93,23 @@ def verdict(
     return None if judged is None else verdict_document(judged)
 
 
-@plain_errors
-def left_out(
-    action: str | Path, *, root: str | Path = ".", params: Params = None
-) -> list[LeftOutVideo]:
-    """The videos that the present keypoints leave out, because they cannot be used."""
-    job = Workspace(Path(root)).job(str(action), one_off(params))
-    stored = {s.stage: s.stored for s in runner.stage_statuses(job) if s.stored is not None}
-    return left_out_of(stored)
+def stored_of(statuses: Iterable[StageStatus]) -> dict[str, Stored]:
+    """The cached results by stage."""
+    return {s.stage: s.stored for s in statuses if s.stored is not None}
 
 
-def left_out_of(stored: Mapping[str, Stored]) -> list[LeftOutVideo]:
-    """The same of the results of stages."""
+def left_out_of(stored: Mapping[str, Stored]) -> list[LeftOut]:
+    """The videos that these results' keypoints leave out, because they cannot be used."""
     result = stored.get("keypoints")
     if result is None or result.schema != "Keypoints":
         return []
-    from imocap_core.artifacts.schemas import Keypoints
 
-    return result.decode(Keypoints).left_out or []
+    def read(_: Path) -> list[list[str]]:
+        from imocap_core.artifacts.schemas import Keypoints
+
+        return [[video.id, video.reason] for video in result.decode(Keypoints).left_out or []]
+
+    return [LeftOut(name, reason) for name, reason in remembered("left_out", result.file, read)]
 
 
 def left_out_notes(stored: Mapping[str, Stored]) -> list[str]:

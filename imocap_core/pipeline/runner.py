@@ -123,13 +123,16 @@ def run(
     done: dict[str, Stored] = {}
     with job.store.lock(job.action.name, display.waiting):
         sweep(job.store.folder, job.action.name)
+        unchanged_since = {} if force else _all_cached(job, stages)
         for stage in stages:
             began = time.perf_counter()
             release_freed_memory()
             restart_peak()
             needed = job.recipe(stage, done)
             forced = stage in force
-            stored = None if forced else job.store.find(job.action.name, stage, needed.key)
+            stored = unchanged_since.get(stage)
+            if stored is None and not forced:
+                stored = job.store.find(job.action.name, stage, needed.key)
             how: Literal["cached", "made"] = "cached" if stored else "made"
             if stored is None:
                 why = ["forced"] if forced else _reasons(job, stage, needed)
@@ -144,6 +147,20 @@ def run(
         ending(outcomes)
     save_memory(job.store.folder)
     return outcomes
+
+
+def _all_cached(job: Job, stages: list[str]) -> dict[str, Stored]:
+    """The results of these stages, not read again where their files have not changed; none of them
+    where one is missing, as those before it will be read, or where a shared store may want them."""
+    if job.store.shared is not None:
+        return {}
+    done: dict[str, Stored] = {}
+    for stage in stages:
+        stored = job.store.look_up(job.action.name, stage, job.recipe(stage, done).key)
+        if stored is None:
+            return {}
+        done[stage] = stored
+    return done
 
 
 def stage_statuses(job: Job) -> Iterator[StageStatus]:

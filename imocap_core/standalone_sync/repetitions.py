@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from imocap_core.artifacts.schemas import InitialSmpl, Keypoints
 from imocap_core.errors import WorkFailed
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.runner import Display, Job
-from imocap_core.result.artifacts import artifacts_of_stages
 from imocap_core.workspace import Workspace
 
 
@@ -33,6 +31,8 @@ def cut(
 ) -> tuple[Path, list[str]]:
     """The folder of an action whose videos are the repetitions of long clips (and the videos that
     are none), and a sentence on each clip."""
+    from imocap_core.artifacts.schemas import InitialSmpl, Keypoints
+    from imocap_core.result.artifacts import artifacts_of_stages
     from imocap_core.standalone_sync.action import write_instances
     from imocap_core.sync.repetition.segmentation import find_repetitions
 
