@@ -55,13 +55,17 @@ class Page:
         return {video["id"]: video for video in self.data()["videos"]}[name]
 
     def middle(self, selector: str) -> tuple[float, float]:
-        """The middle of an element, once the page has it, that no other covers."""
-        self.browser.wait(f"document.querySelector({selector!r}) !== null")
-        x, y = self.browser.value(
-            f"(() => {{ const e = document.querySelector({selector!r});"
+        """The middle of an element, once the page has it, enabled, and nothing covers it."""
+        find = f"const e = document.querySelector({selector!r}); if (!e || e.disabled) return null;"
+        place = (
             "e.scrollIntoView({block: 'center'}); const b = e.getBoundingClientRect();"
-            "return [b.x + b.width / 2, b.y + b.height / 2]; })()"
+            "const x = b.x + b.width / 2, y = b.y + b.height / 2;"
+            "const top = document.elementFromPoint(x, y);"
+            "return top && (e.contains(top) || top.contains(e)) ? [x, y] : null;"
         )
+        found = f"(() => {{ {find} {place} }})()"
+        self.browser.wait(f"{found} !== null")
+        x, y = self.browser.value(found)
         return x, y
 
     def click(self, selector: str) -> None:
