@@ -26,7 +26,7 @@ from imocap_core import limits
 from imocap_core.whole_files import write_whole
 
 FILE = Path(".cache") / "files.json"
-FORMAT = 1  # raise when what is computed from a file means something else
+FORMAT = 2  # raise when what is computed from a file means something else
 SETTLED_NS = 2_000_000_000  # a file changed later than this ago may change again unnoticed
 
 Value = TypeVar("Value")  # of JSON

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -37,6 +37,7 @@ if TYPE_CHECKING:  # numpy, MCAP and protobuf are imported only where an artifac
     from imocap_core.artifacts.shared import SharedFiles
 
 Kind = TypeVar("Kind", bound="Artifact")
+HEAD = ("schema", "digest", "key", "has_files")  # what is remembered of an artifact
 
 
 @dataclass(frozen=True)
@@ -44,13 +45,14 @@ class Stored:
     """An artifact in the store.
 
     schema: its class name; digest: of what it contains (not of the file); key: the stage key that
-    it was made under.
+    it was made under; has_files: whether side files come with it.
     """
 
     file: Path
     schema: str
     digest: str
     key: str
+    has_files: bool
     _content: Content | None = None
 
     @cached_property
@@ -62,6 +64,10 @@ class Stored:
         from imocap_core.artifacts import codec
 
         return codec.read(self.file) if self._content is None else self._content
+
+    def read(self) -> Stored:
+        """The same with its content, read now where it has not been. ArtifactCorrupt as above."""
+        return _read(self.file) if self._content is None else self
 
     def decode(self, kind: type[Kind]) -> Kind:
         """The artifact itself. ArtifactCorrupt when it does not fit `kind`."""
@@ -103,20 +109,20 @@ class Store:
     def find(self, action: str, stage: str, key: str) -> Stored | None:
         """The result made under `key`, read and checked; None when there is none or it can't be
         read back. One of the shared store is copied into the cache."""
-        return self._first(action, stage, key, _read) or self._fetch(stage, key)
+        for stored in self._made_under(action, stage, key):
+            with suppress(ArtifactCorrupt):
+                return stored.read()
+        return self._fetch(stage, key)
 
     def look_up(self, action: str, stage: str, key: str) -> Stored | None:
         """As `find`, but a file that was read before and has not changed is not read again."""
-        return self._first(action, stage, key, _unread) or self._fetch(stage, key)
+        return next(self._made_under(action, stage, key), None) or self._fetch(stage, key)
 
-    def _first(
-        self, action: str, stage: str, key: str, read: Callable[[Path], Stored]
-    ) -> Stored | None:
+    def _made_under(self, action: str, stage: str, key: str) -> Iterator[Stored]:
         for file in (self.current(action, stage), self.cached(stage, key)):
             with suppress(ArtifactCorrupt):
-                if file.is_file() and (stored := read(file)).key == key:
-                    return stored
-        return None
+                if file.is_file() and (stored := _unread(file)).key == key:
+                    yield stored
 
     def _fetch(self, stage: str, key: str) -> Stored | None:
         if self.shared is None:
@@ -176,7 +182,7 @@ class Store:
         if not again:
             _link(stored.file, target)
         report = self.report(action)
-        if not (again and _is_report_of(report, stored)) and stored.content.files:
+        if stored.has_files and not (again and _is_report_of(report, stored)):
             replace_folder(report, stored.content.files)
         mark_used(self.folder, action, stage, stored.key)
 
@@ -190,19 +196,20 @@ class Store:
 
 
 def _is_report_of(report: Path, stored: Stored) -> bool:
-    """Whether a folder has the side files of an artifact, if there are any."""
+    """Whether a folder has the side files of an artifact."""
 
-    def compared(folder: Path) -> bool:
-        return has_files(folder, stored.content.files)
+    def key_of(folder: Path) -> str:
+        return stored.key if has_files(folder, stored.content.files) else ""
 
     with suppress(OSError):  # there is no such folder
-        return remembered(f"report_of_{stored.digest}", report, compared)
+        return remembered("report_of", report, key_of) == stored.key
     return False
 
 
 def stored_as(file: Path, content: Content) -> Stored:
     """An artifact whose content is at hand."""
-    return Stored(file, content.schema, content.digest, content.provenance.get(KEY, ""), content)
+    key, files = content.provenance.get(KEY, ""), bool(content.files)
+    return Stored(file, content.schema, content.digest, key, files, content)
 
 
 def _read(file: Path) -> Stored:
@@ -212,14 +219,16 @@ def _read(file: Path) -> Stored:
 
 
 def _unread(file: Path) -> Stored:
-    """An artifact of which schema, digest and key are known; its content is read when asked for."""
+    """An artifact whose content, where its head is remembered, is read only when asked for."""
+    read_now: list[Stored] = []
 
-    def read_head(file: Path) -> dict[str, str]:
+    def head_of(file: Path) -> dict[str, str | bool]:
         stored = _read(file)
-        return {"schema": stored.schema, "digest": stored.digest, "key": stored.key}
+        read_now.append(stored)
+        return {name: getattr(stored, name) for name in HEAD}
 
-    head = remembered("artifact", file, read_head)
-    return Stored(file, head["schema"], head["digest"], head["key"])
+    head = remembered("artifact", file, head_of)
+    return read_now[0] if read_now else Stored(file, **head)  # type: ignore[arg-type]
 
 
 def _link(source: Path, target: Path) -> None:

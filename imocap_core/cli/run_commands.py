@@ -130,8 +130,7 @@ def _print_summary(console: Console, done: Run, verbose: bool) -> None:
     made = sum(outcome.how == "made" for outcome in outcomes)
     how = f"{made} made, {len(outcomes) - made} cached" if made else "all cached"
     page = report_page(done.job)
-    last = list(done.job.pipeline.stages)[-1]
-    end = f" Report: {page}" if page and outcomes[-1].stage == last else ""
+    end = f" Report: {page}" if page and outcomes[-1].stored.has_files else ""
     name = done.job.action.name
     console.print(escape(f"{name}: {len(outcomes)} stages, {how}, {done.seconds:.1f} s.{end}"))
     if done.verdict is not None:

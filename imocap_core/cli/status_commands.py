@@ -29,10 +29,10 @@ def status_command(
     as_json: Json = False,
 ) -> None:
     """Show which stages are cached, and why others would run."""
-    from imocap_core.library.status import left_out_of, status, stored_of, verdict
+    from imocap_core.library.status import left_out_notes, left_out_of, status, stored_of, verdict
 
     stages = status(action, root=root_of(context), params=sets, store=store)
-    missing = left_out_of(stored_of(stages))
+    stored = stored_of(stages)
     if as_json:
         rows = [
             {
@@ -44,7 +44,9 @@ def status_command(
             for stage in stages
         ]
         judged = verdict(action, root=root_of(context), params=sets)
-        names = [{"video": video.id, "reason": video.reason} for video in missing]
+        names = [
+            {"video": video, "reason": reason} for video, reason in left_out_of(stored).items()
+        ]
         print_json({"action": action, "stages": rows, "left_out": names, "verdict": judged})
         return
     from rich.markup import escape
@@ -58,8 +60,8 @@ def status_command(
         else:
             state = f"would run  {escape(reasons(stage.why))}"
         console.print(f"{stage.stage:<14} {state}")
-    for video in missing:
-        console.print(f"{video.id} is left out: {escape(video.reason)}")
+    for note in left_out_notes(stored):
+        console.print(escape(note))
 
 
 def explain_command(

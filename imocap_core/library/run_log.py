@@ -16,6 +16,7 @@ from datetime import UTC, datetime
 from importlib import metadata
 from typing import Any
 
+from imocap_core.artifacts.file_memory import save_memory
 from imocap_core.errors import ImocapError, Stopped
 from imocap_core.library.memory_notice import available_bytes, frames_of, memory_notice
 from imocap_core.library.status import left_out_notes
@@ -130,6 +131,7 @@ def recording(job: Job, notes: Sequence[str]) -> Iterator[RunLog]:
         with suppress(OSError):  # a store on a disk that can only be read
             text = json.dumps(log.document(error), indent=1, ensure_ascii=False, default=str)
             write_whole(job.store.folder / job.action.name / FILE, text + "\n")
+        save_memory(job.store.folder)
 
 
 def _also_into(texts: list[str], show: Callable[..., Any]) -> Callable[..., Any]:

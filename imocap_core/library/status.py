@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from imocap_core.artifacts.file_memory import remembered, save_memory
+from imocap_core.artifacts.file_memory import remembered
 from imocap_core.errors import WrongUse
 from imocap_core.library.door import plain_errors
 from imocap_core.library.one_off import Params, one_off
@@ -18,14 +18,6 @@ from imocap_core.workspace import Workspace
 
 if TYPE_CHECKING:
     from imocap_core.artifacts.store import Stored
-
-
-@dataclass(frozen=True)
-class LeftOut:
-    """A declared video that cannot be used, and why."""
-
-    id: str
-    reason: str
 
 
 @dataclass(frozen=True)
@@ -52,11 +44,8 @@ def status(
 
     store: URL or folder of a shared store; results that are there are fetched.
     """
-    job = Workspace(Path(root), store).job(str(action), one_off(params))
-    statuses = list(runner.stage_statuses(job))
-    left_out_of(stored_of(statuses))  # remembered for the next command
-    save_memory(job.store.folder)
-    return statuses
+    workspace = Workspace(Path(root), store)
+    return list(runner.stage_statuses(workspace.job(str(action), one_off(params))))
 
 
 @plain_errors
@@ -98,23 +87,23 @@ def stored_of(statuses: Iterable[StageStatus]) -> dict[str, Stored]:
     return {s.stage: s.stored for s in statuses if s.stored is not None}
 
 
-def left_out_of(stored: Mapping[str, Stored]) -> list[LeftOut]:
-    """The videos that these results' keypoints leave out, because they cannot be used."""
+def left_out_of(stored: Mapping[str, Stored]) -> dict[str, str]:
+    """The videos that these results' keypoints leave out as unusable, and why."""
     result = stored.get("keypoints")
     if result is None or result.schema != "Keypoints":
-        return []
+        return {}
 
-    def read(_: Path) -> list[list[str]]:
+    def read(_: Path) -> dict[str, str]:
         from imocap_core.artifacts.schemas import Keypoints
 
-        return [[video.id, video.reason] for video in result.decode(Keypoints).left_out or []]
+        return {video.id: video.reason for video in result.decode(Keypoints).left_out or []}
 
-    return [LeftOut(name, reason) for name, reason in remembered("left_out", result.file, read)]
+    return remembered("left_out", result.file, read)
 
 
 def left_out_notes(stored: Mapping[str, Stored]) -> list[str]:
     """A sentence for each of them."""
-    return [f"{video.id} is left out: {video.reason}" for video in left_out_of(stored)]
+    return [f"{video} is left out: {reason}" for video, reason in left_out_of(stored).items()]
 
 
 def upstream(job: Job, stage: str) -> list[str]:

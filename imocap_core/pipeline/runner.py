@@ -123,20 +123,20 @@ def run(
     done: dict[str, Stored] = {}
     with job.store.lock(job.action.name, display.waiting):
         sweep(job.store.folder, job.action.name)
-        unchanged_since = {} if force else _all_cached(job, stages)
+        cached = {} if force else _all_cached(job, stages)
         for stage in stages:
             began = time.perf_counter()
             release_freed_memory()
             restart_peak()
-            needed = job.recipe(stage, done)
-            forced = stage in force
-            stored = unchanged_since.get(stage)
-            if stored is None and not forced:
-                stored = job.store.find(job.action.name, stage, needed.key)
-            how: Literal["cached", "made"] = "cached" if stored else "made"
+            how: Literal["cached", "made"] = "cached"
+            stored = cached.get(stage)
             if stored is None:
-                why = ["forced"] if forced else _reasons(job, stage, needed)
-                display.started(stage, why)
+                needed, forced = job.recipe(stage, done), stage in force
+                if not forced:
+                    stored = job.store.find(job.action.name, stage, needed.key)
+            if stored is None:
+                how = "made"
+                display.started(stage, ["forced"] if forced else _reasons(job, stage, needed))
                 stored = _make(job, stage, needed, done, display.progress, forced)
             stored = job.store.share(stage, stored, made=how == "made")
             job.store.publish(job.action.name, stage, stored)

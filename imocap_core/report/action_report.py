@@ -104,8 +104,6 @@ def single_model(job: Job, stored: Mapping[str, Stored]) -> Stored | None:
     """smpl_ba's result with one motion for all videos, when it is in the store."""
     chosen = settings(job.pipeline, job.action.params, job.action.file, [SINGLE])
     key = Job(job.pipeline, job.store, job.action, chosen).recipe("smpl_ba", stored).key
-    if job.store.look_up(job.action.name, "smpl_ba", key) is None:
-        return None
     single = job.store.find(job.action.name, "smpl_ba", key)
     same = single is not None and single.digest == stored["smpl_ba"].digest
     return None if same else single

@@ -109,8 +109,12 @@ def test_one_stage_brings_what_it_needs(toy: Toy) -> None:
 
 
 @pytest.mark.parametrize("stage", ALL)
-def test_a_damaged_artifact_is_made_again(toy: Toy, stage: str) -> None:
+@pytest.mark.parametrize("remembered", [False, True])
+def test_a_damaged_artifact_is_made_again(toy: Toy, stage: str, remembered: bool) -> None:
     toy.imocap(["run", "toy"])
+    if remembered:
+        aged(toy)
+        toy.imocap(["run", "toy"])
     before = toy.digests()
     toy.ran()
     file = Store(toy.root / "artifacts").current("toy", stage)
@@ -129,6 +133,18 @@ def test_a_lost_report_comes_back(toy: Toy) -> None:
     toy.imocap(["run", "toy"])
     assert toy.ran() == []
     assert (toy.root / "artifacts" / "toy" / "report" / "index.md").is_file()
+
+
+def test_a_changed_report_comes_back_beside_what_somebody_made_of_it(toy: Toy) -> None:
+    toy.imocap(["run", "toy"])
+    aged(toy)
+    toy.imocap(["run", "toy"])
+    page = toy.root / "artifacts" / "toy" / "report" / "index.md"
+    as_made = page.read_bytes()
+    page.write_text("mine")
+    toy.imocap(["run", "toy"])
+    assert page.read_bytes() == as_made
+    assert page.with_name("index.md~").read_text() == "mine"
 
 
 def test_a_killed_run_continues(toy: Toy) -> None:
@@ -292,24 +308,25 @@ def test_nothing_before_evaluate_depends_on_the_truth(toy: Toy) -> None:
     assert toy.digests() == {name: before[name] for name in ("gather", "scale")}
 
 
-@pytest.mark.parametrize(
-    ("command", "heavy"),
-    [
-        ("run", "torch cv2 scipy matplotlib av"),
-        ("status", "torch cv2 scipy matplotlib av numpy jaxtyping mcap"),
-    ],
-)
-def test_what_is_cached_imports_nothing_heavy(toy: Toy, command: str, heavy: str) -> None:
+def aged(toy: Toy) -> None:
+    """What has just been written is read again; this is older."""
+    for path in toy.root.rglob("*"):
+        os.utime(path, (1_600_000_000, 1_600_000_000))
+
+
+HEAVY = "torch cv2 scipy matplotlib av numpy jaxtyping mcap"
+
+
+@pytest.mark.parametrize("command", ["run", "status"])
+def test_what_is_cached_imports_nothing_heavy(toy: Toy, command: str) -> None:
     toy.imocap(["run", "toy"])
     code = (
         "import sys; from imocap_core.cli import main; code = main([]); "
-        f"print(sorted(set('{heavy}'.split()) & set(sys.modules))); sys.exit(code)"
+        f"print(sorted(set('{HEAVY}'.split()) & set(sys.modules))); sys.exit(code)"
     )
     words = [command, "toy", "--root", str(toy.root)]
-    if command == "status":  # files that have just been written are read again at first
-        for file in [*toy.root.rglob("*.mcap"), toy.action / "v1.txt", toy.action / "v2.txt"]:
-            os.utime(file, (1_600_000_000, 1_600_000_000))
-        assert toy.imocap(words[:2]) == 0
+    aged(toy)
+    assert toy.imocap(words[:2]) == 0
     done = subprocess.run(
         [sys.executable, "-c", code, *words], capture_output=True, text=True, check=True
     )

@@ -31,8 +31,8 @@ def test_a_hard_anchor_is_met_exactly_against_the_evidence() -> None:
     assert abs(f[40] - target) <= 0.5
     assert tied.confidence[1][40] == 1.0
     assert (np.diff(f[np.isfinite(f)]) >= 0).all()
-    assert abs(free.reference_frame[1][40] - target) > 3
-    assert np.nanmax(np.abs(f - free.reference_frame[1])[:20]) < 2.0
+    assert abs(free.reference_frame[1][40] - target) > 3.3
+    assert np.nanmax(np.abs(f - free.reference_frame[1])[:20]) < 1.4
     assert abs(tied.phase[1][40] * FOUR_FPS - target) <= 0.5
 
 

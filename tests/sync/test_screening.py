@@ -47,7 +47,7 @@ def test_a_video_of_another_action_is_excluded_and_the_rest_is_as_without_it(whe
     assert (result.confidence[where] == 0).all()
     rest = [f for v, f in enumerate(result.reference_frame) if v != where]
     for f, g in zip(rest, alone.reference_frame, strict=True):
-        np.testing.assert_allclose(f, g, atol=0.5)
+        np.testing.assert_allclose(f, g, atol=0.33)
     assert result.relaxed.blocks.lengths == tuple(len(x) for x in with_it)
     messages = sentences(result.screening, ["a", "b", "c", "d", "e"])
     assert len(messages) == 1
@@ -75,7 +75,7 @@ def test_a_reference_that_was_given_stays() -> None:
 
 
 def test_no_clean_clip_is_an_outlier_or_mirrored() -> None:
-    for seed in range(2):
+    for seed in range(4):
         rng = np.random.default_rng(100 + seed)
         result = run_four([estimated(p, rng) for p in four_phases()], twins=TWINS)
         assert result.screening.outliers == ()
