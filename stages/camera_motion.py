@@ -109,7 +109,8 @@ def _small_pictures(
     first, stop = int(video.frames[0]), int(video.frames[-1]) + 1
 
     def decoded() -> Iterator[GrayPicture]:
-        return (picture for _, picture in read_gray(path, first, stop, scale=scale))
+        numbered = read_gray(path, first, stop, scale=scale, damaged=bool(video.damaged))
+        return (picture for _, picture in numbered)
 
     if (stop - first) * scale**2 * video.size[0] * video.size[1] > MOST_KEPT_BYTES:
         return decoded

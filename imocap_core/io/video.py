@@ -76,31 +76,40 @@ def read_rgb_of(path: Path, numbers: Collection[int]) -> Iterator[tuple[int, Rgb
 
 
 def read_gray(
-    path: Path, first: int = 0, stop: int | None = None, *, scale: float = 1.0
+    path: Path,
+    first: int = 0,
+    stop: int | None = None,
+    *,
+    scale: float = 1.0,
+    damaged: bool = False,
 ) -> Iterator[tuple[int, GrayPicture]]:
     """(frame number, grey picture) for frames first to stop - 1, resized by ``scale``.
 
-    The picture is (round(scale * height), round(scale * width)). ValueError when the file cannot
-    be read.
+    The picture is (round(scale * height), round(scale * width)). damaged: the file is known to be,
+    and is decoded in one thread: what several fill in for lost data differs from run to run.
+    ValueError when the file cannot be read.
     """
-    for number, picture, _ in read_checked_gray(path, first, stop, scale=scale):
-        yield number, picture
+    for number, frame in _frames(path, first, stop, one_thread=damaged):
+        yield number, _small_gray(frame, scale)
 
 
 def read_checked_gray(
     path: Path, first: int = 0, stop: int | None = None, *, scale: float = 1.0
 ) -> Iterator[tuple[int, GrayPicture, bool]]:
     """As `read_gray`, with whether the decoder met no error in the frame: what it could not decode
-    it fills in from the frames before."""
-    for number, frame in _frames(path, first, stop):
-        small = frame.reformat(
-            width=max(1, round(scale * frame.width)),
-            height=max(1, round(scale * frame.height)),
-            format="gray",
-            interpolation="AREA",
-        )
-        picture = upright(np.asarray(small.to_ndarray(), np.uint8), frame)
-        yield number, picture, not frame.is_corrupt
+    it fills in from the frames before. In one thread: several lose an error now and then."""
+    for number, frame in _frames(path, first, stop, one_thread=True):
+        yield number, _small_gray(frame, scale), not frame.is_corrupt
+
+
+def _small_gray(frame: av.VideoFrame, scale: float) -> GrayPicture:
+    small = frame.reformat(
+        width=max(1, round(scale * frame.width)),
+        height=max(1, round(scale * frame.height)),
+        format="gray",
+        interpolation="AREA",
+    )
+    return upright(np.asarray(small.to_ndarray(), np.uint8), frame)
 
 
 def film_encoder() -> str:
@@ -218,10 +227,14 @@ def _packet_count(path: Path) -> int:
     return 0
 
 
-def _frames(path: Path, first: int, stop: int | None) -> Iterator[tuple[int, av.VideoFrame]]:
+def _frames(
+    path: Path, first: int, stop: int | None, *, one_thread: bool = False
+) -> Iterator[tuple[int, av.VideoFrame]]:
     """Frames are counted while decoding: seeking is not exact in every format."""
     with open_video(path) as container:
         stream = video_stream(container, path)
+        if one_thread:
+            stream.thread_count = 1
         for number, frame in enumerate(decoded_frames(container, stream, path)):
             if stop is not None and number >= stop:
                 return
