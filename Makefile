@@ -30,10 +30,11 @@ PYTHON ?= $(shell for p in python3 python3.11 python3.12 python3.13 python3.14 p
             $$p -c '$(FIT)' >/dev/null 2>&1 && { echo $$p; break; }; done)
 PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check $(PIP_FLAGS)
 HASHES ?= --require-hashes
-# One thread a test worker: two workers with two threads each fight over two cores.
+# One thread a test worker: two workers with two threads each fight over two cores. Compiled files are
+# kept, whatever the environment says: tests start hundreds of processes.
 # A file of tests stays on one worker (they share one run of the pipeline), the long ones first
 # (tests/conftest.py); reordered by number of tests, they would come last, on one worker alone.
-PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
+PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 .DEFAULT_GOAL := help
 .PHONY: help setup all test test-quick test-pythons test-readers bench check baseline lint format clean detect-env docs fuzz fuzz-guided chaos audit sbom

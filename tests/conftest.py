@@ -1,5 +1,6 @@
 """Settings shared by the whole suite."""
 
+import gc
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -68,6 +69,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     folder = Path(__file__).parent
     rank = {folder / name: place for place, name in enumerate(LONGEST)}
     items.sort(key=lambda item: rank.get(item.path, len(rank)))
+    gc.collect()
+    gc.freeze()  # what thousands of tests are made of stays: not to be searched again and again
+    gc.set_threshold(50_000, 20, 50)  # what their modules remember stays too
 
 
 def pytest_runtest_setup() -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import jaxtyping
 from beartype import BeartypeConf, beartype
 
-CALLS = 20  # of each function, in each test
+CALLS = 2  # of each function, in each test
 
 checked = beartype(conf=BeartypeConf(is_pep484_tower=True))  # takes an int where a float is asked
 _every_call = jaxtyping.jaxtyped

@@ -18,12 +18,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     An error is one sentence on the standard error, not a traceback. `arguments` (by default none)
     go before those of the process.
     """
-    from imocap_core.cli.app import app
+    from imocap_core.cli.app import command_line
 
     words = hoisted([*(arguments or []), *sys.argv[1:]])
     try:
         with stopped_by_signals():
-            app(args=words, prog_name="imocap")
+            command_line(_command_of(words))(args=words, prog_name="imocap")
     except Stopped as stop:
         sys.stderr.write("imocap: stopped; finished stages are stored, run again to continue\n")
         return stop.exit_code
@@ -48,6 +48,17 @@ def _sentence(error: Exception) -> str:
     if isinstance(error, (OSError, MemoryError)):
         return system_fault(error)
     return program_fault(error)
+
+
+def _command_of(words: list[str]) -> str | None:
+    """The command that hoisted words name, if only options of all commands come before it."""
+    waiting = iter(words)
+    for word in waiting:
+        if word in GLOBAL_WITH_VALUE:
+            next(waiting, None)
+        elif word not in GLOBAL_FLAGS and not word.startswith("--root="):
+            return word
+    return None
 
 
 def hoisted(words: list[str]) -> list[str]:

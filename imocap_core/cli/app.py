@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from copy import copy
+from functools import cache
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -100,3 +102,15 @@ def _everywhere(
         from imocap_core.pipeline.allowed_scripts import allow_scripts as allow
 
         allow(root)
+
+
+@cache
+def command_line(word: str | None) -> Any:
+    """Click's command of all commands; of one alone where `word` names it, because to read the
+    options of the others takes longer than many a command."""
+    named = [info for info in app.registered_commands if info.name == word]
+    if not named:
+        return typer.main.get_command(app)
+    only = copy(app)
+    only.registered_commands, only.registered_groups = named, []
+    return typer.main.get_command(only)

@@ -13,6 +13,8 @@ from imocap_core.biomechanics.mean_curve import MeanCurve
 from imocap_core.figures.style import QUIET, headline, new_figure
 
 COLUMNS = 3
+WIDTH_IN = 9.6
+GAPS = {"hspace": 0.32, "wspace": 0.16}  # of a panel
 LEFT, RIGHT, MIDDLE = "#31689b", "#d0802f", "#4a5058"
 SIDES = (("left_", LEFT), ("right_", RIGHT))
 SUBTITLE = (
@@ -27,8 +29,13 @@ def angle_figure(
     """A panel for every angle, left and right sides in one; a row for every joint."""
     titles = list(dict.fromkeys(map(_without_side, curves)))
     joints = list(dict.fromkeys(title.partition("_")[0] for title in titles))
-    figure = new_figure(9.6, 0.9 + 1.45 * len(joints))
-    axes = figure.subplots(len(joints), COLUMNS, sharex=True, squeeze=False)
+    height = 0.9 + 1.45 * len(joints)
+    figure = new_figure(WIDTH_IN, height, arranged=False)  # panels of one size: nothing to arrange
+    edges = {"left": 0.48 / WIDTH_IN, "right": 1 - 0.12 / WIDTH_IN}
+    edges |= {"bottom": 0.42 / height, "top": 1 - 0.84 / height}
+    axes = figure.subplots(
+        len(joints), COLUMNS, sharex=True, squeeze=False, gridspec_kw=edges | GAPS
+    )
     for row, joint in enumerate(joints):
         of_joint = [title for title in titles if title.partition("_")[0] == joint]
         for column, ax in enumerate(axes[row]):

@@ -33,7 +33,7 @@ CARRIERS = (
     "imocap_core.pipeline",
     "imocap_core.workspace",
 )
-CODE_FORMAT = 1  # raise when what `parse_source` returns means something else
+CODE_FORMAT = 2  # raise when what `parse_source` returns means something else
 
 
 @dataclass(frozen=True)

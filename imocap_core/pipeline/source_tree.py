@@ -5,8 +5,11 @@ from __future__ import annotations
 import ast
 import hashlib
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import TypedDict
+
+WITH_DOCSTRING = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 
 class ParsedSource(TypedDict):
@@ -29,20 +32,55 @@ def parse_source(file: Path, module: str, packages: Sequence[str]) -> ParsedSour
     """
     tree = ast.parse(file.read_bytes(), filename=str(file))
     is_package = file.name == "__init__.py"
+    code, imported = _written(tree)
     imports: list[tuple[str, str | None]] = []
-    for node in ast.walk(tree):
-        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
-            node.body = _without_docstring(node.body)
-        elif isinstance(node, ast.Import):
+    for node in imported:
+        if isinstance(node, ast.Import):
             imports += [(alias.name, None) for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
+        else:
             base = _absolute(node, module, is_package)
             imports += [(base, alias.name) for alias in node.names]
     return {
-        "digest": hashlib.sha256(ast.dump(tree).encode()).hexdigest(),
+        "digest": hashlib.sha256(code.encode()).hexdigest(),
         "imports": [one for one in imports if one[0].split(".")[0] in packages],
         "exports": _exports(tree, module) if is_package else None,
     }
+
+
+def _written(tree: ast.Module) -> tuple[str, list[ast.Import | ast.ImportFrom]]:
+    """The tree without docstrings and places, as text, and its imports; a third of the time of
+    `ast.walk` and `ast.dump`, which a first run would wait for."""
+    out: list[str] = []
+    imports: list[ast.Import | ast.ImportFrom] = []
+
+    def write(value: object) -> None:
+        if isinstance(value, ast.AST):
+            kind = type(value)
+            if kind is ast.Import or kind is ast.ImportFrom:
+                imports.append(value)  # type: ignore[arg-type]  # of these kinds
+            elif kind in WITH_DOCSTRING:
+                value.body = _without_docstring(value.body)  # type: ignore[attr-defined]
+            out.append(kind.__name__)
+            for name in _fields(kind):
+                out.append("(")
+                write(getattr(value, name))
+            out.append(")")
+        elif isinstance(value, list):
+            out.append("[")
+            for one in value:
+                write(one)
+            out.append("]")
+        else:
+            out.append(repr(value))
+
+    write(tree)
+    return "\0".join(out), imports
+
+
+@cache
+def _fields(kind: type[ast.AST]) -> tuple[str, ...]:
+    """Of a kind of node, without whether a name is read or set: its place in the tree says that."""
+    return tuple(name for name in kind._fields if name != "ctx")
 
 
 def _exports(tree: ast.Module, module: str) -> dict[str, tuple[str, str]] | None:

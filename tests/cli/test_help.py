@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import typer
 
-from imocap_core.cli.app import app
+from imocap_core.cli import _command_of
+from imocap_core.cli.app import app, command_line
 from imocap_core.pipeline.source import PROJECT
 
 if TYPE_CHECKING:
@@ -99,3 +100,30 @@ def test_the_page_of_commands_has_every_command_with_its_summary() -> None:
     rows = [line for line in page.splitlines() if line.startswith("| `imocap ")]
     summaries = {name: (c.help or "").partition("\n\n")[0] for name, c in commands().items()}
     assert rows == [f"| `imocap {name}` | {text} |" for name, text in summaries.items()]
+
+
+@pytest.mark.parametrize(
+    ("words", "command"),
+    [
+        (["status", "serve"], "status"),
+        (["--root", "run", "--traceback", "status"], "status"),
+        (["--root=run", "status", "run"], "status"),
+        (["--help", "status"], None),
+        (["--", "status"], None),
+        (["--root"], None),
+        ([], None),
+    ],
+)
+def test_a_command_reads_its_own_options_alone(words: list[str], command: str | None) -> None:
+    named = _command_of(words)
+    assert (named if named in command_line(None).commands else None) == command
+    if command is not None:
+        assert list(command_line(command).commands) == [command]
+
+
+def test_the_group_and_unknown_words_know_all_commands() -> None:
+    every = list(command_line(None).commands)
+    assert len(every) > 20
+    assert (
+        list(command_line("nonsense").commands) == list(command_line("benchmark").commands) == every
+    )

@@ -23,7 +23,10 @@ Capture = pytest.CaptureFixture[str]
 
 QUICK = [
     word
-    for setting in ("library_poses=60", "library_directions=12", "starts=1", "max_steps=2")
+    for setting in (
+        *("library_poses=60", "library_directions=12", "starts=1", "max_steps=2"),
+        "hypotheses=1",
+    )
     for word in ("--set", f"initial_smpl.{setting}")
 ]
 FORMAT = ["--fps", str(FPS), "--size", f"{SIZE[0]}x{SIZE[1]}"]

@@ -16,7 +16,10 @@ from imocap_core.io.video import write_h264
 from tests.report.made import FPS, SIZE, Made
 
 QUICK: dict[str, Any] = {
-    "initial_smpl": {"library_poses": 60, "library_directions": 12, "starts": 1, "max_steps": 2},
+    "initial_smpl": {
+        **{"library_poses": 60, "library_directions": 12, "starts": 1, "max_steps": 2},
+        "hypotheses": 1,
+    },
     "motion": {"rounds": 1, "max_steps": 2},
     "refine.max_rounds": 1,
     "evaluate.figures": False,

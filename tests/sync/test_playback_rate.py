@@ -86,7 +86,7 @@ def error_at(speed: float) -> float:
     return float(error_s([phases[0], phases[1]], result.reference_frame[:2], 0).mean())
 
 
-@pytest.mark.parametrize("factor", [2.0, 4.0, 8.0])
+@pytest.mark.parametrize("factor", [2.0, 8.0])
 def test_slow_motion_is_as_accurate_as_the_usual_speed(factor: float) -> None:
     assert error_at(1.0 / factor) < 1.3 * error_at(1.0) + 0.003
 

@@ -74,10 +74,9 @@ def _find(poses: Array) -> Repetitions:
     return find_repetitions(poses, FPS, RepetitionParams())
 
 
-@pytest.mark.parametrize("pause_s", [0.0, 1.0])
-@pytest.mark.parametrize("count", [2, 3, 5])
+@pytest.mark.parametrize(("count", "pause_s"), [(2, 0.0), (2, 1.0), (3, 1.0), (5, 0.0)])
 def test_number_is_exact_and_cuts_are_near(count: int, pause_s: float) -> None:
-    for seed in range(3):
+    for seed in range(2):
         rng = np.random.default_rng([seed, count])
         poses, spans = _repeated(_from_rest_to_rest(75, rng), count, pause_s, rng)
         repetitions = _find(_unsure(poses, rng))
