@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import hashlib
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
 from typing import TypedDict
 
@@ -61,9 +60,10 @@ def _written(tree: ast.Module) -> tuple[str, list[ast.Import | ast.ImportFrom]]:
             elif kind in WITH_DOCSTRING:
                 value.body = _without_docstring(value.body)  # type: ignore[attr-defined]
             out.append(kind.__name__)
-            for name in _fields(kind):
-                out.append("(")
-                write(getattr(value, name))
+            for name in kind._fields:
+                if name != "ctx":  # whether it is read or set: its place in the tree says that
+                    out.append("(")
+                    write(getattr(value, name))
             out.append(")")
         elif isinstance(value, list):
             out.append("[")
@@ -75,12 +75,6 @@ def _written(tree: ast.Module) -> tuple[str, list[ast.Import | ast.ImportFrom]]:
 
     write(tree)
     return "\0".join(out), imports
-
-
-@cache
-def _fields(kind: type[ast.AST]) -> tuple[str, ...]:
-    """Of a kind of node, without whether a name is read or set: its place in the tree says that."""
-    return tuple(name for name in kind._fields if name != "ctx")
 
 
 def _exports(tree: ast.Module, module: str) -> dict[str, tuple[str, str]] | None:

@@ -121,9 +121,7 @@ def test_a_command_reads_its_own_options_alone(words: list[str], command: str | 
         assert list(command_line(command).commands) == [command]
 
 
-def test_the_group_and_unknown_words_know_all_commands() -> None:
+def test_unknown_words_know_all_commands() -> None:
     every = list(command_line(None).commands)
     assert len(every) > 20
-    assert (
-        list(command_line("nonsense").commands) == list(command_line("benchmark").commands) == every
-    )
+    assert list(command_line("nonsense").commands) == every
