@@ -40,11 +40,11 @@ def test_a_soft_anchor_pulls_and_does_not_force() -> None:
     free = without_hints().reference_frame[1]
     near, far = (
         run_four(poses(), reference=0, hints=Hints((Anchor(0, int(free[40]) + off, 1, 40),)))
-        for off in (2, 40)
+        for off in (2, 30)
     )
     wanted = int(free[40]) + 2
     assert abs(near.reference_frame[1][40] - wanted) < abs(free[40] - wanted)
-    assert abs(far.reference_frame[1][40] - free[40]) < 20  # evidence of all frames outweighs it
+    assert abs(far.reference_frame[1][40] - free[40]) < 15  # evidence of all frames outweighs it
 
 
 @pytest.mark.parametrize("hard", [False, True])
@@ -77,7 +77,7 @@ def test_all_impossible_hints_are_named_at_once() -> None:
     with pytest.raises(ValueError, match="anchor") as error:
         run_four(poses(), hints=hints)
     message = str(error.value)
-    assert "anchor 1: expected a frame 0 to 79 of video 1, got 500" in message
+    assert "anchor 1: expected a frame 0 to 59 of video 1, got 500" in message
     assert "anchor 2: ties video 2 to itself" in message
     assert "anchors 3 and 4 cross in time" in message
     assert "forbidden: video 1 has no frames 70 to 199" in message

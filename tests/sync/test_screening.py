@@ -18,7 +18,7 @@ TWINS = (1, 0, 3, 2, 5, 4, 7, 6, 8, 9, 11, 10)
 
 def stranger(rng: np.random.Generator) -> np.ndarray:
     """A clip of a part of the motion that the others never reach."""
-    return estimated(np.linspace(40, 47, 80), rng)
+    return estimated(np.linspace(40, 47, 60), rng)
 
 
 def test_reflecting_twice_changes_nothing_and_swaps_sides_once() -> None:
