@@ -70,8 +70,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     rank = {folder / name: place for place, name in enumerate(LONGEST)}
     items.sort(key=lambda item: rank.get(item.path, len(rank)))
     gc.collect()
-    gc.freeze()  # what thousands of tests are made of stays: not to be searched again and again
-    gc.set_threshold(50_000, 20, 50)  # what their modules remember stays too
+    gc.freeze()  # modules and collected tests live to the end: the collector need not search them
+    gc.set_threshold(50_000, 20, 50)  # nor, often, what modules keep in caches
 
 
 def pytest_runtest_setup() -> None:

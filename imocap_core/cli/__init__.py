@@ -20,10 +20,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     from imocap_core.cli.app import command_line
 
-    words = hoisted([*(arguments or []), *sys.argv[1:]])
+    everywhere, rest = hoisted([*(arguments or []), *sys.argv[1:]])
+    words = everywhere + rest
     try:
         with stopped_by_signals():
-            command_line(_command_of(words))(args=words, prog_name="imocap")
+            command_line(rest[0] if rest else None)(args=words, prog_name="imocap")
     except Stopped as stop:
         sys.stderr.write("imocap: stopped; finished stages are stored, run again to continue\n")
         return stop.exit_code
@@ -50,19 +51,8 @@ def _sentence(error: Exception) -> str:
     return program_fault(error)
 
 
-def _command_of(words: list[str]) -> str | None:
-    """The command that hoisted words name, if only options of all commands come before it."""
-    waiting = iter(words)
-    for word in waiting:
-        if word in GLOBAL_WITH_VALUE:
-            next(waiting, None)
-        elif word not in GLOBAL_FLAGS and not word.startswith("--root="):
-            return word
-    return None
-
-
-def hoisted(words: list[str]) -> list[str]:
-    """The options of all commands moved to the front, wherever they are given."""
+def hoisted(words: list[str]) -> tuple[list[str], list[str]]:
+    """The options of all commands, wherever they are given, and the rest: first the command."""
     front: list[str] = []
     rest: list[str] = []
     waiting = iter(words)
@@ -75,4 +65,4 @@ def hoisted(words: list[str]) -> list[str]:
             front.append(word)
         else:
             rest.append(word)
-    return front + rest
+    return front, rest

@@ -85,8 +85,8 @@ def read_gray(
 ) -> Iterator[tuple[int, GrayPicture]]:
     """(frame number, grey picture) for frames first to stop - 1, resized by ``scale``.
 
-    The picture is (round(scale * height), round(scale * width)). damaged: the file is known to be,
-    and is decoded in one thread: what several fill in for lost data differs from run to run.
+    The picture is (round(scale * height), round(scale * width)). damaged: decode in one thread,
+    because what several threads fill in for lost data differs from run to run.
     ValueError when the file cannot be read.
     """
     for number, frame in _frames(path, first, stop, one_thread=damaged):

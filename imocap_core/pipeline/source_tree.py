@@ -47,8 +47,10 @@ def parse_source(file: Path, module: str, packages: Sequence[str]) -> ParsedSour
 
 
 def _written(tree: ast.Module) -> tuple[str, list[ast.Import | ast.ImportFrom]]:
-    """The tree without docstrings and places, as text, and its imports; a third of the time of
-    `ast.walk` and `ast.dump`, which a first run would wait for."""
+    """The tree without docstrings and line numbers, as text, and its imports.
+
+    One walk: `ast.walk` and `ast.dump` take twice the time, for which a first run would wait.
+    """
     out: list[str] = []
     imports: list[ast.Import | ast.ImportFrom] = []
 

@@ -234,16 +234,13 @@ def test_an_action_s_own_parameters_hold(toy: Toy, capsys: Capture) -> None:
 
 
 def test_root_may_stand_anywhere() -> None:
-    assert hoisted(["run", "yoga", "--root", "x", "--force"]) == [
-        "--root",
-        "x",
-        "run",
-        "yoga",
-        "--force",
-    ]
-    assert hoisted(["run", "yoga", "--root=x"]) == ["--root=x", "run", "yoga"]
-    assert hoisted(["run", "--", "--root"]) == ["run", "--", "--root"]
-    assert hoisted(["run", "yoga", "--root"]) == ["--root", "run", "yoga"]
+    assert hoisted(["run", "yoga", "--root", "x", "--force"]) == (
+        ["--root", "x"],
+        ["run", "yoga", "--force"],
+    )
+    assert hoisted(["run", "yoga", "--root=x"]) == (["--root=x"], ["run", "yoga"])
+    assert hoisted(["run", "--", "--root"]) == ([], ["run", "--", "--root"])
+    assert hoisted(["run", "yoga", "--root"]) == (["--root"], ["run", "yoga"])
 
 
 def test_doctor_reads_the_body_models_it_finds(

@@ -47,7 +47,7 @@ def test_a_video_of_another_action_is_excluded_and_the_rest_is_as_without_it(whe
     assert (result.confidence[where] == 0).all()
     rest = [f for v, f in enumerate(result.reference_frame) if v != where]
     for f, g in zip(rest, alone.reference_frame, strict=True):
-        np.testing.assert_allclose(f, g, atol=0.33)
+        np.testing.assert_allclose(f, g, atol=0.25)
     assert result.relaxed.blocks.lengths == tuple(len(x) for x in with_it)
     messages = sentences(result.screening, ["a", "b", "c", "d", "e"])
     assert len(messages) == 1
@@ -87,13 +87,12 @@ def flipped(result: SyncResult) -> tuple[int, ...]:
 
 
 def test_a_mirrored_video_is_detected_and_matched_as_well_as_unmirrored() -> None:
-    where = 0
     rng = np.random.default_rng(13)
     poses = [estimated(p, rng) for p in four_phases()]
     straight = run_four(poses, twins=TWINS, reference=1)
-    poses[where] = mirrored_poses(poses[where], TWINS)
+    poses[0] = mirrored_poses(poses[0], TWINS)
     result = run_four(poses, twins=TWINS, reference=1)
-    assert flipped(result) == (where,)
+    assert flipped(result) == (0,)
     assert result.screening.outliers == ()
     for f, g in zip(result.reference_frame, straight.reference_frame, strict=True):
         np.testing.assert_allclose(f, g, atol=1e-6)
