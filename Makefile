@@ -42,6 +42,8 @@ PYTEST := PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 
 help:
 	@sed -n 's/^#   \{0,1\}//p' Makefile
 
+# Packages are compiled after they are installed: pip does it on one core, compileall on all. Some have templates
+# named .py, which do not compile.
 setup: $(STAMP)
 
 $(STAMP): pyproject.toml constraints.txt locked.txt
@@ -49,8 +51,9 @@ $(STAMP): pyproject.toml constraints.txt locked.txt
 	  "found: $$(python3 --version 2>&1). Install one, or name it: make $(MAKECMDGOALS) PYTHON=/path/to/python3.11"; exit 1; }
 	@test -x $(BIN)/python || { echo "imocap: making $(VENV) with $$($(PYTHON) --version)"; $(PYTHON) -m venv $(VENV); }
 	@echo "imocap: installing (once; minutes on a fresh machine)"
-	@test -z "$(HASHES)" || $(PIP) $(HASHES) --no-deps -r locked.txt
-	@$(PIP) -c constraints.txt $(if $(HASHES),--no-build-isolation) -e '.[dev]'
+	@test -z "$(HASHES)" || $(PIP) --no-compile $(HASHES) --no-deps -r locked.txt
+	@$(PIP) --no-compile -c constraints.txt $(if $(HASHES),--no-build-isolation) -e '.[dev]'
+	@$(BIN)/python -m compileall -q -j 0 $(VENV) >/dev/null || true
 	@touch $@
 
 all: $(STAMP)

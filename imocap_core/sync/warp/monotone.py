@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.sync.pairwise.banded import Band, BandedMap, frames_of, whole_band
+from imocap_core.sync.pairwise.banded import Band, BandedMap, whole_band
 from imocap_core.sync.warp.forward_backward import bounded_likelihoods, moved, normalised
 
 
@@ -40,24 +40,21 @@ class StepPrior:
     def advanced(self, state: Float[np.ndarray, " S"]) -> Float[np.ndarray, " S"]:
         """Sum (S,) over all states that lead to each, weighted by the step."""
         total = np.add.accumulate(state)
-        near = _within(total, self.usual)
-        if self.leap == 0 or self.usual == self.largest:
-            return near
-        far = _within(total, self.largest)
-        far -= near
-        far *= self.leap
-        far += near
-        return far
+        beyond_usual = total[: -self.usual - 1]
+        if not len(beyond_usual):
+            return total
+        weighted = total.copy()
+        weighted[self.usual + 1 :] -= (1.0 - self.leap) * beyond_usual
+        beyond_largest = total[: -self.largest - 1]
+        if len(beyond_largest):
+            weighted[self.largest + 1 :] -= self.leap * beyond_largest
+        if len(beyond_largest) or self.leap == 0:  # else what is left is at least a leap's share
+            np.maximum(weighted, 0.0, out=weighted)
+        return weighted
 
-
-def _within(total: np.ndarray, reach: int) -> np.ndarray:
-    """Sum (S,) of all states at most `reach` behind, from the cumulative sum."""
-    near: np.ndarray = total.copy()
-    if reach + 1 < len(total):
-        beyond = near[reach + 1 :]
-        beyond -= total[: -reach - 1]
-        np.maximum(beyond, 0.0, out=beyond)
-    return near
+    def led_to(self, state: Float[np.ndarray, " S"]) -> Float[np.ndarray, " S"]:
+        """Sum (S,) over all states that each leads to, weighted by the step."""
+        return self.advanced(state[::-1])[::-1]
 
 
 ANY_STEP = StepPrior(2**31, 2**31, 1.0)
@@ -140,25 +137,32 @@ def _joint_weights(
 ) -> tuple[list[np.ndarray], Float[np.ndarray, " N"]]:
     """Weights of each frame's positions, band by band, and of having no counterpart, each frame's
     up to one factor: forward messages, times backward ones."""
-    frames, skip = frames_of(likelihoods.bands), likelihoods.skip
     joint, before, after = _forward(likelihoods, steps)
-    outside = np.empty(len(skip))
-    here, _, _ = frames[-1]
-    back, back_before, back_after = np.ones(here.stop - here.start), 1.0, 1.0
-    for t in range(len(frames) - 1, -1, -1):
-        here, band, row = frames[t]
-        if t < len(frames) - 1:
-            there, next_band, next_row = frames[t + 1]
-            match = back * likelihoods.match[next_band][next_row]
-            back_before = float(match[likelihoods.first(there)].sum()) + back_before * skip[t + 1]
-            back_after *= skip[t + 1]
-            back = moved(match, there, here, lambda x: steps.advanced(x[::-1])[::-1])
-            back[likelihoods.last(here)] += back_after
-            scale = max(float(back.max()), back_before, back_after)
-            back /= scale
-            back_before, back_after = back_before / scale, back_after / scale
-        joint[band][row] *= back
-        outside[t] = before[t] * back_before + after[t] * back_after
+    outside = np.empty(len(likelihoods.skip))
+    back, back_before, back_after = np.ones(0), 1.0, 1.0
+    likelihood, skip, there, first = np.ones(0), 1.0, slice(0, 0), slice(0, 0)  # of the next frame
+    for (rows, here), match, messages in reversed(
+        list(zip(likelihoods.bands, likelihoods.match, joint, strict=True))
+    ):
+        last, starts = likelihoods.last(here), likelihoods.first(here)
+        for row in range(len(messages) - 1, -1, -1):
+            t = rows.start + row
+            if t + 1 < len(outside):
+                back = back * likelihood
+                back_before = _sum(back, first) + back_before * skip
+                back_after *= skip
+                back = moved(back, there, here, steps.led_to)
+                if last.start < len(back):
+                    back[last] += back_after
+                scale = max(float(np.maximum.reduce(back)), back_before, back_after)
+                back /= scale
+                back_before, back_after = back_before / scale, back_after / scale
+            else:
+                back = np.ones(here.stop - here.start)
+            messages[row] *= back
+            outside[t] = before[t] * back_before + after[t] * back_after
+            likelihood, skip = match[row], likelihoods.skip[t]
+            there, first = here, starts
     return joint, outside
 
 
@@ -167,24 +171,34 @@ def _forward(
 ) -> tuple[list[np.ndarray], list[float], list[float]]:
     """Forward messages: of each frame's positions, of "before the warp's start" and of "after its
     end"."""
-    frames, skip = frames_of(likelihoods.bands), likelihoods.skip
     inside = [np.empty_like(match) for match in likelihoods.match]
     before, after = [], []
-    state, last, early, late = np.zeros(0), slice(0, 0), 1.0, 0.0
-    for t, (here, band, row) in enumerate(frames):
-        match, message = likelihoods.match[band][row], inside[band][row]
-        if t:
-            come = moved(state, last, here, steps.advanced)
-            come[likelihoods.first(here)] += early
-            np.multiply(come, match, out=message)
-            late += float(state[likelihoods.last(last)].sum())
-        else:
-            message[:] = match
-        early, late = early * skip[t], late * skip[t]
-        scale = max(float(message.max()), early, late)
-        message /= scale
-        early, late = early / scale, late / scale
-        before.append(early)
-        after.append(late)
-        state, last = message, here
+    state, there, last, early, late = np.zeros(0), slice(0, 0), slice(0, 0), 1.0, 0.0
+    for (rows, here), match, messages in zip(
+        likelihoods.bands, likelihoods.match, inside, strict=True
+    ):
+        first, ends = likelihoods.first(here), likelihoods.last(here)
+        for likelihood, message, skip in zip(match, messages, likelihoods.skip[rows], strict=True):
+            if before:
+                come = moved(state, there, here, steps.advanced)
+                if first.stop:
+                    come[first] += early
+                np.multiply(come, likelihood, out=message)
+                late += _sum(state, last)
+            else:
+                message[:] = likelihood
+            early, late = early * skip, late * skip
+            scale = max(float(np.maximum.reduce(message)), early, late)
+            message /= scale
+            early, late = early / scale, late / scale
+            before.append(early)
+            after.append(late)
+            state, there, last = message, here, ends
     return inside, before, after
+
+
+def _sum(weights: np.ndarray, where: slice) -> float:
+    """Of the weights there; most frames of long videos are not near an end and have none."""
+    if where.start >= min(where.stop or len(weights), len(weights)):
+        return 0.0
+    return float(np.add.reduce(weights[where]))
