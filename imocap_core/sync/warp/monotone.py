@@ -172,7 +172,7 @@ def _forward(
     """Forward messages: of each frame's positions, of "before the warp's start" and of "after its
     end"."""
     inside = [np.empty_like(match) for match in likelihoods.match]
-    before, after = [], []
+    before, after = list[float](), list[float]()
     state, there, last, early, late = np.zeros(0), slice(0, 0), slice(0, 0), 1.0, 0.0
     for (rows, here), match, messages in zip(
         likelihoods.bands, likelihoods.match, inside, strict=True
