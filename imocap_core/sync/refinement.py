@@ -28,8 +28,9 @@ from imocap_core.workers import at_once
 
 SHARP_ROUNDS = 2  # the last refinements, against a template that errs less than two estimates
 SHARPNESS = 3.0  # factor of their evidence
-REPROJECTION_ROUNDS = 4
+REPROJECTION_ROUNDS = 2  # in the second, outliers are those at the moments of the first
 SEARCH_S = 2.0  # beyond what a map does not rule out, a refinement looks this far
+DISTINCT = 1e-9  # frames, between two that would lie at one place
 KEYPOINTS_PER_S = 60.0  # a detector's errors persist far less than those of poses
 
 
@@ -88,7 +89,9 @@ def refined_warps(
     """Positions of each video's frames in the reference, NaN unmatched, and confidences.
 
     From the relaxed maps, refined `consensus_rounds` times against the other videos' poses, and by
-    `reprojection`, where that is more accurate than comparing poses.
+    `reprojection`, where that is more accurate than comparing poses. Reprojection tells the
+    reference's time too: its frames then lie elsewhere on the axis of its own poses, and all
+    positions are told in its frames.
     """
     M, blocks, per_frame = len(distances.poses), distances.blocks, params.positions_per_frame
     maps = [at_fine_positions(relaxed.pair(v, axis.reference), per_frame) for v in range(M)]
@@ -97,10 +100,12 @@ def refined_warps(
     if reprojection is not None:
         for v, usual in _refine_by_reprojection(maps, reprojection, axis, params).items():
             certainty[v] = usual
+    on_axis = [median_positions(m, per_frame) for m in maps]
+    reference_frames = increasing(on_axis[axis.reference])
     positions, confidence = [], []
     for v in range(M):
-        position = median_positions(maps[v], per_frame)
-        mass = mass_within(certainty[v], position, axis.reach_frames, per_frame)
+        mass = mass_within(certainty[v], on_axis[v], axis.reach_frames, per_frame)
+        position = np.interp(on_axis[v], reference_frames, np.arange(len(reference_frames)))
         position = isotonic(np.where(in_reference[v] >= 0.5, position, np.nan), mass)
         positions.append(position)
         trusted = np.minimum(mass * in_reference[v], 1.0)
@@ -159,17 +164,26 @@ def _refine_by_reprojection(
 ) -> dict[int, BandedMap]:
     """Refine the maps (T_v, S) by the keypoints, in place; which frames are matched is unchanged.
 
+    Every frame's keypoints, the reference's too, are compared with the other videos' motions, each
+    where its poses lie on the axis (the maps as they come in). A video's poses and keypoints need
+    not show one moment: poses estimated with a wrong match show that match's moment. Where poses
+    lie by the poses, the others' motion is one motion, whoever of them had wrong matches.
+
     Returns the maps of weaker evidence of the videos that were refined, as the certainty of their
     positions: the errors of the motion that keypoints are compared with persist longer than theirs.
     """
     sharp = replace(params, unmatched_level=np.inf, evidence_per_s=KEYPOINTS_PER_S)
     usual = replace(sharp, evidence_per_s=KEYPOINTS_PER_S / SHARPNESS)
 
-    others = [v for v in range(len(maps)) if v != axis.reference]
+    # the user's anchors lie on the reference's frames: with them these are the axis
+    videos = [v for v in range(len(maps)) if v != axis.reference or axis.penalty is None]
+    of_poses = tuple(maps)
 
     def squares_of(v: int, before: Sequence[BandedMap]) -> NearbySquares | None:
         nearby = axis.nearby([before[v]], params)
-        return reprojection.squares(v, before, nearby, axis.reference, params.positions_per_frame)
+        return reprojection.squares(
+            v, of_poses, before[v], nearby, axis.reference, params.positions_per_frame
+        )
 
     def warped(squares: dict[int, NearbySquares], evidence: SyncParams) -> dict[int, BandedMap]:
         new_maps = at_once(lambda v: axis.soft_map(v, squares[v], 1.0, evidence)[0], list(squares))
@@ -177,9 +191,17 @@ def _refine_by_reprojection(
 
     last: dict[int, NearbySquares] = {}
     for _ in range(REPROJECTION_ROUNDS):
-        errors = at_once(partial(squares_of, before=tuple(maps)), others)
-        squares = {v: error for v, error in zip(others, errors, strict=True) if error is not None}
+        errors = at_once(partial(squares_of, before=tuple(maps)), videos)
+        squares = {v: error for v, error in zip(videos, errors, strict=True) if error is not None}
         for v, new in warped(squares, sharp).items():
             maps[v] = new
         last |= squares
+    last.pop(axis.reference, None)  # told in its own frames, its positions are certain
     return warped(last, usual)
+
+
+def increasing(positions: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N"]:
+    """The nearest warp that never stands still, so that it has an inverse."""
+    forward = isotonic(positions, np.ones(len(positions)))
+    still = np.diff(forward, prepend=-np.inf) <= 0
+    return forward + DISTINCT * np.cumsum(still)

@@ -90,7 +90,7 @@ def leave_one_out_motion(
         total = soft_map.spread(ones)[..., None]
         flat = soft_map.spread(video.xyz_m.reshape(len(ones), -1))
         mean = flat.reshape(-1, *video.xyz_m.shape[1:]) / np.maximum(total, 1e-9)
-        parts.append(isotropic_poses(mean, np.minimum(total[..., 0], 1.0)))
+        parts.append(isotropic_poses(mean, np.minimum(per_frame * total[..., 0], 1.0)))
     return fused(parts).poses
 
 
@@ -202,6 +202,7 @@ class ReprojectionEvidence:
         self,
         v: int,
         soft_maps: Sequence[BandedMap],
+        current: BandedMap,
         nearby: Sequence[Band],
         reference: int,
         per_frame: int,
@@ -209,16 +210,17 @@ class ReprojectionEvidence:
         """Squared reprojection errors of video v against the others' motion, each frame's in units
         of its smallest and of the typical smallest one.
 
-        `soft_maps` as of `leave_one_out_motion`; `nearby`: the positions near those of v's. None
+        `soft_maps`, of the poses, as of `leave_one_out_motion`; `current`: map of v's frames, by
+        which its outliers are found; `nearby`: the positions near those of `current`. None
         where the typical error exceeds the noise: a performance that differs is mistaken for
         another moment, so that reprojection is less accurate than comparing poses.
         """
         motion = leave_one_out_motion(self.videos, soft_maps, v, reference, per_frame)
-        positions = median_positions(soft_maps[v], per_frame) * per_frame
+        positions = median_positions(current, per_frame) * per_frame
         moments = np.rint(positions).astype(np.int64)
         template = projected(motion, self.videos[v])
         squares = NearbySquares.computed(
-            soft_maps[v].shape,
+            current.shape,
             nearby,
             reprojection_squares(template, self.videos[v], moments, self.params),
         )
