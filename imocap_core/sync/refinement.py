@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -98,8 +97,7 @@ def refined_warps(
     in_reference = [matched[blocks.rows(v), axis.reference] for v in range(M)]
     certainty = _refine_by_poses(maps, in_reference, distances, axis, params)
     if reprojection is not None:
-        for v, usual in _refine_by_reprojection(maps, reprojection, axis, params).items():
-            certainty[v] = usual
+        _refine_by_reprojection(maps, certainty, reprojection, axis, params)
     on_axis = [median_positions(m, per_frame) for m in maps]
     reference_frames = increasing(on_axis[axis.reference])
     positions, confidence = [], []
@@ -158,46 +156,43 @@ def _refine_by_poses(
 
 def _refine_by_reprojection(
     maps: list[BandedMap],
+    certainty: list[BandedMap],
     reprojection: ReprojectionEvidence,
     axis: ReferenceAxis,
     params: SyncParams,
-) -> dict[int, BandedMap]:
+) -> None:
     """Refine the maps (T_v, S) by the keypoints, in place; which frames are matched is unchanged.
 
-    Every frame's keypoints, the reference's too, are compared with the other videos' motions, each
-    where its poses lie on the axis (the maps as they come in). A video's poses and keypoints need
-    not show one moment: poses estimated with a wrong match show that match's moment. Where poses
-    lie by the poses, the others' motion is one motion, whoever of them had wrong matches.
+    Every frame's keypoints, the reference's too, are compared with the other videos' motion, each
+    of them where its poses lie on the axis (the maps as they come in). A video's poses and
+    keypoints need not show one moment: poses that were estimated with a wrong match show that
+    match's moment. Placed by the poses, the others' motion is one motion, whichever of them had
+    wrong matches.
 
-    Returns the maps of weaker evidence of the videos that were refined, as the certainty of their
-    positions: the errors of the motion that keypoints are compared with persist longer than theirs.
+    The certainty of these positions is that of weaker evidence, because the errors of the motion
+    that keypoints are compared with persist longer than theirs. The reference's stays: positions
+    are told in its frames.
     """
+    per_frame = params.positions_per_frame
     sharp = replace(params, unmatched_level=np.inf, evidence_per_s=KEYPOINTS_PER_S)
     usual = replace(sharp, evidence_per_s=KEYPOINTS_PER_S / SHARPNESS)
-
-    # the user's anchors lie on the reference's frames: with them these are the axis
-    videos = [v for v in range(len(maps)) if v != axis.reference or axis.penalty is None]
     of_poses = tuple(maps)
 
-    def squares_of(v: int, before: Sequence[BandedMap]) -> NearbySquares | None:
-        nearby = axis.nearby([before[v]], params)
-        return reprojection.squares(
-            v, of_poses, before[v], nearby, axis.reference, params.positions_per_frame
-        )
+    def refine(v: int) -> None:
+        template = reprojection.template(v, of_poses, axis.reference, per_frame)
+        squares = None
+        for _ in range(REPROJECTION_ROUNDS):
+            nearby = axis.nearby([maps[v]], params)
+            now = reprojection.squares(v, template, maps[v], nearby, per_frame)
+            if now is None:
+                break
+            squares = now
+            maps[v] = axis.soft_map(v, squares, 1.0, sharp)[0]
+        if squares is not None and v != axis.reference:
+            certainty[v] = axis.soft_map(v, squares, 1.0, usual)[0]
 
-    def warped(squares: dict[int, NearbySquares], evidence: SyncParams) -> dict[int, BandedMap]:
-        new_maps = at_once(lambda v: axis.soft_map(v, squares[v], 1.0, evidence)[0], list(squares))
-        return dict(zip(squares, new_maps, strict=True))
-
-    last: dict[int, NearbySquares] = {}
-    for _ in range(REPROJECTION_ROUNDS):
-        errors = at_once(partial(squares_of, before=tuple(maps)), videos)
-        squares = {v: error for v, error in zip(videos, errors, strict=True) if error is not None}
-        for v, new in warped(squares, sharp).items():
-            maps[v] = new
-        last |= squares
-    last.pop(axis.reference, None)  # told in its own frames, its positions are certain
-    return warped(last, usual)
+    # the user's anchors lie on the reference's frames: with them these are the axis
+    at_once(refine, [v for v in range(len(maps)) if v != axis.reference or axis.penalty is None])
 
 
 def increasing(positions: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N"]:

@@ -69,7 +69,8 @@ def evidence_of_second(videos: list[CalibratedVideo], maps: list[np.ndarray]) ->
     banded = [BandedMap.of(m) for m in maps]
     nearby = [(rows, slice(0, maps[1].shape[1])) for rows in blocks_of_frames(len(maps[1]))]
     evidence = ReprojectionEvidence(videos, MotionParams())
-    squares = evidence.squares(1, banded, banded[1], nearby, 0, 4)
+    template = evidence.template(1, banded, 0, 4)
+    squares = evidence.squares(1, template, banded[1], nearby, 4)
     return None if squares is None else squares.nearby.dense()
 
 
@@ -126,7 +127,7 @@ def test_poses_that_agree_with_a_wrong_map_are_corrected_by_reprojection(
     estimates = [motion(believed if v == wrong else phase) for v in range(videos)]
     films = [
         replace(film(phase, a, 21 + k), xyz_m=x)
-        for k, (a, x) in enumerate(zip((0.0, 1.6, 3.1), estimates, strict=False))
+        for k, (a, x) in enumerate(zip((0.0, 1.6, 3.1)[:videos], estimates, strict=True))
     ]
     poses = [x + 0.005 * rng.normal(size=x.shape) for x in estimates]
     params = replace(PARAMS, outliers="ignore", mirrored="ignore")

@@ -198,27 +198,31 @@ class ReprojectionEvidence:
     videos: Sequence[CalibratedVideo]
     params: MotionParams
 
+    def template(
+        self, v: int, soft_maps: Sequence[BandedMap], reference: int, per_frame: int
+    ) -> ProjectedTemplate:
+        """The others' motion (`leave_one_out_motion`) in video v's camera."""
+        motion = leave_one_out_motion(self.videos, soft_maps, v, reference, per_frame)
+        return projected(motion, self.videos[v])
+
     def squares(
         self,
         v: int,
-        soft_maps: Sequence[BandedMap],
+        template: ProjectedTemplate,
         current: BandedMap,
         nearby: Sequence[Band],
-        reference: int,
         per_frame: int,
     ) -> NearbySquares | None:
-        """Squared reprojection errors of video v against the others' motion, each frame's in units
-        of its smallest and of the typical smallest one.
+        """Squared reprojection errors of video v against a template, each frame's in units of its
+        smallest and of the typical smallest one.
 
-        `soft_maps`, of the poses, as of `leave_one_out_motion`; `current`: map of v's frames, by
-        which its outliers are found; `nearby`: the positions near those of `current`. None
-        where the typical error exceeds the noise: a performance that differs is mistaken for
-        another moment, so that reprojection is less accurate than comparing poses.
+        `current`: map (T_v, S) of v's frames, at whose moments outliers are told; `nearby`: the
+        positions near its own. None where the typical error exceeds the noise: a performance that
+        differs is mistaken for another moment, so that reprojection is less accurate than
+        comparing poses.
         """
-        motion = leave_one_out_motion(self.videos, soft_maps, v, reference, per_frame)
         positions = median_positions(current, per_frame) * per_frame
         moments = np.rint(positions).astype(np.int64)
-        template = projected(motion, self.videos[v])
         squares = NearbySquares.computed(
             current.shape,
             nearby,
