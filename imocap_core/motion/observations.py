@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from imocap_core.camera.projection import project_camera
@@ -34,6 +34,8 @@ class Observation:
             spot, or unknown.
         place_sd_m: (T,) standard deviation of the performer's place that comes of a moving camera's
             uncertain or unknown path, or None.
+        swapped: (T,) which sides of the detections are swapped here (states of
+            `sync.hypotheses.swapped_sides.swapped_by_others`), or None: none.
     """
 
     xy_px: Float[np.ndarray, "T K 2"]
@@ -47,6 +49,7 @@ class Observation:
     performer: int = 0
     centre_m: Float[np.ndarray, "T 3"] | None = None
     place_sd_m: Float[np.ndarray, " T"] | None = None
+    swapped: Int[np.ndarray, " T"] | None = None
 
     @cached_property
     def size_px(self) -> Float[np.ndarray, " T"]:

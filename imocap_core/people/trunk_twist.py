@@ -4,7 +4,9 @@ A detector that takes a back for a front may swap the arms and keep the legs, or
 the shoulders lie in the picture the other way round than the hips, which no trunk can do while both
 are wide. Each frame is as reported, or its arms or its legs are swapped; the cheapest sequence of
 these states, by the twist and by how far the limbs' joints move from frame to frame, is the
-estimate (Viterbi). Unlike a swap of all limbs, this one may last: nobody turns round like that.
+estimate (Viterbi). Unlike a swap of all limbs, this one may last: nobody turns round like that. A
+stretch in which the twist does not speak for it stays as reported: a limb that jumps once, as where
+legs cross, would else be swapped from there to the end.
 """
 
 from __future__ import annotations
@@ -15,11 +17,13 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from imocap_core.people.sides import change_costs, limbs_of, step_costs
+from imocap_core.runs import runs
 from imocap_core.viterbi import cheapest_states
 
 POSSIBLE_DEG = 120.0  # a trunk's twist that costs nothing
 TWIST = 0.2  # cost of a frame with shoulders and hips exactly opposite
 WIDEST = 0.9  # quantile of a line's length in the picture that counts as its full length
+LEAST_TWIST = 0.1  # in a swapped stretch, its frames' cost as reported beyond that as swapped
 BREADTHS = (0.18, 0.09)  # of shoulders and hips at least, in the person's size
 STATES = ((0, 0), (1, 0), (0, 1))  # arms swapped, legs swapped
 
@@ -47,8 +51,20 @@ def swapped_arms_and_legs(
         of_limb = [state[limb] for state in STATES]
         cost = step_costs(xy_px[:, np.array(pairs)], size_px) + change_costs(len(pairs))
         steps += cost[:, of_limb][:, :, of_limb]
-    states = cheapest_states(unary[0], steps[1:] + unary[1:, None])
-    return np.array([[STATES[s][limb] == 1 for s in states] for limb in (0, 1)])
+    states = np.array(STATES)[cheapest_states(unary[0], steps[1:] + unary[1:, None])]
+    gain = unary[:, 0] - unary[:, 1]
+    return np.stack([_twisted(states[:, limb] == 1, gain) for limb in (0, 1)])
+
+
+def _twisted(
+    swapped: Bool[np.ndarray, " T"], gain: Float[np.ndarray, " T"]
+) -> Bool[np.ndarray, " T"]:
+    """Of the swapped frames, the stretches that the twist speaks for; gain: what each saves."""
+    twisted = np.zeros_like(swapped)
+    for first, last in runs(swapped):
+        stretch = slice(first, last + 1)
+        twisted[stretch] = gain[stretch].sum() >= LEAST_TWIST
+    return twisted
 
 
 def line_between(

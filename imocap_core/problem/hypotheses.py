@@ -46,7 +46,7 @@ def explained_keypoints(
     initial: InitialSmpl, keypoints: Keypoints, chosen: Mapping[str, str]
 ) -> Keypoints:
     """The detections as the chosen motions explain them: sides swapped where these say so."""
-    states = _swaps(initial, chosen)
+    states = swapped_sides(initial, chosen)
     videos = []
     for video in keypoints.videos:
         if video.id in states:
@@ -65,7 +65,7 @@ def explained_detections(
     initial: InitialSmpl, keypoints: Keypoints, cameras: CameraMotion, chosen: Mapping[str, str]
 ) -> CameraMotion:
     """The warped detections, likewise."""
-    states = _swaps(initial, chosen)
+    states = swapped_sides(initial, chosen)
     videos = []
     for video, camera in zip(keypoints.videos, cameras.videos, strict=True):
         if video.id in states:
@@ -76,8 +76,8 @@ def explained_detections(
     return CameraMotion(videos=videos)
 
 
-def _swaps(initial: InitialSmpl, chosen: Mapping[str, str]) -> dict[str, np.ndarray]:
-    """What the chosen motions swap, of the videos where they do."""
+def swapped_sides(initial: InitialSmpl, chosen: Mapping[str, str]) -> dict[str, np.ndarray]:
+    """What the chosen motions swap (states of `swapped_by_others`), of the videos where they do."""
     return {
         a.motion.id: a.swapped
         for a in initial.alternatives

@@ -24,7 +24,12 @@ from imocap_core.motion.observations import Observation, from_one_place
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.motion.state import MotionState
 from imocap_core.params import FitParams, MotionParams
-from imocap_core.problem.hypotheses import chosen_motions, explained_detections, explained_keypoints
+from imocap_core.problem.hypotheses import (
+    chosen_motions,
+    explained_detections,
+    explained_keypoints,
+    swapped_sides,
+)
 from imocap_core.problem.mirroring import Participants, participants_of
 from imocap_core.problem.motions import joint_motion_of, smpl_ba_of, state_of
 from imocap_core.problem.observations import body_for, estimated_joints, fit_of, observations_of
@@ -128,6 +133,11 @@ def problem_of(
         estimated_joints(participants.initial),
         participants.initial.path_units,
     )
+    swaps, videos = swapped_sides(initial, chosen), participants.keypoints.videos
+    observations = [
+        replace(o, swapped=swaps.get(video.id))
+        for o, video in zip(observations, videos, strict=True)
+    ]
     scene = scene_of(body, observations, participants.sync(sync), fit)
     start = state_of(participants.initial.videos, body.model.v_template)
     return JointProblem(participants, scene, start, motion)

@@ -8,13 +8,18 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from imocap_core.conventions import mirror_indices
+from imocap_core.motion.multiview.cameras import Cameras
 from imocap_core.motion.multiview.scene import Scene
 from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.motion.multiview.swapped_sides import (
+    LEGS,
+    WHOLE,
     swapped,
     turning_frames,
     with_sides_of_others,
 )
+from imocap_core.motion.multiview.timeline import Timeline
+from imocap_core.motion.state import MotionState
 from imocap_core.rotations import exp
 from tests.motion.made import Made, mpjpe_mm, scene
 from tests.motion.test_smpl_ba import FRAMES, OPTIONS, TURNS_DEG, disturbed, in_own_axes, whole
@@ -28,12 +33,18 @@ def made() -> Made:
     return scene(FRAMES, TURNS_DEG, np.random.default_rng(5))
 
 
-def confused(scene: Scene) -> Scene:
-    """The scene whose detector swapped the sides of one video for a while."""
-    twins = mirror_indices(scene.body.keypoints.names)
+def confused(scene: Scene, state: int = WHOLE) -> Scene:
+    """The scene whose detector swapped the sides of one video, or its legs, for a while."""
     observations = list(scene.observations)
-    observations[VIDEO] = swapped(observations[VIDEO], STRETCH, twins)
+    states = np.where(STRETCH, state, 0)
+    observations[VIDEO] = swapped(observations[VIDEO], states, scene.body.keypoints.names)
     return replace(scene, observations=observations)
+
+
+def same_observations(a: Scene, b: Scene) -> None:
+    for one, other in zip(a.observations, b.observations, strict=True):
+        np.testing.assert_array_equal(one.xy_px, other.xy_px)
+        np.testing.assert_array_equal(one.confidence, other.confidence)
 
 
 def test_every_twin_has_its_twin_in_its_own_layout() -> None:
@@ -41,13 +52,42 @@ def test_every_twin_has_its_twin_in_its_own_layout() -> None:
     assert mirror_indices(names) == (0, 2, 1, 3, 5, 4)
 
 
-def test_the_swapped_stretch_is_put_right_and_nothing_else(made: Made) -> None:
-    state = disturbed(in_own_axes(made), 0.03)
-    plain = whole(made)
-    put_right = with_sides_of_others(confused(plain), state, made.cameras())
-    for before, after in zip(plain.observations, put_right.observations, strict=True):
-        np.testing.assert_array_equal(after.xy_px, before.xy_px)
-        np.testing.assert_array_equal(after.confidence, before.confidence)
+@pytest.mark.parametrize("state", [LEGS, WHOLE])
+def test_the_swapped_stretch_is_put_right_and_nothing_else(made: Made, state: int) -> None:
+    motion, plain = disturbed(in_own_axes(made), 0.03), whole(made)
+    put_right = with_sides_of_others(confused(plain, state), motion, made.cameras())
+    same_observations(put_right, plain)
+
+
+def test_what_was_swapped_by_mistake_before_is_put_back(made: Made) -> None:
+    """The detector swapped the legs; before the joint motion, all the sides were swapped."""
+    motion, plain = disturbed(in_own_axes(made), 0.03), whole(made)
+    given = confused(confused(plain, LEGS), WHOLE)
+    observations = list(given.observations)
+    observations[VIDEO] = replace(observations[VIDEO], swapped=np.where(STRETCH, WHOLE, 0))
+    put_right = with_sides_of_others(
+        replace(given, observations=observations), motion, made.cameras()
+    )
+    same_observations(put_right, plain)
+
+
+def test_of_two_videos_neither_tells_whose_legs_are_swapped(made: Made) -> None:
+    motion = disturbed(in_own_axes(made), 0.03)
+    scene = confused(whole(made), LEGS)
+    two = replace(
+        scene,
+        observations=scene.observations[:2],
+        confidences=scene.confidences[:2],
+        timeline=Timeline(
+            scene.timeline.to_reference[:2],
+            scene.timeline.from_reference[:2],
+            scene.timeline.confidence[:2],
+        ),
+    )
+    cameras = made.cameras()
+    first = Cameras(cameras.R[:2], cameras.t[:2], cameras.K[:2])
+    both = MotionState.of(motion.R_local[:2], motion.trans[:2], motion.betas[:2], motion.valid[:2])
+    same_observations(with_sides_of_others(two, both, first), two)
 
 
 @pytest.mark.parametrize(("turn_deg", "turns"), [(0, False), (90, True), (180, False)])
@@ -72,11 +112,13 @@ def test_a_performer_who_turns_away_keeps_the_sides(made: Made) -> None:
     assert turning_frames(poses[0], poses[1], frames, 30.0).all()
 
 
-def test_smpl_ba_with_swapped_sides_ends_like_the_undisturbed_one(made: Made) -> None:
+@pytest.mark.parametrize("state", [LEGS, WHOLE])
+def test_smpl_ba_with_swapped_sides_ends_like_the_undisturbed_one(made: Made, state: int) -> None:
     true = in_own_axes(made)
     start = disturbed(true, 0.03)
     good, hit = (
-        recover_motion(each, start, OPTIONS).state for each in (whole(made), confused(whole(made)))
+        recover_motion(each, start, OPTIONS).state
+        for each in (whole(made), confused(whole(made), state))
     )
     error_mm = mpjpe_mm(made.body, good, true)
     assert mpjpe_mm(made.body, hit, true) < 1.05 * error_mm + 0.5

@@ -230,11 +230,15 @@ def misfit(
     cameras: Cameras,
     offset_sd: Float[np.ndarray, "M 6"] | None = None,
 ) -> float:
-    """Mean Geman-McClure reprojection cost per keypoint of one motion for all videos."""
+    """Mean Geman-McClure reprojection cost of one motion for all videos, over the keypoints, each
+    counted by the confidence in its frame's match: a match that is not trusted makes no fit good.
+    """
     keypoints = common_keypoints(scene.observations, scene.timeline)
     keypoints = replace(keypoints, offset_sd=offset_sd)
     scale = scene.fit.robust_scale_sigma
     errors = reprojection_errors_px(scene.body, motion, keypoints, cameras, robust_scale=scale)
-    squared = keypoints.weight * np.nan_to_num(errors**2).sum(-1)
+    trust = scene.timeline.confidence[..., None] * (keypoints.weight > 0)
+    weight = np.divide(keypoints.weight, trust, out=np.zeros_like(trust), where=trust > 0)
+    squared = weight * np.nan_to_num(errors**2).sum(-1)
     cost, _ = geman_mcclure(torch.as_tensor(squared), MISFIT_SIGMAS * scale)
-    return float(cost.sum()) / max(int((keypoints.weight > 0).sum()), 1)
+    return float((torch.as_tensor(trust) * cost).sum()) / max(float(trust.sum()), 1e-9)

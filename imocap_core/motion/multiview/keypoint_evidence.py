@@ -39,19 +39,20 @@ class KeypointEvidence:
         return np.searchsorted(middles, np.nan_to_num(position))
 
 
-def keypoint_evidence(scene: Scene, state: MotionState) -> KeypointEvidence:
+def keypoint_evidence(scene: Scene, state: MotionState, moments: int = MOMENTS) -> KeypointEvidence:
     """Evenly spaced moments of the reference."""
     keypoints = common_keypoints(scene.observations, scene.timeline)
-    moments = np.unique(np.linspace(0, keypoints.xy_px.shape[1] - 1, MOMENTS).round().astype(int))
+    last = keypoints.xy_px.shape[1] - 1
+    at = np.unique(np.linspace(0, last, moments).round().astype(int))
     xyz = scene.body.positions(scene.body.keypoints, state).xyz
     rows = zip(xyz, scene.observations, scene.timeline.from_reference, strict=True)
-    motions = [sample(x[: len(o.xy_px)], f[moments]).cpu().numpy() for x, o, f in rows]
-    scale = keypoints.sigma_px[:, moments, None] ** 2
+    motions = [sample(x[: len(o.xy_px)], f[at]).cpu().numpy() for x, o, f in rows]
+    scale = keypoints.sigma_px[:, at, None] ** 2
     return KeypointEvidence(
-        moments,
+        at,
         np.stack(motions),
-        keypoints.xy_px[:, moments],
-        keypoints.weight[:, moments] * scale,
+        keypoints.xy_px[:, at],
+        keypoints.weight[:, at] * scale,
     )
 
 

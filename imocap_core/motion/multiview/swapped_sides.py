@@ -1,14 +1,16 @@
 """Stretches of a video in which the detector took left for right, told by the other videos.
 
-Swapped sides of the whole body look, to one view, like a performer who faces the other way. Seen
-from the video's camera, the other videos' motion decides: each frame's keypoints are as detected or
-swapped, whichever that motion explains better, and the cheapest sequence of the two states, where
-every change costs something, is the estimate (Viterbi).
+Swapped sides of the whole body look, to one view, like a performer who faces the other way, and
+swapped legs like other steps. Seen from the video's camera, the other videos' motion decides: each
+frame's keypoints are as detected, with swapped legs, or swapped as a whole, whichever that motion
+explains best, and the cheapest sequence of these states, where every change costs something, is the
+estimate (Viterbi). Detections whose sides were swapped before the joint motion was known are judged
+as they were detected.
 
-A performer who really turns away looks alike, too. Then the video's own motion turns against the
-others' little by little, and for a while faces a quarter another way; one whose sides were
-swapped faces as the others do (it was held by the frames around) or the opposite way, and nothing
-between.
+A performer who really turns away looks like swapped sides, too. Then the video's own motion turns
+against the others' little by little, and for a while faces a quarter another way; one whose sides
+were swapped faces as the others do (it was held by the frames around) or the opposite way, and
+nothing between.
 """
 
 from __future__ import annotations
@@ -17,14 +19,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy.spatial.transform import Rotation
 
 from imocap_core.alignment import rigid
-from imocap_core.conventions import mirror_indices
 from imocap_core.motion.multiview.cameras import Cameras
 from imocap_core.motion.multiview.keypoint_evidence import (
-    SWAPPED,
     frame_residuals,
     keypoint_evidence,
     mean_of_others,
@@ -33,59 +33,71 @@ from imocap_core.motion.multiview.scene import Scene
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.state import MotionState
 from imocap_core.runs import runs
+from imocap_core.sync.hypotheses.swapped_sides import STATES, with_swapped_sides
 from imocap_core.viterbi import cheapest_states
 
 QUARTER_RAD = (np.pi / 4, 3 * np.pi / 4)  # that no swap of sides turns a body by
 TURNING_SHARE, TURNING_S = 0.2, 0.27  # of a stretch: less is a fit's own turn at its two ends
 RATE_PER_S = 15.0  # frames of which each is a piece of evidence by itself
-CHANGE = 0.5  # of a change of state
+SWAPPED, CHANGE = 0.1, 1.0  # of a frame, of a change of state, in logarithms of the residual
+FLOOR = 0.1  # share of the keypoints' spread by which performances differ without being swapped
+LEGS, WHOLE = 2, 3  # states of `swapped_by_others`
 
 
 def with_sides_of_others(scene: Scene, state: MotionState, cameras: Cameras) -> Scene:
     """The scene with left and right swapped in the frames where the other videos say so.
+
+    Legs alone are judged by two others at least: of two videos either may have them swapped.
 
     Args:
         state: every video's motion in its own camera's axes.
     """
     if len(scene.observations) < 2:
         return scene
-    evidence = keypoint_evidence(scene, state)
+    frames = scene.timeline.from_reference.shape[1]
+    evidence = keypoint_evidence(scene, state, frames)  # legs pass each other within a few
     R = cameras.R.cpu().numpy()
-    twins = mirror_indices(scene.body.keypoints.names)
+    names = scene.body.keypoints.names
+    possible = (0, LEGS, WHOLE) if len(R) > 2 else (0, WHOLE)
     poses = scene.body.positions(scene.body.keypoints, state).xyz.cpu().numpy()
     observations = []
-    for v, observation in enumerate(scene.observations):
+    for v, o in enumerate(scene.observations):
         position = scene.timeline.to_reference[v]
         pose = mean_of_others(evidence, R, v)[evidence.nearest_moment(position)]
-        weight = np.where(np.isfinite(position)[:, None], observation.confidence, 0.0)
-        frames = swapped_frames(pose, observation.xy_px, weight, R[v], twins, observation.fps)
-        frames &= ~turning_frames(poses[v, : len(frames)], pose @ R[v].T, frames, observation.fps)
-        observations.append(swapped(observation, frames, twins))
+        weight = np.where(np.isfinite(position)[:, None], o.confidence, 0.0)
+        before = np.zeros(len(pose), dtype=int) if o.swapped is None else o.swapped
+        states = swapped_states(pose, o.xy_px, weight, R[v], names, o.fps, before, possible)
+        whole = (states == WHOLE) & (before != WHOLE)
+        whole &= turning_frames(poses[v, : len(whole)], pose @ R[v].T, whole, o.fps)
+        observations.append(swapped(o, before ^ np.where(whole, before, states), names))
     return replace(scene, observations=observations)
 
 
-def swapped_frames(
+def swapped_states(
     pose: Float[np.ndarray, "T K 3"],
     xy_px: Float[np.ndarray, "T K 2"],
     weight: Float[np.ndarray, "T K"],
     R: Float[np.ndarray, "3 3"],
-    twins: Sequence[int],
+    names: Sequence[str],
     fps: float,
-) -> Bool[np.ndarray, " T"]:
-    """In which frames a pose, rotated by R, explains the keypoints with left and right swapped.
+    before: Int[np.ndarray, " T"],
+    possible: Sequence[int] = (0, LEGS, WHOLE),
+) -> Int[np.ndarray, " T"]:
+    """What of the detections has to be swapped for a pose, rotated by R, to explain them best.
 
     Args:
-        xy_px: any value where the weight is 0; twins: each keypoint's counterpart.
+        xy_px: any value where the weight is 0; names: of the keypoints.
+        before: what of them was swapped already; possible: what may be swapped in all. Both are
+            states of `swapped_by_others`, as those returned are.
     """
-    columns = list(twins)
-    plain, other = (
-        frame_residuals(pose, x, w, R[None])[0]
-        for x, w in ((xy_px, weight), (xy_px[:, columns], weight[:, columns]))
-    )
-    share = min(1.0, RATE_PER_S / fps)
-    costs = share * np.stack([plain, other + SWAPPED], axis=1)
-    steps = CHANGE * (1.0 - np.eye(2)) + costs[1:, None]
-    return cheapest_states(costs[0], steps).astype(bool)
+    costs = np.full((len(pose), STATES), np.inf)
+    for state in possible:
+        x, w = (with_swapped_sides(q, before ^ state, names) for q in (xy_px, weight))
+        residual = frame_residuals(pose, x, w, R[None])[0]
+        costs[:, state] = np.log(residual + FLOOR) + SWAPPED * (state > 0)
+    costs *= min(1.0, RATE_PER_S / fps)
+    steps = CHANGE * (1.0 - np.eye(STATES)) + costs[1:, None]
+    return cheapest_states(costs[0], steps)
 
 
 def turning_frames(
@@ -111,12 +123,12 @@ def turning_frames(
 
 
 def swapped(
-    observation: Observation, frames: Bool[np.ndarray, " T"], twins: Sequence[int]
+    observation: Observation, states: Int[np.ndarray, " T"], names: Sequence[str]
 ) -> Observation:
-    """The observation with left and right swapped in some frames."""
-    if not frames.any():
+    """The observation with its sides swapped as the states of `swapped_by_others` say."""
+    if not states.any():
         return observation
-    xy_px, confidence = observation.xy_px.copy(), observation.confidence.copy()
-    xy_px[frames] = xy_px[frames][:, list(twins)]
-    confidence[frames] = confidence[frames][:, list(twins)]
+    xy_px, confidence = (
+        with_swapped_sides(x, states, names) for x in (observation.xy_px, observation.confidence)
+    )
     return replace(observation, xy_px=xy_px, confidence=confidence)
