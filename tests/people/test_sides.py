@@ -68,6 +68,15 @@ def test_who_turns_round_for_good_is_left_alone() -> None:
     assert not swapped_frames(with_swapped(walker(), 20, 70), SIZE, LEGS, FPS).any()
 
 
+def test_a_bout_beside_a_turn_is_left_alone_and_one_far_from_it_undone() -> None:
+    """The cheapest sequence has both; the near bout was chosen together with the turn."""
+    turned = with_swapped(walker(), 36, 90)
+    near = swapped_frames(with_swapped(turned, 25, 33), SIZE, LEGS, FPS)
+    assert not near.any()
+    far = swapped_frames(with_swapped(turned, 8, 12), SIZE, LEGS, FPS)
+    assert runs(far) == [(8, 11)]
+
+
 def test_missing_points_do_not_hide_a_bout() -> None:
     swapped = with_swapped(walker(), 34, 38)
     swapped[33:36, LEGS[0][0]] = np.nan

@@ -63,6 +63,16 @@ def test_noise_in_a_side_view_swaps_nothing() -> None:
     assert not swapped_arms_and_legs(dancer(turn_deg=90.0, noise_px=4.0), SIZE, NAMES).any()
 
 
+def test_legs_that_jump_past_each_other_are_not_swapped_from_there_on() -> None:
+    """Seen from the side the trunk tells nothing, and the legs' jump alone is no reason."""
+    given = dancer(turn_deg=90.0)
+    for left, right in LEGS[1:]:
+        apart = np.where(np.arange(FRAMES) < FRAMES // 2, 40.0, -40.0)
+        given[:, left, 0] += apart
+        given[:, right, 0] -= apart
+    assert not swapped_arms_and_legs(given, SIZE, NAMES).any()
+
+
 def test_missing_joints_and_layouts_without_a_trunk() -> None:
     given = swapped(dancer(), ARMS, 30, 60)
     given[40:44, ARMS[0][0]] = np.nan

@@ -43,16 +43,16 @@ def keypoint_evidence(scene: Scene, state: MotionState, moments: int = MOMENTS) 
     """Evenly spaced moments of the reference."""
     keypoints = common_keypoints(scene.observations, scene.timeline)
     last = keypoints.xy_px.shape[1] - 1
-    at = np.unique(np.linspace(0, last, moments).round().astype(int))
+    frames = np.unique(np.linspace(0, last, moments).round().astype(int))
     xyz = scene.body.positions(scene.body.keypoints, state).xyz
     rows = zip(xyz, scene.observations, scene.timeline.from_reference, strict=True)
-    motions = [sample(x[: len(o.xy_px)], f[at]).cpu().numpy() for x, o, f in rows]
-    scale = keypoints.sigma_px[:, at, None] ** 2
+    motions = [sample(x[: len(o.xy_px)], f[frames]).cpu().numpy() for x, o, f in rows]
+    scale = keypoints.sigma_px[:, frames, None] ** 2
     return KeypointEvidence(
-        at,
+        frames,
         np.stack(motions),
-        keypoints.xy_px[:, at],
-        keypoints.weight[:, at] * scale,
+        keypoints.xy_px[:, frames],
+        keypoints.weight[:, frames] * scale,
     )
 
 
