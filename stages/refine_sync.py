@@ -55,8 +55,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     result = _as_artifact(loop, problem, single_pass)
     motion = with_ground(result.motion, keypoints, cameras, result.sync.excluded, params.fit)
     motion = with_hands_on_ground(motion, problem.scene.body.model, result.sync)
-    matches = with_independent_confidence(result.sync, first_sync, motion.common)
-    matches = with_first_repetitions(matches, first_sync)
+    matches = with_first_repetitions(result.sync, first_sync)
     return result.model_copy(update={"motion": motion, "sync": matches, "event": event})
 
 
@@ -98,6 +97,7 @@ def _in_turn(
             reprojection=problem.reprojection_evidence(motion) if by_pictures else None,
             rates=rates,
         )
+        sync = with_independent_confidence(sync, first_sync, motion.spread)
         sound = first_sync.sound_start_s
         return with_one_offset(sync, keypoints, sound) if ctx.event() else sync
 

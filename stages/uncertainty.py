@@ -46,7 +46,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Uncertainty:
         ctx.device,
     )
     common = refined.motion.common
-    one_motion = common is not None and is_one_motion(common)
+    one_motion = common is not None and is_one_motion(common.keypoint_sd_m, common.rigid_offset_sd)
     posteriors = []
     for k, group in enumerate(groups):
         progress = partial(_begin, ctx, k / len(groups), ", ".join(group.ids))

@@ -4,8 +4,10 @@ In the loop every pose has been drawn towards those that it is matched with, rig
 confirms its match ever after. Where all videos show one motion the keypoints contradict a wrong
 match, because nothing but time could explain them. Where performances differ, the difference
 explains a wrong match as well: there a match is no surer than the monocular motions made it, which
-knew nothing of each other. Nor would poses that were drawn together at the matches fit as well a
-repetition later: that too is told by the monocular motions.
+knew nothing of each other, and the next solve trusts it no more: trusted more in every round, a
+wrong match would draw the poses together until nothing contradicts it. Nor would poses that were
+drawn together at the matches fit as well a repetition later: that too is told by the monocular
+motions.
 """
 
 from __future__ import annotations
@@ -13,16 +15,21 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.artifacts.schemas import CommonMotion, Sync, SyncMap, SyncSummary
+from imocap_core.artifacts.schemas import Sync, SyncMap, SyncSummary
+from imocap_core.motion.multiview.scene import DeviationSpread
 from imocap_core.problem.one_motion import is_one_motion
 
 
 def with_independent_confidence(
-    sync: Sync, first: SyncSummary, common: CommonMotion | None
+    sync: Sync, first: SyncSummary, spread: DeviationSpread | None
 ) -> Sync:
     """The loop's correspondences, of differing performances no surer than `first`, those of the
-    monocular motions. Frames that these left unmatched are as sure as their neighbours."""
-    if common is None or is_one_motion(common):
+    monocular motions. Frames that these left unmatched are as sure as their neighbours.
+
+    Args:
+        spread: of the motion that the correspondences were found with.
+    """
+    if spread is None or is_one_motion(spread.keypoints_m, spread.offset_sd):
         return sync
     monocular = {m.id: m for m in first.maps}
     maps = [

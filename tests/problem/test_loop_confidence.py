@@ -3,21 +3,15 @@
 import numpy as np
 import pytest
 
-from imocap_core.artifacts.schemas import CommonMotion, Sync, SyncMap, SyncTrust, VideoTrust
+from imocap_core.artifacts.schemas import Sync, SyncMap, SyncTrust, VideoTrust
+from imocap_core.motion.multiview.scene import DeviationSpread
 from imocap_core.problem.loop_confidence import with_first_repetitions, with_independent_confidence
 from imocap_core.problem.one_motion import is_one_motion
 from tests.made_sync import stored_matrix
 
 
-def common(deviation_m: float, path_m: float) -> CommonMotion:
-    return CommonMotion(
-        ids=["a", "b"],
-        theta=np.zeros((4, 72)),
-        betas=np.zeros(10),
-        trans=np.zeros((4, 3)),
-        rigid_offset_sd=np.full((2, 6), path_m),
-        keypoint_sd_m=np.full((2, 4, 3), deviation_m),
-    )
+def spread(deviation_m: float, path_m: float) -> DeviationSpread:
+    return DeviationSpread(np.full((2, 4, 3), deviation_m), np.full((2, 6), path_m))
 
 
 def sync(frames: list[float], confidence: list[float]) -> Sync:
@@ -43,21 +37,22 @@ LOOP = sync([0.0, 1.0, 2.0, 3.0], [0.9, 0.9, 0.4, 0.95])
 def test_of_differing_performances_the_less_sure_one_counts(
     deviation_m: float, path_m: float
 ) -> None:
-    result = with_independent_confidence(LOOP, FIRST, common(deviation_m, path_m))
+    result = with_independent_confidence(LOOP, FIRST, spread(deviation_m, path_m))
     np.testing.assert_allclose(result.maps[1].confidence, [0.5, 0.6, 0.4, 0.9])
     np.testing.assert_array_equal(result.maps[0].confidence, np.ones(4))
     np.testing.assert_array_equal(result.maps[1].reference_frame, LOOP.maps[1].reference_frame)
 
 
 def test_of_one_motion_and_of_one_video_the_loop_s_own_counts() -> None:
-    assert is_one_motion(common(0.003, 0.005))
-    assert with_independent_confidence(LOOP, FIRST, common(0.003, 0.005)) == LOOP
+    one = spread(0.003, 0.005)
+    assert is_one_motion(one.keypoints_m, one.offset_sd)
+    assert with_independent_confidence(LOOP, FIRST, spread(0.003, 0.005)) == LOOP
     assert with_independent_confidence(LOOP, FIRST, None) == LOOP
 
 
 def test_a_video_without_any_match_before_is_not_sure() -> None:
     nowhere = sync([np.nan] * 4, [0.0] * 4)
-    result = with_independent_confidence(LOOP, nowhere, common(0.03, 0.05))
+    result = with_independent_confidence(LOOP, nowhere, spread(0.03, 0.05))
     np.testing.assert_array_equal(result.maps[1].confidence, np.zeros(4))
 
 
