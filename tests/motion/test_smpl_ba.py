@@ -10,6 +10,7 @@ from imocap_core.camera.averaging import angle_deg
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.multiview.aligned import align
 from imocap_core.motion.multiview.cameras import cameras_from_motion
+from imocap_core.motion.multiview.common_motion import misfit
 from imocap_core.motion.multiview.consensus import agreement, to_world
 from imocap_core.motion.multiview.deviation import joint_spread_rad, spread_beyond_noise_m
 from imocap_core.motion.multiview.scene import Scene
@@ -100,6 +101,25 @@ def test_a_round_goes_on_where_the_one_before_stopped(made: Made, objective: str
     assert again.misfit <= 1.1 * first.misfit
     assert mpjpe_mm(made.body, again.state, truth) <= 1.05 * mpjpe_mm(made.body, first.state, truth)
     assert float(np.max(angle_deg(again.cameras.R.numpy(), first.cameras.R.numpy()))) < 1.0
+
+
+def test_a_misfit_weighs_keypoints_by_trust_and_is_not_lower_for_less_of_it(made: Made) -> None:
+    """A video that is off makes the misfit large; trusted little, it counts little; and where all
+    are trusted alike, it does not matter how much."""
+    given = whole(made)
+    off = torch.tensor([[0.0], [0.2], [0.0]], dtype=torch.float64).expand(3, 3)
+    wrong = replace(made.cameras(), t=made.cameras().t + off)
+
+    def of(*trust: float) -> float:
+        confidence = np.repeat(np.array(trust, dtype=float)[:, None], FRAMES, axis=1)
+        timeline = replace(given.timeline, confidence=confidence)
+        return misfit(replace(given, timeline=timeline), made.state, wrong)
+
+    assert of(1, 1, 1) > 0.1
+    assert of(0.02, 0.02, 0.02) == pytest.approx(of(1, 1, 1), rel=1e-9)
+    one = misfit(given, made.state, made.cameras())
+    assert of(1, 0.02, 1) == pytest.approx(one, abs=0.04 * of(1, 1, 1))
+    assert of(1, 0.0, 1) == pytest.approx(one, abs=1e-3 * of(1, 1, 1))
 
 
 def test_a_limb_that_starts_on_the_wrong_side_in_all_videos_is_put_right() -> None:
