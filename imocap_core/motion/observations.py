@@ -65,6 +65,7 @@ class Observation:
 def every(observation: Observation, stride: int) -> Observation:
     """Every ``stride``-th frame of a video, as a video of a lower frame rate."""
     joints, centre, sd = observation.joints, observation.centre_m, observation.place_sd_m
+    swapped = observation.swapped
     return replace(
         observation,
         xy_px=observation.xy_px[::stride],
@@ -73,6 +74,7 @@ def every(observation: Observation, stride: int) -> Observation:
         joints=None if joints is None else joints[::stride],
         centre_m=None if centre is None else centre[::stride],
         place_sd_m=None if sd is None else sd[::stride],
+        swapped=None if swapped is None else swapped[::stride],
     )
 
 

@@ -71,6 +71,15 @@ def test_what_was_swapped_by_mistake_before_is_put_back(made: Made) -> None:
     same_observations(put_right, plain)
 
 
+def test_arms_that_were_swapped_rightly_before_stay_so(made: Made) -> None:
+    """The detector swapped all above the hips, and the choice of motions put it right."""
+    motion, plain = disturbed(in_own_axes(made), 0.03), whole(made)
+    observations = list(plain.observations)
+    observations[VIDEO] = replace(observations[VIDEO], swapped=np.where(STRETCH, WHOLE ^ LEGS, 0))
+    given = replace(plain, observations=observations)
+    same_observations(with_sides_of_others(given, motion, made.cameras()), plain)
+
+
 def test_of_two_videos_neither_tells_whose_legs_are_swapped(made: Made) -> None:
     motion = disturbed(in_own_axes(made), 0.03)
     scene = confused(whole(made), LEGS)

@@ -15,7 +15,7 @@ nothing between.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -47,7 +47,8 @@ LEGS, WHOLE = 2, 3  # states of `swapped_by_others`
 def with_sides_of_others(scene: Scene, state: MotionState, cameras: Cameras) -> Scene:
     """The scene with left and right swapped in the frames where the other videos say so.
 
-    Legs alone are judged by two others at least: of two videos either may have them swapped.
+    Legs alone are judged by two others at least: of two videos either may have them swapped. What
+    is above the hips is swapped alone only where it was before, by the choice of motions.
 
     Args:
         state: every video's motion in its own camera's axes.
@@ -58,7 +59,7 @@ def with_sides_of_others(scene: Scene, state: MotionState, cameras: Cameras) -> 
     evidence = keypoint_evidence(scene, state, frames)  # legs pass each other within a few
     R = cameras.R.cpu().numpy()
     names = scene.body.keypoints.names
-    possible = (0, LEGS, WHOLE) if len(R) > 2 else (0, WHOLE)
+    alone = [LEGS] if len(R) > 2 else []
     poses = scene.body.positions(scene.body.keypoints, state).xyz.cpu().numpy()
     observations = []
     for v, o in enumerate(scene.observations):
@@ -66,6 +67,7 @@ def with_sides_of_others(scene: Scene, state: MotionState, cameras: Cameras) -> 
         pose = mean_of_others(evidence, R, v)[evidence.nearest_moment(position)]
         weight = np.where(np.isfinite(position)[:, None], o.confidence, 0.0)
         before = np.zeros(len(pose), dtype=int) if o.swapped is None else o.swapped
+        possible = {0, *alone, WHOLE, *before.tolist()}
         states = swapped_states(pose, o.xy_px, weight, R[v], names, o.fps, before, possible)
         whole = (states == WHOLE) & (before != WHOLE)
         whole &= turning_frames(poses[v, : len(whole)], pose @ R[v].T, whole, o.fps)
@@ -81,7 +83,7 @@ def swapped_states(
     names: Sequence[str],
     fps: float,
     before: Int[np.ndarray, " T"],
-    possible: Sequence[int] = (0, LEGS, WHOLE),
+    possible: Iterable[int] = (0, LEGS, WHOLE),
 ) -> Int[np.ndarray, " T"]:
     """What of the detections has to be swapped for a pose, rotated by R, to explain them best.
 
