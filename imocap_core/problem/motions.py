@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import torch
@@ -16,6 +17,7 @@ from imocap_core.artifacts.schemas import (
     Keypoints,
     SmplBa,
     StartFit,
+    SwappedSides,
     VideoMotion,
 )
 from imocap_core.motion.kinematics import Body
@@ -26,6 +28,14 @@ from imocap_core.motion.observations import Observation, padded, per_video_view
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms.view import project
 from imocap_core.rotations import exp, log, unwrap
+from imocap_core.runs import runs
+
+# what the states of `sync.hypotheses.swapped_sides.swapped_by_others` swap
+PARTS: dict[int, Literal["above the hips", "legs", "body"]] = {
+    1: "above the hips",
+    2: "legs",
+    3: "body",
+}
 
 
 def state_of(videos: Sequence[VideoMotion], template: Tensor) -> MotionState:
@@ -122,8 +132,26 @@ def smpl_ba_of(
         objective=motion.costs,
         misfit=motion.misfit,
         status=motion.status,
+        swapped=_swapped_sides(motion, keypoints),
         common=_stored_common(motion, ids),
     )
+
+
+def _swapped_sides(motion: JointMotion, keypoints: Keypoints) -> list[SwappedSides]:
+    """The stretches of every video whose sides the solve swapped."""
+    if not motion.swapped:
+        return []
+    return [
+        SwappedSides(
+            id=video.id,
+            first_frame=int(video.frames[first]),
+            last_frame=int(video.frames[last]),
+            part=part,
+        )
+        for video, states in zip(keypoints.videos, motion.swapped, strict=True)
+        for state, part in PARTS.items()
+        for first, last in runs(states == state)
+    ]
 
 
 def joint_motion_of(

@@ -13,7 +13,7 @@ Reading order:
     weak_joints     ill-determined joints
     further_view    what to film next
     summary         the three sentences
-    limbs, take_findings, collapse_findings, body_findings
+    limbs, take_findings, collapse_findings, body_findings, swapped_findings
                     the quantities above, of artifacts
     action_verdict  all of them, of an action's artifacts
     verdict_file    as JSON

@@ -15,6 +15,7 @@ from imocap_core.verdict.left_out_findings import damage_findings, left_out_find
 from imocap_core.verdict.performer_findings import performer_findings
 from imocap_core.verdict.repetition_findings import repetition_findings
 from imocap_core.verdict.summary import summary_of
+from imocap_core.verdict.swapped_findings import swapped_findings
 from imocap_core.verdict.take_findings import take_findings
 from imocap_core.verdict.weak_joints import least_certain, weak_findings
 
@@ -50,6 +51,7 @@ def verdict_of(
         *picture_findings(motion.videos, videos),
         *damage_findings(keypoints),
         *detection_findings(keypoints.videos),
+        *swapped_findings(motion),
         *feet_findings(motion.videos, videos, cameras),
         *camera_findings(cameras),
         *([] if claimed is None else weak_findings(claimed)),

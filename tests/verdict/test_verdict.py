@@ -16,6 +16,7 @@ from imocap_core.artifacts.schemas import (
     Keypoints,
     LeftOutVideo,
     RefineSync,
+    SwappedSides,
     SyncTrust,
     Uncertainty,
     VideoKeypoints,
@@ -205,6 +206,22 @@ def made_gap(frames: int, first: int, end: int) -> np.ndarray:
     """(T, 1) factors: 0 in a gap, 1 elsewhere."""
     inside = (np.arange(frames) >= first) & (np.arange(frames) < end)
     return np.where(inside, 0.0, 1.0)[:, None]
+
+
+def test_sides_that_were_put_right_are_told_and_no_doubt(made: Made) -> None:
+    stretch = SwappedSides(id="v2", first_frame=12, last_frame=30, part="legs")
+    result = with_sync(made)
+    motion = result.motion.model_copy(update={"swapped": [stretch]})
+    plain, told = (
+        verdict_of(made.keypoints, made.camera_motion, r, made.claimed)
+        for r in (result, result.model_copy(update={"motion": motion}))
+    )
+    assert told.summary == plain.summary
+    (finding,) = [f for f in told.findings if f not in plain.findings]
+    assert finding.sentence == (
+        "v2 frames 12-30: the detector took the left and the right leg for each other, as the "
+        "other videos say; the motion was fitted with them put right."
+    )
 
 
 def test_a_body_beside_its_detections_is_named_with_its_frames(made: Made) -> None:

@@ -25,6 +25,7 @@ from imocap_core.artifacts.schemas.motion import (
     PathUnit,
     SmplBa,
     StartFit,
+    SwappedSides,
     VideoMotion,
 )
 from imocap_core.artifacts.schemas.refine_sync import EventCamera, EventCameras, RefineSync, Round
@@ -77,6 +78,7 @@ __all__ = [
     "SoftMapBands",
     "SourceMoments",
     "StartFit",
+    "SwappedSides",
     "Sync",
     "SyncMap",
     "SyncSummary",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -106,6 +106,15 @@ class CommonMotion(Value):
     other_betas: Annotated[Floats, Shape("P", 10)] | None = None  # of the other performers
 
 
+class SwappedSides(Value):
+    """A stretch of a video in which the detector took left for right, as the other videos say."""
+
+    id: Id
+    first_frame: int  # source frame numbers, both within
+    last_frame: int
+    part: Literal["above the hips", "legs", "body"]
+
+
 class SmplBa(Artifact):
     """Motion and cameras solved over all videos (Eq. 8)."""
 
@@ -119,5 +128,6 @@ class SmplBa(Artifact):
     objective: list[float]  # after each iteration
     misfit: float  # mean robust reprojection cost a keypoint of one motion for all views
     status: str
+    swapped: list[SwappedSides] = Field(default_factory=list)  # the solve put them right
     common: CommonMotion | None = None  # None for a single video, and in refine_sync's rounds
     ground: GroundPlane | None = None  # in the world's axes; None in refine_sync's rounds

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from imocap_core.motion.kinematics import Body
@@ -56,6 +56,13 @@ class Scene:
         return [o.performer for o in self.observations]
 
     @property
+    def swapped(self) -> tuple[Int[np.ndarray, " _"], ...]:
+        """Of each video, which sides of its detections are swapped (`Observation.swapped`)."""
+        none = (np.zeros(len(o.xy_px), dtype=int) for o in self.observations)
+        rows = zip(self.observations, none, strict=True)
+        return tuple(zero if o.swapped is None else o.swapped for o, zero in rows)
+
+    @property
     def fps(self) -> float:
         """Frame rate of the reference."""
         return self.observations[self.reference].fps
@@ -88,6 +95,8 @@ class JointMotion:
         costs: the objective after each solve; status: a sentence.
         misfit: mean robust reprojection cost per keypoint of the common motion: how well the
             correspondences explain all images at once. Lower is better.
+        swapped: of each video (T_v,), which sides of its detections the solve swapped (states of
+            `sync.hypotheses.swapped_sides.swapped_by_others`); empty where none were judged.
     """
 
     state: MotionState
@@ -97,6 +106,7 @@ class JointMotion:
     costs: list[float]
     status: str
     misfit: float
+    swapped: tuple[Int[np.ndarray, " _"], ...] = ()
 
 
 def correlation_frames(options: MotionParams, fps: float) -> float:

@@ -90,14 +90,17 @@ def common_then_deviations(
         status = f"one motion for all: {common.status}"
         spread = estimate_spread(scene, motion, cameras, options)
         state = follow_common(scene.with_intrinsics(cameras), state, motion, cameras, options)
-        return JointMotion(state, cameras, motion.uncached(), spread, common.costs, status, fit)
+        motion = motion.uncached()
+        return JointMotion(state, cameras, motion, spread, common.costs, status, fit, scene.swapped)
     fit = misfit(scene, motion, cameras, common.spread.offset_sd)
     progress("each video's own deviation")
     state, cost = fit_deviations(
         scene.with_intrinsics(cameras), state, motion, cameras, common.spread, options, warm=warm
     )
     costs, status = [*common.costs, cost], f"shared motion {common.status}"
-    return JointMotion(state, cameras, motion.uncached(), common.spread, costs, status, fit)
+    return JointMotion(
+        state, cameras, motion.uncached(), common.spread, costs, status, fit, scene.swapped
+    )
 
 
 def shared_shapes(state: MotionState, performers: Sequence[int]) -> MotionState:

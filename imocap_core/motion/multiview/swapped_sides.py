@@ -130,7 +130,8 @@ def swapped(
     """The observation with its sides swapped as the states of `swapped_by_others` say."""
     if not states.any():
         return observation
+    before = 0 if observation.swapped is None else observation.swapped
     xy_px, confidence = (
         with_swapped_sides(x, states, names) for x in (observation.xy_px, observation.confidence)
     )
-    return replace(observation, xy_px=xy_px, confidence=confidence)
+    return replace(observation, xy_px=xy_px, confidence=confidence, swapped=before ^ states)
