@@ -34,7 +34,7 @@ class Observation:
             spot, or unknown.
         place_sd_m: (T,) standard deviation of the performer's place that comes of a moving camera's
             uncertain or unknown path, or None.
-        swapped: (T,) which sides of the detections are swapped here (states of
+        swapped: (T,) which sides of the detections are swapped in these keypoints (states of
             `sync.hypotheses.swapped_sides.swapped_by_others`), or None: none.
     """
 
@@ -50,6 +50,13 @@ class Observation:
     centre_m: Float[np.ndarray, "T 3"] | None = None
     place_sd_m: Float[np.ndarray, " T"] | None = None
     swapped: Int[np.ndarray, " T"] | None = None
+
+    @property
+    def swapped_states(self) -> Int[np.ndarray, " T"]:
+        """`swapped`, 0 in every frame where it is not given."""
+        if self.swapped is None:
+            return np.zeros(len(self.xy_px), dtype=int)
+        return self.swapped
 
     @cached_property
     def size_px(self) -> Float[np.ndarray, " T"]:

@@ -1,15 +1,11 @@
-"""Stretches of videos in which the detector took left for right, put right by the other videos."""
+"""Stretches of videos in which the detector swapped left and right, as the other videos show."""
 
 from __future__ import annotations
 
 from imocap_core.artifacts.schemas import SmplBa
 from imocap_core.verdict.findings import Finding
 
-WORDS = {
-    "above the hips": "the left and the right side above the hips",
-    "legs": "the left and the right leg",
-    "body": "the whole body's left and right",
-}
+WHERE = {"above the hips": "above the hips", "legs": "of the legs", "body": "of the whole body"}
 
 
 def swapped_findings(motion: SmplBa) -> list[Finding]:
@@ -18,8 +14,8 @@ def swapped_findings(motion: SmplBa) -> list[Finding]:
         Finding(
             "remark",
             stretch.id,
-            f"the detector took {WORDS[stretch.part]} for each other, as the other videos say; the "
-            "motion was fitted with them put right",
+            f"the detector swapped left and right {WHERE[stretch.part]}, as the other videos show; "
+            "the motion was fitted with both put right",
             "left and right were put right",
             first_frame=stretch.first_frame,
             last_frame=stretch.last_frame,

@@ -219,8 +219,8 @@ def test_sides_that_were_put_right_are_told_and_no_doubt(made: Made) -> None:
     assert told.summary == plain.summary
     (finding,) = [f for f in told.findings if f not in plain.findings]
     assert finding.sentence == (
-        "v2 frames 12-30: the detector took the left and the right leg for each other, as the "
-        "other videos say; the motion was fitted with them put right."
+        "v2 frames 12-30: the detector swapped left and right of the legs, as the other videos "
+        "show; the motion was fitted with both put right."
     )
 
 

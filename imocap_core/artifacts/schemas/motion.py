@@ -107,7 +107,7 @@ class CommonMotion(Value):
 
 
 class SwappedSides(Value):
-    """A stretch of a video in which the detector took left for right, as the other videos say."""
+    """A stretch of a video in which the detector swapped left and right, as the others show."""
 
     id: Id
     first_frame: int  # source frame numbers, both within

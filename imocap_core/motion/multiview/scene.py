@@ -58,9 +58,7 @@ class Scene:
     @property
     def swapped(self) -> tuple[Int[np.ndarray, " _"], ...]:
         """Of each video, which sides of its detections are swapped (`Observation.swapped`)."""
-        none = (np.zeros(len(o.xy_px), dtype=int) for o in self.observations)
-        rows = zip(self.observations, none, strict=True)
-        return tuple(zero if o.swapped is None else o.swapped for o, zero in rows)
+        return tuple(o.swapped_states for o in self.observations)
 
     @property
     def fps(self) -> float:

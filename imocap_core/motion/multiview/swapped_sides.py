@@ -66,7 +66,7 @@ def with_sides_of_others(scene: Scene, state: MotionState, cameras: Cameras) -> 
         position = scene.timeline.to_reference[v]
         pose = mean_of_others(evidence, R, v)[evidence.nearest_moment(position)]
         weight = np.where(np.isfinite(position)[:, None], o.confidence, 0.0)
-        before = np.zeros(len(pose), dtype=int) if o.swapped is None else o.swapped
+        before = o.swapped_states
         possible = {0, *alone, WHOLE, *before.tolist()}
         states = swapped_states(pose, o.xy_px, weight, R[v], names, o.fps, before, possible)
         whole = (states == WHOLE) & (before != WHOLE)
@@ -130,8 +130,8 @@ def swapped(
     """The observation with its sides swapped as the states of `swapped_by_others` say."""
     if not states.any():
         return observation
-    before = 0 if observation.swapped is None else observation.swapped
     xy_px, confidence = (
         with_swapped_sides(x, states, names) for x in (observation.xy_px, observation.confidence)
     )
-    return replace(observation, xy_px=xy_px, confidence=confidence, swapped=before ^ states)
+    in_all = observation.swapped_states ^ states
+    return replace(observation, xy_px=xy_px, confidence=confidence, swapped=in_all)
