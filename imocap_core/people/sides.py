@@ -25,7 +25,7 @@ CHANGE = 0.12  # cost of a change of state, in units of the person's size per jo
 SWAPPED = 0.002  # the same, of each swapped frame
 CAP = 0.5  # a joint that jumps further is a false detection, not a swap
 LONGEST_S = 1.0  # a longer swap may be a person who turned round
-NEAR_S = 0.2  # swaps at most so far apart are one choice
+NEAR_S = 0.2  # swaps less than so far apart are one choice
 
 
 def limbs_of(names: Sequence[str]) -> list[list[tuple[int, int]]]:
@@ -52,24 +52,12 @@ def swapped_frames(
     """
     sides = xy_px[:, np.array(pairs)]  # (T, P, 2 sides, 2)
     states = _states(step_costs(sides, size_px), len(pairs))
-    longest, near = round(LONGEST_S * fps), round(NEAR_S * fps)
-    swapped = np.zeros(len(states), dtype=bool)
-    for bouts in _near_each_other(runs(states), near):
-        turns = [last - first >= longest or last == len(states) - 1 for first, last in bouts]
-        for first, last in bouts:
-            swapped[first : last + 1] = not any(turns)
-    return swapped
-
-
-def _near_each_other(bouts: Sequence[tuple[int, int]], near: int) -> list[list[tuple[int, int]]]:
-    """Runs of frames, those at most `near` frames apart together."""
-    groups: list[list[tuple[int, int]]] = []
-    for bout in bouts:
-        if groups and bout[0] - groups[-1][-1][1] <= near:
-            groups[-1].append(bout)
-        else:
-            groups.append([bout])
-    return groups
+    longest, near = round(LONGEST_S * fps), max(0, round(NEAR_S * fps) - 1)
+    for first, last in runs(states, gap=near):
+        lasts = any(b - a >= longest for a, b in runs(states[first : last + 1]))
+        if lasts or last == len(states) - 1:
+            states[first : last + 1] = False
+    return states
 
 
 def swap_sides(
