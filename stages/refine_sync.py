@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from jaxtyping import Float
+
 from imocap_core.artifacts.schemas import (
     CameraMotion,
     InitialSmpl,
@@ -31,8 +37,8 @@ from imocap_core.process import release_freed_memory, release_if_large
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     """All rounds; round 0 is the single pass."""
-    keypoints, first_sync = inputs.get(Keypoints), inputs.get(Sync)
-    single_pass = inputs.get(SmplBa)
+    keypoints, single_pass = inputs.get(Keypoints), inputs.get(SmplBa)
+    first_sync, sound = _without_matrices(inputs)
     cameras, initial = inputs.get(CameraMotion), inputs.get(InitialSmpl)
     problem = problem_of(
         keypoints,
@@ -48,10 +54,16 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     begin, event = LoopRound(first_sync, first, first.misfit, 0.0), None
     if ctx.event() and can_calibrate(problem, first):
         loop, event = calibrated_round(
-            problem, keypoints, begin, params.event, lambda what: ctx.progress(0.3, what)
+            problem,
+            keypoints,
+            begin,
+            inputs.get(Sync),
+            params.event,
+            lambda what: ctx.progress(0.3, what),
         )
     else:
-        loop = _in_turn(ctx, problem, keypoints, initial, begin, params)
+        whole = partial(inputs.get, Sync)
+        loop = _in_turn(ctx, problem, keypoints, initial, begin, whole, sound, params)
     result = _as_artifact(loop, problem, single_pass)
     motion = with_ground(result.motion, keypoints, cameras, result.sync.excluded, params.fit)
     motion = with_hands_on_ground(motion, problem.scene.body.model, result.sync)
@@ -59,19 +71,29 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     return result.model_copy(update={"motion": motion, "sync": matches, "event": event})
 
 
+def _without_matrices(inputs: Inputs) -> tuple[SyncSummary, Float[np.ndarray, " M"] | None]:
+    """The first synchronisation without what makes it large, and when each video began by its
+    sound."""
+    sync = inputs.get(Sync)
+    inputs.forget(Sync)
+    return summary_of(sync), sync.sound_start_s
+
+
 def _in_turn(
     ctx: Context,
     problem: JointProblem,
     keypoints: Keypoints,
     initial: InitialSmpl,
-    begin: LoopRound[Sync, JointMotion],
+    begin: LoopRound[SyncSummary, JointMotion],
+    whole_sync: Callable[[], Sync],
+    sound_start_s: Float[np.ndarray, " M"] | None,
     params: Params,
 ) -> Alternation[Sync, SyncSummary, JointMotion]:
-    """Synchronisation and SMPL-BA in turn."""
+    """Synchronisation and SMPL-BA in turn; whole_sync: the first one with its matrices."""
     first_sync = begin.sync
     hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))
-    if first_sync.sound_start_s is not None:
-        hints = with_sound(hints, first_sync.sound_start_s, keypoints)
+    if sound_start_s is not None:
+        hints = with_sound(hints, sound_start_s, keypoints)
     by_pictures = params.refine.evidence == "pictures"
     monocular = [video.joints for video in initial.videos]
     rates = rates_of_motions(monocular, keypoints, params.sync, hints)
@@ -98,8 +120,7 @@ def _in_turn(
             rates=rates,
         )
         sync = with_independent_confidence(sync, first_sync, motion.spread)
-        sound = first_sync.sound_start_s
-        return with_one_offset(sync, keypoints, sound) if ctx.event() else sync
+        return with_one_offset(sync, keypoints, sound_start_s) if ctx.event() else sync
 
     def solve(what: str) -> None:
         progress(f"motion, {what}")
@@ -113,6 +134,7 @@ def _in_turn(
 
     return alternate(
         begin,
+        whole_sync,
         synchronise,
         recover,
         outline=summary_of,

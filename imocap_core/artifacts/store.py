@@ -17,7 +17,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -59,15 +59,28 @@ class Stored:
     def content(self) -> Content:
         """What the file contains, every byte checked, not yet validated by its schema.
 
-        ArtifactCorrupt when it can't be read back.
+        ArtifactCorrupt when it can't be read back, or contains something else by now.
         """
         from imocap_core.artifacts import codec
 
-        return codec.read(self.file) if self._content is None else self._content
+        if self._content is not None:
+            return self._content
+        content = codec.read(self.file)
+        if content.digest != self.digest:
+            raise ArtifactCorrupt(
+                f"{self.file}: expected the result {self.digest[:12]}, got {content.digest[:12]}; "
+                "it was replaced meanwhile; run again"
+            )
+        return content
 
     def read(self) -> Stored:
         """The same with its content, read now where it has not been. ArtifactCorrupt as above."""
         return _read(self.file) if self._content is None else self
+
+    def unread(self) -> Stored:
+        """The same without its content, which is read again where it is wanted: whoever has read
+        this one holds its memory no longer than this one."""
+        return replace(self, _content=None)
 
     def decode(self, kind: type[Kind]) -> Kind:
         """The artifact itself. ArtifactCorrupt when it does not fit `kind`."""

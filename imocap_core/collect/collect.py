@@ -9,6 +9,11 @@ from imocap_core.body.layouts import layout_names
 from imocap_core.collect.choice import decide
 from imocap_core.collect.film_tracks import FilmTracks, film_tracks
 from imocap_core.collect.films import LongFilm, look_through
+from imocap_core.collect.further_examples import (
+    by_further_examples,
+    matches_of_all,
+    threshold,
+)
 from imocap_core.collect.listing import (
     CollectedList,
     ListedFilm,
@@ -19,7 +24,7 @@ from imocap_core.collect.listing import (
     occurrence_names,
     seconds,
 )
-from imocap_core.collect.matching import Match, matches_in, score_threshold
+from imocap_core.collect.matching import Match
 from imocap_core.collect.movement import (
     Example,
     SoughtMovement,
@@ -58,11 +63,11 @@ def collect_films(
     people = film_tracks(films, params.keypoints)
     movement = _movement(workspace, example, films, people, params, display)
     display.progress(0.9, "looking for the action")
-    every = [
-        matches_in(i, track, rates, movement.template, params.collect)
-        for i, (track, rates) in enumerate(zip(people.tracks, people.samples, strict=True))
-    ]
-    matches = _clear_matches(every, params.collect)
+    by_example = matches_of_all(people, movement.template, params.collect)
+    display.progress(0.95, "looking for more like what was found")
+    every = by_further_examples(people, by_example, params.collect)
+    least = threshold(every, params.collect)
+    matches = [m for of_track in every for m in of_track if m.score >= least]
     if not matches:
         raise WorkFailed(
             f"nothing in {', '.join(f.name for f in files)} is like "
@@ -118,13 +123,6 @@ def _movement(
     same = [f for f in films if f.path.resolve() == example.video.resolve()]
     film = same[0] if same else _looked_through(workspace, [example.video], params, display)[0]
     return example_movement(example, film, people, params.keypoints)
-
-
-def _clear_matches(every: Sequence[Sequence[Match]], params: CollectParams) -> list[Match]:
-    """Of each track's matches those that are clearly more alike than most people's best one."""
-    best = [max((m.score for m in of_track), default=0.0) for of_track in every]
-    least = score_threshold(best, params)
-    return [m for of_track in every for m in of_track if m.score >= least]
 
 
 def _occurrence(

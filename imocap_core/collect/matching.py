@@ -107,7 +107,7 @@ def matches_in(
     ]
     best: list[Match] = []
     for match in sorted(every, key=lambda m: -m.score):
-        if all(_overlap(match, other) <= OVERLAP for other in best):
+        if all(overlap(match, other) <= OVERLAP for other in best):
             best.append(_by_side(match, every, params.mirror_margin))
     return best
 
@@ -152,7 +152,7 @@ def _candidates(
 
 def _by_side(match: Match, every: Sequence[Match], margin: float) -> Match:
     """The match as it is or mirrored: mirrored only where it is better by a clear margin."""
-    there = [m for m in every if _overlap(m, match) > 0.5]
+    there = [m for m in every if overlap(m, match) > 0.5]
     plain = [m for m in there if not m.mirrored]
     best = max(plain, key=lambda m: m.score) if plain else None
     reflected = max((m.score for m in there if m.mirrored), default=0.0)
@@ -162,7 +162,7 @@ def _by_side(match: Match, every: Sequence[Match], margin: float) -> Match:
     return replace(best, mirror_margin=gain)
 
 
-def _overlap(a: Match, b: Match) -> float:
-    """Of the shorter's frames."""
+def overlap(a: Match, b: Match) -> float:
+    """Share of the shorter's frames that two matches of a track share; not above 0: none."""
     shared = min(a.stop, b.stop) - max(a.first, b.first)
     return shared / max(1, min(a.stop - a.first, b.stop - b.first))

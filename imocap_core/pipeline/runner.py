@@ -140,7 +140,7 @@ def run(
                 stored = _make(job, stage, needed, done, display.progress, forced)
             stored = job.store.share(stage, stored, made=how == "made")
             job.store.publish(job.action.name, stage, stored)
-            done[stage] = stored
+            stored = done[stage] = stored.unread()
             most = peak_bytes() if how == "made" else None
             outcomes.append(Outcome(stage, how, stored, time.perf_counter() - began, most))
             display.finished(outcomes[-1])

@@ -198,10 +198,14 @@ class Inputs:
             matching = [s for s in self._stored.values() if s.schema == kind.__name__]
             if len(matching) != 1:
                 raise _older_pipeline(self.stage, "inputs", f"one {kind.__name__}", self._stored)
-            self._decoded[kind] = matching[0].decode(kind)
+            self._decoded[kind] = matching[0].unread().decode(kind)
         artifact = self._decoded[kind]
         assert isinstance(artifact, kind)
         return artifact
+
+    def forget(self, kind: type[Artifact]) -> None:
+        """Hold a large input no longer; asked for again it is read again."""
+        self._decoded.pop(kind, None)
 
 
 def _older_pipeline(stage: str, field: str, wanted: str, got: Iterable[str]) -> WorkFailed:

@@ -49,7 +49,8 @@ def can_calibrate(problem: JointProblem, motion: JointMotion) -> bool:
 def calibrated_round(
     problem: JointProblem,
     keypoints: Keypoints,
-    first: LoopRound[Sync, JointMotion],
+    first: LoopRound[SyncSummary, JointMotion],
+    first_sync: Sync,
     params: EventParams,
     progress: Progress,
 ) -> tuple[Alternation[Sync, SyncSummary, JointMotion], EventCameras]:
@@ -57,9 +58,10 @@ def calibrated_round(
     the first.
 
     Args:
-        problem: with the correspondences of the first round, whose motion is the start.
+        problem: with the correspondences of the first round, whose motion is the start; first_sync:
+            the same as a whole.
     """
-    sync, motion = first.sync, first.motion
+    sync, motion = first_sync, first.motion
     names = list(dict.fromkeys(problem.scene.body.keypoints.names))
     clock = clock_of_participants(problem, sync)
     task, start = _calibration_problem(
@@ -81,8 +83,7 @@ def calibrated_round(
     before, after = ([m.reference_frame for m in x.maps] for x in (first.sync, sync))
     change = mean_change(before, after)
     status = f"the cameras are calibrated from the event: {solved.status}"
-    begin = LoopRound(summary_of(first.sync), motion, first.cost, first.change_frames)
-    rounds = [begin, LoopRound(summary_of(sync), again, again.misfit, change)]
+    rounds = [first, LoopRound(summary_of(sync), again, again.misfit, change)]
     stored = _stored(ids, scene, solved, params, _stride(task))
     return Alternation(rounds, 1, sync, status), stored
 

@@ -74,6 +74,16 @@ def test_a_damaged_file_is_no_result(store: Store, put: Put) -> None:
     assert store.find("yoga", "sync", "one") is not None
 
 
+def test_what_was_read_is_read_again_and_must_be_the_same(put: Put) -> None:
+    unread = put("one", "first", files={"a.csv": b"1"}).unread()
+    assert unread.decode(Sync).status == "first"
+    assert unread.content.files == {"a.csv": b"1"}
+    replaced = unread.unread()
+    replaced.file.write_bytes(put("two", "second").file.read_bytes())
+    with pytest.raises(ArtifactCorrupt, match="was replaced meanwhile; run again"):
+        replaced.decode(Sync)
+
+
 def test_nothing_half_written_stays(store: Store, put: Put, sync: Sync) -> None:
     put("one")
     with pytest.raises(AttributeError):

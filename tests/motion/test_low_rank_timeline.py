@@ -114,7 +114,8 @@ def rounds(
     """An alternation whose rounds have these costs and these correspondences."""
     cost, place = iter(costs), dict(zip([9.0, *costs], maps, strict=False))
     return alternate(
-        LoopRound(np.zeros(4), 9.0, 9.0, 0.0),
+        LoopRound([np.zeros(4)], 9.0, 9.0, 0.0),
+        lambda: np.zeros(4),
         lambda motion: np.full(4, place[motion]),
         lambda sync, motion: next(cost),
         outline=lambda sync: [sync],
@@ -145,7 +146,8 @@ def test_alternation_returns_the_cheapest_round_when_it_diverges() -> None:
 def test_a_round_that_loses_frames_is_not_kept_for_being_cheap() -> None:
     lost = np.array([2.0, np.nan, np.nan, 2.0])
     done = alternate(
-        LoopRound(np.zeros(4), 9.0, 9.0, 0.0),
+        LoopRound([np.zeros(4)], 9.0, 9.0, 0.0),
+        lambda: np.zeros(4),
         lambda motion: lost,
         lambda sync, motion: 1.0,
         outline=lambda sync: [sync],
@@ -156,6 +158,7 @@ def test_a_round_that_loses_frames_is_not_kept_for_being_cheap() -> None:
     )
     assert [t.cost for t in done.rounds] == [9.0, 1.0]
     assert done.best == 0
+    np.testing.assert_array_equal(done.sync, np.zeros(4))  # as a whole, asked for in the end
 
 
 def test_alternation_without_rounds_is_the_single_pass() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic, TypeVar, cast
 
 import numpy as np
 from jaxtyping import Float
@@ -46,7 +46,8 @@ class Alternation(Generic[S, R, M]):
 
 
 def alternate(
-    first: LoopRound[S, M],
+    first: LoopRound[R, M],
+    first_sync: Callable[[], S],
     synchronise: Callable[[M], S],
     recover: Callable[[S, M], M],
     *,
@@ -62,15 +63,15 @@ def alternate(
     away from the lowest.
 
     Args:
-        first: the single pass.
+        first: the single pass; first_sync: its correspondences as a whole, for when they are the
+            result's.
         synchronise: new correspondences from a motion, the same ones whenever it is asked.
         recover: a new motion from correspondences and the motion before.
         outline: what a round keeps of its correspondences: all of them are large, and only the
             result's are needed in the end.
         maps: the per-video maps (T_v,) of an outline; cost: of a motion.
     """
-    rounds = [LoopRound(outline(first.sync), first.motion, first.cost, first.change_frames)]
-    latest = first.sync
+    rounds, latest = [first], cast(S | None, None)
     status = f"stopped after {max_rounds} rounds, before the correspondences converged"
     if max_rounds == 0:
         status = "has no rounds"
@@ -87,8 +88,9 @@ def alternate(
     words = f"round {best}" if best else "the first joint solve"
     if best < len(rounds) - 1:
         words += ", because later ones fit worse or match less"
-        latest = synchronise(rounds[best - 1].motion) if best else first.sync
-    return Alternation(rounds, best, latest, f"{status}; the result is that of {words}")
+        latest = synchronise(rounds[best - 1].motion) if best else None
+    words = f"{status}; the result is that of {words}"
+    return Alternation(rounds, best, first_sync() if latest is None else latest, words)
 
 
 def _best_round(rounds: Sequence[LoopRound[R, M]], shares: Sequence[float]) -> int:

@@ -55,6 +55,8 @@ from imocap_core.motion.terms import Term
 from imocap_core.params import MotionParams
 from imocap_core.workers import at_once
 
+EQUATIONS = 2  # a motion's posterior takes the memory of its equations twice: its factors, too
+
 
 @dataclass(frozen=True)
 class MotionPosterior:
@@ -126,7 +128,8 @@ def motion_posterior(
 
         return _video_covariance(scene, fits[v], given_shape, rotation_rows)
 
-    performers, most = scene.performers, motions_at_once(result.state.valid.shape[1])
+    frames = result.state.valid.shape[1]
+    performers, most = scene.performers, motions_at_once(EQUATIONS * frames)
     by_video: list[_VideoCovariance] = at_once(of_video, range(videos), most)
     shapes = [
         torch.linalg.inv(

@@ -1,0 +1,80 @@
+"""An example that is only nearly the movement finds some showings; they find the rest."""
+
+import numpy as np
+import pytest
+
+from imocap_core.collect.features import RATES, part_of, samples_of
+from imocap_core.collect.film_tracks import FilmTracks
+from imocap_core.collect.further_examples import (
+    MOST,
+    by_further_examples,
+    clearest,
+    matches_of_all,
+    threshold,
+)
+from imocap_core.collect.matching import Match, template_of
+from imocap_core.collect.tracks import ShotTrack
+from imocap_core.params import CollectParams
+from tests.collect.made_tracks import FPS, movement, track
+
+PARAMS = CollectParams()
+SHOWN, OTHERS = movement(1), [movement(seed) for seed in range(2, 8)]
+UNLIKE = 0.35  # share of another movement in the example
+SHOWINGS = [track(SHOWN, shot=k, azimuth_deg=70.0 * k, noise_m=0.05) for k in range(5)]
+FILMS = [*SHOWINGS, *(track(m, shot=10 + k) for k, m in enumerate(OTHERS))]
+
+
+@pytest.fixture(scope="module")
+def people() -> FilmTracks:
+    return FilmTracks(FILMS, [[samples_of(t, rate) for rate in RATES] for t in FILMS])
+
+
+@pytest.fixture(scope="module")
+def by_example(people: FilmTracks) -> list[list[Match]]:
+    shown, other = track(SHOWN, shot=20), track(movement(9), shot=21)
+    joints = (1 - UNLIKE) * shown.joints + UNLIKE * other.joints
+    samples = samples_of(ShotTrack(**{**vars(shown), "joints": joints}), 1.0)
+    inside = (samples.frame >= 0.5 * FPS) & (samples.frame < 2.5 * FPS)
+    return matches_of_all(people, template_of(part_of(samples, inside), people.pool()), PARAMS)
+
+
+def best(matches: list[list[Match]]) -> np.ndarray:
+    return np.array([max((m.score for m in of_track), default=0.0) for of_track in matches])
+
+
+def test_showings_are_told_better_from_the_rest(
+    people: FilmTracks, by_example: list[list[Match]]
+) -> None:
+    before = best(by_example)
+    after = best(by_further_examples(people, by_example, PARAMS))
+    own, rest = slice(len(SHOWINGS)), slice(len(SHOWINGS), None)
+    assert after[own].min() > before[own].min() + 0.1
+    assert after[rest].max() < before[rest].max() + 0.05
+
+
+def test_matches_stay_where_they_are_best_first(
+    people: FilmTracks, by_example: list[list[Match]]
+) -> None:
+    for before, after in zip(
+        by_example, by_further_examples(people, by_example, PARAMS), strict=True
+    ):
+        assert sorted((m.first, m.stop) for m in before) == sorted((m.first, m.stop) for m in after)
+        assert [m.score for m in after] == sorted((m.score for m in after), reverse=True)
+
+
+def match(track: int, score: float) -> Match:
+    return Match(track, 0, 10, 1.0, score, mirrored=False)
+
+
+def test_only_clear_matches_are_examples() -> None:
+    unclear = [[match(k, 0.45)] for k in range(3)]
+    assert clearest(unclear, PARAMS) == []
+    clear = [[match(k, 0.9 - 0.01 * k), match(k, 0.8)] for k in range(MOST + 2)]
+    rest = [[match(20 + k, 0.1)] for k in range(30)]
+    assert clearest([*clear, *rest, []], PARAMS) == [of_track[0] for of_track in clear[:MOST]]
+    assert threshold([*clear, *rest, []], PARAMS) == PARAMS.least_score
+
+
+def test_without_clear_matches_the_example_decides_alone(people: FilmTracks) -> None:
+    weak = [[match(k, 0.3 + 0.01 * k)] for k in range(len(FILMS))]
+    assert by_further_examples(people, weak, PARAMS) == weak
