@@ -4,10 +4,21 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import weakref
+from pathlib import Path
 
+import numpy as np
 import pytest
 
+from imocap_core.artifacts.schemas import Uncertainty
+from imocap_core.artifacts.store import Store
+from imocap_core.library.progress import displaying
+from imocap_core.pipeline import runner
+from imocap_core.pipeline.stage import Inputs
 from imocap_core.process import keep_freed_memory
+from imocap_core.workspace import Workspace
+from tests.pipeline.conftest import Toy
+from tests.report.made import Made
 
 RELEASED = """
 import numpy as np
@@ -50,6 +61,34 @@ def test_arrays_made_again_cost_no_new_pages() -> None:
 def test_freed_memory_is_given_back_between_stages() -> None:
     done = subprocess.run([sys.executable, "-c", RELEASED], capture_output=True, check=True)
     assert int(done.stdout) > 100_000_000
+
+
+def test_an_input_is_held_by_its_stage_alone(tmp_path: Path) -> None:
+    stored = Store(tmp_path).put("uncertainty", "key", Made().claimed, {}, {}).unread()
+    inputs = Inputs("evaluate", {"uncertainty": stored})
+
+    def held() -> weakref.ref[np.ndarray]:
+        return weakref.ref(inputs.get(Uncertainty).videos[0].sigma_mm)
+
+    first = held()
+    assert inputs.get(Uncertainty).videos[0].sigma_mm is first()
+    inputs.forget(Uncertainty)
+    assert first() is None
+    again = held()
+    assert again() is not None
+    del inputs
+    assert again() is None
+    assert "content" not in vars(stored)
+
+
+def test_a_run_holds_no_contents(toy: Toy) -> None:
+    job = Workspace(toy.root).job("toy", [])
+    with displaying(None) as display:
+        outcomes = runner.run(job, display, list(job.pipeline.stages))
+    assert [outcome.how for outcome in outcomes] == ["made"] * 3
+    for outcome in outcomes:
+        assert outcome.stored._content is None
+        assert "content" not in vars(outcome.stored)
 
 
 def test_other_systems_are_left_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
