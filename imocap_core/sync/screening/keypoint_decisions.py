@@ -34,11 +34,11 @@ CLEAR_REFLECTION = 0.3  # from which a video is mirrored
 DECIDABLE_REFLECTION = (
     0.33  # of the median video, from which an action differs from its mirror image
 )
-ANOTHER_ACTION = 0.2  # score from which a video shows another action
+ANOTHER_ACTION = 0.18  # score from which a video shows another action
 EXCESS_WEIGHT = 0.5  # of the residual over the others', beside that over a static pose
 REFLECTION_WEIGHT = 0.5  # of a clear answer to whether it is mirrored, which a stranger has not
 SUSPICIOUS, DOUBTFUL = 0.05, 0.14  # first score worth a second look; last score worth a remark
-EXPLAINED_OTHERS = -0.05  # the others' median excess over a static pose must lie below
+EXPLAINED_OTHERS = 0.0  # the others' median excess over a static pose must lie below
 SIGN_ROUNDS = 3
 FEWEST = 3  # videos of which one can be called another action
 
