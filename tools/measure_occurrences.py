@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.ndimage import median_filter
 
 from benchmarks.actions.captured import PLACEMENTS, SIZE, trial_videos
@@ -52,7 +52,7 @@ BOX_PX = (0.0, 0.0, 100.0, 300.0)
 
 
 @dataclass(frozen=True)
-class Take:
+class FilmedTake:
     """A film of a movement, and another film of the whole take that can be the example."""
 
     movement: str
@@ -80,18 +80,18 @@ def filmed(
     K, R, t = place_camera(PLACEMENTS[rng.integers(len(PLACEMENTS))], joints_m, SIZE)
     depth = median_filter((hip_middle(joints_m) @ R.T + t)[:, 2], 5)
     pixels = project(coco18_points(joints_m), K, R, t)
-    found = detect_person(pixels, K[0, 0] * stature_m(joints_m) / depth, fps, "mediapipe", rng)
-    rays = (found.xy_px - 0.5 * np.array(SIZE)) / max(SIZE)
-    rays = np.where(found.confidence[..., None] > 0, rays, np.nan)
-    lifted = lift(load_lifter(), *to_common(rays, found.confidence, "coco18"), fps)
+    detections = detect_person(pixels, K[0, 0] * stature_m(joints_m) / depth, fps, "mediapipe", rng)
+    rays = (detections.xy_px - 0.5 * np.array(SIZE)) / max(SIZE)
+    rays = np.where(detections.confidence[..., None] > 0, rays, np.nan)
+    lifted = lift(load_lifter(), *to_common(rays, detections.confidence, "coco18"), fps)
     box = np.tile(BOX_PX, (len(joints_m), 1))
     return ShotTrack(
-        0, shot, 0, 0, fps, lifted.joints, lifted.sigma_m, lifted.visible, found.xy_px,
-        found.confidence, box,
+        0, shot, 0, 0, fps, lifted.joints, lifted.sigma_m, lifted.visible, detections.xy_px,
+        detections.confidence, box,
     )  # fmt: skip
 
 
-def takes_of(data: Path, seed: int) -> list[Take]:
+def takes_of(data: Path, seed: int) -> list[FilmedTake]:
     """All takes of a draw."""
     rng = np.random.default_rng(seed)
     takes = []
@@ -100,12 +100,12 @@ def takes_of(data: Path, seed: int) -> list[Take]:
         first, last = (int(cut * len(joints)) for cut in cuts)
         film = filmed(joints[first : len(joints) - last], fps, number, rng)
         example = filmed(joints, fps, number, rng) if rng.random() < EXAMPLES else None
-        takes.append(Take(movement, film, example))
+        takes.append(FilmedTake(movement, film, example))
     return takes
 
 
 def found_and_false(
-    takes: list[Take], movement: str, matches: list[list[Match]], params: CollectParams
+    takes: list[FilmedTake], movement: str, matches: list[list[Match]], params: CollectParams
 ) -> tuple[int, int]:
     """Takes with a clear match that show the movement, and that show something else."""
     least = threshold(matches, params)
@@ -115,6 +115,31 @@ def found_and_false(
     return right, len(shown) - right - alike
 
 
+def counts_of_draw(
+    takes: list[FilmedTake], params: CollectParams
+) -> tuple[int, Int[np.ndarray, "2 2"]]:
+    """Showings that there are over all examples, and those found and those that are something else:
+    by the example alone, and with further ones."""
+    counts, there = np.zeros((2, 2), dtype=int), 0
+    samples = [[samples_of(take.film, rate) for rate in RATES] for take in takes]
+    for number, take in enumerate(takes):
+        if take.example is None:
+            continue
+        others = [k for k in range(len(takes)) if k != number]
+        films = [takes[k] for k in others]
+        people = FilmTracks([film.film for film in films], [samples[k] for k in others])
+        whole = samples_of(take.example, 1.0)
+        last = len(take.example.joints) - EDGE_FRAMES
+        inside = (whole.frame >= EDGE_FRAMES) & (whole.frame < last)
+        template = template_of(part_of(whole, inside), people.pool())
+        alone = matches_of_all(people, template, params)
+        further = by_further_examples(people, alone, params)
+        there += sum(film.movement == take.movement for film in films)
+        for row, matches in enumerate((alone, further)):
+            counts[row] += found_and_false(films, take.movement, matches, params)
+    return there, counts
+
+
 def main() -> None:
     """Print the counts of every draw."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -122,29 +147,11 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[1])
     arguments = parser.parse_args()
     torch.set_num_threads(1)
-    params = CollectParams()
     for seed in arguments.seeds:
-        takes, counts, there = takes_of(arguments.data, seed), np.zeros((2, 2), dtype=int), 0
-        samples = [[samples_of(take.film, rate) for rate in RATES] for take in takes]
-        for number, take in enumerate(takes):
-            if take.example is None:
-                continue
-            others = [k for k in range(len(takes)) if k != number]
-            films = [takes[k] for k in others]
-            people = FilmTracks([film.film for film in films], [samples[k] for k in others])
-            whole = samples_of(take.example, 1.0)
-            last = len(take.example.joints) - EDGE_FRAMES
-            inside = (whole.frame >= EDGE_FRAMES) & (whole.frame < last)
-            template = template_of(part_of(whole, inside), people.pool())
-            alone = matches_of_all(people, template, params)
-            further = by_further_examples(people, alone, params)
-            there += sum(film.movement == take.movement for film in films)
-            for row, matches in enumerate((alone, further)):
-                counts[row] += found_and_false(films, take.movement, matches, params)
-        (found, false), (found_further, false_further) = counts.tolist()
+        there, counts = counts_of_draw(takes_of(arguments.data, seed), CollectParams())
         print(
-            f"seed {seed}: example alone {found} of {there}, {false} false; "
-            f"with further examples {found_further}, {false_further} false"
+            f"seed {seed}, {there} showings: by the example alone {counts[0, 0]} and "
+            f"{counts[0, 1]} false; with further examples {counts[1, 0]} and {counts[1, 1]} false"
         )
 
 

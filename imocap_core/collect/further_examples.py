@@ -43,12 +43,12 @@ def by_further_examples(
     """The matches with the mean score by the template and by the clearest of them; best first."""
     examples = clearest(matches, params)
     templates = [_template(people, match) for match in examples]
-    found = [matches_of_all(people, template, params) for template in templates]
+    rematched = [matches_of_all(people, template, params) for template in templates]
 
     def score(match: Match) -> float:
         others = [
             max((m.score for m in again[match.track] if overlap(m, match) > SAME), default=0.0)
-            for example, again in zip(examples, found, strict=True)
+            for example, again in zip(examples, rematched, strict=True)
             if example != match
         ]
         return float(np.mean([match.score, *others]))
