@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -38,8 +37,8 @@ from imocap_core.process import release_freed_memory, release_if_large
 def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     """All rounds; round 0 is the single pass."""
     keypoints, single_pass = inputs.get(Keypoints), inputs.get(SmplBa)
-    first_sync, sound = _without_matrices(inputs)
     cameras, initial = inputs.get(CameraMotion), inputs.get(InitialSmpl)
+    first_sync, sound_start_s = _without_matrices(inputs)
     problem = problem_of(
         keypoints,
         cameras,
@@ -62,8 +61,7 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
             lambda what: ctx.progress(0.3, what),
         )
     else:
-        whole = partial(inputs.get, Sync)
-        loop = _in_turn(ctx, problem, keypoints, initial, begin, whole, sound, params)
+        loop = _in_turn(ctx, inputs, problem, begin, sound_start_s, params)
     result = _as_artifact(loop, problem, single_pass)
     motion = with_ground(result.motion, keypoints, cameras, result.sync.excluded, params.fit)
     motion = with_hands_on_ground(motion, problem.scene.body.model, result.sync)
@@ -81,16 +79,14 @@ def _without_matrices(inputs: Inputs) -> tuple[SyncSummary, Float[np.ndarray, " 
 
 def _in_turn(
     ctx: Context,
+    inputs: Inputs,
     problem: JointProblem,
-    keypoints: Keypoints,
-    initial: InitialSmpl,
     begin: LoopRound[SyncSummary, JointMotion],
-    whole_sync: Callable[[], Sync],
     sound_start_s: Float[np.ndarray, " M"] | None,
     params: Params,
 ) -> Alternation[Sync, SyncSummary, JointMotion]:
-    """Synchronisation and SMPL-BA in turn; whole_sync: the first one with its matrices."""
-    first_sync = begin.sync
+    """Synchronisation and SMPL-BA in turn."""
+    keypoints, initial, first_sync = inputs.get(Keypoints), inputs.get(InitialSmpl), begin.sync
     hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))
     if sound_start_s is not None:
         hints = with_sound(hints, sound_start_s, keypoints)
@@ -134,7 +130,7 @@ def _in_turn(
 
     return alternate(
         begin,
-        whole_sync,
+        partial(inputs.get, Sync),
         synchronise,
         recover,
         outline=summary_of,

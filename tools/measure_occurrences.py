@@ -1,4 +1,4 @@
-"""How many showings of a movement an example finds, alone and with what was found as further ones.
+"""How many occurrences of a movement an example finds, alone and with further examples.
 
     python -m tools.measure_occurrences ../shared/data --seeds 1 2 3
 
@@ -18,11 +18,10 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import Float, Int
-from scipy.ndimage import median_filter
 
 from benchmarks.actions.captured import PLACEMENTS, SIZE, trial_videos
+from benchmarks.screening.casts import detected
 from benchmarks.sync.training_scenes import CAPTURED_FPS, training_clip
-from imocap_core.camera.projection import project
 from imocap_core.collect.features import RATES, part_of, samples_of
 from imocap_core.collect.film_tracks import FilmTracks
 from imocap_core.collect.further_examples import by_further_examples, matches_of_all, threshold
@@ -32,8 +31,6 @@ from imocap_core.lifter.infer import lift
 from imocap_core.lifter.points import to_common
 from imocap_core.lifter.weights import load_lifter
 from imocap_core.params import CollectParams
-from imocap_core.synthetic.captured import coco18_points, hip_middle, place_camera, stature_m
-from imocap_core.synthetic.detector_presets import detect_person
 
 FILES = {
     "backhand": "tennis_backhand_jarua",
@@ -77,10 +74,8 @@ def filmed(
     joints_m: Float[np.ndarray, "T 14 3"], fps: float, shot: int, rng: np.random.Generator
 ) -> ShotTrack:
     """A take from a random side, detected and lifted."""
-    K, R, t = place_camera(PLACEMENTS[rng.integers(len(PLACEMENTS))], joints_m, SIZE)
-    depth = median_filter((hip_middle(joints_m) @ R.T + t)[:, 2], 5)
-    pixels = project(coco18_points(joints_m), K, R, t)
-    detections = detect_person(pixels, K[0, 0] * stature_m(joints_m) / depth, fps, "mediapipe", rng)
+    view = PLACEMENTS[rng.integers(len(PLACEMENTS))]
+    detections = detected(joints_m, view, fps, "mediapipe", rng)
     rays = (detections.xy_px - 0.5 * np.array(SIZE)) / max(SIZE)
     rays = np.where(detections.confidence[..., None] > 0, rays, np.nan)
     lifted = lift(load_lifter(), *to_common(rays, detections.confidence, "coco18"), fps)
@@ -118,8 +113,8 @@ def found_and_false(
 def counts_of_draw(
     takes: list[FilmedTake], params: CollectParams
 ) -> tuple[int, Int[np.ndarray, "2 2"]]:
-    """Showings that there are over all examples, and those found and those that are something else:
-    by the example alone, and with further ones."""
+    """Occurrences that there are, over all examples; and of what is taken those that are one and
+    those that are not: by the example alone, and with further examples."""
     counts, there = np.zeros((2, 2), dtype=int), 0
     samples = [[samples_of(take.film, rate) for rate in RATES] for take in takes]
     for number, take in enumerate(takes):
@@ -150,7 +145,7 @@ def main() -> None:
     for seed in arguments.seeds:
         there, counts = counts_of_draw(takes_of(arguments.data, seed), CollectParams())
         print(
-            f"seed {seed}, {there} showings: by the example alone {counts[0, 0]} and "
+            f"seed {seed}, {there} occurrences: by the example alone {counts[0, 0]} and "
             f"{counts[0, 1]} false; with further examples {counts[1, 0]} and {counts[1, 1]} false"
         )
 

@@ -96,13 +96,23 @@ def _opposite(view: CameraPlacement) -> CameraPlacement:
 
 
 def _film(joints: np.ndarray, view: CameraPlacement, detector: str, clip: str, v: int) -> CastFilm:
-    K, R, t = place_camera(view, joints, SIZE)
-    depth = (hip_middle(joints) @ R.T + t)[:, 2]
-    height_px = K[0, 0] * stature_m(joints) / median_filter(depth, 5)
     rng = video_rng(f"film {clip}", v, 1)
-    pixels = project(coco18_points(joints), K, R, t)
-    detections = detect_person(pixels, height_px, CAPTURED_FPS, detector, rng)
-    return CastFilm(joints, occluded(detections, rng))
+    return CastFilm(joints, occluded(detected(joints, view, CAPTURED_FPS, detector, rng), rng))
+
+
+def detected(
+    joints_m: Float[np.ndarray, "T 14 3"],
+    view: CameraPlacement,
+    fps: float,
+    detector: str,
+    rng: np.random.Generator,
+) -> Detections:
+    """What a simulated detector gives of a performance from a side."""
+    K, R, t = place_camera(view, joints_m, SIZE)
+    depth = (hip_middle(joints_m) @ R.T + t)[:, 2]
+    height_px = K[0, 0] * stature_m(joints_m) / median_filter(depth, 5)
+    pixels = project(coco18_points(joints_m), K, R, t)
+    return detect_person(pixels, height_px, fps, detector, rng)
 
 
 def occluded(detections: Detections, rng: np.random.Generator) -> Detections:

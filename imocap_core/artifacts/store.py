@@ -75,11 +75,11 @@ class Stored:
 
     def read(self) -> Stored:
         """The same with its content, read now where it has not been. ArtifactCorrupt as above."""
-        return _read(self.file) if self._content is None else self
+        return replace(self, _content=self.content)
 
     def unread(self) -> Stored:
-        """The same without its content, which is read again where it is wanted: whoever has read
-        this one holds its memory no longer than this one."""
+        """The same without its content, which whoever needs it reads from the file: what that costs
+        in memory is given back with the copy that was read."""
         return replace(self, _content=None)
 
     def decode(self, kind: type[Kind]) -> Kind:

@@ -1,8 +1,8 @@
-"""What was clearly found serves as further examples.
+"""The clearest matches of an example serve as further examples.
 
-One example shows the movement from one side, by one performer. What the films themselves show of it
-is nearer to its other showings; so the clearest matches become templates, too, and a match is as
-like the movement as it is like all of them on average. One wrong match among them weighs little.
+One example shows the movement from one side, by one performer; its occurrences in the films are
+nearer to each other. So the clearest matches become templates, too, and a match has the mean of its
+scores under all templates. One wrong match among them weighs little.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from imocap_core.collect.features import RATES, at_rate, mirrored, part_of
+from imocap_core.collect.features import RATES, TrackSamples, at_rate, mirrored, part_of
 from imocap_core.collect.film_tracks import FilmTracks
 from imocap_core.collect.matching import (
     Match,
@@ -26,7 +26,7 @@ from imocap_core.params import CollectParams
 
 LEAST_SCORE = 0.5  # of a further example
 MOST = 6
-SAME = 0.5  # of the shorter stretch, that two matches of one showing share
+SAME = 0.5  # of the shorter stretch that two matches of one occurrence share
 
 
 def matches_of_all(
@@ -40,9 +40,10 @@ def matches_of_all(
 def by_further_examples(
     people: FilmTracks, matches: Sequence[Sequence[Match]], params: CollectParams
 ) -> list[list[Match]]:
-    """The matches with the mean score by the template and by the clearest of them; best first."""
-    examples = clearest(matches, params)
-    templates = [_template(people, match) for match in examples]
+    """The matches with the mean of their scores under the template and under the clearest ones, the
+    best first."""
+    examples, pool = clearest(matches, params), people.pool()
+    templates = [_template(people, match, pool) for match in examples]
     rematched = [matches_of_all(people, template, params) for template in templates]
 
     def score(match: Match) -> float:
@@ -70,10 +71,10 @@ def threshold(matches: Sequence[Sequence[Match]], params: CollectParams) -> floa
     return score_threshold(best, params)
 
 
-def _template(people: FilmTracks, match: Match) -> Template:
+def _template(people: FilmTracks, match: Match, pool: TrackSamples) -> Template:
     """The stretch that matches, at the playback rate nearest to its own, as the template shows it:
     a mirrored one in a mirror."""
     rate = min(RATES, key=lambda r: abs(np.log(r / match.rate)))
     samples = at_rate(people.samples[match.track], rate)
     stretch = part_of(samples, (samples.frame >= match.first) & (samples.frame < match.stop))
-    return template_of(mirrored(stretch) if match.mirrored else stretch, people.pool())
+    return template_of(mirrored(stretch) if match.mirrored else stretch, pool)

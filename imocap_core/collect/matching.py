@@ -163,6 +163,7 @@ def _by_side(match: Match, every: Sequence[Match], margin: float) -> Match:
 
 
 def overlap(a: Match, b: Match) -> float:
-    """Share of the shorter's frames that two matches of a track share; not above 0: none."""
+    """Frames that two matches of a track have in common, as a share of the shorter one's; at most 0
+    where there are none."""
     shared = min(a.stop, b.stop) - max(a.first, b.first)
     return shared / max(1, min(a.stop - a.first, b.stop - b.first))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar, cast
+from typing import Generic, TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -63,15 +63,16 @@ def alternate(
     away from the lowest.
 
     Args:
-        first: the single pass; first_sync: its correspondences as a whole, for when they are the
-            result's.
+        first: the single pass; first_sync: its correspondences as a whole, which are asked for only
+            where they are the result's.
         synchronise: new correspondences from a motion, the same ones whenever it is asked.
         recover: a new motion from correspondences and the motion before.
         outline: what a round keeps of its correspondences: all of them are large, and only the
             result's are needed in the end.
         maps: the per-video maps (T_v,) of an outline; cost: of a motion.
     """
-    rounds, latest = [first], cast(S | None, None)
+    rounds = [first]
+    latest: S | None = None
     status = f"stopped after {max_rounds} rounds, before the correspondences converged"
     if max_rounds == 0:
         status = "has no rounds"

@@ -55,7 +55,7 @@ from imocap_core.motion.terms import Term
 from imocap_core.params import MotionParams
 from imocap_core.workers import at_once
 
-EQUATIONS = 2  # a motion's posterior takes the memory of its equations twice: its factors, too
+POSTERIOR_MEMORY = 2  # of a motion, in memory of its normal equations: their factors, too
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ def motion_posterior(
         return _video_covariance(scene, fits[v], given_shape, rotation_rows)
 
     frames = result.state.valid.shape[1]
-    performers, most = scene.performers, motions_at_once(EQUATIONS * frames)
+    performers, most = scene.performers, motions_at_once(POSTERIOR_MEMORY * frames)
     by_video: list[_VideoCovariance] = at_once(of_video, range(videos), most)
     shapes = [
         torch.linalg.inv(
