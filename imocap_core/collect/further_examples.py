@@ -43,7 +43,7 @@ def by_further_examples(
     """The matches with the mean of their scores under the template and under the clearest ones, the
     best first."""
     examples, pool = clearest(matches, params), people.pool()
-    templates = [_template(people, match, pool) for match in examples]
+    templates = [template_at(people, match, pool) for match in examples]
     rematched = [matches_of_all(people, template, params) for template in templates]
 
     def score(match: Match) -> float:
@@ -71,7 +71,7 @@ def threshold(matches: Sequence[Sequence[Match]], params: CollectParams) -> floa
     return score_threshold(best, params)
 
 
-def _template(people: FilmTracks, match: Match, pool: TrackSamples) -> Template:
+def template_at(people: FilmTracks, match: Match, pool: TrackSamples) -> Template:
     """The stretch that matches, at the playback rate nearest to its own, as the template shows it:
     a mirrored one in a mirror."""
     rate = min(RATES, key=lambda r: abs(np.log(r / match.rate)))

@@ -58,6 +58,12 @@ def test_the_occurrences_are_videos_of_the_action(collected: imocap.CollectedAct
     assert "# long film.mp4, shot 3, 0:03." in text
 
 
+def test_an_occurrence_is_compared_with_the_others_too(collected: imocap.CollectedAction) -> None:
+    score = {o.id: o.score for o in collected.listing.occurrences}
+    assert 0.6 < score["s001"] < 0.97  # the example itself, 1 by itself
+    assert score["s003"] > 0.6
+
+
 def test_the_list_is_read_back(collected: imocap.CollectedAction) -> None:
     assert collected.list_file is not None
     assert read_collected(collected.list_file) == collected.listing

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from imocap_core.collect.features import RATES, part_of, samples_of
+from imocap_core.collect.features import RATES, part_of, samples_of, squared_distances
 from imocap_core.collect.film_tracks import FilmTracks
 from imocap_core.collect.further_examples import (
     MOST,
     by_further_examples,
     clearest,
     matches_of_all,
+    template_at,
     threshold,
 )
 from imocap_core.collect.matching import Match, template_of
@@ -24,9 +25,13 @@ SHOWINGS = [track(SHOWN, shot=k, azimuth_deg=70.0 * k, noise_m=0.05) for k in ra
 FILMS = [*SHOWINGS, *(track(m, shot=10 + k) for k, m in enumerate(OTHERS))]
 
 
+def filmed(tracks: list[ShotTrack]) -> FilmTracks:
+    return FilmTracks(tracks, [[samples_of(t, rate) for rate in RATES] for t in tracks])
+
+
 @pytest.fixture(scope="module")
 def people() -> FilmTracks:
-    return FilmTracks(FILMS, [[samples_of(t, rate) for rate in RATES] for t in FILMS])
+    return filmed(FILMS)
 
 
 @pytest.fixture(scope="module")
@@ -62,8 +67,57 @@ def test_matches_stay_where_they_are_best_first(
         assert [m.score for m in after] == sorted((m.score for m in after), reverse=True)
 
 
-def match(track: int, score: float) -> Match:
-    return Match(track, 0, 10, 1.0, score, mirrored=False)
+def match(track: int, score: float, *, mirrored: bool = False, begin_s: float = 0.5) -> Match:
+    first = round(begin_s * FPS)
+    return Match(track, first, first + round(2 * FPS), 1.0, score, mirrored)
+
+
+def scores(people: FilmTracks, matches: list[Match]) -> list[float]:
+    """The scores of one match a track by further examples."""
+    again = by_further_examples(people, [[m] for m in matches], PARAMS)
+    return [of_track[0].score for of_track in again]
+
+
+def test_one_wrong_example_among_right_ones_weighs_little() -> None:
+    wrong = len(SHOWINGS)
+    once_more = track(OTHERS[0], shot=30, azimuth_deg=40)
+    by_example = [0.8, 0.8, 0.8, 0.8, 0.45, 0.8, *[0.1] * (len(OTHERS) - 1), 0.3]
+    assert FILMS[wrong].shot == 10
+    score = scores(filmed([*FILMS, once_more]), [match(k, s) for k, s in enumerate(by_example)])
+    assert score[wrong - 1] > 0.5  # the last showing
+    assert score[-1] < PARAMS.least_score  # the wrong movement once more
+
+
+def test_an_example_is_not_compared_with_itself(people: FilmTracks) -> None:
+    alone = [match(0, 0.6), *(match(k, 0.1) for k in range(1, len(FILMS)))]
+    assert scores(people, alone)[0] == 0.6
+
+
+def test_another_stretch_of_the_same_track_counts_for_itself() -> None:
+    shown, other = track(SHOWN, shot=40), track(OTHERS[0], shot=41)
+    rows = ("joints", "sigma_m", "visible", "xy_px", "confidence", "box_px")
+    both = {name: np.concatenate([vars(t)[name] for t in (shown, other)]) for name in rows}
+    joined = ShotTrack(**{**vars(shown), **both})
+    people = filmed([joined, *SHOWINGS])
+    later = len(shown.joints) / FPS + 0.5
+    first, second = match(0, 0.3), match(0, 0.3, begin_s=later)
+    clear = [[match(k, 0.8)] for k in range(1, len(SHOWINGS) + 1)]
+    again = by_further_examples(people, [[first, second], *clear], PARAMS)
+    by_place = {m.first: m.score for m in again[0]}
+    assert by_place[first.first] > 0.5
+    assert by_place[second.first] < 0.3
+
+
+def test_a_mirrored_match_is_an_example_of_the_movement_as_it_is() -> None:
+    people = filmed([track(SHOWN, shot=0), track(SHOWN, shot=1, mirrored=True), FILMS[-1]])
+    pool = people.pool()
+    plain = template_at(people, match(0, 0.9), pool)
+    back = template_at(people, match(1, 0.9, mirrored=True), pool)
+    unturned = template_at(people, match(1, 0.9), pool)
+    near, far = (
+        np.diagonal(squared_distances(plain.samples, t.samples)).mean() for t in (back, unturned)
+    )
+    assert near < 0.1 * far
 
 
 def test_only_clear_matches_are_examples() -> None:
