@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,13 +19,10 @@ from imocap_core.detect.detectors import Detector, detector_of
 from imocap_core.detect.setup import set_up
 from imocap_core.detect.several import Undetected, detect_videos
 from imocap_core.errors import WorkFailed
-from imocap_core.io.video import read_gray
 from imocap_core.io.video_check import check_video
 from imocap_core.params import DetectParams
 from imocap_core.pipeline.action import DETECT, Action, Declaration
 from imocap_core.problem.usable_videos import LEAST_VIDEOS
-
-LOOK_SCALE = 0.05  # of the pictures, which are decoded to see whether they can be
 
 if TYPE_CHECKING:
     from imocap_core.pipeline.runner import Display
@@ -49,16 +47,17 @@ def detect(action: Action, params: DetectParams, store: Store, display: Display)
     """Run the detector on every video that has no detections yet.
 
     Detections are stored video by video, so an interrupted run goes on where it stopped. A video
-    that cannot be decoded is passed over where others remain: the stage keypoints names it.
-    WorkFailed when a model is missing, too few videos can be read, or the detector fails.
+    that cannot be decoded to its end is passed over where others remain: the stage keypoints names
+    it. WorkFailed when a model is missing, too few videos can be read, or the detector fails.
     """
     detector = detector_of(params, action.folder)
     missing = [str(model) for model in detector.models if not model.is_file()]
     if missing:
         raise WorkFailed(f"{action.file}: params.detect: {missing[0]} does not exist")
-    waiting = _readable(
-        action, [v for v in action.videos if v.detected and v.id not in action.detected]
-    )
+    waiting = [v for v in action.videos if v.detected and v.id not in action.detected]
+    faults = {v.id: _fault(action, v) for v in waiting}
+    _require_enough(action, [fault for fault in faults.values() if fault])
+    waiting = [v for v in waiting if not faults[v.id]]
     if not waiting:
         return
     display.started("detect", [f"{v.id} has no detections of {detector.version}" for v in waiting])
@@ -70,9 +69,13 @@ def detect(action: Action, params: DetectParams, store: Store, display: Display)
         assert declared.video is not None
         undetected[file] = Undetected(action.folder / declared.video, file)
     try:
-        detect_videos([*undetected.values()], detector, python, display.progress)
+        broken = detect_videos([*undetected.values()], detector, python, display.progress)
     finally:
         share_detections(store, [file for file in undetected if file.is_file()])
+    _require_enough(
+        action,
+        [*filter(None, faults.values()), *(f"{action.file}: {error}" for error in broken)],
+    )
 
 
 def detect_one(
@@ -89,32 +92,21 @@ def detect_one(
         return
     display.started("detect", [f"{video} has no detections of {detector.version}"])
     python = set_up(detector, lambda what: display.progress(0.0, what))
-    detect_video(action.folder / str(declared.video), file, detector, python, display.progress)
-    share_detections(store, [file])
+    with suppress(ValueError):
+        detect_video(action.folder / str(declared.video), file, detector, python, display.progress)
+    share_detections(store, [file] if file.is_file() else [])
 
 
-def _readable(action: Action, waiting: Sequence[Declaration]) -> list[Declaration]:
-    """The videos that can be decoded to their end; WorkFailed, before the detector takes its time,
-    when fewer than two of the action remain."""
-    readable: list[Declaration] = []
-    faults: list[str] = []
-    for declared in waiting:
-        fault = _fault(action, declared)
-        if fault:
-            faults.append(fault)
-        else:
-            readable.append(declared)
+def _require_enough(action: Action, faults: Sequence[str]) -> None:
+    """WorkFailed when fewer than two videos remain without those that cannot be read."""
     if faults and len(action.videos) - len(faults) < LEAST_VIDEOS:
         raise WorkFailed("\n".join(faults))
-    return readable
 
 
 def _fault(action: Action, declared: Declaration) -> str:
-    """Why a video cannot be decoded to its end; empty where it can."""
+    """Why a video cannot be read; empty where it seems to be whole."""
     try:
         check_video(action.folder / str(declared.video))
-        for _ in read_gray(action.folder / str(declared.video), scale=LOOK_SCALE):
-            pass
     except ValueError as error:
         return f"{action.file}: {error}"
     return ""

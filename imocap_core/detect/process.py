@@ -20,6 +20,7 @@ from imocap_core.errors import WorkFailed
 
 ANSWER_S = 300.0  # the longest wait for one answer: loading a model on a busy machine takes 60
 END_S = 30.0
+PIPE_BYTES = 1 << 20  # of a pipe, where the system lets us choose: pictures pass in fewer pieces
 HEAD = struct.Struct("<III")  # is it the last, height, width: the protocol of detect/workers
 
 
@@ -40,6 +41,7 @@ class Worker:
                 stdout=subprocess.PIPE,
                 stderr=self._errors,
                 env=os.environ | of_threads,
+                pipesize=PIPE_BYTES,
             )
         except OSError as error:
             self._errors.close()
@@ -83,9 +85,9 @@ class Worker:
     def detect(self, picture: UInt8[np.ndarray, "H W 3"], is_last: bool) -> dict[str, Any]:
         """The answer to one picture, RGB; WorkFailed when the process fails or ends."""
         head = HEAD.pack(is_last, *picture.shape[:2])
-        return self._answer(head, np.ascontiguousarray(picture).tobytes())
+        return self._answer(head, memoryview(np.ascontiguousarray(picture)).cast("B"))
 
-    def _answer(self, *question: bytes) -> dict[str, Any]:
+    def _answer(self, *question: bytes | memoryview) -> dict[str, Any]:
         """The answer to a question; WorkFailed when none comes in time."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None

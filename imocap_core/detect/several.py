@@ -48,10 +48,11 @@ class _Workers:
 
 def detect_videos(
     videos: Sequence[Undetected], detector: Detector, python: Path, progress: Progress
-) -> None:
-    """Detect people in all of the videos.
+) -> list[ValueError]:
+    """Detect people in all of the videos; why some cannot be decoded to their end.
 
-    Where one fails, the others are finished, and then the first failure is raised. Ctrl-C ends all.
+    Where the detector fails, the other videos are finished, and then the first failure is raised.
+    Ctrl-C ends all.
 
     Args:
         progress: called with the share of all the work, and a sentence about one video.
@@ -86,5 +87,6 @@ def detect_videos(
                 workers.stop()
                 raise
     for fault in faults:
-        if fault is not None:
+        if isinstance(fault, ImocapError):
             raise fault
+    return [fault for fault in faults if isinstance(fault, ValueError)]

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from imocap_core.detect.workers.blazepose.course import EVERY, Course
+from imocap_core.detect.workers.blazepose.course import EVERY, PATIENCE, Course
 from imocap_core.detect.workers.blazepose.crops import Crop
+from imocap_core.detect.workers.blazepose.followed import KNOWN, FollowedPerson, merged
 from imocap_core.detect.workers.blazepose.hidden import with_hidden
 from imocap_core.detect.workers.blazepose.landmarks import Landmarks, detect_landmarks, mask_in
 from imocap_core.detect.workers.blazepose.overlap import distinct, is_duplicate, shared
@@ -119,6 +120,61 @@ def test_the_allowed_stay_the_same() -> None:
     """Somebody who comes later and is as large takes nobody's place."""
     walk = [picture((100, 150), *[(400, 200)] * (t > 2)) for t in range(3 * EVERY)]
     assert all(np.allclose(p, [(100, 150)], atol=8) for p in places(walk, most_people=1))
+
+
+def test_a_box_with_nobody_in_it_is_not_looked_at_again_soon() -> None:
+    """A poster: the person detector takes it for somebody, the landmark network does not."""
+    looks = 0
+
+    def nobody(given: np.ndarray) -> list[np.ndarray]:
+        nonlocal looks
+        looks += 1
+        rows, presence, *others = landmark_network(given)
+        return [rows, 0 * presence, *others]
+
+    frames = 2 * PATIENCE
+    assert places([picture((300, 150))] * frames, landmarks=nobody) == [[]] * frames
+    assert looks == frames  # nobody is followed, so that the whole picture is looked at in each
+    looks = 0
+
+    def no_poster(given: np.ndarray) -> list[np.ndarray]:
+        nonlocal looks
+        is_poster = (given[..., 1] > 0.5).sum() > (given[..., 0] > 0.5).sum()
+        looks += is_poster
+        return nobody(given) if is_poster else landmark_network(given)
+
+    people = places([picture((100, 150), (450, 150))] * frames, landmarks=no_poster)
+    assert [len(in_frame) for in_frame in people] == [1] * frames
+    assert 2 <= looks // 2 <= 3
+
+
+def test_who_was_lost_is_looked_for_in_every_box() -> None:
+    """One who could not be told from a poster at first is found when somebody is lost."""
+    frame, known, lost = 0, 8, 12
+
+    def boxes(now: int) -> Network:
+        nonlocal frame
+        frame = now
+        return box_network()
+
+    def late(given: np.ndarray) -> list[np.ndarray]:
+        rows, presence, *others = landmark_network(given)
+        is_late = (given[..., 1] > 0.5).sum() > (given[..., 0] > 0.5).sum()
+        return [rows, presence * (frame >= known or not is_late), *others]
+
+    walk = [picture((100, 150) if t < lost else (-100, 150), (450, 150)) for t in range(PATIENCE)]
+    people = places(walk, boxes, landmarks=late)
+    assert [len(in_frame) for in_frame in people[lost:]] == [1] * (PATIENCE - lost)
+
+
+def test_who_is_new_takes_nobodys_place() -> None:
+    made = picture((200, 200))
+    body = looked(made, 200.0)
+    known = FollowedPerson(replace(body, visibility=0.5 * body.visibility), body, age=KNOWN + 1)
+    new = FollowedPerson(body, body, age=1)
+    assert merged([new, known], []) == [known]
+    assert merged([known], [body]) == [known]
+    assert merged([replace(known, age=1), new], []) == [new]
 
 
 def test_nobody_is_nobody() -> None:

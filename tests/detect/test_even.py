@@ -11,8 +11,9 @@ from imocap_core.detect.workers.blazepose.course import EVERY, Course
 from imocap_core.detect.workers.blazepose.crops import Crop
 from imocap_core.detect.workers.blazepose.even import (
     LARGEST_ERROR,
+    LONGEST,
     Look,
-    halfway,
+    between,
     interpolation_error,
     is_even,
 )
@@ -40,7 +41,7 @@ def at(frame: int, shift: np.ndarray) -> Look:
 def test_uniform_motion_is_interpolated_exactly(frames: tuple[int, int, int]) -> None:
     looks = [at(t, np.array([3.0, -2.0]) * t) for t in frames]
     assert interpolation_error(looks, gap=2) == pytest.approx(0.0, abs=1e-12)
-    middle = halfway(looks[1].body, looks[2].body)
+    middle = between(looks[1].body, looks[2].body, 0.5)
     expected = BODY.xy_px + np.array([3.0, -2.0]) * (frames[1] + frames[2]) / 2
     assert np.allclose(middle.xy_px, expected)
 
@@ -52,7 +53,7 @@ def test_the_error_is_that_of_a_parabola(frames: tuple[int, int, int]) -> None:
     bend = np.zeros((33, 2))
     bend[WRIST] = 1.5, 2.0  # pixels per frame^2, halved below
     looks = [at(t, bend * t**2 / 2) for t in frames]
-    middle = halfway(looks[1].body, looks[2].body)
+    middle = between(looks[1].body, looks[2].body, 0.5)
     true = BODY.xy_px + bend * ((frames[1] + frames[2]) / 2) ** 2 / 2
     error = np.linalg.norm(middle.xy_px - true, axis=1).max() / size_of(looks[2].body)
     assert interpolation_error(looks, gap=frames[2] - frames[1]) == pytest.approx(error)
@@ -93,15 +94,27 @@ def course(
     return [sorted(float(b.xy_px[:, 0].mean()) for b in people) for people in bodies], looks
 
 
-@pytest.mark.parametrize("length", [24, 25])
-def test_half_of_an_even_walk_is_not_looked_at(length: int) -> None:
+@pytest.mark.parametrize("length", [24, 25, 26, 27])
+def test_of_an_even_walk_one_picture_in_four_is_looked_at(length: int) -> None:
     walk = [picture((100 + 4 * t, 150), (450 - 2 * t, 250)) for t in range(length)]
     every, all_looks = course(walk, every_picture=True)
     some, looks = course(walk)
     assert [len(people) for people in some] == [2] * length
     assert np.allclose(some, every, atol=0.02 * HEIGHT)
-    followed_closely = EVERY + 2
-    assert looks < all_looks - 2 * ((length - followed_closely) // 2) + 4
+    followed_closely = EVERY + 3
+    spared = (length - followed_closely) * (LONGEST - 1) // LONGEST
+    assert looks <= all_looks - 2 * spared + 4
+
+
+def test_who_is_in_anothers_way_is_looked_at_in_every_picture() -> None:
+    waits = []
+    for distance in (200, 25):
+        both = picture((200, 150), (200 + distance, 150))
+        made = Course(box_network(), blind_person_detector, landmark_network, 0.5, 0.5, 5)
+        people = [made.next_people(both)[0] for _ in range(24)]
+        waits.append(people.count([]))
+    assert waits[0] > 0
+    assert waits[1] == 0
 
 
 def test_a_start_that_nothing_announced_is_looked_at() -> None:

@@ -169,6 +169,12 @@ def test_a_broken_video_is_named_and_the_others_are_detected(place: Place, capsy
     assert "a: " in lines
 
 
+def test_too_few_whole_videos_is_one_sentence(place: Place, capsys: Capture) -> None:
+    write_damaged(place.folder / "b.mp4", 20, 8, 12, unreadable=True)
+    assert place.run("detect", "mine") == 1
+    assert "b.mp4: broken, decoding failed after" in capsys.readouterr().err.replace("\n", "")
+
+
 def test_init_writes_an_action_that_runs(place: Place) -> None:
     clips = [str(place.folder / f"{name}.mp4") for name in "ab"]
     assert place.run("init", "fresh", *clips) == 0

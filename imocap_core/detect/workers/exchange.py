@@ -47,8 +47,9 @@ def serve(make: Callable[[dict[str, Any]], Detect]) -> int:
     answer({"ready": True})
     while len(head := pictures.read(HEAD.size)) == HEAD.size:
         is_last, height, width = HEAD.unpack(head)
-        raw = pictures.read(3 * height * width)
-        picture = numpy.frombuffer(raw, numpy.uint8).reshape(height, width, 3)
+        picture = numpy.empty((height, width, 3), numpy.uint8)
+        if pictures.readinto(memoryview(picture).cast("B")) < picture.nbytes:
+            break
         answer(detect(picture, bool(is_last)))
     return 0
 

@@ -4,8 +4,8 @@ Each person's next crop follows from the last landmarks. The person detector loo
 picture every few frames and whenever somebody was lost; a box in which nobody is followed is a new
 person, who is also followed backward through the last pictures.
 
-While somebody moves evenly, every second picture waits for the next one. Who that shows to have
-gone on so is not looked at in the picture between.
+While somebody moves evenly, a picture waits for the next one, and while all do, three wait for the
+fourth. Who that shows to have gone on so is not looked at in the pictures between.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from .boxes import detect_boxes
+from .boxes import PersonBox, detect_boxes, overlap
 from .crops import Crop, is_same
-from .even import LOOKS, halfway, is_even
+from .even import LONGEST, LOOKS, between, is_even
 from .followed import FollowedPerson, distance_of, is_followed, largest, merged
 from .hidden import with_hidden
 from .landmarks import Landmarks, detect_landmarks
@@ -27,6 +27,8 @@ from .overlap import in_front_first, is_duplicate, is_in_the_way, quality, share
 from .person import detect_people
 
 EVERY = 5  # frames from one look at the whole picture to the next
+PATIENCE = 30  # frames in which a box with nobody new in it is not looked at again
+SAME_BOX = 0.5  # intersection over union
 CONTESTED = 0.25  # share of joints at those of others, beyond which a body is not itself
 LEAST_QUALITY = 0.75  # of a body with others painted over, of that without
 LEAST_DETECTED = 0.5  # confidence of a person whom BlazePose's detector gives
@@ -56,8 +58,10 @@ class Course:
         self._people: list[FollowedPerson] = []
         self._last: deque[tuple[np.ndarray, list[Landmarks]]] = deque()
         self._until_boxes = 0
+        self._refused: list[tuple[int, PersonBox]] = []  # frame, box with nobody new in it
         self._frame = -1
-        self._waiting: np.ndarray | None = None  # the last picture, not looked at yet
+        self._gap = 1  # frames from the last look to the next
+        self._waiting: list[np.ndarray] = []  # the pictures since the last look
 
     def next_people(
         self, picture: np.ndarray, is_last: bool = False
@@ -65,47 +69,75 @@ class Course:
         """Everybody in the next picture (H, W, 3), RGB, and the people of earlier ones who were
         overlooked, or waited for this one."""
         self._frame += 1
-        if self._waiting is None:
-            if not is_last and self._can_wait():
-                self._waiting = picture
-                return [], []
-            return self._looked(picture, self._frame)
-        waiting, self._waiting = self._waiting, None
-        followed = self._followed(picture, self._frame, self._people)
-        if len(merged(followed, [])) == len(self._people):
-            between, followed = self._between(waiting, followed)
-            self._remember(waiting, between)
-            self._until_boxes -= 1
-            now, earlier = self._taken(picture, followed)
-            return now, [(1, body) for body in with_hidden(between)] + earlier
-        before, overlooked = self._looked(waiting, self._frame - 1)
-        earlier = [(1, body) for body in before]
-        earlier += [(ago + 1, body) for ago, body in overlooked]
-        now, overlooked = self._looked(picture, self._frame)
-        return now, earlier + overlooked
+        self._waiting.append(picture)
+        if len(self._waiting) < self._gap and not is_last:
+            return [], []
+        waiting, self._waiting = self._waiting, []
+        bodies, overlooked = self._through(waiting, self._frame)
+        self._gap = self._next_gap()
+        ago = reversed(range(1, len(bodies)))
+        return bodies[-1], [
+            *((n, body) for n, people in zip(ago, bodies, strict=False) for body in people),
+            *overlooked,
+        ]
 
-    def _can_wait(self) -> bool:
-        """Whether nobody is new, and somebody moves evenly."""
-        if self._every_picture or any(person.age <= EVERY for person in self._people):
-            return False
-        return any(is_even(person.looks, gap=2) for person in self._people)
+    def _next_gap(self) -> int:
+        """Frames to the next look: one where somebody is new, or nobody moves evenly; most where
+        all do. Who is in another's way is looked at in every picture."""
+        people, bodies = self._people, [person.body for person in self._people]
+        if self._every_picture or any(person.age <= EVERY for person in people):
+            return 1
+        if any(is_in_the_way(a, b) for a in bodies for b in bodies if a is not b):
+            return 1
+        if people and all(is_even(person.looks, LONGEST) for person in people):
+            return LONGEST
+        return 2 if any(is_even(person.looks, 2) for person in people) else 1
+
+    def _through(
+        self, pictures: Sequence[np.ndarray], frame: int
+    ) -> tuple[list[list[Landmarks]], Earlier]:
+        """Everybody in each of the pictures since the last look, and the people overlooked before;
+        frame: number of the last one. Where that shows that somebody was lost, or that not all
+        moved evenly through several, the middle one is looked at first."""
+        *waiting, last = pictures
+        if not waiting:
+            now, overlooked = self._looked(last, frame)
+            return [now], overlooked
+        followed = self._followed(last, frame, self._people)
+        is_complete = len(merged(followed, [])) == len(self._people)
+        gap = len(pictures)
+        if is_complete and (gap == 2 or all(is_even(person.looks, gap) for person in followed)):
+            bodies, followed = self._between(waiting, frame, followed)
+            for picture, people in zip(waiting, bodies, strict=True):
+                self._remember(picture, people)
+            self._until_boxes -= len(waiting)
+            now, overlooked = self._taken(last, followed)
+            return [*map(with_hidden, bodies), now], overlooked
+        rest = gap - gap // 2
+        first, early = self._through(pictures[:-rest], frame - rest)
+        second, overlooked = self._through(pictures[-rest:], frame)
+        return first + second, [(ago + rest, body) for ago, body in early] + overlooked
 
     def _between(
-        self, waiting: np.ndarray, followed: Sequence[FollowedPerson]
-    ) -> tuple[list[Landmarks], list[FollowedPerson]]:
-        """Everybody's bodies in the picture that waited, and the people of the next one: who did
-        not move evenly is looked at in both."""
-        even = [person for person in followed if is_even(person.looks, gap=2)]
-        bodies = [halfway(person.looks[-2].body, person.body) for person in even]
+        self, pictures: Sequence[np.ndarray], frame: int, followed: Sequence[FollowedPerson]
+    ) -> tuple[list[list[Landmarks]], list[FollowedPerson]]:
+        """Everybody's bodies in the pictures that waited for the one of this number, and the people
+        of that one: who did not move evenly is looked at in all."""
+        gap = len(pictures) + 1
+        even = [person for person in followed if is_even(person.looks, gap)]
         names = {id(person.first) for person in even}
         others = [person for person in self._people if id(person.first) not in names]
-        looked = self._followed(waiting, self._frame - 1, others, bodies)
-        looks = {id(person.first): person.looks for person in looked}
+        bodies = []
+        for n, picture in enumerate(pictures, start=1):
+            here = [between(person.looks[-2].body, person.body, n / gap) for person in even]
+            others = self._followed(picture, frame - gap + n, others, here) if others else []
+            bodies.append(here + [person.body for person in others])
+        looks = {id(person.first): person.looks for person in others}
         people = [
             replace(p, looks=(*looks.get(id(p.first), p.looks[:-1]), p.looks[-1])[-LOOKS:])
             for p in followed
         ]
-        return bodies + [person.body for person in looked], people
+        return bodies, people
 
     def _looked(self, picture: np.ndarray, frame: int) -> tuple[list[Landmarks], Earlier]:
         """Everybody in a picture, and the people overlooked in those before."""
@@ -117,7 +149,10 @@ class Course:
         """The same, given the people of the last picture in this one."""
         people = merged(followed, [])
         self._until_boxes -= 1
-        if self._until_boxes < 0 or not people or len(people) < len(self._people):
+        is_lost = not people or len(people) < len(self._people)
+        if is_lost:
+            self._refused = []
+        if self._until_boxes < 0 or is_lost:
             people = merged(followed, self._fresh(picture, [person.body for person in people]))
             self._until_boxes = EVERY - 1
         self._people = largest(people, self._most_people)
@@ -190,19 +225,40 @@ class Course:
         return body if is_worse and shared(body, rivals) < CONTESTED else again
 
     def _fresh(self, picture: np.ndarray, bodies: Sequence[Landmarks]) -> list[Landmarks]:
-        """People in boxes in which nobody is followed, each looked at twice."""
+        """New people in boxes in which nobody is followed, each looked at twice."""
+        since = self._frame - PATIENCE
+        self._refused = [(frame, box) for frame, box in self._refused if frame > since]
         fresh: list[Landmarks] = []
         for box in detect_boxes(picture, self._boxes, self._least_person)[: self._most_people]:
-            if is_followed(box, [*bodies, *fresh]):
-                continue
             others = [*bodies, *fresh]
-            first = self._look(picture, box.crop)
-            if first:
-                first = self._apart(picture, box.crop, first, others)
-                second = self._look(picture, first.next_crop)
-                if second:
-                    fresh.append(self._apart(picture, first.next_crop, second, others))
+            if is_followed(box, others) or self._is_refused(box):
+                continue
+            body = self._new(picture, box.crop, others)
+            if body:
+                fresh.append(body)
+            else:
+                self._refused.append((self._frame, box))
         return fresh
+
+    def _is_refused(self, box: PersonBox) -> bool:
+        """Whether nobody new was in a box a short time ago."""
+        return any(overlap(box.corners, other.corners) > SAME_BOX for _, other in self._refused)
+
+    def _new(
+        self, picture: np.ndarray, crop: Crop, others: Sequence[Landmarks]
+    ) -> Landmarks | None:
+        """The body in a crop, looked at again in the crop that it gives; None where that is nobody,
+        or one of the others."""
+        body: Landmarks | None = None
+        for _ in range(2):
+            found = self._look(picture, crop)
+            if found is None:
+                return None
+            body = self._apart(picture, crop, found, others)
+            if is_duplicate(body, others):
+                return None
+            crop = body.next_crop
+        return body
 
     def _backward(self, person: FollowedPerson) -> Earlier:
         """A person in the last pictures before the first frame, until they are lost or another."""

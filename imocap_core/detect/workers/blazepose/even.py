@@ -16,7 +16,8 @@ from .overlap import LIMBS, size_of
 
 LARGEST_ERROR = 0.005  # of the body's size; the network errs by three times as much
 VISIBLE = 0.5  # joints that are seen less take no part: their places jump
-LOOKS = 3  # of a person, from which a second difference follows
+LOOKS = 5  # of a person, that are kept
+LONGEST = 4  # frames from one look to the next, at most
 
 
 @dataclass(frozen=True)
@@ -28,11 +29,22 @@ class Look:
 
 
 def is_even(looks: Sequence[Look], gap: int) -> bool:
-    """Whether a body moves so evenly that its places halfway between two looks, `gap` frames apart,
-    would be interpolated well: judged by the last three looks."""
-    if len(looks) < LOOKS:
-        return False
-    return interpolation_error(looks[-LOOKS:], gap) < LARGEST_ERROR
+    """Whether a body moves so evenly that its places between two looks, `gap` frames apart, would
+    be interpolated well: judged by three looks about as far apart, of which a detector's noise
+    bends the course less than of near ones."""
+    three = _spread(looks, gap)
+    return bool(three) and interpolation_error(three, gap) < LARGEST_ERROR
+
+
+def _spread(looks: Sequence[Look], gap: int) -> list[Look]:
+    """The last look, and two before it, each as nearly as can be `gap` frames before the next;
+    none where there are not three."""
+    if len(looks) < 3:
+        return []
+    c = looks[-1]
+    b = min(looks[1:-1], key=lambda look: abs(c.frame - look.frame - gap))
+    before = [look for look in looks if look.frame < b.frame]
+    return [min(before, key=lambda look: abs(b.frame - look.frame - gap)), b, c]
 
 
 def interpolation_error(looks: Sequence[Look], gap: int) -> float:
@@ -52,13 +64,17 @@ def interpolation_error(looks: Sequence[Look], gap: int) -> float:
     return float(largest) * gap**2 / 8 / size_of(c.body)
 
 
-def halfway(a: Landmarks, b: Landmarks) -> Landmarks:
-    """The body halfway between two looks; crop and mask are the second one's."""
+def between(a: Landmarks, b: Landmarks, share: float) -> Landmarks:
+    """The body between two looks, `share` of the way; crop and mask are the second one's."""
+
+    def mean(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        return np.asarray((1 - share) * one + share * other)
+
     return replace(
         b,
-        xy_px=(a.xy_px + b.xy_px) / 2,
-        z_px=(a.z_px + b.z_px) / 2,
-        visibility=(a.visibility + b.visibility) / 2,
-        world_m=(a.world_m + b.world_m) / 2,
+        xy_px=mean(a.xy_px, b.xy_px),
+        z_px=mean(a.z_px, b.z_px),
+        visibility=mean(a.visibility, b.visibility),
+        world_m=mean(a.world_m, b.world_m),
         presence=min(a.presence, b.presence),
     )

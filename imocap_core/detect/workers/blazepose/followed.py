@@ -14,6 +14,7 @@ from .landmarks import Landmarks
 from .overlap import corners_of, distinct, is_duplicate, size_of
 
 FOLLOWED = 0.5  # intersection over union of the box of a person who is followed and the detector's
+KNOWN = 5  # looks, after which nobody who is new takes a person's place
 PREFERRED = 1.3  # of their size: people who are followed already
 
 
@@ -34,9 +35,14 @@ class FollowedPerson:
 
 
 def merged(followed: Sequence[FollowedPerson], fresh: Sequence[Landmarks]) -> list[FollowedPerson]:
-    """Different people: who is followed, the best seen first, then who is new."""
-    bodies = [person.body for person in followed]
-    people = [followed[row] for row in distinct(bodies)]
+    """Different people: who is followed for some time, then who is not, then who is new; the best
+    seen first."""
+    known = [person for person in followed if person.age > KNOWN]
+    people = [known[row] for row in distinct([person.body for person in known])]
+    others = [person for person in followed if person.age <= KNOWN]
+    for row in distinct([person.body for person in others]):
+        if not is_duplicate(others[row].body, [person.body for person in people]):
+            people.append(others[row])
     for row in distinct(fresh):
         if not is_duplicate(fresh[row], [person.body for person in people]):
             people.append(FollowedPerson(fresh[row], fresh[row]))
