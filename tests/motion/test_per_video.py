@@ -7,14 +7,20 @@ import pytest
 import torch
 from torch import Tensor
 
-from imocap_core.motion.multiview.deviation import finite_median
+from imocap_core.motion.multiview.deviation import (
+    LEAST_SPREAD_M,
+    finite_median,
+    pooled_spread_m,
+)
 from imocap_core.motion.multiview.offset_spread import initial_offset_sd
 from imocap_core.motion.multiview.per_video import (
     CONTACT_SCALE,
+    deviation_terms,
     fit_deviations,
     foot_contact_term,
 )
 from imocap_core.motion.multiview.scene import DeviationSpread
+from imocap_core.motion.solver.objective import linearise
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import FootContact
 from imocap_core.params import MotionParams
@@ -84,6 +90,38 @@ def test_a_fit_goes_on_from_the_one_before_to_the_same_place(made: Made) -> None
     back, _ = fit_deviations(all_, astray, *given, warm=True)
     assert mpjpe_mm(made.body, astray, cold) > 10.0
     assert mpjpe_mm(made.body, back, cold) < 2.0
+
+
+def test_a_chain_deviates_no_further_than_its_keypoints_may(made: Made) -> None:
+    """Rotations that are free one by one carry a hand twice as far as their keypoints
+    deviate; drawn to the common form it stays where the keypoints do."""
+    all_, state = whole(made), in_own_axes(made)
+    spread_m = 0.03
+    spread = DeviationSpread(np.full((3, 20, 25), spread_m), initial_offset_sd(3, MotionParams()))
+    options = replace(OPTIONS, correlation_s=0.0)
+    faces = torch.ones_like(state.trans[..., 0])
+    terms = deviation_terms(all_, state, made.state, made.cameras(), spread, options, faces)
+    wrist = made.body.keypoints.names.index("left_wrist")
+    hip = made.body.keypoints.names.index("mid_hip")
+    derivatives = made.body.derivatives(made.body.keypoints, state).d_pose
+    assert derivatives is not None
+    jacobian = (derivatives[0, 5, wrist] - derivatives[0, 5, hip])[:, 3:]  # the root's turn apart
+    deviates = []
+    for some in (terms[:-1], terms):
+        pull = linearise(some, state).diagonal[0, 5, 3:72, 3:72]
+        covariance = jacobian @ torch.linalg.solve(pull, jacobian.T)
+        deviates.append(float(covariance.diagonal().mean().sqrt()))
+    assert deviates[0] > 1.5 * spread_m
+    assert 0.5 * spread_m < deviates[1] < spread_m
+
+
+def test_a_keypoints_spread_is_half_its_own() -> None:
+    alike = np.full((2, 3, 4), 0.05)
+    np.testing.assert_allclose(pooled_spread_m(alike), alike)
+    one = np.zeros((1, 1, 4))
+    one[..., 0] = 0.08
+    np.testing.assert_allclose(pooled_spread_m(one)[0, 0], [np.sqrt(0.004), *[np.sqrt(0.0008)] * 3])
+    np.testing.assert_allclose(pooled_spread_m(0 * one), LEAST_SPREAD_M)
 
 
 def test_medians_leave_out_what_is_not_known() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -17,7 +17,15 @@ from imocap_core.motion.multiview.consensus import to_world
 from imocap_core.motion.multiview.low_rank import low_rank_paths, low_rank_poses
 from imocap_core.motion.multiview.timeline import Timeline, sample, sample_rotations
 from imocap_core.motion.state import MotionState
-from imocap_core.motion.terms import PathCoupling, PoseCoupling, Term
+from imocap_core.motion.terms import JointEvidence, PathCoupling, PoseCoupling, Term
+
+# The keypoints that make up a pose's form; every layout has them.
+FORM = frozenset(
+    f"{side}_{joint}"
+    for side in ("left", "right")
+    for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+) | {"nose"}
+UNBOUNDED = 1e3  # Geman-McClure scale: no deviation is an outlier
 
 
 @dataclass(frozen=True)
@@ -90,6 +98,27 @@ def coupling_terms(
         PoseCoupling(targets.R_local, pose),
         PathCoupling(targets.root - rest[:, None], targets.trust * path_weight),
     ]
+
+
+def form_coupling(
+    body: Body,
+    targets: CouplingTargets,
+    state: MotionState,
+    weight: Float[Tensor, "B T K"],
+) -> JointEvidence:
+    """Each pose's limbs and nose where its target has them, however the whole is turned and placed.
+
+    Rotations drawn to the target's one by one let a hand deviate by the sum of all joints above it.
+    This bounds what they come to together: deviations along a chain compensate one another.
+
+    Args:
+        state: its shapes are the targets'; weight: of the layout's keypoints, 1/m^2.
+    """
+    of_form = torch.tensor([name in FORM for name in body.keypoints.names]).to(weight)
+    posed = replace(state, R_local=targets.R_local)
+    xyz = body.positions(body.keypoints, posed).xyz.detach()
+    weight = targets.trust[..., None] * weight * of_form
+    return JointEvidence(body, xyz, weight, UNBOUNDED, of_keypoints=True)
 
 
 def to_video_frames(

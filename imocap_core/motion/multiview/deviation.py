@@ -23,7 +23,7 @@ from imocap_core.motion.multiview.common_keypoints import (
 from imocap_core.motion.multiview.scene import Scene
 from imocap_core.motion.state import MotionState
 
-LEAST_SPREAD_RAD = 0.03
+LEAST_SPREAD_RAD, LEAST_SPREAD_M = 0.03, 0.01
 LEAST_LEVER_M = 0.15
 UNSEEN_SPREAD_M = 0.1  # of a video whose keypoints are missing throughout
 UNMOVED_SPREAD_RAD = 0.1  # of a joint that moves no keypoint
@@ -94,6 +94,14 @@ def finite_median(values: Float[np.ndarray, "... W"]) -> Float[np.ndarray, "..."
     count = np.isfinite(values).sum(-1, keepdims=True)
     low, high = (np.take_along_axis(ordered, k, -1)[..., 0] for k in ((count - 1) // 2, count // 2))
     return np.asarray(0.5 * (low + high))
+
+
+def pooled_spread_m(spread_m: Float[np.ndarray, "M N K"]) -> Float[np.ndarray, "M N K"]:
+    """Spread of keypoints of which half the variance is that of all in the frame: the errors of one
+    view tell little of a single keypoint's; at least LEAST_SPREAD_M."""
+    variance = np.square(spread_m)
+    pooled = np.sqrt((variance + variance.mean(axis=-1, keepdims=True)) / 2)
+    return np.maximum(pooled, LEAST_SPREAD_M)
 
 
 def joint_spread_rad(

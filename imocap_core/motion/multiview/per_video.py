@@ -13,10 +13,11 @@ from imocap_core.motion.multiview.cameras import Cameras
 from imocap_core.motion.multiview.coupling import (
     CouplingTargets,
     coupling_terms,
+    form_coupling,
     to_video_axes,
     to_video_frames,
 )
-from imocap_core.motion.multiview.deviation import joint_spread_rad
+from imocap_core.motion.multiview.deviation import joint_spread_rad, pooled_spread_m
 from imocap_core.motion.multiview.facing import FACING_RAD, facing_agreement, turned_by
 from imocap_core.motion.multiview.scene import (
     DeviationSpread,
@@ -94,7 +95,12 @@ def deviation_terms(
     joint_weight[..., 0] *= faces
     variance = torch.as_tensor(spread.offset_sd[:, 3:4] ** 2).to(start.trans)
     path_weight = 1 / ((variance + place_variance(scene.observations, start.trans)) * frames)
-    return coupling_terms(scene.body, targets, start, joint_weight, path_weight)
+    form = torch.as_tensor(1 / (pooled_spread_m(spread.keypoints_m) ** 2 * frames)).to(start.trans)
+    form_weight = to_video_frames(form, scene.timeline, start)
+    return [
+        *coupling_terms(scene.body, targets, start, joint_weight, path_weight),
+        form_coupling(scene.body, targets, start, form_weight),
+    ]
 
 
 def foot_contact_term(scene: Scene, common: MotionState, state: MotionState) -> Term:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar, cast
+from typing import TypeVar
 
 import torch
 from jaxtyping import Float
@@ -22,8 +22,8 @@ from imocap_core.motion.posterior.noise import Noise
 from imocap_core.motion.solver.gauss_newton import split_batch
 from imocap_core.motion.solver.objective import linearise
 from imocap_core.motion.solver.selected import selected_inverse
-from imocap_core.motion.state import FRAME_UNKNOWNS, MotionState
-from imocap_core.motion.terms import PathCoupling, PoseCoupling, Term
+from imocap_core.motion.state import MotionState
+from imocap_core.motion.terms import Term
 from imocap_core.params import MotionParams
 
 T = TypeVar("T")
@@ -97,27 +97,17 @@ def per_video_posterior(
         What was made of the pieces, and the video's information about the shape (inverse
         covariance; videos of one body add up).
     """
+    pull = linearise(fit.couplings, fit.state).diagonal[0]  # (T, 75, 75) of the common motion
     normal = linearise(fit.terms, fit.state)
     fit.state.forget()
-    border, weights = normal.border[0], _coupling_weights(fit.couplings, fit.state)
+    border = normal.border[0]
     globals_, schur, results = border.shape[-1], normal.corner[0].clone(), list[T]()
 
     def right(t: int) -> Tensor:
-        return torch.cat([border[t], torch.diag(weights[t])], 1)
+        return torch.cat([border[t], pull[t]], 1)
 
     for piece in selected_inverse(normal.diagonal[0], normal.next1[0], normal.next2[0], right):
         response, gain = piece.solution[..., :globals_], piece.solution[..., globals_:]
         schur -= torch.einsum("tni,tnj->ij", border[piece.frames], response)
         results.append(use(PosteriorPiece(piece.frames, piece.diagonal, response, gain)))
     return results[::-1], schur
-
-
-def _coupling_weights(couplings: list[Term], state: MotionState) -> Tensor:
-    """(T, 75) the diagonal of the couplings' normal matrix."""
-    weights = state.trans.new_zeros(state.valid.shape[1], FRAME_UNKNOWNS)
-    for term in couplings:
-        if isinstance(term, PoseCoupling):
-            weights[:, :-3] += term.weight[0].repeat_interleave(3, -1)
-        else:
-            weights[:, -3:] += cast(PathCoupling, term).weight[0, :, None]
-    return weights

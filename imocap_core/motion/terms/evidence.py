@@ -1,4 +1,5 @@
-"""A monocular estimator's 3D joints as evidence of articulation."""
+"""Joints known in 3D, up to a rotation and a shift, as evidence of articulation: those of a
+monocular estimator, or of the motion that all performances have in common."""
 
 from __future__ import annotations
 
@@ -8,6 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from imocap_core.body.points import PointSet
 from imocap_core.motion.kinematics import Body, Points
 from imocap_core.motion.solver.normal import NormalEquations, add_product
 from imocap_core.motion.state import POSE, MotionState
@@ -24,19 +26,25 @@ class JointEvidence:
     cannot pull the root orientation, which drifts in every estimator.
 
     Attributes:
-        body: whose 24 joints are compared.
-        joints: (B, T, 24, 3) metres, any axes, centred on the weighted mean of each frame; or
-            (B, T, E, 24, 3): E estimates of the same motion.
-        weight: (B, T, 24) or (B, T, E, 24) 1/m^2, 0 for missing joints.
+        body: whose points are compared.
+        joints: (B, T, J, 3) metres, any axes, centred on the weighted mean of each frame; or
+            (B, T, E, J, 3): E estimates of the same motion.
+        weight: (B, T, J) or (B, T, E, J) 1/m^2, 0 for missing joints.
         scale: Geman-McClure scale in units of the estimator's standard deviation.
+        of_keypoints: whether the J are the body's keypoints, not its 24 joints.
     """
 
     body: Body
-    joints: Float[Tensor, "B T *E 24 3"]
-    weight: Float[Tensor, "B T *E 24"]
+    joints: Float[Tensor, "B T *E J 3"]
+    weight: Float[Tensor, "B T *E J"]
     scale: float
+    of_keypoints: bool = False
 
-    def residual(self, xyz: Float[Tensor, "B T 24 3"]) -> Float[Tensor, "B T *E 24 3"]:
+    @property
+    def _points(self) -> PointSet:
+        return self.body.keypoints if self.of_keypoints else self.body.joints
+
+    def residual(self, xyz: Float[Tensor, "B T J 3"]) -> Float[Tensor, "B T *E J 3"]:
         """Body minus rotated estimate, both centred."""
         xyz = xyz if self.joints.ndim == xyz.ndim else xyz[:, :, None]
         centred = xyz - self._centre(xyz)
@@ -61,7 +69,7 @@ class JointEvidence:
     def _residual_at(self, state: MotionState) -> Tensor:
         """The residual; the cost needs it, and so do the equations of the next step."""
         return state.cached(
-            (self,), lambda: self.residual(self.body.positions(self.body.joints, state).xyz)
+            (self,), lambda: self.residual(self.body.positions(self._points, state).xyz)
         )
 
     def cost(self, state: MotionState) -> Float[Tensor, " B"]:
@@ -79,7 +87,7 @@ class JointEvidence:
         given = (self.weight > 0).flatten(0, -2).any(0)  # the others need no equations
         residual = self._residual_at(state)
         for frames in pieces(state.valid.shape[1]):
-            points = self.body.derivatives(self.body.joints, state, frames)
+            points = self.body.derivatives(self._points, state, frames)
             part = replace(self, joints=self.joints[:, frames], weight=self.weight[:, frames])
             part._add_piece(normal.of_frames(frames), points, residual[:, frames], given)
 
