@@ -85,7 +85,7 @@ class Worker:
     def detect(self, picture: UInt8[np.ndarray, "H W 3"], is_last: bool) -> dict[str, Any]:
         """The answer to one picture, RGB; WorkFailed when the process fails or ends."""
         head = HEAD.pack(is_last, *picture.shape[:2])
-        return self._answer(head, memoryview(np.ascontiguousarray(picture)).cast("B"))
+        return self._answer(head, np.ascontiguousarray(picture).data.cast("B"))
 
     def _answer(self, *question: bytes | memoryview) -> dict[str, Any]:
         """The answer to a question; WorkFailed when none comes in time."""

@@ -7,6 +7,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from imocap_core.motion.multiview.coupling import FORM, CouplingTargets, form_coupling
 from imocap_core.motion.multiview.deviation import (
     LEAST_SPREAD_M,
     finite_median,
@@ -24,6 +25,7 @@ from imocap_core.motion.solver.objective import linearise
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import FootContact
 from imocap_core.params import MotionParams
+from imocap_core.rotations import exp
 from tests.motion.made import WEIGHTS, Made, mpjpe_mm, scene
 from tests.motion.test_smpl_ba import OPTIONS, disturbed, in_own_axes, whole
 
@@ -113,6 +115,23 @@ def test_a_chain_deviates_no_further_than_its_keypoints_may(made: Made) -> None:
         deviates.append(float(covariance.diagonal().mean().sqrt()))
     assert deviates[0] > 1.5 * spread_m
     assert 0.5 * spread_m < deviates[1] < spread_m
+
+
+def test_the_form_is_that_of_limbs_however_turned_where_frames_match(made: Made) -> None:
+    state, trust = in_own_axes(made), torch.ones(3, 20, dtype=torch.float64)
+    trust[:, 15:] = 0.0
+    names = made.body.keypoints.names
+    targets = CouplingTargets(state.R_local, state.trans, trust)
+    term = form_coupling(made.body, targets, state, trust.new_full((3, 20, len(names)), 900.0))
+    coupled = {name for name, weight in zip(names, term.weight[0, 0], strict=True) if weight > 0}
+    assert coupled == FORM
+    assert float(term.weight[:, 15:].max()) == 0.0
+    R_local = state.R_local.clone()
+    R_local[:, :, 0] = exp(torch.tensor([0.4, -0.3, 0.2]).double()) @ R_local[:, :, 0]
+    turned = replace(state, R_local=R_local, trans=state.trans + 1.0)
+    assert float(term.cost(turned).max()) < 1e-12
+    bent = disturbed(state, 0.1)
+    assert float(term.cost(bent).min()) > 1.0
 
 
 def test_a_keypoints_spread_is_half_its_own() -> None:

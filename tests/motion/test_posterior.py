@@ -118,6 +118,22 @@ def test_the_gain_is_what_a_displaced_common_motion_does(given: tuple[Scene, Joi
     assert float(drop.min()) > -1e-8  # to know the common motion never hurts
 
 
+def test_the_gain_follows_the_whole_of_the_coupling(given: tuple[Scene, JointMotion]) -> None:
+    """A persistent displacement of the common motion pulls every frame by the coupling's matrix, by
+    which the rotations of a limb's joints belong together."""
+    all_, result = given
+    evidence = common_evidence(all_, result, OPTIONS)
+    fit = per_video_fits(WHITE.scene(all_, 3), result.state, evidence, OPTIONS, WHITE)[1]
+    own, _ = posterior_of(fit)
+    frames = fit.state.valid.shape[1] * FRAME_UNKNOWNS
+    H = dense(linearise(fit.terms, fit.state))[:frames, :frames]
+    pull = linearise(fit.couplings, fit.state).diagonal[0]
+    expected = torch.linalg.solve(H, pull.flatten(0, 1)).unflatten(0, (-1, FRAME_UNKNOWNS))
+    torch.testing.assert_close(own.gain, expected, rtol=0.0, atol=1e-6)
+    elbow, shoulder = slice(3 * 18, 3 * 18 + 3), slice(3 * 16, 3 * 16 + 3)
+    assert float(pull[:, elbow, shoulder].abs().max()) > 0.1 * float(pull[:, elbow, elbow].max())
+
+
 def test_the_covariance_in_camera_axes_is_the_numeric_derivative(
     given: tuple[Scene, JointMotion],
 ) -> None:

@@ -30,7 +30,7 @@ def serve(make: Callable[[dict[str, Any]], Detect]) -> int:
     """
     threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     settings = json.loads(sys.argv[1])
-    pictures = sys.stdin.buffer
+    pictures: Any = sys.stdin.buffer
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # so that no library prints into the answers
 

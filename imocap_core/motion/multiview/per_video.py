@@ -34,6 +34,8 @@ from imocap_core.params import MotionParams
 
 # Foot speeds at which contact counts a quarter: in the common motion, and in one video's own.
 COMMON_CONTACT_M_S, VIDEO_CONTACT_M_S = 0.05, 0.2
+# Of the weight that a joint's rotation would have alone: the limbs' places say the same once more.
+ROTATIONS_SHARE = 0.5
 CONTACT_SCALE = 4.0  # square root of the largest cost of a step of a foot in contact
 
 
@@ -91,6 +93,7 @@ def deviation_terms(
     joints[:, :, 0] = spread.offset_sd[:, None, 0]
     frames = correlation_frames(options, scene.fps)
     at_reference = torch.as_tensor(1 / (joints**2 * frames)).to(start.trans)
+    at_reference[..., 1:] *= ROTATIONS_SHARE
     joint_weight = to_video_frames(at_reference, scene.timeline, start)
     joint_weight[..., 0] *= faces
     variance = torch.as_tensor(spread.offset_sd[:, 3:4] ** 2).to(start.trans)

@@ -251,10 +251,10 @@ class Course:
         or one of the others."""
         body: Landmarks | None = None
         for _ in range(2):
-            found = self._look(picture, crop)
-            if found is None:
+            answer = self._look(picture, crop)
+            if answer is None:
                 return None
-            body = self._apart(picture, crop, found, others)
+            body = self._apart(picture, crop, answer, others)
             if is_duplicate(body, others):
                 return None
             crop = body.next_crop

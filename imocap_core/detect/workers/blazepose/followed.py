@@ -37,8 +37,8 @@ class FollowedPerson:
 def merged(followed: Sequence[FollowedPerson], fresh: Sequence[Landmarks]) -> list[FollowedPerson]:
     """Different people: who is followed for some time, then who is not, then who is new; the best
     seen first."""
-    known = [person for person in followed if person.age > KNOWN]
-    people = [known[row] for row in distinct([person.body for person in known])]
+    established = [person for person in followed if person.age > KNOWN]
+    people = [established[row] for row in distinct([person.body for person in established])]
     others = [person for person in followed if person.age <= KNOWN]
     for row in distinct([person.body for person in others]):
         if not is_duplicate(others[row].body, [person.body for person in people]):
