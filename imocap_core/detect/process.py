@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import struct
@@ -20,7 +21,7 @@ from imocap_core.errors import WorkFailed
 
 ANSWER_S = 300.0  # the longest wait for one answer: loading a model on a busy machine takes 60
 END_S = 30.0
-PIPE_BYTES = 1 << 20  # of a pipe, where the system lets us choose: pictures pass in fewer pieces
+PIPE_BYTES = 1 << 20
 HEAD = struct.Struct("<III")  # is it the last, height, width: the protocol of detect/workers
 
 
@@ -41,11 +42,12 @@ class Worker:
                 stdout=subprocess.PIPE,
                 stderr=self._errors,
                 env=os.environ | of_threads,
-                pipesize=PIPE_BYTES,
             )
         except OSError as error:
             self._errors.close()
             raise WorkFailed(f"cannot start {self._name}: {error.strerror}") from None
+        assert self._process.stdin is not None
+        _widen(self._process.stdin.fileno())
 
     def __enter__(self) -> Worker:
         try:
@@ -125,3 +127,10 @@ class Worker:
         self._errors.seek(0)
         lines = self._errors.read().decode(errors="replace").strip().splitlines()
         return lines[-1][:300] if lines else f"exit code {self._process.returncode}"
+
+
+def _widen(pipe: int) -> None:
+    """Let more of a picture into a pipe at a time, where the system lets us."""
+    with suppress(ImportError, AttributeError, OSError):
+        fcntl = importlib.import_module("fcntl")
+        fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, PIPE_BYTES)
