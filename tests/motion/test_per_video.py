@@ -7,6 +7,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from imocap_core.motion.kinematics import Body
 from imocap_core.motion.multiview.coupling import FORM, CouplingTargets, form_coupling
 from imocap_core.motion.multiview.deviation import (
     LEAST_SPREAD_M,
@@ -126,6 +127,10 @@ def test_the_form_is_that_of_limbs_however_turned_where_frames_match(made: Made)
     coupled = {name for name, weight in zip(names, term.weight[0, 0], strict=True) if weight > 0}
     assert coupled == FORM
     assert float(term.weight[:, 15:].max()) == 0.0
+    two_layouts = Body.of(made.body.model, "body25", "coco17")
+    count = len(two_layouts.keypoints.names)
+    both = form_coupling(two_layouts, targets, state, trust.new_full((3, 20, count), 900.0))
+    torch.testing.assert_close(both.weight.sum(), term.weight.sum())
     R_local = state.R_local.clone()
     R_local[:, :, 0] = exp(torch.tensor([0.4, -0.3, 0.2]).double()) @ R_local[:, :, 0]
     turned = replace(state, R_local=R_local, trans=state.trans + 1.0)

@@ -114,7 +114,8 @@ def form_coupling(
     Args:
         state: its shapes are the targets'; weight: of the layout's keypoints, 1/m^2.
     """
-    of_form = torch.tensor([name in FORM for name in body.keypoints.names]).to(weight)
+    names = body.keypoints.names  # of several layouts, where videos differ in them
+    of_form = weight.new_tensor([(name in FORM) / names.count(name) for name in names])
     posed = replace(state, R_local=targets.R_local)
     xyz = body.positions(body.keypoints, posed).xyz.detach()
     weight = targets.trust[..., None] * weight * of_form
