@@ -122,10 +122,11 @@ def test_a_joint_that_nobody_sees_for_a_while_is_ill_determined_then() -> None:
     left, right = SMPL_JOINTS.index("left_wrist"), SMPL_JOINTS.index("right_wrist")
     assert (after[span, left] > 1.3 * before[span, left]).all()
     assert after[:, right] == pytest.approx(before[:, right], rel=0.2)
-    named = weak_spans(after[:, [left]], 1.05 * float(before[:, left].max()), FPS)
+    middle = slice(2, 17)  # both ends of a clip are less certain anyway
+    named = weak_spans(after[middle, [left]][:, None], 1.3 * float(before[span, left].max()), FPS)
     assert [s.joint for s in named] == [0]
-    assert 4 <= named[0].first <= 8
-    assert 11 <= named[0].last <= 15
+    assert 6 <= 2 + named[0].first <= 8
+    assert 11 <= 2 + named[0].last <= 13
 
 
 def test_spans_close_to_each_other_are_one_and_short_ones_none() -> None:
