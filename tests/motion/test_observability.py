@@ -123,7 +123,7 @@ def test_a_joint_that_nobody_sees_for_a_while_is_ill_determined_then() -> None:
     assert (after[span, left] > 1.3 * before[span, left]).all()
     assert after[:, right] == pytest.approx(before[:, right], rel=0.2)
     middle = slice(2, 17)  # both ends of a clip are less certain anyway
-    named = weak_spans(after[middle, [left]][:, None], 1.3 * float(before[span, left].max()), FPS)
+    named = weak_spans(after[middle][:, [left]], 1.3 * float(before[span, left].max()), FPS)
     assert [s.joint for s in named] == [0]
     assert 6 <= 2 + named[0].first <= 8
     assert 11 <= 2 + named[0].last <= 13
