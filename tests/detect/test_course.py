@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from imocap_core.detect.workers.blazepose.course import EVERY, PATIENCE, Course
+from imocap_core.detect.workers.blazepose.course import EVERY, Course
 from imocap_core.detect.workers.blazepose.crops import Crop
-from imocap_core.detect.workers.blazepose.followed import KNOWN, FollowedPerson, merged
+from imocap_core.detect.workers.blazepose.followed import ESTABLISHED, FollowedPerson, merged
 from imocap_core.detect.workers.blazepose.hidden import with_hidden
 from imocap_core.detect.workers.blazepose.landmarks import Landmarks, detect_landmarks, mask_in
 from imocap_core.detect.workers.blazepose.overlap import distinct, is_duplicate, shared
+from imocap_core.detect.workers.blazepose.refused import PATIENCE
 from tests.detect.made_people import (
     HEIGHT,
     WIDTH,
@@ -170,7 +171,9 @@ def test_who_was_lost_is_looked_for_in_every_box() -> None:
 def test_who_is_new_takes_nobodys_place() -> None:
     made = picture((200, 200))
     body = looked(made, 200.0)
-    known = FollowedPerson(replace(body, visibility=0.5 * body.visibility), body, age=KNOWN + 1)
+    known = FollowedPerson(
+        replace(body, visibility=0.5 * body.visibility), body, age=ESTABLISHED + 1
+    )
     new = FollowedPerson(body, body, age=1)
     assert merged([new, known], []) == [known]
     assert merged([known], [body]) == [known]
@@ -192,7 +195,7 @@ def test_two_crops_that_landed_on_one_person_are_one() -> None:
     assert is_duplicate(bodies[1], [bodies[0]])
     assert shared(bodies[0], [bodies[0]]) == 1.0
     assert not is_duplicate(bodies[2], bodies[:2])
-    assert len(distinct(bodies)) == 2
+    assert len(distinct(bodies, [0, 0, 0])) == 2
 
 
 def test_a_mask_lies_where_its_person_is_in_any_crop() -> None:

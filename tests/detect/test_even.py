@@ -129,14 +129,14 @@ def test_a_start_that_nothing_announced_is_looked_at() -> None:
 
 
 def test_somebody_who_leaves_is_missing_in_the_same_pictures() -> None:
-    for leaves in (14, 15):
-        walk = [picture((100, 150)) if t < leaves else picture() for t in range(20)]
+    for leaves in (14, 15, 16, 17):
+        walk = [picture((100, 150)) if t < leaves else picture() for t in range(22)]
         some, _ = course(walk)
-        assert [len(people) for people in some] == [int(t < leaves) for t in range(20)]
+        assert [len(people) for people in some] == [int(t < leaves) for t in range(22)]
 
 
 def test_somebody_who_comes_is_followed_backward_through_pictures_that_waited() -> None:
-    for comes in (14, 15):
+    for comes in (14, 15, 16, 17):
         both = [picture((100, 150), *[(400, 200)] * (t >= comes)) for t in range(36)]
         some, _ = course(both)
         assert [len(people) for people in some] == [1 + int(t >= comes) for t in range(36)]

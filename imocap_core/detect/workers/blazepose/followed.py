@@ -11,10 +11,10 @@ from .boxes import PersonBox, overlap
 from .crops import Crop
 from .even import LOOKS, Look
 from .landmarks import Landmarks
-from .overlap import corners_of, distinct, is_duplicate, size_of
+from .overlap import corners_of, distinct, size_of
 
 FOLLOWED = 0.5  # intersection over union of the box of a person who is followed and the detector's
-KNOWN = 5  # looks, after which nobody who is new takes a person's place
+ESTABLISHED = 5  # looks after the first: from then on nobody new takes a person's place
 PREFERRED = 1.3  # of their size: people who are followed already
 
 
@@ -28,6 +28,11 @@ class FollowedPerson:
     age: int = 0
     looks: tuple[Look, ...] = ()
 
+    @property
+    def is_established(self) -> bool:
+        """Whether the person is followed for some time."""
+        return self.age > ESTABLISHED
+
     def with_look(self, frame: int, body: Landmarks) -> FollowedPerson:
         """The same person in a later picture."""
         looks = (*self.looks, Look(frame, body))[-LOOKS:]
@@ -35,18 +40,11 @@ class FollowedPerson:
 
 
 def merged(followed: Sequence[FollowedPerson], fresh: Sequence[Landmarks]) -> list[FollowedPerson]:
-    """Different people: who is followed for some time, then who is not, then who is new; the best
-    seen first."""
-    established = [person for person in followed if person.age > KNOWN]
-    people = [established[row] for row in distinct([person.body for person in established])]
-    others = [person for person in followed if person.age <= KNOWN]
-    for row in distinct([person.body for person in others]):
-        if not is_duplicate(others[row].body, [person.body for person in people]):
-            people.append(others[row])
-    for row in distinct(fresh):
-        if not is_duplicate(fresh[row], [person.body for person in people]):
-            people.append(FollowedPerson(fresh[row], fresh[row]))
-    return people
+    """Different people: the established, then who is followed for less long, then who is new; of
+    each the best seen first."""
+    people = [*followed, *(FollowedPerson(body, body) for body in fresh)]
+    ranks = [0 if p.is_established else 1 for p in followed] + [2] * len(fresh)
+    return [people[row] for row in distinct([person.body for person in people], ranks)]
 
 
 def largest(people: Sequence[FollowedPerson], most_people: int) -> list[FollowedPerson]:

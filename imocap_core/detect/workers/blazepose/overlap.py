@@ -22,14 +22,15 @@ def quality(body: Landmarks) -> float:
     return body.presence * float(body.visibility.mean())
 
 
-def distinct(bodies: Sequence[Landmarks]) -> list[int]:
-    """Rows of the bodies that are different people, the best seen first.
+def distinct(bodies: Sequence[Landmarks], ranks: Sequence[int]) -> list[int]:
+    """Rows of the bodies that are different people: those of the lowest rank first, of one rank the
+    best seen.
 
-    A body with half its joints where those of better seen people are is none: it is one of them,
-    or put together of several.
+    A body with half its joints where those of people before it are is none: it is one of them, or
+    put together of several.
     """
     rows: list[int] = []
-    for row in sorted(range(len(bodies)), key=lambda row: -quality(bodies[row])):
+    for row in sorted(range(len(bodies)), key=lambda row: (ranks[row], -quality(bodies[row]))):
         if not is_duplicate(bodies[row], [bodies[other] for other in rows]):
             rows.append(row)
     return rows

@@ -1,0 +1,86 @@
+"""Looks at one picture: the body in a crop, apart from other people, and where it is seen best."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .crops import Crop, is_same
+from .followed import FollowedPerson, distance_of
+from .landmarks import Landmarks, detect_landmarks
+from .networks import Network
+from .overlap import is_duplicate, is_in_the_way, quality, shared
+from .person import detect_people
+
+CONTESTED = 0.25  # share of joints at those of others, beyond which a body is not itself
+LEAST_QUALITY = 0.75  # of a body with others painted over, of that without
+LEAST_DETECTED = 0.5  # confidence of a person whom BlazePose's detector gives
+NEAR = 0.5  # sides of a crop: further away it is somebody else
+
+
+@dataclass(frozen=True)
+class Looks:
+    """The networks that look at a person; least_presence: of the body in a crop."""
+
+    person_detector: Network
+    landmarks: Network
+    least_presence: float
+
+    def body(
+        self, picture: np.ndarray, crop: Crop, others: Sequence[Landmarks] = ()
+    ) -> Landmarks | None:
+        """The body in a crop, None where nobody is."""
+        body = detect_landmarks(picture, crop, self.landmarks, others)
+        return body if body.presence >= self.least_presence else None
+
+    def apart(
+        self, picture: np.ndarray, crop: Crop, body: Landmarks, others: Sequence[Landmarks]
+    ) -> Landmarks:
+        """The body in a crop, looked at again with the people painted over who are in its way; as
+        it was where that shows less of it, and it had hardly any of their joints."""
+        rivals = [other for other in others if is_in_the_way(other, body)]
+        again = self.body(picture, crop, rivals) if rivals else None
+        if again is None:
+            return body
+        is_worse = quality(again) < LEAST_QUALITY * quality(body)
+        return body if is_worse and shared(body, rivals) < CONTESTED else again
+
+    def somebody_new(
+        self, picture: np.ndarray, crop: Crop, others: Sequence[Landmarks]
+    ) -> Landmarks | None:
+        """The body in a crop, looked at again in the crop that it gives; None where that is nobody,
+        or one of the others."""
+        body: Landmarks | None = None
+        for _ in range(2):
+            answer = self.body(picture, crop)
+            if answer is None:
+                return None
+            body = self.apart(picture, crop, answer, others)
+            if is_duplicate(body, others):
+                return None
+            crop = body.next_crop
+        return body
+
+    def with_detected_crops(
+        self, picture: np.ndarray, answers: list[tuple[FollowedPerson, Landmarks | None]]
+    ) -> list[tuple[FollowedPerson, Landmarks | None]]:
+        """The answers, each replaced by a better one in the crop that BlazePose's own detector
+        gives the nearest person: it knows how a body is turned, which a drifting one forgets."""
+        better = list(answers)
+        for detected in (
+            detect_people(picture, self.person_detector, LEAST_DETECTED) if answers else []
+        ):
+            crop = detected.crop
+            away = [distance_of(crop, person.body.next_crop) for person, _ in answers]
+            row = int(np.argmin(away))
+            person, body = better[row]
+            if away[row] > NEAR or is_same(crop, person.body.next_crop):
+                continue
+            fresh = self.body(picture, crop)
+            others = [other for k, (_, other) in enumerate(answers) if k != row and other]
+            if fresh and shared(fresh, others) < CONTESTED:
+                best = max((fresh, body), key=quality) if body else fresh
+                better[row] = (person, best)
+        return better
