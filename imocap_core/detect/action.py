@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -19,10 +20,13 @@ from imocap_core.detect.detectors import Detector, detector_of
 from imocap_core.detect.setup import set_up
 from imocap_core.detect.several import Undetected, detect_videos
 from imocap_core.errors import WorkFailed
+from imocap_core.io.video import read_gray
 from imocap_core.io.video_check import check_video
 from imocap_core.params import DetectParams
 from imocap_core.pipeline.action import DETECT, Action, Declaration
 from imocap_core.problem.usable_videos import LEAST_VIDEOS
+
+LOOK_SCALE = 0.05  # of the pictures, which are decoded to see whether they can be
 
 if TYPE_CHECKING:
     from imocap_core.pipeline.runner import Display
@@ -54,10 +58,12 @@ def detect(action: Action, params: DetectParams, store: Store, display: Display)
     missing = [str(model) for model in detector.models if not model.is_file()]
     if missing:
         raise WorkFailed(f"{action.file}: params.detect: {missing[0]} does not exist")
-    waiting = [v for v in action.videos if v.detected and v.id not in action.detected]
-    faults = {v.id: _fault(action, v) for v in waiting}
-    _require_enough(action, [fault for fault in faults.values() if fault])
-    waiting = [v for v in waiting if not faults[v.id]]
+    undone = [v for v in action.videos if v.detected and v.id not in action.detected]
+    look_through = len(undone) < len(action.videos)  # what a run before left out may be broken
+    faults = {v.id: _fault(action, v, to_the_end=look_through) for v in undone}
+    unreadable = [fault for fault in faults.values() if fault]
+    _require_enough(action, unreadable)
+    waiting = [v for v in undone if not faults[v.id]]
     if not waiting:
         return
     display.started("detect", [f"{v.id} has no detections of {detector.version}" for v in waiting])
@@ -72,10 +78,7 @@ def detect(action: Action, params: DetectParams, store: Store, display: Display)
         broken = detect_videos([*undetected.values()], detector, python, display.progress)
     finally:
         share_detections(store, [file for file in undetected if file.is_file()])
-    _require_enough(
-        action,
-        [*filter(None, faults.values()), *(f"{action.file}: {error}" for error in broken)],
-    )
+    _require_enough(action, [*unreadable, *(f"{action.file}: {error}" for error in broken)])
 
 
 def detect_one(
@@ -88,7 +91,7 @@ def detect_one(
     detector = detector_of(params, action.folder)
     declared = next(v for v in action.videos if v.id == video)
     file = _file(action, declared, detector, store)
-    if file is None or file.is_file() or _fault(action, declared):
+    if file is None or file.is_file() or _fault(action, declared, to_the_end=bool(action.detected)):
         return
     display.started("detect", [f"{video} has no detections of {detector.version}"])
     python = set_up(detector, lambda what: display.progress(0.0, what))
@@ -103,10 +106,14 @@ def _require_enough(action: Action, faults: Sequence[str]) -> None:
         raise WorkFailed("\n".join(faults))
 
 
-def _fault(action: Action, declared: Declaration) -> str:
-    """Why a video cannot be read; empty where it seems to be whole."""
+def _fault(action: Action, declared: Declaration, *, to_the_end: bool) -> str:
+    """Why a video cannot be read; empty where it can. Whether it can be decoded to its end takes a
+    second for some hundred pictures, where the detector would take ten to come to that."""
+    video = action.folder / str(declared.video)
     try:
-        check_video(action.folder / str(declared.video))
+        check_video(video)
+        if to_the_end:
+            deque(read_gray(video, scale=LOOK_SCALE), maxlen=0)
     except ValueError as error:
         return f"{action.file}: {error}"
     return ""

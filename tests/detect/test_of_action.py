@@ -154,11 +154,15 @@ def test_a_missing_video_is_one_sentence(place: Place, capsys: Capture) -> None:
     assert err.count("\n") == 1
 
 
-def test_a_broken_video_is_named_and_the_others_are_detected(place: Place, capsys: Capture) -> None:
+def add_broken_video(place: Place) -> None:
     write_damaged(place.folder / "c.mp4", 20, 8, 12, unreadable=True)
     content = yaml.safe_load((place.folder / "action.yaml").read_text())
     content["videos"].append({"id": "c", "video": "c.mp4", "keypoints": "detect"})
     (place.folder / "action.yaml").write_text(yaml.safe_dump(content))
+
+
+def test_a_broken_video_is_named_and_the_others_are_detected(place: Place, capsys: Capture) -> None:
+    add_broken_video(place)
     assert place.run("detect", "mine") == 0
     lines = capsys.readouterr().out.replace("\n", "")
     assert "c cannot be used: " in lines
@@ -167,6 +171,15 @@ def test_a_broken_video_is_named_and_the_others_are_detected(place: Place, capsy
     lines = capsys.readouterr().out.replace("\n", "")
     assert "c cannot be used: " in lines
     assert "a: " in lines
+
+
+def test_a_broken_video_is_given_to_the_detector_once(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add_broken_video(place)
+    assert place.run("detect", "mine") == 0
+    monkeypatch.setattr("imocap_core.detect.action.detect_videos", None)
+    assert place.run("detect", "mine") == 0
 
 
 def test_too_few_whole_videos_is_one_sentence(place: Place, capsys: Capture) -> None:
