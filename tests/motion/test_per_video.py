@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from imocap_core.motion.kinematics import Body
-from imocap_core.motion.multiview.coupling import FORM, CouplingTargets, form_coupling
+from imocap_core.motion.multiview.coupling import COUPLED, CouplingTargets, position_coupling
 from imocap_core.motion.multiview.deviation import (
     LEAST_SPREAD_M,
     finite_median,
@@ -96,8 +96,8 @@ def test_a_fit_goes_on_from_the_one_before_to_the_same_place(made: Made) -> None
 
 
 def test_a_chain_deviates_no_further_than_its_keypoints_may(made: Made) -> None:
-    """Rotations that are free one by one carry a hand twice as far as their keypoints
-    deviate; drawn to the common form it stays where the keypoints do."""
+    """With rotations coupled one by one a hand deviates twice as far as its keypoint may; with
+    positions coupled, too, no further."""
     all_, state = whole(made), in_own_axes(made)
     spread_m = 0.03
     spread = DeviationSpread(np.full((3, 20, 25), spread_m), initial_offset_sd(3, MotionParams()))
@@ -118,18 +118,20 @@ def test_a_chain_deviates_no_further_than_its_keypoints_may(made: Made) -> None:
     assert 0.5 * spread_m < deviates[1] < spread_m
 
 
-def test_the_form_is_that_of_limbs_however_turned_where_frames_match(made: Made) -> None:
+def test_positions_of_limbs_are_coupled_however_the_body_is_turned(
+    made: Made,
+) -> None:
     state, trust = in_own_axes(made), torch.ones(3, 20, dtype=torch.float64)
     trust[:, 15:] = 0.0
     names = made.body.keypoints.names
     targets = CouplingTargets(state.R_local, state.trans, trust)
-    term = form_coupling(made.body, targets, state, trust.new_full((3, 20, len(names)), 900.0))
+    term = position_coupling(made.body, targets, state, trust.new_full((3, 20, len(names)), 900.0))
     coupled = {name for name, weight in zip(names, term.weight[0, 0], strict=True) if weight > 0}
-    assert coupled == FORM
+    assert coupled == COUPLED
     assert float(term.weight[:, 15:].max()) == 0.0
     two_layouts = Body.of(made.body.model, "body25", "coco17")
     count = len(two_layouts.keypoints.names)
-    both = form_coupling(two_layouts, targets, state, trust.new_full((3, 20, count), 900.0))
+    both = position_coupling(two_layouts, targets, state, trust.new_full((3, 20, count), 900.0))
     torch.testing.assert_close(both.weight.sum(), term.weight.sum())
     R_local = state.R_local.clone()
     R_local[:, :, 0] = exp(torch.tensor([0.4, -0.3, 0.2]).double()) @ R_local[:, :, 0]

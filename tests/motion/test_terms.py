@@ -145,7 +145,7 @@ TERMS: dict[str, Callable[[Body, MotionState], Term]] = {
     "evidence": lambda b, s: JointEvidence(
         b, normal(B, T, 24, 3, seed=11), normal(B, T, 24, seed=12).abs() * seen(s), 3.0
     ),
-    "form": lambda b, s: JointEvidence(
+    "position coupling": lambda b, s: JointEvidence(
         b,
         normal(B, T, len(b.keypoints.names), 3, seed=23),
         normal(B, T, len(b.keypoints.names), seed=24).abs() * s.valid[..., None],

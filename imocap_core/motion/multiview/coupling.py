@@ -19,8 +19,8 @@ from imocap_core.motion.multiview.timeline import Timeline, sample, sample_rotat
 from imocap_core.motion.state import MotionState
 from imocap_core.motion.terms import JointEvidence, PathCoupling, PoseCoupling, Term
 
-# The keypoints that make up a pose's form; every layout has them.
-FORM = frozenset(
+# The keypoints whose positions are coupled; every layout of a body has them.
+COUPLED = frozenset(
     f"{side}_{joint}"
     for side in ("left", "right")
     for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
@@ -100,26 +100,28 @@ def coupling_terms(
     ]
 
 
-def form_coupling(
+def position_coupling(
     body: Body,
     targets: CouplingTargets,
     state: MotionState,
     weight: Float[Tensor, "B T K"],
 ) -> JointEvidence:
-    """Each pose's limbs and nose where its target has them, however the whole is turned and placed.
+    """Positions of the limbs' keypoints and the nose, coupled to the target's after the best
+    rotation and shift of each frame.
 
-    Rotations drawn to the target's one by one let a hand deviate by the sum of all joints above it.
-    This bounds what they come to together: deviations along a chain compensate one another.
+    With rotations coupled one by one, the deviations of all joints above a hand add up. This
+    correlates them: what they come to together is bounded (docs/decisions/deviations.md).
 
     Args:
         state: its shapes are the targets'; weight: of the layout's keypoints, 1/m^2.
     """
     names = body.keypoints.names  # of several layouts, where videos differ in them
-    of_form = weight.new_tensor([(name in FORM) / names.count(name) for name in names])
+    share = weight.new_tensor([(name in COUPLED) / names.count(name) for name in names])
     posed = replace(state, R_local=targets.R_local)
     xyz = body.positions(body.keypoints, posed).xyz.detach()
-    weight = targets.trust[..., None] * weight * of_form
-    return JointEvidence(body, xyz, weight, UNBOUNDED, of_keypoints=True)
+    return JointEvidence(
+        body, xyz, targets.trust[..., None] * weight * share, UNBOUNDED, of_keypoints=True
+    )
 
 
 def to_video_frames(

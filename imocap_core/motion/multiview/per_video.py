@@ -13,7 +13,7 @@ from imocap_core.motion.multiview.cameras import Cameras
 from imocap_core.motion.multiview.coupling import (
     CouplingTargets,
     coupling_terms,
-    form_coupling,
+    position_coupling,
     to_video_axes,
     to_video_frames,
 )
@@ -34,7 +34,7 @@ from imocap_core.params import MotionParams
 
 # Foot speeds at which contact counts a quarter: in the common motion, and in one video's own.
 COMMON_CONTACT_M_S, VIDEO_CONTACT_M_S = 0.05, 0.2
-# Of the weight that a joint's rotation would have alone: the limbs' places say the same once more.
+# Of the weight that rotations would have alone: the positions couple the same deviations.
 ROTATIONS_SHARE = 0.5
 CONTACT_SCALE = 4.0  # square root of the largest cost of a step of a foot in contact
 
@@ -98,11 +98,13 @@ def deviation_terms(
     joint_weight[..., 0] *= faces
     variance = torch.as_tensor(spread.offset_sd[:, 3:4] ** 2).to(start.trans)
     path_weight = 1 / ((variance + place_variance(scene.observations, start.trans)) * frames)
-    form = torch.as_tensor(1 / (pooled_spread_m(spread.keypoints_m) ** 2 * frames)).to(start.trans)
-    form_weight = to_video_frames(form, scene.timeline, start)
+    of_positions = 1 / (pooled_spread_m(spread.keypoints_m) ** 2 * frames)
+    position_weight = to_video_frames(
+        torch.as_tensor(of_positions).to(start.trans), scene.timeline, start
+    )
     return [
         *coupling_terms(scene.body, targets, start, joint_weight, path_weight),
-        form_coupling(scene.body, targets, start, form_weight),
+        position_coupling(scene.body, targets, start, position_weight),
     ]
 
 
