@@ -168,6 +168,28 @@ def test_who_was_lost_is_looked_for_in_every_box() -> None:
     assert [len(in_frame) for in_frame in people[lost:]] == [1] * (PATIENCE - lost)
 
 
+def test_who_is_detected_where_pictures_waited_is_followed_backward_to_the_start() -> None:
+    """Of three who stand still one is overlooked, until another leaves: whichever of the pictures
+    that wait for a fourth it is."""
+
+    def overlooking(frame: int, leaves: int) -> Network:
+        def network(given: np.ndarray) -> list[np.ndarray]:
+            others = given.copy()
+            if frame < leaves:
+                others[..., 2] = -1.0  # the third one's colour
+            return box_network()(others)
+
+        return network
+
+    for leaves in (14, 15, 16, 17):
+        stand = [
+            picture((100, 150), (300, 150) if t < leaves else (-100, 150), (500, 150))
+            for t in range(30)
+        ]
+        people = places(stand, lambda frame, leaves=leaves: overlooking(frame, leaves))  # type: ignore[misc]
+        assert [len(in_frame) for in_frame in people] == [2 + (t < leaves) for t in range(30)]
+
+
 def test_who_is_new_takes_nobodys_place() -> None:
     made = picture((200, 200))
     body = looked(made, 200.0)
