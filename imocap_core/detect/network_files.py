@@ -20,7 +20,7 @@ from imocap_core.detect.environment import environment_folder
 from imocap_core.errors import WorkFailed
 
 REGISTRY = "https://registry.npmjs.org/"  # npm's own default
-MOST_BYTES = 100_000_000  # of a package
+MOST_BYTES = 200_000_000  # of a package
 TIMEOUT_S = 60.0
 Announce = Callable[[str], None]
 

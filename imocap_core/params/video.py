@@ -43,6 +43,11 @@ class DetectParams:
         "BlazePose: look at every picture. Otherwise those between two looks are interpolated "
         "where somebody moves evenly, which takes up to half the time.",
     )
+    second_network: bool = param(
+        True,
+        "BlazePose: let MoveNet look at everybody's limbs too. Where both agree their mean is "
+        "taken, where they do not a joint counts for less. Takes up to half more time.",
+    )
     min_tracking_confidence: Share = param(
         0.5,
         "MediaPipe with `follow`, BlazePose: below this confidence the person is lost, and "

@@ -1,5 +1,7 @@
 """BlazePose on the pictures of one video, in order: a person detector and a landmark network.
 
+With a second network, MoveNet, that looks at the limbs too.
+
 Answers: `people`, each with `pose_landmarks`, `pose_world_landmarks` (33 of [x, y, z, visibility]);
 `earlier`: people in former pictures, each also with `ago`, the number of frames: those who were
 overlooked, and those of a picture that waited for this one. Settings: the
@@ -11,6 +13,7 @@ from __future__ import annotations
 import importlib
 import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 MOST_THREADS = 4  # more hardly help one picture at a time
@@ -19,12 +22,13 @@ MOST_THREADS = 4  # more hardly help one picture at a time
 def people_detector(settings: dict[str, Any]) -> Callable[[Any, bool], dict[str, Any]]:
     """The courses of everybody through the pictures, as a function of the next."""
     course = importlib.import_module("blazepose.course").Course(
-        _network(settings["box_model"]),
-        _network(settings["person_model"]),
-        _network(settings["landmark_model"]),
+        _network(model_path=settings["box_model"]),
+        _network(model_path=settings["person_model"]),
+        _network(model_path=settings["landmark_model"]),
         settings["min_person_confidence"],
         settings["min_tracking_confidence"],
         settings["most_people"],
+        second=_second_network(settings) if settings["second_network"] else None,
         every_picture=settings["every_picture"],
     )
 
@@ -39,19 +43,28 @@ def people_detector(settings: dict[str, Any]) -> Callable[[Any, bool], dict[str,
     return detect
 
 
-def _network(file: str) -> Any:
-    """The network in a file, as a function of one picture."""
+def _second_network(settings: dict[str, Any]) -> Any:
+    """MoveNet, of TensorFlow.js's files."""
+    movenet = importlib.import_module("blazepose.movenet")
+    graph, weights = (Path(settings[name]) for name in ("second_graph", "second_weights"))
+    translate = importlib.import_module("blazepose.tfjs").litert_model
+    return _network(model_content=translate(graph, weights, movenet.OUTPUTS, movenet.SIZE))
+
+
+def _network(**model: Any) -> Any:
+    """The network in a file (model_path) or in memory (model_content), as a function of one
+    picture."""
     threads = int(os.environ.get("OMP_NUM_THREADS") or min(os.cpu_count() or 1, MOST_THREADS))
     kind = importlib.import_module("ai_edge_litert.interpreter").Interpreter
-    model = kind(model_path=file, num_threads=threads)
-    model.allocate_tensors()
-    given = model.get_input_details()[0]["index"]
-    results = [tensor["index"] for tensor in model.get_output_details()]
+    interpreter = kind(**model, num_threads=threads)
+    interpreter.allocate_tensors()
+    given = interpreter.get_input_details()[0]["index"]
+    results = [tensor["index"] for tensor in interpreter.get_output_details()]
 
     def network(picture: Any) -> list[Any]:
-        model.set_tensor(given, picture[None])
-        model.invoke()
-        return [model.get_tensor(result)[0] for result in results]
+        interpreter.set_tensor(given, picture[None])
+        interpreter.invoke()
+        return [interpreter.get_tensor(result)[0] for result in results]
 
     return network
 

@@ -16,6 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .both import combined
 from .boxes import detect_boxes
 from .even import LOOKS, between, is_even
 from .followed import (
@@ -50,11 +51,13 @@ class Course:
         least_presence: float,
         most_people: int,
         *,
+        second: Network | None = None,
         every_picture: bool = False,
     ) -> None:
-        """every_picture: look at each, however evenly everybody moves."""
+        """second: looks at the limbs of everybody too. every_picture: look at each, however evenly
+        everybody moves."""
         self._boxes, self._least_person = boxes, least_person
-        self._looks = Looks(person_detector, landmarks, least_presence)
+        self._looks = Looks(person_detector, landmarks, least_presence, second)
         self._most_people, self._every_picture = most_people, every_picture
         self._people: list[FollowedPerson] = []
         self._last: deque[tuple[np.ndarray, list[Landmarks]]] = deque()
@@ -104,7 +107,7 @@ class Course:
                 self._remember(picture, people)
             self._until_boxes -= len(waiting)
             now, overlooked = self._taken(last, followed)
-            return [*map(with_hidden, bodies), now], overlooked
+            return [*map(_answers, bodies), now], overlooked
         return self._one_after_another(pictures, gap // 2, frame)
 
     def _one_after_another(
@@ -157,7 +160,7 @@ class Course:
         new = [person for person in self._people if person.age == ESTABLISHED]
         earlier = [past for person in new for past in self._backward(person)]
         self._remember(picture, [person.body for person in self._people])
-        return with_hidden([person.body for person in self._people]), earlier
+        return _answers([person.body for person in self._people]), earlier
 
     def _followed(
         self,
@@ -168,8 +171,7 @@ class Course:
     ) -> list[FollowedPerson]:
         """The people of the last picture in this one: the best seen first, the others then without
         them, where they are in the way; in_place: bodies of others there."""
-        answers = [(p, self._looks.body(picture, p.body.next_crop)) for p in last]
-        answers = self._looks.with_detected_crops(picture, answers)
+        answers = self._looks.where_they_were(picture, last)
         present = [(p, body) for p, body in answers if body]
         steps = [step(body, p.body) for p, body in present]
         bodies = [body for _, body in present]
@@ -178,7 +180,7 @@ class Course:
             person, body = present[row]
             others = [*in_place, *(other.body for other in people if other.age >= ESTABLISHED)]
             best = self._looks.apart(picture, person.body.next_crop, body, others)
-            people.append(person.with_look(frame, best))
+            people.append(person.with_look(frame, self._looks.asked(picture, best)))
         return people
 
     def _fresh(self, picture: np.ndarray, bodies: Sequence[Landmarks]) -> list[Landmarks]:
@@ -190,7 +192,7 @@ class Course:
                 continue
             body = self._looks.somebody_new(picture, box.crop, others)
             if body:
-                fresh.append(body)
+                fresh.append(self._looks.asked(picture, body))
             else:
                 self._refused.add(self._frame, box)
         return fresh
@@ -208,8 +210,8 @@ class Course:
             body = self._looks.apart(picture, crop, answer, others)
             if is_duplicate(body, others):
                 break
-            others.append(body)
-            earlier.append((ago, with_hidden(others)[-1]))
+            others.append(self._looks.asked(picture, body))
+            earlier.append((ago, _answers(others)[-1]))
         return earlier
 
     def _remember(self, picture: np.ndarray, bodies: list[Landmarks]) -> None:
@@ -217,3 +219,8 @@ class Course:
         self._last.append((picture, bodies))
         while len(self._last) > 1 and len(self._last) * picture.nbytes > MOST_BYTES:
             self._last.popleft()
+
+
+def _answers(bodies: Sequence[Landmarks]) -> list[Landmarks]:
+    """What is said of the people of a picture."""
+    return [combined(body) for body in with_hidden(bodies)]

@@ -70,8 +70,12 @@ def between(a: Landmarks, b: Landmarks, share: float) -> Landmarks:
     def mean(one: np.ndarray, other: np.ndarray) -> np.ndarray:
         return np.asarray((1 - share) * one + share * other)
 
+    second = b.second
+    if a.second is not None and b.second is not None:
+        second = mean(a.second, b.second)
     return replace(
         b,
+        second=second,
         xy_px=mean(a.xy_px, b.xy_px),
         z_px=mean(a.z_px, b.z_px),
         visibility=mean(a.visibility, b.visibility),

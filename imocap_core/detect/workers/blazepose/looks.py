@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .both import is_doubted
 from .crops import Crop, is_same
 from .followed import FollowedPerson, distance_of
 from .landmarks import Landmarks, detect_landmarks
+from .movenet import crop_about, detect_points
 from .networks import Network
 from .overlap import is_duplicate, is_in_the_way, quality, shared
 from .person import detect_people
@@ -22,11 +24,13 @@ NEAR = 0.5  # sides of a crop: further away it is somebody else
 
 @dataclass(frozen=True)
 class Looks:
-    """The networks that look at a person; least_presence: of the body in a crop."""
+    """The networks that look at a person; least_presence: of the body in a crop; second: looks at
+    the limbs too."""
 
     person_detector: Network
     landmarks: Network
     least_presence: float
+    second: Network | None = None
 
     def body(
         self, picture: np.ndarray, crop: Crop, others: Sequence[Landmarks] = ()
@@ -47,6 +51,25 @@ class Looks:
         is_worse = quality(again) < LEAST_QUALITY * quality(body)
         return body if is_worse and shared(body, rivals) < CONTESTED else again
 
+    def asked(self, picture: np.ndarray, body: Landmarks) -> Landmarks:
+        """The body with the second network's points."""
+        if self.second is None or body.second is not None:
+            return body
+        return replace(body, second=detect_points(picture, crop_about(body), self.second))
+
+    def where_they_were(
+        self, picture: np.ndarray, people: Sequence[FollowedPerson]
+    ) -> list[tuple[FollowedPerson, Landmarks | None]]:
+        """People with their bodies in the crops of the last picture; where both networks do not
+        agree about all, also in those that BlazePose's own detector gives."""
+        answers: list[tuple[FollowedPerson, Landmarks | None]] = []
+        for person in people:
+            body = self.body(picture, person.body.next_crop)
+            answers.append((person, body and self.asked(picture, body)))
+        if all(body and not is_doubted(body) for _, body in answers):
+            return answers
+        return self._with_detected_crops(picture, answers)
+
     def somebody_new(
         self, picture: np.ndarray, crop: Crop, others: Sequence[Landmarks]
     ) -> Landmarks | None:
@@ -63,15 +86,13 @@ class Looks:
             crop = body.next_crop
         return body
 
-    def with_detected_crops(
+    def _with_detected_crops(
         self, picture: np.ndarray, answers: list[tuple[FollowedPerson, Landmarks | None]]
     ) -> list[tuple[FollowedPerson, Landmarks | None]]:
         """The answers, each replaced by a better one in the crop that BlazePose's own detector
         gives the nearest person: it knows how a body is turned, which a drifting one forgets."""
         better = list(answers)
-        for detected in (
-            detect_people(picture, self.person_detector, LEAST_DETECTED) if answers else []
-        ):
+        for detected in detect_people(picture, self.person_detector, LEAST_DETECTED):
             crop = detected.crop
             away = [distance_of(crop, person.body.next_crop) for person, _ in answers]
             row = int(np.argmin(away))

@@ -1,0 +1,67 @@
+"""Limbs as two networks tell them: their mean, and less visibility where they disagree.
+
+The two are trained apart and err apart, where one network's answers to the same picture, mirrored
+or cropped otherwise, err together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from .crops import MARGIN
+from .landmarks import Landmarks
+from .movenet import POINTS
+
+ARMS, LEGS = [0, 1, 4, 5], [2, 3, 6, 7]  # among the joints below
+JOINTS = [13, 15, 25, 27, 14, 16, 26, 28]  # elbow, wrist, knee, ankle: left, then right
+THEIRS = [POINTS.index(joint) for joint in JOINTS]  # among the second network's points
+TIPS = {15: (17, 19, 21), 16: (18, 20, 22), 27: (29, 31), 28: (30, 32)}  # that go with a joint
+# Shares of a body's size:
+NEAR = 0.05  # answers within which are one place, their mean; of others the first is taken
+DOUBTFUL = 0.08  # distance that halves the visibility
+ELSEWHERE = 0.02  # median distance beyond which one of the two may look at a wrong place
+SOMEBODY_ELSE = 0.15  # and beyond which the second network has another body
+SWAPPED, APART = 0.6, 0.03  # of the distance, with sides exchanged; joints' mean distance
+
+
+def is_doubted(body: Landmarks) -> bool:
+    """Whether a second network has most limb joints elsewhere, or was not asked."""
+    return body.second is None or float(np.median(_distances(body)[1])) > ELSEWHERE
+
+
+def combined(body: Landmarks) -> Landmarks:
+    """The body, its limbs as both networks tell them."""
+    if body.second is None:
+        return body
+    theirs, away = _distances(body)
+    if np.median(away) > SOMEBODY_ELSE:
+        return body
+    xy, visibility = body.xy_px.copy(), body.visibility.copy()
+    share = 0.5 / (1 + (away / NEAR) ** 4)
+    xy[JOINTS] += share[:, None] * (theirs - xy[JOINTS])
+    for joint, trust in zip(JOINTS, 1 / (1 + (away / DOUBTFUL) ** 2), strict=True):
+        visibility[[joint, *TIPS.get(joint, ())]] *= trust
+    return replace(body, xy_px=xy, visibility=visibility)
+
+
+def _distances(body: Landmarks) -> tuple[np.ndarray, np.ndarray]:
+    """The second network's joints (8, 2), and how far they are from the body's, in its sizes."""
+    assert body.second is not None
+    size, own = body.next_crop.side / MARGIN, body.xy_px[JOINTS]
+    theirs = on_the_same_sides(own, body.second[THEIRS], size)
+    return theirs, np.linalg.norm(own - theirs, axis=1) / size
+
+
+def on_the_same_sides(own: np.ndarray, theirs: np.ndarray, size: float) -> np.ndarray:
+    """Joints (8, 2) of the second network, arms or legs with left and right exchanged where they
+    are much nearer to the first's so: which side is which is judged later, over time."""
+    sided = theirs.copy()
+    for limb in (ARMS, LEGS):
+        other_side = limb[2:] + limb[:2]
+        away = np.linalg.norm(own[limb] - theirs[limb], axis=1).mean()
+        exchanged = np.linalg.norm(own[limb] - theirs[other_side], axis=1).mean()
+        if away > APART * size and exchanged < SWAPPED * away:
+            sided[limb] = theirs[other_side]
+    return sided
