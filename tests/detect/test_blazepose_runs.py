@@ -51,7 +51,7 @@ class Interpreter:
     def get_tensor(self, index):
         return self.results[index][None]
 """
-REAL = detector_of(params(detector="blazepose"), Path())
+REAL = detector_of(params(detector="blazepose", second_network=False), Path())
 
 
 @pytest.fixture
@@ -89,15 +89,15 @@ def test_a_runtime_that_is_missing_is_one_sentence(tmp_path: Path) -> None:
 
 def test_its_version_names_the_runtime_s() -> None:
     assert REAL.version.startswith("blazepose (ai-edge-litert ")
-    assert set(REAL.arguments) - set(REAL.settings) == {
-        "box_model",
-        "person_model",
-        "landmark_model",
-    }
+    one = {"box_model", "person_model", "landmark_model"}
+    assert set(REAL.arguments) - set(REAL.settings) == one
+    both = detector_of(DetectParams(), Path())
+    assert set(both.arguments) - set(both.settings) == one | {"second_graph", "second_weights"}
+    assert both.key("content", []) != REAL.key("content", [])
 
 
 def test_hands_choose_another_detector_or_are_refused() -> None:
-    assert detector_of(DetectParams(), Path()) == REAL
+    assert detector_of(DetectParams(second_network=False), Path()) == REAL
     assert detector_of(DetectParams(hands=True), Path()).name == "mediapipe"
     with pytest.raises(WorkFailed, match="blazepose detects no hands"):
         detector_of(params(detector="blazepose", hands=True), Path())

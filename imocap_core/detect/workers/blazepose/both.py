@@ -49,19 +49,19 @@ def combined(body: Landmarks) -> Landmarks:
 def _distances(body: Landmarks) -> tuple[np.ndarray, np.ndarray]:
     """The second network's joints (8, 2), and how far they are from the body's, in its sizes."""
     assert body.second is not None
-    size, own = body.next_crop.side / MARGIN, body.xy_px[JOINTS]
-    theirs = on_the_same_sides(own, body.second[THEIRS], size)
-    return theirs, np.linalg.norm(own - theirs, axis=1) / size
+    size, first = body.next_crop.side / MARGIN, body.xy_px[JOINTS]
+    theirs = on_the_same_sides(first, body.second[THEIRS], size)
+    return theirs, np.linalg.norm(first - theirs, axis=1) / size
 
 
-def on_the_same_sides(own: np.ndarray, theirs: np.ndarray, size: float) -> np.ndarray:
+def on_the_same_sides(first: np.ndarray, theirs: np.ndarray, size: float) -> np.ndarray:
     """Joints (8, 2) of the second network, arms or legs with left and right exchanged where they
     are much nearer to the first's so: which side is which is judged later, over time."""
     sided = theirs.copy()
     for limb in (ARMS, LEGS):
         other_side = limb[2:] + limb[:2]
-        away = np.linalg.norm(own[limb] - theirs[limb], axis=1).mean()
-        exchanged = np.linalg.norm(own[limb] - theirs[other_side], axis=1).mean()
+        away = np.linalg.norm(first[limb] - theirs[limb], axis=1).mean()
+        exchanged = np.linalg.norm(first[limb] - theirs[other_side], axis=1).mean()
         if away > APART * size and exchanged < SWAPPED * away:
             sided[limb] = theirs[other_side]
     return sided
