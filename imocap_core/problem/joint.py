@@ -19,7 +19,7 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.multiview.swapped_sides import with_sides_of_others
-from imocap_core.motion.multiview.timeline import make_timeline
+from imocap_core.motion.multiview.timeline import BeyondReference, make_timeline
 from imocap_core.motion.observations import Observation, from_one_place
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.motion.state import MotionState
@@ -152,7 +152,28 @@ def scene_of(
     trust = [m.confidence for m in sync.maps]
     timeline = make_timeline(maps, trust, sync.lengths[reference])
     prior = load_pose_prior(body.model.device)
-    return Scene(body, prior, observations, timeline, trust, reference, fit)
+    beyond = _beyond_reference(sync, observations[reference].fps)
+    return Scene(body, prior, observations, timeline, trust, reference, fit, beyond)
+
+
+def _beyond_reference(sync: SyncSummary, fps: float) -> list[BeyondReference]:
+    """Of every video the frames that others show and the reference does not; none where the
+    synchronisation says nothing of them. fps: of the reference."""
+    beyond = []
+    last = sync.lengths[sync.ids.index(sync.reference)] - 1
+    for video, of_video in zip(
+        [] if sync.trust is None else sync.trust.videos, sync.maps, strict=False
+    ):
+        if video.phase_confidence is None:
+            return []
+        position = fps * video.phase_s
+        outside = ((position < 0) | (position > last)) & ~np.isfinite(of_video.reference_frame)
+        beyond.append(
+            BeyondReference(
+                np.where(outside, position, np.nan), np.where(outside, video.phase_confidence, 0.0)
+            )
+        )
+    return beyond
 
 
 def single_video_sync(video: str, frames: int) -> SyncSummary:

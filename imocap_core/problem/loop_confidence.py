@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.artifacts.schemas import Sync, SyncMap, SyncSummary
+from imocap_core.artifacts.schemas import Sync, SyncMap, SyncSummary, SyncTrust
 from imocap_core.motion.multiview.scene import DeviationSpread
 from imocap_core.problem.one_motion import is_one_motion
 
@@ -40,7 +40,22 @@ def with_independent_confidence(
         )
         for m in sync.maps
     ]
-    return sync.model_copy(update={"maps": maps})
+    return sync.model_copy(update={"maps": maps, "trust": _no_surer(sync.trust, first.trust)})
+
+
+def _no_surer(trust: SyncTrust | None, first: SyncTrust | None) -> SyncTrust | None:
+    """With every phase no surer than at first."""
+    if trust is None or first is None:
+        return trust
+    at_first = {v.id: v.phase_confidence for v in first.videos}
+    videos = []
+    for video in trust.videos:
+        limit, confidence = at_first[video.id], video.phase_confidence
+        if limit is not None and confidence is not None:
+            lower = np.minimum(confidence, limit)
+            video = video.model_copy(update={"phase_confidence": lower})
+        videos.append(video)
+    return trust.model_copy(update={"videos": videos})
 
 
 def with_first_repetitions(sync: Sync, first: SyncSummary) -> Sync:

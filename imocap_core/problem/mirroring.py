@@ -65,6 +65,8 @@ class Participants:
             method=sync.method,
             centrality=sync.centrality[index],
             status=sync.status,
+            trust=sync.trust
+            and sync.trust.model_copy(update={"videos": [sync.trust.videos[k] for k in index]}),
         )
 
     def motions(self, videos: Sequence[VideoMotion]) -> list[VideoMotion]:

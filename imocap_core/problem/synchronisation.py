@@ -222,6 +222,7 @@ def _trust(result: SyncResult, ids: Sequence[str], fps: Sequence[float]) -> Sync
             VideoTrust(
                 id=name,
                 phase_s=result.phase[v],
+                phase_confidence=result.phase_confidence[v],
                 outlier_score=float(screening.outlier_score[v]),
                 mirror_margin=float(screening.mirror_margin[v]),
                 left_out_frames=float(result.left_out_frames[v]),

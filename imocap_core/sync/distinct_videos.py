@@ -125,6 +125,10 @@ def of_all_frames(result: Result, videos: Sequence[DistinctFrames]) -> Result:
             c[d.picture] / d.times_shown for c, d in zip(result.confidence, videos, strict=True)
         ],
         phase=[p[d.picture] for p, d in zip(result.phase, videos, strict=True)],
+        phase_confidence=[
+            c[d.picture] / d.times_shown
+            for c, d in zip(result.phase_confidence, videos, strict=True)
+        ],
         affinity=result.affinity.of_frames([d.picture for d in videos]),
         relaxed=_maps_of_frames(result.relaxed, videos),
     )

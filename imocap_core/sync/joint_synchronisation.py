@@ -52,6 +52,7 @@ class JointResult:
         reference_frame: per video, fractional index into the reference; NaN unmatched.
         confidence: per video, in [0, 1].
         phase: per video, seconds of the reference on the common time axis.
+        phase_confidence: per video, in [0, 1], that another video shows the same moment.
         affinity: Eq. 1, for pictures.
         relaxed: after cycle consistency (Eq. 2), row-stochastic per block.
         centrality: of each video; by it and by coverage the reference was chosen, unless given.
@@ -69,6 +70,7 @@ class JointResult:
     reference_frame: list[Float[np.ndarray, "_T"]]
     confidence: list[Float[np.ndarray, "_T"]]
     phase: list[Float[np.ndarray, "_T"]]
+    phase_confidence: list[Float[np.ndarray, "_T"]]
     affinity: Affinities
     relaxed: BlockMaps
     centrality: Float[np.ndarray, " M"]
@@ -147,6 +149,7 @@ def synchronise_jointly(
         reference_frame=frames,
         confidence=certainty,
         phase=[np.where(f, np.nan, p) for f, p in zip(forbidden, phase, strict=True)],
+        phase_confidence=_phase_confidence(pairs, lengths),
         affinity=affinity,
         relaxed=relaxed,
         centrality=centralities,
@@ -198,6 +201,16 @@ def _check(params: SyncParams) -> None:
         raise ValueError(f"warp: expected posterior or dtw, got {params.warp!r}")
     if params.affinity not in AFFINITIES:
         raise ValueError(f"affinity: expected reciprocal or gaussian, got {params.affinity!r}")
+
+
+def _phase_confidence(pairs: PairMaps, lengths: Sequence[int]) -> list[Float[np.ndarray, "_T"]]:
+    """Per video, the highest confidence of its maps to the others, not at their ends: what is
+    matched there may lie beyond them."""
+    highest = [np.zeros(length) for length in lengths]
+    for (i, j), position in pairs.positions.items():
+        shown = np.isfinite(position) & inside(position, lengths[j])
+        highest[i] = np.maximum(highest[i], np.where(shown, pairs.confidence[i, j], 0.0))
+    return highest
 
 
 def _maps_to_solve(

@@ -191,11 +191,12 @@ def _of_all_videos(
 ) -> SyncResult:
     """The joint result extended by the excluded videos."""
     unmatched = [np.full(n, np.nan) for n in lengths]
-    frames, phase, confidence = list(unmatched), list(unmatched), [np.zeros(n) for n in lengths]
+    frames, phase = list(unmatched), list(unmatched)
+    confidence, of_phase = ([np.zeros(n) for n in lengths] for _ in range(2))
     centrality, left_out, share = np.zeros(len(lengths)), *np.full((2, len(lengths)), np.nan)
     for k, v in enumerate(used):
         frames[v], phase[v] = joint.reference_frame[k], joint.phase[k]
-        confidence[v] = joint.confidence[k]
+        confidence[v], of_phase[v] = joint.confidence[k], joint.phase_confidence[k]
     centrality[used], left_out[used] = joint.centrality, joint.left_out_frames
     share[used] = joint.left_out_share
     repetitions = dict(zip(used, joint.repetitions, strict=True))
@@ -204,6 +205,7 @@ def _of_all_videos(
         reference_frame=frames,
         confidence=confidence,
         phase=phase,
+        phase_confidence=of_phase,
         affinity=_affinities_of_all(joint.affinity, used, lengths),
         relaxed=BlockMaps(Blocks(tuple(lengths)), _renumbered(joint.relaxed.pairs, used)),
         centrality=centrality,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.artifacts.schemas import SmplBa, SyncMap
+from imocap_core.artifacts.schemas import SmplBa, SyncMap, SyncTrust, VideoTrust
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.multiview.scene import JointMotion
 from imocap_core.motion.multiview.smpl_ba import recover_motion
@@ -20,7 +20,7 @@ from imocap_core.problem.mirroring import (
 from tests.report.made import K, Made
 
 
-def problem(made: Made, **decided: list[str]) -> JointProblem:
+def problem(made: Made, **decided: list[str] | SyncTrust) -> JointProblem:
     """Frame to frame correspondences, NaN after the reference's end."""
     maps = [
         SyncMap(
@@ -33,6 +33,35 @@ def problem(made: Made, **decided: list[str]) -> JointProblem:
     sync = made.sync.model_copy(update={"maps": maps, **decided})
     given = (made.keypoints, made.camera_motion, made.initial, sync)
     return problem_of(*given, FitParams(), MotionParams())
+
+
+def trusted(made: Made, confidence: float | None) -> SyncTrust:
+    """Every video's phases, and how sure they are."""
+    nan, fps = float("nan"), made.keypoints.videos[0].fps
+    return SyncTrust(
+        videos=[
+            VideoTrust(
+                id=i, phase_s=f / fps, outlier_score=nan, mirror_margin=nan, left_out_frames=nan,
+                left_out_s=nan, left_out_share=nan,
+                phase_confidence=None if confidence is None else np.full(len(f), confidence),
+            )
+            for i, f in zip(made.ids, made.frames, strict=True)
+        ],
+        triples=[],
+    )  # fmt: skip
+
+
+def test_frames_that_the_reference_does_not_show_have_places_beyond_it(made: Made) -> None:
+    assert list(problem(made).scene.beyond) == []
+    assert list(problem(made, trust=trusted(made, None)).scene.beyond) == []
+    given = problem(made, trust=trusted(made, 0.6), excluded=[made.ids[1]])
+    assert len(given.scene.beyond) == 2
+    for k, v in enumerate((0, 2)):
+        frames, beyond = made.frames[v], given.scene.beyond[k]
+        outside = frames > made.frames[0][-1]
+        np.testing.assert_allclose(beyond.position[outside], frames[outside])
+        np.testing.assert_array_equal(beyond.confidence, 0.6 * outside)
+        assert np.isnan(beyond.position[~outside]).all()
 
 
 def solved(of: JointProblem) -> JointMotion:

@@ -56,6 +56,25 @@ def test_a_video_without_any_match_before_is_not_sure() -> None:
     np.testing.assert_array_equal(result.maps[1].confidence, np.zeros(4))
 
 
+def test_nor_is_it_surer_of_what_the_reference_does_not_show() -> None:
+    def with_phases(of: Sync, confidence: list[float] | None) -> Sync:
+        given = with_repetition(of, 1.0)
+        assert given.trust is not None
+        of_phase = None if confidence is None else np.array(confidence)
+        videos = [v.model_copy(update={"phase_confidence": of_phase}) for v in given.trust.videos]
+        return given.model_copy(update={"trust": SyncTrust(videos=videos, triples=[])})
+
+    loop = with_phases(LOOP, [0.9, 0.2, 0.9, 0.9])
+    first = with_phases(FIRST, [0.4, 0.4, 0.0, 1.0])
+    result = with_independent_confidence(loop, first, spread(0.03, 0.05))
+    assert result.trust is not None
+    assert result.trust.videos[1].phase_confidence is not None
+    np.testing.assert_allclose(result.trust.videos[1].phase_confidence, [0.4, 0.2, 0.0, 0.9])
+    assert with_independent_confidence(loop, first, None) == loop
+    unknown = with_independent_confidence(loop, with_phases(FIRST, None), spread(0.03, 0.05))
+    assert unknown.trust == loop.trust
+
+
 def with_repetition(of: Sync, ratio: float) -> Sync:
     """The second video fits 1.1 s later, its squared distances so many times as large."""
     first, second = (

@@ -73,6 +73,21 @@ def test_unknown_reference_is_refused() -> None:
         synchronise_motions(joints, keypoints, PARAMS, np.random.default_rng(0), reference="z")
 
 
+def test_what_two_videos_show_beyond_the_reference_they_are_sure_of() -> None:
+    """The second ends 10 frames after the reference, the third 20."""
+    joints, keypoints = made(["a", "b", "c"], [0.0, 0.4, 0.8])
+    sync = synchronise_motions(joints, keypoints, PARAMS, np.random.default_rng(0), reference="a")
+    assert sync.trust is not None
+    a, b, c = (video.phase_confidence for video in sync.trust.videos)
+    assert a is not None
+    assert b is not None
+    assert c is not None
+    assert b[51:58].min() > 0.3
+    assert c[41:48].min() > 0.3
+    assert c[53:].max() == 0  # nobody else shows that
+    assert a[:8].max() == 0
+
+
 def test_trust_and_phase_travel_with_the_artifact() -> None:
     joints, keypoints = made(["a", "b", "c"], [0.0, 0.4, 0.8])
     films = filmed(keypoints, joints, [0.0, 1.3, 2.6])

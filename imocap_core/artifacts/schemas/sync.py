@@ -43,6 +43,7 @@ class VideoTrust(Value):
     # squared distance over the map's; NaN where the motion does not repeat
     repetition_s: float = nan
     repetition_ratio: float = nan
+    phase_confidence: Annotated[Floats, Shape("T")] | None = None  # that another shows the moment
 
 
 class CycleTriple(Value):

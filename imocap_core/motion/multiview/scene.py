@@ -13,7 +13,7 @@ from torch import Tensor
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular.fit import monocular_terms
 from imocap_core.motion.multiview.cameras import Cameras
-from imocap_core.motion.multiview.timeline import Timeline
+from imocap_core.motion.multiview.timeline import BeyondReference, Timeline
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import PosePrior
 from imocap_core.motion.solver.gauss_newton import Solution, gauss_newton
@@ -31,6 +31,7 @@ class Scene:
     Attributes:
         confidences: per video (T_v,) trust in each frame's correspondence.
         reference: index of the video whose camera is the world.
+        beyond: per video, its frames that the reference does not show.
     """
 
     body: Body
@@ -40,6 +41,7 @@ class Scene:
     confidences: list[Float[np.ndarray, " _"]]
     reference: int
     fit: FitParams
+    beyond: Sequence[BeyondReference] = ()
 
     @property
     def K(self) -> Float[Tensor, "M 3 3"]:

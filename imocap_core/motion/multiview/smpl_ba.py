@@ -15,6 +15,7 @@ import torch
 
 from imocap_core.motion.monocular.fit import Progress
 from imocap_core.motion.multiview.aligned import align
+from imocap_core.motion.multiview.beyond_reference import continued, within_reference
 from imocap_core.motion.multiview.cameras import Cameras, cameras_from_motion
 from imocap_core.motion.multiview.common_motion import estimate_spread, fit_in_stages, misfit
 from imocap_core.motion.multiview.consensus import consensus_motion, mean_shapes
@@ -46,6 +47,20 @@ def recover_motion(
     """
     if len(scene.observations) == 1:
         return _single_video(scene, start)
+    if options.objective != "shared" or not scene.beyond:
+        return _recovered(scene, start, options, progress, cameras)
+    scene, axis = continued(scene)
+    return within_reference(_recovered(scene, start, options, progress, cameras), axis)
+
+
+def _recovered(
+    scene: Scene,
+    start: MotionState,
+    options: MotionParams,
+    progress: Progress,
+    cameras: Cameras | None,
+) -> JointMotion:
+    """The same of two videos or more, on the scene's own axis."""
     state = shared_shapes(start, scene.performers)
     if cameras is not None and options.objective != "paper":
         scene = with_sides_of_others(scene, state, cameras)

@@ -28,6 +28,20 @@ class Timeline:
     confidence: Float[np.ndarray, "M N"]
 
 
+@dataclass(frozen=True)
+class BeyondReference:
+    """Frames of a video that the reference does not show and others do.
+
+    Attributes:
+        position: (T,) fractional frame on the reference's axis, below 0 or beyond its last frame;
+            NaN elsewhere.
+        confidence: (T,) in [0, 1] that another video shows the same moment; 0 elsewhere.
+    """
+
+    position: Float[np.ndarray, " T"]
+    confidence: Float[np.ndarray, " T"]
+
+
 def make_timeline(
     maps: Sequence[Float[np.ndarray, " _"]],
     confidences: Sequence[Float[np.ndarray, " _"]],
