@@ -159,20 +159,17 @@ def scene_of(
 def _beyond_reference(sync: SyncSummary, fps: float) -> list[BeyondReference]:
     """Of every video the frames that others show and the reference does not; none where the
     synchronisation says nothing of them. fps: of the reference."""
+    if sync.trust is None:
+        return []
     beyond = []
     last = sync.lengths[sync.ids.index(sync.reference)] - 1
-    for video, of_video in zip(
-        [] if sync.trust is None else sync.trust.videos, sync.maps, strict=False
-    ):
+    for video, matches in zip(sync.trust.videos, sync.maps, strict=True):
         if video.phase_confidence is None:
             return []
         position = fps * video.phase_s
-        outside = ((position < 0) | (position > last)) & ~np.isfinite(of_video.reference_frame)
-        beyond.append(
-            BeyondReference(
-                np.where(outside, position, np.nan), np.where(outside, video.phase_confidence, 0.0)
-            )
-        )
+        outside = ((position < 0) | (position > last)) & ~np.isfinite(matches.reference_frame)
+        confidence = np.where(outside, video.phase_confidence, 0.0)
+        beyond.append(BeyondReference(np.where(outside, position, np.nan), confidence))
     return beyond
 
 
