@@ -46,7 +46,7 @@ class DetectParams:
     second_network: bool = param(
         True,
         "BlazePose: let MoveNet look at everybody's limbs too. Where both agree their mean is "
-        "taken, where they do not a joint counts for less. Takes a fifth more time.",
+        "taken, where they do not a joint counts for less. Takes a quarter more time.",
     )
     min_tracking_confidence: Share = param(
         0.5,
