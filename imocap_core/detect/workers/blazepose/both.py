@@ -16,10 +16,10 @@ from .movenet import POINTS
 
 ARMS, LEGS = [0, 1, 4, 5], [2, 3, 6, 7]  # among the joints below
 JOINTS = [13, 15, 25, 27, 14, 16, 26, 28]  # elbow, wrist, knee, ankle: left, then right
-THEIRS = [POINTS.index(joint) for joint in JOINTS]  # among the second network's points
+SECOND_POINTS = [POINTS.index(joint) for joint in JOINTS]  # among the second network's
 TIPS = {15: (17, 19, 21), 16: (18, 20, 22), 27: (29, 31), 28: (30, 32)}  # that go with a joint
 # Shares of a body's size:
-NEAR = 0.05  # answers within which are one place, their mean; of others the first is taken
+NEAR = 0.05  # distance within which the mean of both counts; beyond, the first network's place
 DOUBTFUL = 0.08  # distance that halves the visibility
 ELSEWHERE = 0.02  # median distance beyond which one of the two may look at a wrong place
 SOMEBODY_ELSE = 0.15  # and beyond which the second network has another body
@@ -28,19 +28,19 @@ SWAPPED, APART = 0.6, 0.03  # of the distance, with sides exchanged; joints' mea
 
 def is_doubted(body: Landmarks) -> bool:
     """Whether a second network has most limb joints elsewhere, or was not asked."""
-    return body.second is None or float(np.median(_distances(body)[1])) > ELSEWHERE
+    return body.second_xy_px is None or float(np.median(_distances(body)[1])) > ELSEWHERE
 
 
 def combined(body: Landmarks) -> Landmarks:
     """The body, its limbs as both networks tell them."""
-    if body.second is None:
+    if body.second_xy_px is None:
         return body
-    theirs, away = _distances(body)
+    second, away = _distances(body)
     if np.median(away) > SOMEBODY_ELSE:
         return body
     xy, visibility = body.xy_px.copy(), body.visibility.copy()
     share = 0.5 / (1 + (away / NEAR) ** 4)
-    xy[JOINTS] += share[:, None] * (theirs - xy[JOINTS])
+    xy[JOINTS] += share[:, None] * (second - xy[JOINTS])
     for joint, trust in zip(JOINTS, 1 / (1 + (away / DOUBTFUL) ** 2), strict=True):
         visibility[[joint, *TIPS.get(joint, ())]] *= trust
     return replace(body, xy_px=xy, visibility=visibility)
@@ -48,20 +48,20 @@ def combined(body: Landmarks) -> Landmarks:
 
 def _distances(body: Landmarks) -> tuple[np.ndarray, np.ndarray]:
     """The second network's joints (8, 2), and how far they are from the body's, in its sizes."""
-    assert body.second is not None
+    assert body.second_xy_px is not None
     size, first = body.next_crop.side / MARGIN, body.xy_px[JOINTS]
-    theirs = on_the_same_sides(first, body.second[THEIRS], size)
-    return theirs, np.linalg.norm(first - theirs, axis=1) / size
+    second = on_the_same_sides(first, body.second_xy_px[SECOND_POINTS], size)
+    return second, np.linalg.norm(first - second, axis=1) / size
 
 
-def on_the_same_sides(first: np.ndarray, theirs: np.ndarray, size: float) -> np.ndarray:
+def on_the_same_sides(first: np.ndarray, second: np.ndarray, size: float) -> np.ndarray:
     """Joints (8, 2) of the second network, arms or legs with left and right exchanged where they
     are much nearer to the first's so: which side is which is judged later, over time."""
-    sided = theirs.copy()
+    sided = second.copy()
     for limb in (ARMS, LEGS):
         other_side = limb[2:] + limb[:2]
-        away = np.linalg.norm(first[limb] - theirs[limb], axis=1).mean()
-        exchanged = np.linalg.norm(first[limb] - theirs[other_side], axis=1).mean()
+        away = np.linalg.norm(first[limb] - second[limb], axis=1).mean()
+        exchanged = np.linalg.norm(first[limb] - second[other_side], axis=1).mean()
         if away > APART * size and exchanged < SWAPPED * away:
-            sided[limb] = theirs[other_side]
+            sided[limb] = second[other_side]
     return sided

@@ -19,13 +19,7 @@ import numpy as np
 from .both import combined
 from .boxes import detect_boxes
 from .even import LOOKS, between, is_even
-from .followed import (
-    ESTABLISHED,
-    FollowedPerson,
-    is_followed,
-    largest,
-    merged,
-)
+from .followed import ESTABLISHED, FollowedPerson, is_followed, largest, merged
 from .hidden import with_hidden
 from .landmarks import Landmarks
 from .looks import Looks
@@ -171,7 +165,7 @@ class Course:
     ) -> list[FollowedPerson]:
         """The people of the last picture in this one: the best seen first, the others then without
         them, where they are in the way; in_place: bodies of others there."""
-        answers = self._looks.where_they_were(picture, last)
+        answers = self._looks.in_next_crops(picture, last)
         present = [(p, body) for p, body in answers if body]
         steps = [step(body, p.body) for p, body in present]
         bodies = [body for _, body in present]
@@ -180,7 +174,7 @@ class Course:
             person, body = present[row]
             others = [*in_place, *(other.body for other in people if other.age >= ESTABLISHED)]
             best = self._looks.apart(picture, person.body.next_crop, body, others)
-            people.append(person.with_look(frame, self._looks.asked(picture, best)))
+            people.append(person.with_look(frame, self._looks.with_second_points(picture, best)))
         return people
 
     def _fresh(self, picture: np.ndarray, bodies: Sequence[Landmarks]) -> list[Landmarks]:
@@ -192,7 +186,7 @@ class Course:
                 continue
             body = self._looks.somebody_new(picture, box.crop, others)
             if body:
-                fresh.append(self._looks.asked(picture, body))
+                fresh.append(self._looks.with_second_points(picture, body))
             else:
                 self._refused.add(self._frame, box)
         return fresh
@@ -210,7 +204,7 @@ class Course:
             body = self._looks.apart(picture, crop, answer, others)
             if is_duplicate(body, others):
                 break
-            others.append(self._looks.asked(picture, body))
+            others.append(self._looks.with_second_points(picture, body))
             earlier.append((ago, _answers(others)[-1]))
         return earlier
 

@@ -70,12 +70,12 @@ def between(a: Landmarks, b: Landmarks, share: float) -> Landmarks:
     def mean(one: np.ndarray, other: np.ndarray) -> np.ndarray:
         return np.asarray((1 - share) * one + share * other)
 
-    second = b.second
-    if a.second is not None and b.second is not None:
-        second = mean(a.second, b.second)
+    second = b.second_xy_px
+    if a.second_xy_px is not None and second is not None:
+        second = mean(a.second_xy_px, second)
     return replace(
         b,
-        second=second,
+        second_xy_px=second,
         xy_px=mean(a.xy_px, b.xy_px),
         z_px=mean(a.z_px, b.z_px),
         visibility=mean(a.visibility, b.visibility),

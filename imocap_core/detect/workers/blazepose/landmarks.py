@@ -29,7 +29,7 @@ class Landmarks:
     xy_px: (33, 2) pixels of the picture. z_px: (33,) towards the camera negative, from the middle
     of the hips. visibility: (33,). world_m: (33, 3) metres from the middle of the hips. presence:
     probability of a person in the crop. next_crop: about these landmarks. mask: (256, 256) share
-    of the person in the pixels of `crop`. second: (17, 2) pixels, a second network's points.
+    of the person in the pixels of `crop`. second_xy_px: (17, 2), a second network's points.
     """
 
     xy_px: np.ndarray
@@ -40,7 +40,7 @@ class Landmarks:
     next_crop: Crop
     crop: Crop
     mask: np.ndarray
-    second: np.ndarray | None = None
+    second_xy_px: np.ndarray | None = None
 
 
 def detect_landmarks(

@@ -51,21 +51,22 @@ class Looks:
         is_worse = quality(again) < LEAST_QUALITY * quality(body)
         return body if is_worse and shared(body, rivals) < CONTESTED else again
 
-    def asked(self, picture: np.ndarray, body: Landmarks) -> Landmarks:
+    def with_second_points(self, picture: np.ndarray, body: Landmarks) -> Landmarks:
         """The body with the second network's points."""
-        if self.second is None or body.second is not None:
+        if self.second is None or body.second_xy_px is not None:
             return body
-        return replace(body, second=detect_points(picture, crop_about(body), self.second))
+        points = detect_points(picture, crop_about(body), self.second)
+        return replace(body, second_xy_px=points)
 
-    def where_they_were(
+    def in_next_crops(
         self, picture: np.ndarray, people: Sequence[FollowedPerson]
     ) -> list[tuple[FollowedPerson, Landmarks | None]]:
-        """People with their bodies in the crops of the last picture; where both networks do not
-        agree about all, also in those that BlazePose's own detector gives."""
+        """People with their bodies in the crops that the last picture gives; where the two networks
+        disagree about somebody, also in those that BlazePose's own detector gives."""
         answers: list[tuple[FollowedPerson, Landmarks | None]] = []
         for person in people:
             body = self.body(picture, person.body.next_crop)
-            answers.append((person, body and self.asked(picture, body)))
+            answers.append((person, body and self.with_second_points(picture, body)))
         if all(body and not is_doubted(body) for _, body in answers):
             return answers
         return self._with_detected_crops(picture, answers)
