@@ -28,6 +28,7 @@ from imocap_core.problem.solved_groups import SolvedGroup, solved_groups
 from imocap_core.problem.uncertainty import (
     GroupPosterior,
     anatomical_rotations,
+    lasting_errors_m,
     uncertainty_of,
 )
 from imocap_core.process import release_if_large
@@ -79,10 +80,14 @@ def posterior_of(
         near_limit_deg=params.near_limit_deg,
         evidence_share=noise.evidence_share(scene.fps),
     )
+    participants = group.problem.participants
+    lasting_m = lasting_errors_m(participants.keypoints, params)
+    joints = zip(posterior.covariances_m2, lasting_m, strict=True)
+    rotations = zip(posterior.rotations_rad2, lasting_m, strict=True)
     return GroupPosterior(
-        group.problem.participants,
-        [claimed_covariance_m2(x, one_motion=one_motion) for x in posterior.covariances_m2],
-        [claimed_rotations_deg2(x, one_motion=one_motion) for x in posterior.rotations_rad2],
+        participants,
+        [claimed_covariance_m2(x, one_motion=one_motion, lasting_sd_m=sd) for x, sd in joints],
+        [claimed_rotations_deg2(x, one_motion=one_motion, lasting_sd_m=sd) for x, sd in rotations],
         [claimed_rotation_sd(sd) for sd in posterior.camera_rotation_rad],
         viewpoints,
     )

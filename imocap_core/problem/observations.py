@@ -111,7 +111,7 @@ def noise_share_of(layout: str, fit: FitParams) -> float:
     Raises:
         ValueError: `fit.noise_share_of` names an unknown layout.
     """
-    _check_layouts("noise_share_of", fit.noise_share_of)
+    check_layouts("fit.noise_share_of", fit.noise_share_of)
     return fit.noise_share_of.get(layout, fit.noise_share)
 
 
@@ -121,7 +121,7 @@ def fit_of(keypoints: Keypoints, fit: FitParams) -> FitParams:
     Raises:
         ValueError: `fit.shape_prior_of` names an unknown layout.
     """
-    _check_layouts("shape_prior_of", fit.shape_prior_of)
+    check_layouts("fit.shape_prior_of", fit.shape_prior_of)
     weights = [fit.shape_prior_of.get(x, fit.shape_prior) for x in layouts_of(keypoints)]
     return replace(fit, shape_prior=max(weights, default=fit.shape_prior))
 
@@ -144,9 +144,10 @@ def fit_of_single_views(
     return replace(of_layouts, shape_prior=max(of_layouts.shape_prior, least_shape_prior))
 
 
-def _check_layouts(field: str, table: Mapping[str, float]) -> None:
+def check_layouts(field: str, table: Mapping[str, float]) -> None:
+    """ValueError where a parameter's table names an unknown layout."""
     if unknown := sorted(set(table) - set(layouts())):
-        raise ValueError(f"fit.{field}: expected some of {', '.join(layouts())}, got {unknown[0]}")
+        raise ValueError(f"{field}: expected some of {', '.join(layouts())}, got {unknown[0]}")
 
 
 def estimated_joints(initial: InitialSmpl) -> dict[str, Float[np.ndarray, "_ 24 3"]]:

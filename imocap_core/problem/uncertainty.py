@@ -33,6 +33,7 @@ from imocap_core.motion.posterior.viewpoints import AZIMUTHS_DEG
 from imocap_core.motion.state import MotionState
 from imocap_core.params import UncertaintyParams
 from imocap_core.problem.mirroring import Participants
+from imocap_core.problem.observations import check_layouts
 
 REPORTED = [SMPL_JOINTS.index(name) for name in EVAL_14]  # hands, toes, collars: hardly observed
 MM2_PER_M2 = 1e6
@@ -56,6 +57,18 @@ def anatomical_rotations(model: Model, motion: MotionState) -> Float[Tensor, "T 
     rest = model.shape(motion.betas).joints_rest[0, : len(SMPL_JOINTS)]
     rows = rotation_jacobian(motion.R_local[0].cpu().numpy(), rest.cpu().numpy())
     return torch.as_tensor(rows).to(motion.trans)
+
+
+def lasting_errors_m(keypoints: Keypoints, params: UncertaintyParams) -> list[float]:
+    """Of every video, what the lasting errors of its detector leave of a joint's place, along each
+    axis; 0 where they are not known to last.
+
+    Raises:
+        ValueError: `uncertainty.lasting_error_mm_of` names an unknown layout.
+    """
+    table = params.lasting_error_mm_of
+    check_layouts("uncertainty.lasting_error_mm_of", table)
+    return [table.get(video.layout, 0.0) / 1000 for video in keypoints.videos]
 
 
 def uncertainty_of(

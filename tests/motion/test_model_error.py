@@ -8,6 +8,7 @@ from imocap_core.motion.posterior.model_error import (
     PLACE_SD_M,
     claimed_covariance_m2,
     claimed_rotation_sd,
+    claimed_rotations_deg2,
 )
 
 
@@ -25,6 +26,19 @@ def test_claims_of_performances_are_never_below_the_posterior() -> None:
 def test_no_joint_of_one_motion_is_surer_than_its_place_in_the_body() -> None:
     claimed = claimed_covariance_m2(np.zeros((3, 24, 3, 3)), one_motion=True)
     np.testing.assert_allclose(claimed, np.broadcast_to(PLACE_SD_M**2 * np.eye(3), claimed.shape))
+
+
+@pytest.mark.parametrize("one_motion", [False, True])
+def test_lasting_errors_of_a_detector_are_left_of_one_motion_and_of_several(
+    one_motion: bool,
+) -> None:
+    given = posterior()
+    claimed = claimed_covariance_m2(given, one_motion=one_motion, lasting_sd_m=0.01)
+    several = claimed_covariance_m2(given, one_motion=False)
+    np.testing.assert_allclose(claimed - several, np.broadcast_to(1e-4 * np.eye(3), given.shape))
+    turned = claimed_rotations_deg2(given, one_motion=one_motion, lasting_sd_m=0.01)
+    least = claimed_rotations_deg2(given, one_motion=False)
+    assert np.linalg.eigvalsh(turned - least).min() > 0
 
 
 def test_one_motion_is_claimed_with_smaller_errors_where_these_are_large() -> None:

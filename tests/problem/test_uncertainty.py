@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -26,6 +27,7 @@ from imocap_core.problem.mirroring import (
     mirrored_keypoints,
     mirrored_motion,
 )
+from imocap_core.problem.uncertainty import lasting_errors_m
 from stages.uncertainty import run
 from tests.report.made import Made
 
@@ -135,3 +137,16 @@ def test_one_video_alone_is_told_what_it_lacks() -> None:
     found = claimed(*artifacts(alone))
     assert np.isfinite(found.videos[0].sigma_mm).all()
     assert max(found.viewpoints, key=lambda v: v.reduction).reduction > 0.1
+
+
+def test_lasting_errors_are_those_of_each_video_s_layout(made: Made) -> None:
+    first, *others = made.keypoints.videos
+    keypoints = Keypoints(videos=[first.model_copy(update={"layout": "blazepose33"}), *others])
+    assert first.layout not in PARAMS.uncertainty.lasting_error_mm_of
+    assert lasting_errors_m(keypoints, PARAMS.uncertainty) == [0.008, *(0.0 for _ in others)]
+
+
+def test_lasting_errors_of_an_unknown_layout_are_named(made: Made) -> None:
+    params = replace(PARAMS.uncertainty, lasting_error_mm_of={"body52": 5.0})
+    with pytest.raises(ValueError, match=r"uncertainty.lasting_error_mm_of: .* got body52"):
+        lasting_errors_m(made.keypoints, params)
