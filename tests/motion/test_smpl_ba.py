@@ -91,7 +91,9 @@ def test_the_views_together_beat_the_start(made: Made, objective: str) -> None:
 
 
 @pytest.mark.parametrize("objective", ["shared", "single"])
-def test_a_round_needs_no_coupled_fit_and_ends_where_the_one_before_did(made: Made, objective: str) -> None:
+def test_a_round_needs_no_coupled_fit_and_ends_where_the_one_before_did(
+    made: Made, objective: str
+) -> None:
     truth, scene = in_own_axes(made), whole(made)
     options = replace(OPTIONS, objective=objective)
     first = recover_motion(scene, disturbed(truth, 0.12), options)
