@@ -29,6 +29,7 @@ from imocap_core.problem.ground import with_ground, with_hands_on_ground
 from imocap_core.problem.hints import hints_of
 from imocap_core.problem.joint import JointProblem, problem_of
 from imocap_core.problem.loop_confidence import with_first_repetitions, with_independent_confidence
+from imocap_core.problem.one_motion import is_one_motion
 from imocap_core.problem.sound import with_sound
 from imocap_core.problem.synchronisation import rates_of_motions, summary_of, synchronise_motions
 from imocap_core.process import release_freed_memory, release_if_large
@@ -125,8 +126,15 @@ def _in_turn(
     def recover(sync: Sync, motion: JointMotion) -> JointMotion:
         progress("motion")
         release_freed_memory()  # of the synchronisation, which needs other sizes
-        scene = problem.synchronised(sync).scene
-        return recover_motion(scene, motion.state, problem.options, solve, cameras=motion.cameras)
+        spread = motion.spread
+        return recover_motion(
+            problem.synchronised(sync).scene,
+            motion.state,
+            problem.options,
+            solve,
+            cameras=motion.cameras,
+            afresh=spread is not None and is_one_motion(spread.keypoints_m, spread.offset_sd),
+        )
 
     return alternate(
         begin,

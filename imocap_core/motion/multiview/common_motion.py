@@ -76,12 +76,14 @@ def fit_in_stages(
     progress: Progress,
     *,
     cameras_known: bool,
+    warm: bool,
 ) -> CommonFit:
     """Common motion and cameras, the robust loss narrowing; deviations re-estimated in between.
 
     Args:
         start: one motion (batch of 1), world axes; cameras: where they begin, or where they are
             and stay (``cameras_known``).
+        warm: the start has passed the wide robust scales.
     """
     free = [] if cameras_known else [v for v in range(len(cameras.R)) if v != scene.reference]
     keypoints = common_keypoints(scene.observations, scene.timeline)
@@ -92,10 +94,11 @@ def fit_in_stages(
     terms += estimate_terms(scene, start, options)
     focal = NO_FREE_FOCAL_LENGTHS if cameras_known else free_focal_lengths(scene)
     motion, costs, status = start, list[float](), ""
-    spread_m = np.zeros(keypoints.weight.shape)
-    progress(f"one motion for all views, robust scale {WIDE:g}x")
-    starts = [start, _wide_fit(scene, start, keypoints, cameras, terms, options)]
-    for stage in ROBUST_STAGES:
+    spread_m, starts = np.zeros(keypoints.weight.shape), [start]
+    if not warm:
+        progress(f"one motion for all views, robust scale {WIDE:g}x")
+        starts.append(_wide_fit(scene, start, keypoints, cameras, terms, options))
+    for stage in ROBUST_STAGES[warm:]:
         progress(f"one motion for all views, robust scale {stage:g}x")
         scale = scene.fit.robust_scale_sigma * stage
         weighted = with_keypoint_spread(scene.body, keypoints, spread_m, motion, cameras)

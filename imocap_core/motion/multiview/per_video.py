@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from imocap_core.motion.multiview.aligned import root_positions
@@ -18,7 +18,7 @@ from imocap_core.motion.multiview.coupling import (
     to_video_frames,
 )
 from imocap_core.motion.multiview.deviation import joint_spread_rad, pooled_spread_m
-from imocap_core.motion.multiview.facing import facing_agreement
+from imocap_core.motion.multiview.facing import FACING_RAD, facing_agreement, turned_by
 from imocap_core.motion.multiview.scene import (
     DeviationSpread,
     Scene,
@@ -46,13 +46,15 @@ def fit_deviations(
     cameras: Cameras,
     spread: DeviationSpread,
     options: MotionParams,
+    *,
+    warm: bool = False,
 ) -> tuple[MotionState, float]:
-    """Fit each video to its own image evidence, coupled to the common motion, where it starts.
+    """Fit each video to its own image evidence, coupled to the common motion.
 
     Args:
-        state: every video's motion so far, in its own camera's axes: it stays the start of frames
-            without a counterpart, and of the facing where a performer really turns another way.
+        state: every video's motion so far, in its own camera's axes.
         common: batch of 1, world axes; spread: sets the coupling's strength.
+        warm: ``state`` is a result of this function and the start; else the common motion is.
 
     Returns:
         Every video's motion, and the objective.
@@ -60,9 +62,13 @@ def fit_deviations(
     targets = targets_of(scene, state, common, cameras)
     faces = facing_agreement(scene, state, targets)
     carried = common_at_video_frames(scene, state, common, cameras)
-    start = _facing_released(carried, state, faces)
-    terms = [*per_video_terms(scene, start.trans), foot_contact_term(scene, start, state)]
-    terms += deviation_terms(scene, start, common, cameras, spread, options, faces)
+    carried = _facing_released(carried, state, faces)
+    start = carried
+    if warm:
+        astray = (turned_by(state, targets) > FACING_RAD) & (faces > 0.5)
+        start = _replaced(replace(state, betas=carried.betas), carried, astray)
+    terms = [*per_video_terms(scene, start.trans), foot_contact_term(scene, carried, state)]
+    terms += deviation_terms(scene, carried, common, cameras, spread, options, faces)
     solution = solve(terms, start, options.max_steps, performers=scene.performers)
     return solution.state, solution.costs[-1]
 
@@ -120,6 +126,15 @@ def _facing_released(start: MotionState, state: MotionState, faces: Tensor) -> M
     other_way = (faces < 0.25)[..., None, None]
     R_local[:, :, 0] = torch.where(other_way, state.R_local[:, :, 0], R_local[:, :, 0])
     return replace(start, R_local=R_local)
+
+
+def _replaced(state: MotionState, by: MotionState, where: Bool[Tensor, "B T"]) -> MotionState:
+    """The state with another's poses and translations in some frames."""
+    return replace(
+        state,
+        R_local=torch.where(where[..., None, None, None], by.R_local, state.R_local),
+        trans=torch.where(where[..., None], by.trans, state.trans),
+    )
 
 
 def common_at_video_frames(

@@ -38,19 +38,22 @@ def recover_motion(
     progress: Progress = lambda _: None,
     *,
     cameras: Cameras | None = None,
+    afresh: bool = False,
 ) -> JointMotion:
     """SMPL-BA from motions in their own camera axes (batch of M) and correspondences.
 
     Args:
         cameras: of an earlier result that ``start`` is part of: it needs no coupling before the
             common fit (``paper`` alternates all the same).
+        afresh: fit through all robust scales all the same, and every deviation from the common
+            motion, instead of going on where the earlier result stopped.
     """
     if len(scene.observations) == 1:
         return _single_video(scene, start)
     if options.objective != "shared" or not scene.beyond:
-        return _recovered(scene, start, options, progress, cameras)
+        return _recovered(scene, start, options, progress, cameras, afresh)
     scene, axis = continued(scene)
-    return within_reference(_recovered(scene, start, options, progress, cameras), axis)
+    return within_reference(_recovered(scene, start, options, progress, cameras, afresh), axis)
 
 
 def _recovered(
@@ -59,12 +62,13 @@ def _recovered(
     options: MotionParams,
     progress: Progress,
     cameras: Cameras | None,
+    afresh: bool,
 ) -> JointMotion:
     """The same of two videos or more, on the scene's own axis."""
     state = shared_shapes(start, scene.performers)
     if cameras is not None and options.objective != "paper":
         scene = with_sides_of_others(scene, state, cameras)
-        return common_then_deviations(scene, state, cameras, options, progress)
+        return common_then_deviations(scene, state, cameras, options, progress, warm=not afresh)
     aligned = align(scene.body, state, scene.timeline)
     cameras = cameras_from_motion(aligned, scene.K.to(start.trans), scene.reference)
     if options.objective == "paper":
@@ -86,15 +90,19 @@ def common_then_deviations(
     progress: Progress = lambda _: None,
     *,
     cameras_known: bool = False,
+    warm: bool = False,
 ) -> JointMotion:
     """One motion for all views, then each video's deviation from it.
 
     Args:
         state: every video's motion in its own camera's axes, one body a performer.
         cameras: where they start, or where they are and stay (``cameras_known``).
+        warm: state and cameras are an earlier result of this function.
     """
     start = consensus_motion(scene, state, cameras, options.agreement_rad)
-    common = fit_in_stages(scene, start, cameras, options, progress, cameras_known=cameras_known)
+    common = fit_in_stages(
+        scene, start, cameras, options, progress, cameras_known=cameras_known, warm=warm
+    )
     motion, cameras = common.motion, common.cameras
     if common.spread is None:
         fit = misfit(scene, motion, cameras)
@@ -106,7 +114,7 @@ def common_then_deviations(
     fit = misfit(scene, motion, cameras, common.spread.offset_sd)
     progress("each video's own deviation")
     state, cost = fit_deviations(
-        scene.with_intrinsics(cameras), state, motion, cameras, common.spread, options
+        scene.with_intrinsics(cameras), state, motion, cameras, common.spread, options, warm=warm
     )
     costs, status = [*common.costs, cost], f"shared motion {common.status}"
     return JointMotion(
