@@ -93,7 +93,7 @@ class UncertaintyParams:
     pose_persistence_s: Positive = param(
         0.5, "The pose prior counts once per this time. Chosen on training clips.", unit="s"
     )
-    lasting_error_mm_of: dict[str, NonNegative] = param(
+    lasting_error_mm: dict[str, NonNegative] = param(
         {"mediapipe33": 8.0, "blazepose33": 8.0},
         "Standard deviation of a joint's place along each axis that errors of a detector leave, "
         "where they last as long as a view does; by keypoint layout. Chosen on films of training "

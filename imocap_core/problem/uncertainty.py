@@ -64,10 +64,10 @@ def lasting_errors_m(keypoints: Keypoints, params: UncertaintyParams) -> list[fl
     axis; 0 where they are not known to last.
 
     Raises:
-        ValueError: `uncertainty.lasting_error_mm_of` names an unknown layout.
+        ValueError: `uncertainty.lasting_error_mm` names an unknown layout.
     """
-    table = params.lasting_error_mm_of
-    check_layouts("uncertainty.lasting_error_mm_of", table)
+    table = params.lasting_error_mm
+    check_layouts("uncertainty.lasting_error_mm", table)
     return [table.get(video.layout, 0.0) / 1000 for video in keypoints.videos]
 
 

@@ -142,11 +142,11 @@ def test_one_video_alone_is_told_what_it_lacks() -> None:
 def test_lasting_errors_are_those_of_each_video_s_layout(made: Made) -> None:
     first, *others = made.keypoints.videos
     keypoints = Keypoints(videos=[first.model_copy(update={"layout": "blazepose33"}), *others])
-    assert first.layout not in PARAMS.uncertainty.lasting_error_mm_of
+    assert first.layout not in PARAMS.uncertainty.lasting_error_mm
     assert lasting_errors_m(keypoints, PARAMS.uncertainty) == [0.008, *(0.0 for _ in others)]
 
 
 def test_lasting_errors_of_an_unknown_layout_are_named(made: Made) -> None:
-    params = replace(PARAMS.uncertainty, lasting_error_mm_of={"body52": 5.0})
-    with pytest.raises(ValueError, match=r"uncertainty.lasting_error_mm_of: .* got body52"):
+    params = replace(PARAMS.uncertainty, lasting_error_mm={"body52": 5.0})
+    with pytest.raises(ValueError, match=r"uncertainty.lasting_error_mm: .* got body52"):
         lasting_errors_m(made.keypoints, params)
