@@ -20,7 +20,6 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.cli import stage_main
 from imocap_core.motion.multiview.alternation import Alternation, LoopRound, alternate
 from imocap_core.motion.multiview.scene import JointMotion
-from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.event import calibrated_round, can_calibrate
@@ -29,7 +28,6 @@ from imocap_core.problem.ground import with_ground, with_hands_on_ground
 from imocap_core.problem.hints import hints_of
 from imocap_core.problem.joint import JointProblem, problem_of
 from imocap_core.problem.loop_confidence import with_first_repetitions, with_independent_confidence
-from imocap_core.problem.one_motion import is_one_motion
 from imocap_core.problem.sound import with_sound
 from imocap_core.problem.synchronisation import rates_of_motions, summary_of, synchronise_motions
 from imocap_core.process import release_freed_memory, release_if_large
@@ -126,15 +124,7 @@ def _in_turn(
     def recover(sync: Sync, motion: JointMotion) -> JointMotion:
         progress("motion")
         release_freed_memory()  # of the synchronisation, which needs other sizes
-        spread = motion.spread
-        return recover_motion(
-            problem.synchronised(sync).scene,
-            motion.state,
-            problem.options,
-            solve,
-            cameras=motion.cameras,
-            afresh=spread is not None and is_one_motion(spread.keypoints_m, spread.offset_sd),
-        )
+        return problem.recovered(sync, motion, solve)
 
     return alternate(
         begin,

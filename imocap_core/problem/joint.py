@@ -17,7 +17,9 @@ from imocap_core.artifacts.schemas import (
     SyncSummary,
 )
 from imocap_core.motion.kinematics import Body
+from imocap_core.motion.monocular.fit import Progress
 from imocap_core.motion.multiview.scene import JointMotion, Scene
+from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.motion.multiview.swapped_sides import with_sides_of_others
 from imocap_core.motion.multiview.timeline import BeyondReference, make_timeline
 from imocap_core.motion.observations import Observation, from_one_place
@@ -33,6 +35,7 @@ from imocap_core.problem.hypotheses import (
 from imocap_core.problem.mirroring import Participants, participants_of
 from imocap_core.problem.motions import joint_motion_of, smpl_ba_of, state_of
 from imocap_core.problem.observations import body_for, estimated_joints, fit_of, observations_of
+from imocap_core.problem.one_motion import is_one_motion
 from imocap_core.sync.warp.reprojection import CalibratedVideo, ReprojectionEvidence
 
 
@@ -54,6 +57,19 @@ class JointProblem:
         """The same problem with other correspondences."""
         scene, matches = self.scene, self.participants.sync(sync)
         return replace(self, scene=scene_of(scene.body, scene.observations, matches, scene.fit))
+
+    def recovered(self, sync: SyncSummary, before: JointMotion, progress: Progress) -> JointMotion:
+        """The motion with other correspondences, begun at an earlier one: afresh where that shows
+        one motion, else where it stopped (docs/decisions/rounds.md)."""
+        spread = before.spread
+        return recover_motion(
+            self.synchronised(sync).scene,
+            before.state,
+            self.options,
+            progress,
+            cameras=before.cameras,
+            afresh=spread is not None and is_one_motion(spread.keypoints_m, spread.offset_sd),
+        )
 
     def result(self, motion: JointMotion) -> SmplBa:
         """SMPL-BA's result as an artifact: as filmed, and of all videos."""

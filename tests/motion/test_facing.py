@@ -69,15 +69,15 @@ def test_a_wrong_root_orientation_that_the_keypoints_refute_is_not_released(
     torch.testing.assert_close(alike, torch.ones_like(alike))
 
 
-@pytest.mark.parametrize("warm", [False, True])
+@pytest.mark.parametrize("afresh", [False, True])
 def test_deviations_from_a_reversed_fit_end_like_those_from_a_good_one(
-    made: Made, warm: bool
+    made: Made, afresh: bool
 ) -> None:
     true = in_own_axes(made)
     spread = DeviationSpread(np.full((3, FRAMES, 25), 0.03), initial_offset_sd(3, MotionParams()))
     given = (made.state, made.cameras(), spread, replace(OPTIONS, max_steps=12))
     good, wrong = (
-        fit_deviations(whole(made), state, *given, warm=warm)[0]
+        fit_deviations(whole(made), state, *given, afresh=afresh)[0]
         for state in (true, turned(true, np.pi))
     )
     assert mpjpe_mm(made.body, wrong, good) < 2.0

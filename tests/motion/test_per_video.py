@@ -86,11 +86,11 @@ def test_a_fit_goes_on_from_the_one_before_to_the_same_place(made: Made) -> None
     spread = DeviationSpread(np.full((3, 20, 25), 0.03), initial_offset_sd(3, MotionParams()))
     given = (made.state, made.cameras(), spread, replace(OPTIONS, max_steps=12))
     cold, cost = fit_deviations(all_, true, *given)
-    again, lower = fit_deviations(all_, cold, *given, warm=True)
+    again, lower = fit_deviations(all_, cold, *given, afresh=False)
     assert lower <= cost
     assert mpjpe_mm(made.body, again, cold) < 1.0
     astray = disturbed(cold, 0.03)
-    back, _ = fit_deviations(all_, astray, *given, warm=True)
+    back, _ = fit_deviations(all_, astray, *given, afresh=False)
     assert mpjpe_mm(made.body, astray, cold) > 10.0
     assert mpjpe_mm(made.body, back, cold) < 2.0
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 import torch
 
 from imocap_core.artifacts.schemas import SmplBa, SyncMap, SyncTrust, VideoTrust
 from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.motion.multiview.scene import JointMotion
+from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion
 from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.params import FitParams, MotionParams
 from imocap_core.problem.joint import JointProblem, problem_of
@@ -129,3 +132,25 @@ def test_the_common_motion_is_stored_with_its_spread(made: Made, straight: SmplB
 def test_a_single_video_has_no_common_motion() -> None:
     of = problem(Made(count=1, frames=8))
     assert of.result(solved(of)).common is None
+
+
+@pytest.mark.parametrize(("spread_m", "is_afresh"), [(0.004, True), (0.03, False)])
+def test_a_round_solves_afresh_where_the_one_before_shows_one_motion(
+    made: Made, monkeypatch: pytest.MonkeyPatch, spread_m: float, is_afresh: bool
+) -> None:
+    given = problem(made)
+    before = recover_motion(given.scene, given.start, replace(given.options, max_steps=1))
+    assert before.spread is not None
+    alike = DeviationSpread(
+        np.full_like(before.spread.keypoints_m, spread_m), np.full((3, 6), spread_m)
+    )
+    asked: list[bool] = []
+
+    def recovered(*args: Any, afresh: bool, **kwargs: Any) -> JointMotion:
+        asked.append(afresh)
+        return before
+
+    monkeypatch.setattr("imocap_core.problem.joint.recover_motion", recovered)
+    given.recovered(made.sync, replace(before, spread=alike), lambda what: None)
+    given.recovered(made.sync, replace(before, spread=None), lambda what: None)
+    assert asked == [is_afresh, False]

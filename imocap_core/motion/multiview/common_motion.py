@@ -76,14 +76,14 @@ def fit_in_stages(
     progress: Progress,
     *,
     cameras_known: bool,
-    warm: bool,
+    afresh: bool,
 ) -> CommonFit:
     """Common motion and cameras, the robust loss narrowing; deviations re-estimated in between.
 
     Args:
         start: one motion (batch of 1), world axes; cameras: where they begin, or where they are
             and stay (``cameras_known``).
-        warm: the start has passed the wide robust scales.
+        afresh: pass through the wide robust scales; else the start has done so before.
     """
     free = [] if cameras_known else [v for v in range(len(cameras.R)) if v != scene.reference]
     keypoints = common_keypoints(scene.observations, scene.timeline)
@@ -95,10 +95,10 @@ def fit_in_stages(
     focal = NO_FREE_FOCAL_LENGTHS if cameras_known else free_focal_lengths(scene)
     motion, costs, status = start, list[float](), ""
     spread_m, starts = np.zeros(keypoints.weight.shape), [start]
-    if not warm:
+    if afresh:
         progress(f"one motion for all views, robust scale {WIDE:g}x")
         starts.append(_wide_fit(scene, start, keypoints, cameras, terms, options))
-    for stage in ROBUST_STAGES[warm:]:
+    for stage in ROBUST_STAGES if afresh else ROBUST_STAGES[1:]:
         progress(f"one motion for all views, robust scale {stage:g}x")
         scale = scene.fit.robust_scale_sigma * stage
         weighted = with_keypoint_spread(scene.body, keypoints, spread_m, motion, cameras)

@@ -47,14 +47,14 @@ def fit_deviations(
     spread: DeviationSpread,
     options: MotionParams,
     *,
-    warm: bool = False,
+    afresh: bool = True,
 ) -> tuple[MotionState, float]:
     """Fit each video to its own image evidence, coupled to the common motion.
 
     Args:
         state: every video's motion so far, in its own camera's axes.
         common: batch of 1, world axes; spread: sets the coupling's strength.
-        warm: ``state`` is a result of this function and the start; else the common motion is.
+        afresh: start at the common motion; else at ``state``, a result of this function.
 
     Returns:
         Every video's motion, and the objective.
@@ -64,7 +64,7 @@ def fit_deviations(
     carried = common_at_video_frames(scene, state, common, cameras)
     carried = _facing_released(carried, state, faces)
     start = carried
-    if warm:
+    if not afresh:
         astray = (turned_by(state, targets) > FACING_RAD) & (faces > 0.5)
         start = _replaced(replace(state, betas=carried.betas), carried, astray)
     terms = [*per_video_terms(scene, start.trans), foot_contact_term(scene, carried, state)]

@@ -68,7 +68,7 @@ def _recovered(
     state = shared_shapes(start, scene.performers)
     if cameras is not None and options.objective != "paper":
         scene = with_sides_of_others(scene, state, cameras)
-        return common_then_deviations(scene, state, cameras, options, progress, warm=not afresh)
+        return common_then_deviations(scene, state, cameras, options, progress, afresh=afresh)
     aligned = align(scene.body, state, scene.timeline)
     cameras = cameras_from_motion(aligned, scene.K.to(start.trans), scene.reference)
     if options.objective == "paper":
@@ -90,18 +90,19 @@ def common_then_deviations(
     progress: Progress = lambda _: None,
     *,
     cameras_known: bool = False,
-    warm: bool = False,
+    afresh: bool = True,
 ) -> JointMotion:
     """One motion for all views, then each video's deviation from it.
 
     Args:
         state: every video's motion in its own camera's axes, one body a performer.
         cameras: where they start, or where they are and stay (``cameras_known``).
-        warm: state and cameras are an earlier result of this function.
+        afresh: begin at the widest robust scale; else state and cameras are an earlier result of
+            this function, and it goes on where that stopped.
     """
     start = consensus_motion(scene, state, cameras, options.agreement_rad)
     common = fit_in_stages(
-        scene, start, cameras, options, progress, cameras_known=cameras_known, warm=warm
+        scene, start, cameras, options, progress, cameras_known=cameras_known, afresh=afresh
     )
     motion, cameras = common.motion, common.cameras
     if common.spread is None:
@@ -113,8 +114,9 @@ def common_then_deviations(
         return JointMotion(state, cameras, motion, spread, common.costs, status, fit, scene.swapped)
     fit = misfit(scene, motion, cameras, common.spread.offset_sd)
     progress("each video's own deviation")
+    solved = scene.with_intrinsics(cameras)
     state, cost = fit_deviations(
-        scene.with_intrinsics(cameras), state, motion, cameras, common.spread, options, warm=warm
+        solved, state, motion, cameras, common.spread, options, afresh=afresh
     )
     costs, status = [*common.costs, cost], f"shared motion {common.status}"
     return JointMotion(
