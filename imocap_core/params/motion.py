@@ -96,8 +96,8 @@ class UncertaintyParams:
     lasting_error_mm: dict[str, NonNegative] = param(
         {"mediapipe33": 8.0, "blazepose33": 8.0},
         "Standard deviation of a joint's place along each axis that errors of a detector leave, "
-        "where they last as long as a view does; by keypoint layout. Chosen on films of training "
-        "clips.",
+        "where they last as long as a view does; by keypoint layout. BlazePose's was chosen on "
+        "films of training clips, MediaPipe's is the same.",
         unit="mm",
     )
     weak_limit: Positive = param(
