@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -23,13 +24,12 @@ from imocap_core.motion.multiview.scene import JointMotion
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.event import calibrated_round, can_calibrate
-from imocap_core.problem.event_timing import with_one_offset
 from imocap_core.problem.ground import with_ground, with_hands_on_ground
 from imocap_core.problem.hints import hints_of
 from imocap_core.problem.joint import JointProblem, problem_of
 from imocap_core.problem.loop_confidence import with_first_repetitions, with_independent_confidence
-from imocap_core.problem.sound import with_sound
-from imocap_core.problem.synchronisation import rates_of_motions, summary_of, synchronise_motions
+from imocap_core.problem.loop_sync import LoopSync
+from imocap_core.problem.synchronisation import summary_of
 from imocap_core.process import release_freed_memory, release_if_large
 
 
@@ -60,12 +60,11 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
             lambda what: ctx.progress(0.3, what),
         )
     else:
-        loop = _in_turn(ctx, inputs, problem, begin, sound_start_s, params)
+        loop, problem = _in_turn(ctx, inputs, problem, begin, sound_start_s, params)
     result = _as_artifact(loop, problem, single_pass)
     motion = with_ground(result.motion, keypoints, cameras, result.sync.excluded, params.fit)
     motion = with_hands_on_ground(motion, problem.scene.body.model, result.sync)
-    matches = with_first_repetitions(result.sync, first_sync)
-    return result.model_copy(update={"motion": motion, "sync": matches, "event": event})
+    return result.model_copy(update={"motion": motion, "event": event})
 
 
 def _without_matrices(inputs: Inputs) -> tuple[SyncSummary, Float[np.ndarray, " M"] | None]:
@@ -80,42 +79,41 @@ def _in_turn(
     ctx: Context,
     inputs: Inputs,
     problem: JointProblem,
-    begin: LoopRound[SyncSummary, JointMotion],
+    single_pass: LoopRound[SyncSummary, JointMotion],
     sound_start_s: Float[np.ndarray, " M"] | None,
     params: Params,
-) -> Alternation[Sync, SyncSummary, JointMotion]:
-    """Synchronisation and SMPL-BA in turn."""
-    keypoints, initial, first_sync = inputs.get(Keypoints), inputs.get(InitialSmpl), begin.sync
-    hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))
-    if sound_start_s is not None:
-        hints = with_sound(hints, sound_start_s, keypoints)
-    by_pictures = params.refine.evidence == "pictures"
-    monocular = [video.joints for video in initial.videos]
-    rates = rates_of_motions(monocular, keypoints, params.sync, hints)
-    rounds_begun = 0
+) -> tuple[Alternation[Sync, SyncSummary, JointMotion], JointProblem]:
+    """Synchronisation and SMPL-BA in turn, and the problem on the time axis that they end on."""
+    keypoints, initial = inputs.get(Keypoints), inputs.get(InitialSmpl)
+    most_rounds = params.refine.max_rounds if len(keypoints.videos) > 1 else 0
+    if not most_rounds:
+        status = "has no rounds; the result is that of the first joint solve"
+        return Alternation([single_pass], 0, inputs.get(Sync), status), problem
+    loop_sync = LoopSync.of(
+        keypoints,
+        initial,
+        single_pass.sync,
+        params,
+        hints_of(*ctx.hints(), keypoints, str(ctx.action_file())),
+        ctx.rng,
+        event=ctx.event(),
+        sound_start_s=sound_start_s,
+    )
+    ctx.progress(0.0, "time axis")
+    begun, first_of_loop = loop_sync.beginning(problem, single_pass)
+    first_sync, rounds_begun = begun.single_pass.sync, 0
 
     def progress(what: str) -> None:
-        share = rounds_begun / (params.refine.max_rounds + 1)
-        ctx.progress(share, f"round {rounds_begun}: {what}")
+        ctx.progress(rounds_begun / (most_rounds + 1), f"round {rounds_begun}: {what}")
 
     def synchronise(motion: JointMotion) -> Sync:
-        nonlocal rounds_begun
+        nonlocal rounds_begun, first_of_loop
         rounds_begun += 1
         progress("sync")
         release_if_large()  # of the motion, which needs other sizes
-        sync = synchronise_motions(
-            problem.filmed_joints(motion),
-            keypoints,
-            params.sync,
-            ctx.rng(),
-            reference=first_sync.reference,
-            decided=first_sync,
-            hints=hints,
-            reprojection=problem.reprojection_evidence(motion) if by_pictures else None,
-            rates=rates,
-        )
+        sync, first_of_loop = first_of_loop or loop_sync.of_motion(begun, motion), None
         sync = with_independent_confidence(sync, first_sync, motion.spread)
-        return with_one_offset(sync, keypoints, sound_start_s) if ctx.event() else sync
+        return with_first_repetitions(sync, first_sync)
 
     def solve(what: str) -> None:
         progress(f"motion, {what}")
@@ -124,19 +122,21 @@ def _in_turn(
     def recover(sync: Sync, motion: JointMotion) -> JointMotion:
         progress("motion")
         release_freed_memory()  # of the synchronisation, which needs other sizes
-        return problem.recovered(sync, motion, solve)
+        return begun.problem.recovered(sync, motion, solve)
 
-    return alternate(
-        begin,
+    loop = alternate(
+        begun.single_pass,
         partial(inputs.get, Sync),
         synchronise,
         recover,
         outline=summary_of,
         maps=lambda sync: [m.reference_frame for m in sync.maps],
         cost=lambda motion: motion.misfit,
-        max_rounds=params.refine.max_rounds if len(keypoints.videos) > 1 else 0,
+        max_rounds=most_rounds,
         settled_frames=params.refine.settled_frames,
+        least_rounds=int(begun.moved),
     )
+    return replace(loop, rounds=[single_pass, *loop.rounds[1:]]), begun.problem
 
 
 def _as_artifact(

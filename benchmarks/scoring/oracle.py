@@ -50,9 +50,13 @@ def oracle(
 def fit_with_cameras(
     scene: Scene, start: MotionState, cameras: Cameras, options: MotionParams
 ) -> JointMotion:
-    """The steps of `recover_motion` after its first cameras, with cameras that stay fixed."""
+    """The steps of `recover_motion` after its first cameras, with cameras that stay fixed.
+
+    How many metres they are apart tells size as pictures tell proportions, and has its weight.
+    """
     if len(scene.observations) == 1:
         return recover_motion(scene, start, options)
+    scene = replace(scene, fit=replace(scene.fit, size_prior=scene.fit.shape_prior))
     return common_then_deviations(
         scene, shared_shapes(start, scene.performers), cameras, options, cameras_known=True
     )

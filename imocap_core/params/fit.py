@@ -43,8 +43,14 @@ class FitParams:
     )
     hidden_shape_prior: NonNegative = param(
         100.0,
-        "Weight of the squared shape coefficients along which keypoints tell nothing: size, and "
-        "the form of a torso between hips and shoulders.",
+        "Weight of the squared shape coefficients along which keypoints tell nothing: the form of "
+        "a torso between hips and shoulders.",
+    )
+    size_prior: NonNegative = param(
+        1000.0,
+        "Weight of the squared change of size, which pictures do not tell either, in shape "
+        "coefficients: high, because how far performances differ is taken to be the same in "
+        "metres whatever the size, which favours small people near the camera.",
     )
     limits: NonNegative = param(
         100.0, "Weight of the squared angle by which a knee or elbow bends backwards."

@@ -58,6 +58,15 @@ class JointProblem:
         scene, matches = self.scene, self.participants.sync(sync)
         return replace(self, scene=scene_of(scene.body, scene.observations, matches, scene.fit))
 
+    def on_axis_of(
+        self, sync: SyncSummary, motion: JointMotion
+    ) -> tuple[JointProblem, JointMotion]:
+        """The problem on the time axis of another reference, and a solution to begin from: the
+        world's axes are that video's camera's. What all had in common had the other axis."""
+        problem = self.synchronised(sync)
+        cameras = motion.cameras.in_axes_of(problem.scene.reference)
+        return problem, replace(motion, cameras=cameras, common=None)
+
     def recovered(self, sync: SyncSummary, before: JointMotion, progress: Progress) -> JointMotion:
         """The motion with other correspondences, begun at an earlier one: afresh where that shows
         one motion, else where it stopped (docs/decisions/rounds.md)."""

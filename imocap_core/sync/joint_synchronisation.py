@@ -26,10 +26,11 @@ from imocap_core.sync.map_consistency import (
     cycle_residuals,
     left_out_disagreement,
 )
+from imocap_core.sync.pace import pace_spread
 from imocap_core.sync.pair_comparison import compared_pairs
 from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix, distance_matrix
 from imocap_core.sync.phase import WeightedMap, common_phase, inside
-from imocap_core.sync.reference import central_and_covering, coverage
+from imocap_core.sync.reference import chosen_reference, coverage
 from imocap_core.sync.reference_anchors import hard_anchor_maps, through_hard_anchors
 from imocap_core.sync.refinement import ReferenceAxis
 from imocap_core.sync.repeated_motion import Repetition, next_repetition
@@ -115,7 +116,8 @@ def synchronise_jointly(
     matched, pairs, centralities = compared.matched, compared.pairs, compared.centralities
     chosen = reference
     if chosen is None:
-        chosen = central_and_covering(centralities, coverage(matched, blocks), eligible)
+        pace = pace_spread(pairs, lengths, clocks)
+        chosen = chosen_reference(centralities, pace, coverage(matched, blocks), eligible)
 
     evidence = compared.soft_maps
     if params.warp == "dtw":

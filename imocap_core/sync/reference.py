@@ -1,9 +1,10 @@
 """The reference video: of the central ones, to which the frames of the others are most similar, the
-one that shows most of them.
+one that shows most of them; of several that do, the one that goes most steadily through the action.
 
 Centralities of good videos lie close together, and noise decides between them; how much of the
-others a video shows it leaves alone. Which of them is the reference makes no difference to accuracy
-(docs/sync.md).
+others a video shows it leaves alone. Of good videos any may be the reference (docs/sync.md); the
+loop chooses by joint motions, in which wrong monocular ones have been put right
+(docs/decisions/reference.md).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
 
 NEAR = 0.8  # of the largest centrality: harmless changes move one against another by a tenth
 EQUAL = 0.01  # difference of coverages that are the same
+STEADY = 0.05  # difference of pace spreads that are the same
 
 
 def mean_similarity(
@@ -55,18 +57,21 @@ def coverage(matched: Float[np.ndarray, "N_a M"], blocks: Blocks) -> Float[np.nd
     return np.asarray(share.sum(axis=0) / max(M - 1, 1))
 
 
-def central_and_covering(
+def chosen_reference(
     centralities: Float[np.ndarray, " M"],
+    pace_spreads: Float[np.ndarray, " M"],
     coverages: Float[np.ndarray, " M"],
     eligible: Sequence[bool],
 ) -> int:
     """Index of the video that shows most of the others, among those whose centrality is within NEAR
-    of the largest; of several, the most central.
+    of the largest; of several, the one of steadiest pace, and then the most central.
 
     Args:
+        pace_spreads: see `pace_spread`.
         eligible: the videos to choose from; all, if none is.
     """
     able = np.array(eligible) if any(eligible) else np.ones(len(centralities), dtype=bool)
     central = able & (centralities >= NEAR * centralities[able].max())
     covering = central & (coverages >= coverages[central].max() - EQUAL)
-    return int(np.argmax(np.where(covering, centralities, -1.0)))
+    steady = covering & (pace_spreads <= pace_spreads[covering].min() + STEADY)
+    return int(np.argmax(np.where(steady, centralities, -1.0)))

@@ -12,8 +12,8 @@ from benchmarks.scoring.oracle import fit_with_cameras, true_cameras, true_sync
 from imocap_core.artifacts.schemas import SyncMap
 from imocap_core.artifacts.schemas.sync import SyncSummary
 from imocap_core.io.truth import Truth, VideoTruth
-from tests.motion.made import mpjpe_mm
-from tests.motion.test_smpl_ba import OPTIONS, in_own_axes, made, whole  # noqa: F401
+from tests.motion.made import mpjpe_mm, scene
+from tests.motion.test_smpl_ba import FRAMES, OPTIONS, in_own_axes, made, whole  # noqa: F401
 
 
 def summary(reference: str = "b") -> SyncSummary:
@@ -77,3 +77,18 @@ def test_the_oracle_of_one_video_is_its_monocular_fit(made) -> None:  # noqa: F8
     cameras = made.cameras(1)
     start = true.rows(torch.tensor([0]))
     assert fit_with_cameras(alone, start, cameras, OPTIONS).state is start
+
+
+def test_true_cameras_tell_how_large_somebody_is() -> None:
+    """Cameras 8 % farther apart and farther away see the same of a body 8 % larger."""
+    seen = scene(FRAMES, [0.0, 90.0, 180.0, -90.0], np.random.default_rng(5))
+    given, cameras, truth = whole(seen), seen.cameras(), in_own_axes(seen)
+    given = replace(given, fit=replace(given.fit, size_prior=1e5))
+    apart = replace(cameras, t=1.08 * cameras.t)
+    start = replace(truth, trans=1.08 * truth.trans)
+    found = fit_with_cameras(given, start, apart, OPTIONS)
+    joints = seen.body.model.shape(found.state.betas[:1]).joints_rest[0]
+    limbs = [(1, 4), (4, 7), (2, 5), (5, 8), (16, 18), (18, 20), (17, 19), (19, 21)]
+    mean = seen.body.model.joints_template
+    grown = [float((joints[a] - joints[b]).norm() / (mean[a] - mean[b]).norm()) for a, b in limbs]
+    assert np.mean(grown) == pytest.approx(1.08, abs=0.02)

@@ -24,6 +24,7 @@ WEIGHTS = FitParams(
     pose_prior=0.05,
     shape_prior=50.0,
     hidden_shape_prior=50.0,
+    size_prior=50.0,
     limits=100.0,
     velocity=0.02,
     acceleration=0.3,

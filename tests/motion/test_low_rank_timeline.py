@@ -109,7 +109,7 @@ def test_missing_keypoints_are_never_blended_in() -> None:
 
 
 def rounds(
-    costs: list[float], maps: list[float], limit: int
+    costs: list[float], maps: list[float], limit: int, least: int = 0
 ) -> Alternation[np.ndarray, list[np.ndarray], float]:
     """An alternation whose rounds have these costs and these correspondences."""
     cost, place = iter(costs), dict(zip([9.0, *costs], maps, strict=False))
@@ -123,6 +123,7 @@ def rounds(
         cost=lambda motion: motion,
         max_rounds=limit,
         settled_frames=0.1,
+        least_rounds=least,
     )
 
 
@@ -159,6 +160,14 @@ def test_a_round_that_loses_frames_is_not_kept_for_being_cheap() -> None:
     assert [t.cost for t in done.rounds] == [9.0, 1.0]
     assert done.best == 0
     np.testing.assert_array_equal(done.sync, np.zeros(4))  # as a whole, asked for in the end
+
+
+def test_correspondences_do_not_settle_before_the_least_rounds() -> None:
+    at_once = [0.0, 0.0, 0.0]
+    assert len(rounds([3.0, 3.5], at_once, 2).rounds) == 1
+    done = rounds([3.0, 3.5], at_once, 2, least=1)
+    assert [t.cost for t in done.rounds] == [9.0, 3.0]
+    assert done.status.startswith("converged")
 
 
 def test_alternation_without_rounds_is_the_single_pass() -> None:

@@ -124,7 +124,7 @@ TERMS: dict[str, Callable[[Body, MotionState], Term]] = {
     "reprojection": reprojection,
     "reprojection of two performers": of_two_performers,
     "pose prior": pose_prior,
-    "shape prior": lambda b, s: ShapePrior.of_body(b.model, 2.0, 5.0),
+    "shape prior": lambda b, s: ShapePrior.of_body(b.model, 2.0, 5.0, 9.0),
     "focal prior": lambda b, s: FocalPrior(
         normal(2, seed=17, spread=0.1), normal(2, seed=18).abs()
     ),

@@ -97,7 +97,9 @@ def regularisers(body: Body, prior: PosePrior, weights: FitParams, fps: float) -
     return [
         FootContact(body, (fps / weights.foot_speed_m_s) ** 2, weights.foot_scale),
         PosePriorTerm(prior, weights.pose_prior),
-        ShapePrior.of_body(body.model, weights.shape_prior, weights.hidden_shape_prior),
+        ShapePrior.of_body(
+            body.model, weights.shape_prior, weights.hidden_shape_prior, weights.size_prior
+        ),
         JointAcceleration(body, fps, weights.joint_acceleration),
         HingeLimits(weights.limits),
         PoseSmoothness(

@@ -56,6 +56,7 @@ def alternate(
     cost: Callable[[M], float],
     max_rounds: int,
     settled_frames: float,
+    least_rounds: int = 0,
 ) -> Alternation[S, R, M]:
     """Alternate until the correspondences move less than ``settled_frames`` on average.
 
@@ -70,6 +71,7 @@ def alternate(
         outline: what a round keeps of its correspondences: all of them are large, and only the
             result's are needed in the end.
         maps: the per-video maps (T_v,) of an outline; cost: of a motion.
+        least_rounds: that are gone through before the correspondences may settle.
     """
     rounds = [first]
     latest: S | None = None
@@ -80,7 +82,7 @@ def alternate(
         latest = synchronise(rounds[-1].motion)
         sync = outline(latest)
         change = mean_change(maps(rounds[-1].sync), maps(sync))
-        if change < settled_frames:
+        if change < settled_frames and len(rounds) > least_rounds:
             status = f"converged: one more round moves the correspondences by {change:.2f} frames"
             break
         motion = recover(latest, rounds[-1].motion)

@@ -36,6 +36,11 @@ class Cameras:
         """Focal lengths."""
         return self.K[:, 0, 0].cpu().numpy()
 
+    def in_axes_of(self, reference: int) -> Cameras:
+        """The same cameras with the axes of one of them as the world's."""
+        R = self.R @ self.R[reference].T
+        return Cameras(R, self.t - R @ self.t[reference], self.K)
+
 
 def cameras_from_motion(
     aligned: AlignedMotions, K: Float[Tensor, "M 3 3"], reference: int, *, rounds: int = 4

@@ -71,7 +71,7 @@ def relocalise(
     if not replaced:
         return state, cameras
     turned = replace(cameras, R=torch.as_tensor(R).to(cameras.R))
-    placed = _in_reference_axes(_translated(scene, state, turned, replaced), scene.reference)
+    placed = _translated(scene, state, turned, replaced).in_axes_of(scene.reference)
     return _carried(scene, state, placed, replaced, agreement_rad), placed
 
 
@@ -134,10 +134,3 @@ def _carried(
     R_local = state.R_local.clone()
     R_local[videos] = poses[videos]
     return replace(state, R_local=R_local)
-
-
-def _in_reference_axes(cameras: Cameras, reference: int) -> Cameras:
-    """The same cameras, the world again the reference's camera axes."""
-    R = cameras.R @ cameras.R[reference].T
-    t = cameras.t - torch.einsum("mij,j->mi", R, cameras.t[reference])
-    return replace(cameras, R=R, t=t)

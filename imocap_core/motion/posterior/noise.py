@@ -37,6 +37,7 @@ class Noise:
             pose_prior=min(prior, scene.fit.pose_prior),
             shape_prior=POPULATION / videos,
             hidden_shape_prior=POPULATION / videos,
+            size_prior=POPULATION / videos,
         )
         return replace(scene, fit=fit)
 

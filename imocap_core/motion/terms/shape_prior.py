@@ -2,8 +2,8 @@
 
 Images tell proportions, not size: a small person near the camera looks like a tall one far away.
 Nor do they tell a torso's form: bodies with the same limbs, hips, shoulders and height of the trunk
-differ in where the spine runs. Errors of keypoints and poses would leak into both, so the
-directions of shape that no keypoint tells have a weight of their own.
+differ in where the spine runs. Errors of keypoints and poses would leak into both, so size and the
+directions of shape that no keypoint tells have weights of their own (docs/decisions/body_size.md).
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from imocap_core.motion.state import MotionState
 
 LIMBS = (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
 SIDES = ("left", "right")
+TIMES = (2.0, 2.0, 2.0, 2.0, 1.0, 1.0, 1.0)  # that a body has each length of `length_rates`
 
 
 @dataclass(frozen=True)
@@ -30,11 +31,15 @@ class ShapePrior:
     precision: Float[Tensor, "n n"]
 
     @classmethod
-    def of_body(cls, model: Model, weight: float, hidden_weight: float) -> ShapePrior:
-        """``weight`` along the proportions that keypoints tell, ``hidden_weight`` elsewhere."""
-        hidden = hidden_directions(model)
-        identity = torch.eye(model.num_betas).to(hidden)
-        return cls(weight * identity + (hidden_weight - weight) * hidden @ hidden.T)
+    def of_body(
+        cls, model: Model, weight: float, hidden_weight: float, size_weight: float
+    ) -> ShapePrior:
+        """``weight`` along the proportions that keypoints tell, ``size_weight`` along size,
+        ``hidden_weight`` along the form of the torso."""
+        hidden, size = hidden_directions(model), size_direction(model)
+        of_form, of_size = hidden @ hidden.T, torch.outer(size, size)
+        of_proportions = torch.eye(model.num_betas).to(hidden) - of_form - of_size
+        return cls(weight * of_proportions + hidden_weight * of_form + size_weight * of_size)
 
     def of(self, v: int, frames: int) -> ShapePrior:
         """The same for every motion."""
@@ -62,22 +67,21 @@ class ShapePrior:
 
 
 def hidden_directions(model: Model) -> Float[Tensor, "n k"]:
-    """Orthonormal directions of shape that pictures do not tell: size, and what leaves the lengths
-    between the twelve joints as they are."""
-    rates = length_rates(model)
-    _, singular, rows = torch.linalg.svd(rates)
+    """Orthonormal directions of shape that leave the lengths between the twelve joints, and so
+    their size, as they are."""
+    _, singular, rows = torch.linalg.svd(length_rates(model))
     rank = int((singular > 1e-6 * singular[0]).sum())
-    directions = torch.cat([rows[rank:], size_direction(model)[None]])
-    return torch.linalg.qr(directions.T)[0]
+    return rows[rank:].T
 
 
 def size_direction(model: Model) -> Float[Tensor, " n"]:
-    """Unit vector of shape coefficients along which the body's bones grow most, all together."""
-    parents = torch.as_tensor(model.parents[1:], device=model.device)
-    bones = model.joints_template[1:] - model.joints_template[parents]
-    growth = model.joints_shapedirs[1:] - model.joints_shapedirs[parents]
-    lengths = torch.linalg.vector_norm(bones, dim=-1, keepdim=True)
-    longer = torch.einsum("jc,jcb->b", bones / lengths, growth)[: model.num_betas]
+    """Unit vector of shape coefficients along which the lengths between the twelve joints grow
+    most, all together.
+
+    Those alone: feet, hands and neck, which no keypoint tells, would shrink to make up for limbs.
+    """
+    rates = length_rates(model)
+    longer = rates.T @ rates.new_tensor(TIMES)
     return longer / torch.linalg.vector_norm(longer)
 
 
