@@ -21,6 +21,7 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.cli import stage_main
 from imocap_core.motion.multiview.alternation import Alternation, LoopRound, alternate
 from imocap_core.motion.multiview.scene import JointMotion
+from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.event import calibrated_round, can_calibrate
@@ -36,18 +37,8 @@ from imocap_core.process import release_freed_memory, release_if_large
 def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     """All rounds; round 0 is the single pass."""
     keypoints, single_pass = inputs.get(Keypoints), inputs.get(SmplBa)
-    cameras, initial = inputs.get(CameraMotion), inputs.get(InitialSmpl)
     first_sync, sound_start_s = _without_matrices(inputs)
-    problem = problem_of(
-        keypoints,
-        cameras,
-        initial,
-        first_sync,
-        params.fit,
-        params.motion,
-        event=ctx.event(),
-        device=ctx.device,
-    )
+    problem = _problem(ctx, inputs, params, first_sync)
     first = problem.solution(single_pass)
     begin, event = LoopRound(first_sync, first, first.misfit, 0.0), None
     if ctx.event() and can_calibrate(problem, first):
@@ -62,9 +53,24 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     else:
         loop, problem = _in_turn(ctx, inputs, problem, begin, sound_start_s, params)
     result = _as_artifact(loop, problem, single_pass)
-    motion = with_ground(result.motion, keypoints, cameras, result.sync.excluded, params.fit)
+    cameras, excluded = inputs.get(CameraMotion), result.sync.excluded
+    motion = with_ground(result.motion, keypoints, cameras, excluded, params.fit)
     motion = with_hands_on_ground(motion, problem.scene.body.model, result.sync)
     return result.model_copy(update={"motion": motion, "event": event})
+
+
+def _problem(ctx: Context, inputs: Inputs, params: Params, sync: SyncSummary) -> JointProblem:
+    """The joint motion's problem with some correspondences."""
+    return problem_of(
+        inputs.get(Keypoints),
+        inputs.get(CameraMotion),
+        inputs.get(InitialSmpl),
+        sync,
+        params.fit,
+        params.motion,
+        event=ctx.event(),
+        device=ctx.device,
+    )
 
 
 def _without_matrices(inputs: Inputs) -> tuple[SyncSummary, Float[np.ndarray, " M"] | None]:
@@ -98,9 +104,17 @@ def _in_turn(
         ctx.rng,
         event=ctx.event(),
         sound_start_s=sound_start_s,
+        declared=[ctx.mirrored()[video.id] for video in keypoints.videos],
     )
-    ctx.progress(0.0, "time axis")
-    begun, first_of_loop = loop_sync.beginning(problem, single_pass)
+    ctx.progress(0.0, "videos and time axis")
+    begin, changed = single_pass, loop_sync.with_videos_of(problem, single_pass.motion)
+    if changed is not None:
+        ctx.progress(0.0, "motion with other videos")
+        loop_sync, sync = changed, summary_of(changed.first_again())
+        problem = _problem(ctx, inputs, params, sync)
+        motion = recover_motion(problem.scene, problem.start, problem.options)
+        begin = LoopRound(sync, motion, motion.misfit, 0.0)
+    begun, first_of_loop = loop_sync.beginning(problem, begin)
     first_sync, rounds_begun = begun.single_pass.sync, 0
 
     def progress(what: str) -> None:
@@ -134,7 +148,7 @@ def _in_turn(
         cost=lambda motion: motion.misfit,
         max_rounds=most_rounds,
         settled_frames=params.refine.settled_frames,
-        least_rounds=int(begun.moved),
+        least_rounds=int(begun.moved or changed is not None),
     )
     return replace(loop, rounds=[single_pass, *loop.rounds[1:]]), begun.problem
 

@@ -3,12 +3,13 @@
 Which video is the reference of the first synchronisation rests on monocular motions alone: one that
 is wrong is like no other and not central, whatever its video shows. So the first joint motion
 chooses again, and where that is another video the loop begins on its time axis
-(docs/decisions/reference.md).
+(docs/decisions/reference.md). It also decides again which videos take part
+(docs/decisions/screening.md).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +22,7 @@ from imocap_core.params import Params
 from imocap_core.problem.event_timing import with_one_offset
 from imocap_core.problem.hypotheses import chosen_motions, explained_keypoints
 from imocap_core.problem.joint import JointProblem
+from imocap_core.problem.screening_again import decided_again
 from imocap_core.problem.sound import with_sound
 from imocap_core.problem.synchronisation import rates_of_motions, summary_of, synchronise_motions
 from imocap_core.sync import Hints
@@ -48,6 +50,7 @@ class LoopSync:
         first: of the monocular motions; what it decided stays.
         hints: with those of sound, if any; rates: seconds of the action per second of each video.
         event: all videos show one performance; sound_start_s: when each video began, by its sound.
+        declared: per video True or False where the user states whether it is mirrored.
         rng: a generator, the same one whenever it is asked for.
     """
 
@@ -59,6 +62,7 @@ class LoopSync:
     rates: Float[np.ndarray, " M"]
     event: bool
     sound_start_s: Float[np.ndarray, " M"] | None
+    declared: Sequence[bool | None]
     rng: Callable[[], np.random.Generator]
 
     @classmethod
@@ -73,6 +77,7 @@ class LoopSync:
         *,
         event: bool,
         sound_start_s: Float[np.ndarray, " M"] | None,
+        declared: Sequence[bool | None],
     ) -> LoopSync:
         """With the hints of sound, and the rates of the monocular motions.
 
@@ -84,8 +89,21 @@ class LoopSync:
         monocular = [video.joints for video in initial.videos]
         rates = rates_of_motions(monocular, keypoints, params.sync, hints)
         return cls(
-            keypoints, initial, first, params, hints, rates, event, sound_start_s, rng
+            keypoints, initial, first, params, hints, rates, event, sound_start_s, declared, rng
         )  # fmt: skip
+
+    def with_videos_of(self, problem: JointProblem, motion: JointMotion) -> LoopSync | None:
+        """The same with the videos taking part, and mirrored, that the joint motion says; None
+        where they are the same."""
+        keypoints = explained_keypoints(self.initial, self.keypoints, self.first.alternatives)
+        joints = problem.filmed_joints(motion)
+        given = (joints, keypoints, self.rates, self.params.sync, self.declared)
+        first = decided_again(self.first, *given)
+        return None if first is None else replace(self, first=first)
+
+    def first_again(self) -> Sync:
+        """The synchronisation of the monocular motions, with what has been decided since."""
+        return self._placed(self._of_monocular_motions(None))
 
     def beginning(
         self, problem: JointProblem, single_pass: LoopRound[SyncSummary, JointMotion]
@@ -124,8 +142,8 @@ class LoopSync:
             rates=self.rates,
         )
 
-    def _of_monocular_motions(self, reference: str) -> Sync:
-        """The first synchronisation on the time axis of another video."""
+    def _of_monocular_motions(self, reference: str | None) -> Sync:
+        """The first synchronisation again, on the time axis of some video."""
         chosen = self.first.alternatives
         return synchronise_motions(
             [motion.joints for motion in chosen_motions(self.initial, chosen)],

@@ -1,4 +1,5 @@
-"""The loop's time axis is that of the video which the first joint motion makes the reference."""
+"""The loop's time axis is that of the video which the first joint motion makes the reference, and
+its videos are those that this motion says."""
 
 from __future__ import annotations
 
@@ -46,15 +47,27 @@ def choose(monkeypatch: pytest.MonkeyPatch) -> Any:
     return to_choose
 
 
-def begun(made: Made) -> tuple[LoopBeginning, Sync | None, JointProblem, JointMotion]:
-    params, rng = Params(), lambda: np.random.default_rng(0)
+def loop_sync_of(made: Made, **changed: list[str]) -> LoopSync:
+    """Of the first correspondences, with something else decided."""
     first = SyncSummary.model_validate({n: getattr(made.sync, n) for n in SyncSummary.model_fields})
+    first = first.model_copy(update=changed)
+    return LoopSync.of(
+        made.keypoints, made.initial, first, Params(), Hints(),
+        lambda: np.random.default_rng(0), event=False, sound_start_s=None, declared=[None] * 3,
+    )  # fmt: skip
+
+
+def problem_with(made: Made, first: SyncSummary) -> JointProblem:
+    params = Params()
     given = (made.keypoints, made.camera_motion, made.initial, first, params.fit, params.motion)
-    problem = problem_of(*given)
+    return problem_of(*given)
+
+
+def begun(made: Made) -> tuple[LoopBeginning, Sync | None, JointProblem, JointMotion]:
+    loop_sync = loop_sync_of(made)
+    first = loop_sync.first
+    problem = problem_with(made, first)
     motion = problem.solution(made.single)
-    loop_sync = LoopSync.of(
-        made.keypoints, made.initial, first, params, Hints(), rng, event=False, sound_start_s=None
-    )
     beginning, sync = loop_sync.beginning(problem, LoopRound(first, motion, 1.0, 0.0))
     if beginning.moved:
         assert (
@@ -99,6 +112,16 @@ def test_the_axis_moves_with_the_first_correspondences_and_the_cameras(
         np.testing.assert_allclose(seen, made.R[1] @ made.R[2].T @ x, atol=1e-9)
 
 
+def context(folder: Path) -> Context:
+    """Of the stage, without any hints."""
+    made_up = SimpleNamespace(
+        event=lambda: False, hints=lambda: ((), ()), action_file=lambda: folder, device="cpu",
+        progress=lambda *_: None, rng=lambda: np.random.default_rng(0),
+        mirrored=lambda: dict.fromkeys(("v1", "v2", "v3")),
+    )  # fmt: skip
+    return cast(Context, made_up)
+
+
 def test_the_stage_ends_on_the_new_axis_and_its_round_0_is_the_single_pass(
     made: Made, choose: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -112,13 +135,8 @@ def test_the_stage_ends_on_the_new_axis_and_its_round_0_is_the_single_pass(
             for x in (made.keypoints, made.camera_motion, made.initial, made.sync, made.single)
         },
     )
-    context = SimpleNamespace(
-        event=lambda: False, hints=lambda: ((), ()), action_file=lambda: tmp_path, device="cpu",
-        progress=lambda *_: None, rng=lambda: np.random.default_rng(0),
-    )  # fmt: skip
-    result = refine_sync.run(
-        cast(Context, context), inputs, Params(refine=RefineParams(max_rounds=1))
-    )
+    params = Params(refine=RefineParams(max_rounds=1))
+    result = refine_sync.run(context(tmp_path), inputs, params)
     assert (result.rounds[0].sync.reference, result.rounds[0].motion.reference) == ("v1", "v1")
     assert len(result.rounds) == 2  # the new axis is solved on, though nothing moves
     assert result.rounds[1].sync_change_frames < 0.5
@@ -129,3 +147,23 @@ def test_the_stage_ends_on_the_new_axis_and_its_round_0_is_the_single_pass(
     np.testing.assert_allclose(own.R, np.eye(3), atol=1e-9)
     v1 = next(m for m in result.sync.maps if m.id == "v1")
     np.testing.assert_allclose(np.nanmean(v1.reference_frame - (made.frames[0] - 4)), 0, atol=0.3)
+
+
+def test_the_stage_solves_again_with_a_video_that_was_left_out(
+    made: Made, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(refine_sync, "with_ground", lambda motion, *_: motion)
+    notes = ["v3 seems to show another action"]
+    first = made.sync.model_copy(update={"excluded": ["v3"], "notes": notes})
+    given = (made.keypoints, made.camera_motion, made.initial, first, made.single)
+    inputs = Inputs("refine_sync", {}, {type(x): x for x in given})
+    params = Params(refine=RefineParams(max_rounds=1))
+    result = refine_sync.run(context(tmp_path), inputs, params)
+    assert result.rounds[0].sync.excluded == ["v3"]
+    assert result.sync.excluded == []
+    v3 = next(m for m in result.sync.maps if m.id == "v3")
+    assert np.isfinite(v3.reference_frame).sum() > FRAMES - 6
+    assert any(note.startswith("v3 at first seemed to show another") for note in result.sync.notes)
+    R = {camera.id: camera.R for camera in result.motion.cameras}
+    off = R["v3"] @ R["v1"].T @ (made.R[2] @ made.R[0].T).T
+    assert np.degrees(np.arccos(np.clip((np.trace(off) - 1) / 2, -1, 1))) < 5
