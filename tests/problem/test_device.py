@@ -64,6 +64,7 @@ def result(stage: Any, given: Given, device: str) -> Artifact:
         progress=lambda share, text: None,
         event=lambda: False,
         hints=lambda: ((), ()),
+        mirrored=lambda: {"v1": None, "v2": True},
         action_file=lambda: None,
         rng=lambda: np.random.default_rng(5),
     )
