@@ -18,7 +18,7 @@ from jaxtyping import Float
 from imocap_core.artifacts.schemas import InitialSmpl, Keypoints, Sync, SyncSummary
 from imocap_core.motion.multiview.alternation import LoopRound
 from imocap_core.motion.multiview.scene import JointMotion
-from imocap_core.params import Params
+from imocap_core.params import SyncParams
 from imocap_core.problem.event_timing import with_one_offset
 from imocap_core.problem.hypotheses import chosen_motions, explained_keypoints
 from imocap_core.problem.joint import JointProblem
@@ -49,7 +49,8 @@ class LoopSync:
     Attributes:
         first: of the monocular motions; what it decided stays.
         hints: with those of sound, if any; rates: seconds of the action per second of each video.
-        event: all videos show one performance; sound_start_s: when each video began, by its sound.
+        by_pictures: keypoints are evidence too; event: all videos show one performance.
+        sound_start_s: when each video began, by its sound.
         declared: per video True or False where the user states whether it is mirrored.
         rng: a generator, the same one whenever it is asked for.
     """
@@ -57,9 +58,10 @@ class LoopSync:
     keypoints: Keypoints
     initial: InitialSmpl
     first: SyncSummary
-    params: Params
+    params: SyncParams
     hints: Hints
     rates: Float[np.ndarray, " M"]
+    by_pictures: bool
     event: bool
     sound_start_s: Float[np.ndarray, " M"] | None
     declared: Sequence[bool | None]
@@ -71,10 +73,11 @@ class LoopSync:
         keypoints: Keypoints,
         initial: InitialSmpl,
         first: SyncSummary,
-        params: Params,
+        params: SyncParams,
         hints: Hints,
         rng: Callable[[], np.random.Generator],
         *,
+        by_pictures: bool,
         event: bool,
         sound_start_s: Float[np.ndarray, " M"] | None,
         declared: Sequence[bool | None],
@@ -87,9 +90,10 @@ class LoopSync:
         if sound_start_s is not None:
             hints = with_sound(hints, sound_start_s, keypoints)
         monocular = [video.joints for video in initial.videos]
-        rates = rates_of_motions(monocular, keypoints, params.sync, hints)
+        rates = rates_of_motions(monocular, keypoints, params, hints)
         return cls(
-            keypoints, initial, first, params, hints, rates, event, sound_start_s, declared, rng
+            keypoints, initial, first, params, hints, rates,
+            by_pictures, event, sound_start_s, declared, rng,
         )  # fmt: skip
 
     def with_videos_of(self, problem: JointProblem, motion: JointMotion) -> LoopSync | None:
@@ -97,7 +101,7 @@ class LoopSync:
         where they are the same."""
         keypoints = explained_keypoints(self.initial, self.keypoints, self.first.alternatives)
         joints = problem.filmed_joints(motion)
-        given = (joints, keypoints, self.rates, self.params.sync, self.declared)
+        given = (joints, keypoints, self.rates, self.params, self.declared)
         first = decided_again(self.first, *given)
         return None if first is None else replace(self, first=first)
 
@@ -129,16 +133,15 @@ class LoopSync:
         return with_one_offset(sync, self.keypoints, self.sound_start_s) if self.event else sync
 
     def _of_motion(self, problem: JointProblem, motion: JointMotion, reference: str | None) -> Sync:
-        by_pictures = self.params.refine.evidence == "pictures"
         return synchronise_motions(
             problem.filmed_joints(motion),
             self.keypoints,
-            self.params.sync,
+            self.params,
             self.rng(),
             reference=reference,
             decided=self.first,
             hints=self.hints,
-            reprojection=problem.reprojection_evidence(motion) if by_pictures else None,
+            reprojection=problem.reprojection_evidence(motion) if self.by_pictures else None,
             rates=self.rates,
         )
 
@@ -148,7 +151,7 @@ class LoopSync:
         return synchronise_motions(
             [motion.joints for motion in chosen_motions(self.initial, chosen)],
             explained_keypoints(self.initial, self.keypoints, chosen),
-            self.params.sync,
+            self.params,
             self.rng(),
             reference=reference,
             decided=self.first,

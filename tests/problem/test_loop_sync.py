@@ -52,8 +52,9 @@ def loop_sync_of(made: Made, **changed: list[str]) -> LoopSync:
     first = SyncSummary.model_validate({n: getattr(made.sync, n) for n in SyncSummary.model_fields})
     first = first.model_copy(update=changed)
     return LoopSync.of(
-        made.keypoints, made.initial, first, Params(), Hints(),
-        lambda: np.random.default_rng(0), event=False, sound_start_s=None, declared=[None] * 3,
+        made.keypoints, made.initial, first, Params().sync, Hints(),
+        lambda: np.random.default_rng(0), by_pictures=True, event=False, sound_start_s=None,
+        declared=[None] * 3,
     )  # fmt: skip
 
 
