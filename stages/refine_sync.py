@@ -30,7 +30,8 @@ from imocap_core.problem.hints import hints_of
 from imocap_core.problem.joint import JointProblem, problem_of
 from imocap_core.problem.loop_confidence import with_first_repetitions, with_independent_confidence
 from imocap_core.problem.loop_sync import LoopSync
-from imocap_core.problem.synchronisation import summary_of
+from imocap_core.problem.sound import with_sound
+from imocap_core.problem.synchronisation import rates_of_motions, summary_of
 from imocap_core.process import release_freed_memory, release_if_large
 
 
@@ -81,6 +82,32 @@ def _without_matrices(inputs: Inputs) -> tuple[SyncSummary, Float[np.ndarray, " 
     return summary_of(sync), sync.sound_start_s
 
 
+def _loop_sync(
+    ctx: Context,
+    inputs: Inputs,
+    sound_start_s: Float[np.ndarray, " M"] | None,
+    params: Params,
+) -> LoopSync:
+    """What the loop's synchronisations go by."""
+    keypoints, initial = inputs.get(Keypoints), inputs.get(InitialSmpl)
+    hints = hints_of(*ctx.hints(), keypoints, str(ctx.action_file()))
+    if sound_start_s is not None:
+        hints = with_sound(hints, sound_start_s, keypoints)
+    monocular = [video.joints for video in initial.videos]
+    return LoopSync(
+        keypoints,
+        initial,
+        params.sync,
+        hints,
+        rates_of_motions(monocular, keypoints, params.sync, hints),
+        by_pictures=params.refine.evidence == "pictures",
+        event=ctx.event(),
+        sound_start_s=sound_start_s,
+        declared=[ctx.mirrored()[video.id] for video in keypoints.videos],
+        rng=ctx.rng,
+    )
+
+
 def _in_turn(
     ctx: Context,
     inputs: Inputs,
@@ -90,36 +117,26 @@ def _in_turn(
     params: Params,
 ) -> tuple[Alternation[Sync, SyncSummary, JointMotion], JointProblem]:
     """Synchronisation and SMPL-BA in turn, and the problem on the time axis that they end on."""
-    keypoints, initial = inputs.get(Keypoints), inputs.get(InitialSmpl)
-    most_rounds = params.refine.max_rounds if len(keypoints.videos) > 1 else 0
+    most_rounds = params.refine.max_rounds if len(inputs.get(Keypoints).videos) > 1 else 0
     if not most_rounds:
         status = "has no rounds; the result is that of the first joint solve"
         return Alternation([single_pass], 0, inputs.get(Sync), status), problem
-    loop_sync = LoopSync.of(
-        keypoints,
-        initial,
-        single_pass.sync,
-        params.sync,
-        hints_of(*ctx.hints(), keypoints, str(ctx.action_file())),
-        ctx.rng,
-        by_pictures=params.refine.evidence == "pictures",
-        event=ctx.event(),
-        sound_start_s=sound_start_s,
-        declared=[ctx.mirrored()[video.id] for video in keypoints.videos],
-    )
-    ctx.progress(0.0, "videos and time axis")
-    begin, changed = single_pass, loop_sync.with_videos_of(problem, single_pass.motion)
-    if changed is not None:
-        ctx.progress(0.0, "motion with other videos")
-        loop_sync, sync = changed, summary_of(changed.first_again())
-        problem = _problem(ctx, inputs, params, sync)
-        motion = recover_motion(problem.scene, problem.start, problem.options)
-        begin = LoopRound(sync, motion, motion.misfit, 0.0)
-    begun, first_of_loop = loop_sync.beginning(problem, begin)
-    first_sync, rounds_begun = begun.single_pass.sync, 0
+    loop_sync, rounds_begun = _loop_sync(ctx, inputs, sound_start_s, params), 0
 
     def progress(what: str) -> None:
         ctx.progress(rounds_begun / (most_rounds + 1), f"round {rounds_begun}: {what}")
+
+    def solving(what: str) -> None:
+        progress(f"motion, {what}")
+        release_if_large()
+
+    def solve(sync: SyncSummary) -> tuple[JointProblem, JointMotion]:
+        again = _problem(ctx, inputs, params, sync)
+        return again, recover_motion(again.scene, again.start, again.options, solving)
+
+    progress("videos and time axis")
+    begun, first_of_loop = loop_sync.beginning(problem, single_pass, solve)
+    first_sync = begun.single_pass.sync
 
     def synchronise(motion: JointMotion) -> Sync:
         nonlocal rounds_begun, first_of_loop
@@ -130,14 +147,10 @@ def _in_turn(
         sync = with_independent_confidence(sync, first_sync, motion.spread)
         return with_first_repetitions(sync, first_sync)
 
-    def solve(what: str) -> None:
-        progress(f"motion, {what}")
-        release_if_large()
-
     def recover(sync: Sync, motion: JointMotion) -> JointMotion:
         progress("motion")
         release_freed_memory()  # of the synchronisation, which needs other sizes
-        return begun.problem.recovered(sync, motion, solve)
+        return begun.problem.recovered(sync, motion, solving)
 
     loop = alternate(
         begun.single_pass,
@@ -149,7 +162,7 @@ def _in_turn(
         cost=lambda motion: motion.misfit,
         max_rounds=most_rounds,
         settled_frames=params.refine.settled_frames,
-        least_rounds=int(begun.moved or changed is not None),
+        least_rounds=int(begun.moved),
     )
     return replace(loop, rounds=[single_pass, *loop.rounds[1:]]), begun.problem
 

@@ -12,9 +12,8 @@ from benchmarks.screening.scenes import ScreeningScene
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.params import SyncParams
 from imocap_core.problem.synchronisation import keypoints_of_joints
-from imocap_core.sync.pairwise.poses import body_scales, joint_weights_of
-from imocap_core.sync.screening.screening import Screening, screen
-from imocap_core.sync.warp.playback_rate import playback_rates
+from imocap_core.sync import screened
+from imocap_core.sync.screening.screening import Screening
 
 
 @dataclass(frozen=True)
@@ -38,9 +37,9 @@ class SceneRow:
 
 def measure(scene: ScreeningScene, params: SyncParams) -> SceneRow:
     """The row of a scene."""
-    clean = screened(scene.genuine, params)
-    stranger = screened(scene.with_stranger(), params)
-    mirrored = screened(scene.with_mirrored(), params)
+    clean = screening_of(scene.genuine, params)
+    stranger = screening_of(scene.with_stranger(), params)
+    mirrored = screening_of(scene.with_mirrored(), params)
     wrong = [
         len({*clean.excluded, *clean.flipped}),
         len({*stranger.excluded, *stranger.flipped} - {scene.replaced}),
@@ -64,24 +63,15 @@ def measure(scene: ScreeningScene, params: SyncParams) -> SceneRow:
     )
 
 
-def screened(films: Sequence[FittedFilm], params: SyncParams) -> Screening:
+def screening_of(films: Sequence[FittedFilm], params: SyncParams) -> Screening:
     """The screening of videos, as the synchronisation does it."""
-    poses = [film.poses for film in films]
     detected = [(film.keypoints.confidence > 0).max(axis=1).astype(float) for film in films]
-    confidence = [
-        np.repeat(d[:, None], x.shape[1], 1) for d, x in zip(detected, poses, strict=True)
-    ]
-    fps = [film.keypoints.fps for film in films]
-    scaled = [x / s for x, s in zip(poses, body_scales(poses), strict=True)]
-    weights = joint_weights_of(poses, confidence, None)
-    rates = playback_rates(scaled, weights, fps, params.max_rate)
-    return screen(
-        scaled,
-        weights,
-        [f / r for f, r in zip(fps, rates, strict=True)],
-        params,
+    return screened(
+        [film.poses for film in films],
+        fps=[film.keypoints.fps for film in films],
+        params=params,
+        confidence=[np.repeat(frames[:, None], 24, axis=1) for frames in detected],
         twins=mirror_indices(SMPL_JOINTS),
-        declared=[None] * len(films),
         keypoints=[keypoints_of_joints(film.keypoints) for film in films],
     )
 

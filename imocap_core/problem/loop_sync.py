@@ -1,10 +1,10 @@
-"""Synchronisation within the loop, and the time axis that it goes by.
+"""Synchronisation within the loop, and where the loop begins.
 
-Which video is the reference of the first synchronisation rests on monocular motions alone: one that
-is wrong is like no other and not central, whatever its video shows. So the first joint motion
-chooses again, and where that is another video the loop begins on its time axis
-(docs/decisions/reference.md). It also decides again which videos take part
-(docs/decisions/screening.md).
+The first synchronisation knows monocular motions alone. One that is wrong is like no other: its
+video is not central, whatever it shows, and may look like another action. So the joint motion of
+the single pass decides again which videos take part (docs/decisions/screening.md) and which of them
+is the reference (docs/decisions/reference.md), and where it decides otherwise the loop begins
+there.
 """
 
 from __future__ import annotations
@@ -23,18 +23,23 @@ from imocap_core.problem.event_timing import with_one_offset
 from imocap_core.problem.hypotheses import chosen_motions, explained_keypoints
 from imocap_core.problem.joint import JointProblem
 from imocap_core.problem.screening_again import decided_again
-from imocap_core.problem.sound import with_sound
-from imocap_core.problem.synchronisation import rates_of_motions, summary_of, synchronise_motions
+from imocap_core.problem.synchronisation import (
+    screening_of_motions,
+    summary_of,
+    synchronise_motions,
+)
 from imocap_core.sync import Hints
+
+Solve = Callable[[SyncSummary], tuple[JointProblem, JointMotion]]
 
 
 @dataclass(frozen=True)
 class LoopBeginning:
-    """Where the loop begins, on its time axis.
+    """Where the loop begins.
 
     Attributes:
-        problem: on that axis; single_pass: with the first correspondences on it.
-        moved: whether its reference is another video than that of the single pass.
+        problem, single_pass: with its videos, on its time axis.
+        moved: whether videos or reference are others than those of the stored single pass.
     """
 
     problem: JointProblem
@@ -47,17 +52,15 @@ class LoopSync:
     """What every synchronisation of the loop goes by, besides the motion.
 
     Attributes:
-        first: of the monocular motions; what it decided stays.
         hints: with those of sound, if any; rates: seconds of the action per second of each video.
-        by_pictures: keypoints are evidence too; event: all videos show one performance.
-        sound_start_s: when each video began, by its sound.
+        by_pictures: keypoints are evidence too.
+        event: all videos show one performance; sound_start_s: when each began, by its sound.
         declared: per video True or False where the user states whether it is mirrored.
         rng: a generator, the same one whenever it is asked for.
     """
 
     keypoints: Keypoints
     initial: InitialSmpl
-    first: SyncSummary
     params: SyncParams
     hints: Hints
     rates: Float[np.ndarray, " M"]
@@ -67,93 +70,87 @@ class LoopSync:
     declared: Sequence[bool | None]
     rng: Callable[[], np.random.Generator]
 
-    @classmethod
-    def of(
-        cls,
-        keypoints: Keypoints,
-        initial: InitialSmpl,
-        first: SyncSummary,
-        params: SyncParams,
-        hints: Hints,
-        rng: Callable[[], np.random.Generator],
-        *,
-        by_pictures: bool,
-        event: bool,
-        sound_start_s: Float[np.ndarray, " M"] | None,
-        declared: Sequence[bool | None],
-    ) -> LoopSync:
-        """With the hints of sound, and the rates of the monocular motions.
+    def beginning(
+        self,
+        problem: JointProblem,
+        single_pass: LoopRound[SyncSummary, JointMotion],
+        solve: Solve,
+    ) -> tuple[LoopBeginning, Sync | None]:
+        """Where the loop begins, and the correspondences of the motion that it begins with, where
+        they are at hand.
 
         Args:
-            hints: of action.yaml; the others as of the attributes.
+            solve: the single pass with other correspondences.
         """
-        if sound_start_s is not None:
-            hints = with_sound(hints, sound_start_s, keypoints)
-        monocular = [video.joints for video in initial.videos]
-        rates = rates_of_motions(monocular, keypoints, params, hints)
-        return cls(
-            keypoints, initial, first, params, hints, rates,
-            by_pictures, event, sound_start_s, declared, rng,
-        )  # fmt: skip
-
-    def with_videos_of(self, problem: JointProblem, motion: JointMotion) -> LoopSync | None:
-        """The same with the videos taking part, and mirrored, that the joint motion says; None
-        where they are the same."""
-        keypoints = explained_keypoints(self.initial, self.keypoints, self.first.alternatives)
-        joints = problem.filmed_joints(motion)
-        given = (joints, keypoints, self.rates, self.params, self.declared)
-        first = decided_again(self.first, *given)
-        return None if first is None else replace(self, first=first)
-
-    def first_again(self) -> Sync:
-        """The synchronisation of the monocular motions, with what has been decided since."""
-        return self._placed(self._of_monocular_motions(None))
-
-    def beginning(
-        self, problem: JointProblem, single_pass: LoopRound[SyncSummary, JointMotion]
-    ) -> tuple[LoopBeginning, Sync | None]:
-        """The loop's time axis, chosen by the single pass's motion, and the correspondences of that
-        motion, where they are on this axis already."""
-        sync = self._of_motion(problem, single_pass.motion, None)
-        if sync.reference == self.first.reference:
-            return LoopBeginning(problem, single_pass, False), self._placed(sync)
+        decided = self._decided_again(problem, single_pass)
+        if decided is not None:
+            first = summary_of(self._of_monocular_motions(decided, None))
+            problem, motion = solve(first)
+            single_pass = LoopRound(first, motion, motion.misfit, 0.0)
+        first = single_pass.sync
+        sync = self._of_motion(problem, single_pass.motion, first, None)
+        if sync.reference == first.reference:
+            return LoopBeginning(problem, single_pass, decided is not None), sync
         reference = sync.reference
         del sync  # its memory is needed
-        first = summary_of(self._placed(self._of_monocular_motions(reference)))
+        first = summary_of(self._of_monocular_motions(first, reference))
         problem, motion = problem.on_axis_of(first, single_pass.motion)
         return LoopBeginning(problem, replace(single_pass, sync=first, motion=motion), True), None
 
     def of_motion(self, begun: LoopBeginning, motion: JointMotion) -> Sync:
-        """The correspondences of a motion, on the loop's axis."""
-        reference = begun.single_pass.sync.reference
-        return self._placed(self._of_motion(begun.problem, motion, reference))
+        """The correspondences of a motion, with the loop's videos and on its axis."""
+        first = begun.single_pass.sync
+        return self._of_motion(begun.problem, motion, first, first.reference)
 
-    def _placed(self, sync: Sync) -> Sync:
-        """Correspondences of one event are one offset and rate a video."""
-        return with_one_offset(sync, self.keypoints, self.sound_start_s) if self.event else sync
+    def _decided_again(
+        self, problem: JointProblem, single_pass: LoopRound[SyncSummary, JointMotion]
+    ) -> SyncSummary | None:
+        """The first synchronisation's decisions, if the joint motion decides otherwise."""
+        first = single_pass.sync
+        second = screening_of_motions(
+            problem.filmed_joints(single_pass.motion),
+            explained_keypoints(self.initial, self.keypoints, first.alternatives),
+            self.params,
+            self.hints,
+            mirrored=self.declared,
+            rates=self.rates,
+        )
+        return decided_again(first, second)
 
-    def _of_motion(self, problem: JointProblem, motion: JointMotion, reference: str | None) -> Sync:
-        return synchronise_motions(
+    def _of_motion(
+        self,
+        problem: JointProblem,
+        motion: JointMotion,
+        decided: SyncSummary,
+        reference: str | None,
+    ) -> Sync:
+        sync = synchronise_motions(
             problem.filmed_joints(motion),
             self.keypoints,
             self.params,
             self.rng(),
             reference=reference,
-            decided=self.first,
+            decided=decided,
             hints=self.hints,
             reprojection=problem.reprojection_evidence(motion) if self.by_pictures else None,
             rates=self.rates,
         )
+        return self._placed(sync)
 
-    def _of_monocular_motions(self, reference: str | None) -> Sync:
-        """The first synchronisation again, on the time axis of some video."""
-        chosen = self.first.alternatives
-        return synchronise_motions(
+    def _of_monocular_motions(self, decided: SyncSummary, reference: str | None) -> Sync:
+        """The first synchronisation again, with other videos or on another time axis."""
+        chosen = decided.alternatives
+        sync = synchronise_motions(
             [motion.joints for motion in chosen_motions(self.initial, chosen)],
             explained_keypoints(self.initial, self.keypoints, chosen),
             self.params,
             self.rng(),
             reference=reference,
-            decided=self.first,
+            decided=decided,
             hints=self.hints,
         )
+        return self._placed(sync)
+
+    def _placed(self, sync: Sync) -> Sync:
+        """Correspondences of one event are one offset and rate a video."""
+        return with_one_offset(sync, self.keypoints, self.sound_start_s) if self.event else sync

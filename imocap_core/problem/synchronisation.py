@@ -22,7 +22,7 @@ from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 from imocap_core.params import SyncParams
 from imocap_core.problem.sync_maps import stored_affinities, stored_maps
-from imocap_core.sync import Hints, SyncResult, estimated_rates, synchronise
+from imocap_core.sync import Hints, SyncResult, estimated_rates, screened, synchronise
 from imocap_core.sync.frozen_pictures import DistinctFrames, distinct_frames, frozen_runs
 from imocap_core.sync.screening.messages import sentences
 from imocap_core.sync.screening.registration import Keypoints2D
@@ -94,6 +94,30 @@ def rates_of_motions(
         joint_weights=joint_weights_of(params),
         hints=hints,
         keypoints=[keypoints_of_joints(video) for video in keypoints.videos],
+    )
+
+
+def screening_of_motions(
+    joints: Sequence[Float[np.ndarray, "_ 24 3"]],
+    keypoints: Keypoints,
+    params: SyncParams,
+    hints: Hints,
+    *,
+    mirrored: Sequence[bool | None],
+    rates: Float[np.ndarray, " M"],
+) -> Screening:
+    """Which videos are mirrored or show another action, as `synchronise_motions` decides it."""
+    return screened(
+        joints,
+        fps=[video.fps for video in keypoints.videos],
+        params=params,
+        confidence=_detected(joints, keypoints),
+        joint_weights=joint_weights_of(params),
+        twins=mirror_indices(SMPL_JOINTS),
+        mirrored=mirrored,
+        hints=hints,
+        keypoints=[keypoints_of_joints(video) for video in keypoints.videos],
+        rates=rates,
     )
 
 

@@ -17,6 +17,6 @@ Reading order:
 """
 
 from imocap_core.sync.anchors import Anchor, Hints
-from imocap_core.sync.synchronise import SyncResult, estimated_rates, synchronise
+from imocap_core.sync.synchronise import SyncResult, estimated_rates, screened, synchronise
 
-__all__ = ["Anchor", "Hints", "SyncResult", "estimated_rates", "synchronise"]
+__all__ = ["Anchor", "Hints", "SyncResult", "estimated_rates", "screened", "synchronise"]

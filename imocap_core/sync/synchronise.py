@@ -102,16 +102,13 @@ def synchronise(
     scaled, weights = _scaled(poses, confidence, joint_weights)
     if rates is None:
         rates = playback_rates(scaled, weights, fps, params.max_rate)
-    screening = screening or screen(
-        scaled,
-        weights,
-        [f / r for f, r in zip(fps, rates, strict=True)],
-        params,
-        twins=twins,
-        declared=mirrored or [None] * M,
-        never_outliers=[v == reference for v in range(M)],
-        keypoints=evidence.keypoints,
-    )
+    if screening is None:
+        clock = [f / r for f, r in zip(fps, rates, strict=True)]
+        declared, never = mirrored or [None] * M, [v == reference for v in range(M)]
+        screening = screen(
+            scaled, weights, clock, params, twins=twins, declared=declared,
+            never_outliers=never, keypoints=evidence.keypoints,
+        )  # fmt: skip
     used = [v for v in range(M) if v not in screening.excluded]
     upright = [_reflected(v, poses, confidence, screening, twins) for v in used]
     joint = synchronise_jointly(
@@ -132,6 +129,33 @@ def synchronise(
     )
     result = _of_all_videos(joint, used, [len(x) for x in poses], screening)
     return of_all_frames(result, pictures)
+
+
+def screened(
+    poses: Sequence[Float[np.ndarray, "_T J 3"]],
+    *,
+    fps: Sequence[float],
+    params: SyncParams,
+    twins: Sequence[int],
+    keypoints: Sequence[Keypoints2D],
+    confidence: Sequence[Float[np.ndarray, "_T J"]] | None = None,
+    joint_weights: Float[np.ndarray, " J"] | None = None,
+    mirrored: Sequence[bool | None] | None = None,
+    hints: Hints | None = None,
+    rates: Float[np.ndarray, " M"] | None = None,
+) -> Screening:
+    """Which videos are mirrored or show another action, as `synchronise` decides it, and with its
+    arguments."""
+    pictures = distinct_videos(poses, fps, keypoints)
+    evidence = SyncEvidence(poses, confidence, hints or Hints(), keypoints).of_pictures(pictures)
+    scaled, weights = _scaled(evidence.poses, _without_forbidden(evidence), joint_weights)
+    if rates is None:
+        rates = playback_rates(scaled, weights, fps, params.max_rate)
+    clock = [f / r for f, r in zip(fps, rates, strict=True)]
+    declared = mirrored or [None] * len(poses)
+    return screen(
+        scaled, weights, clock, params, twins=twins, declared=declared, keypoints=evidence.keypoints
+    )  # fmt: skip
 
 
 def estimated_rates(

@@ -18,6 +18,7 @@ from imocap_core.params.motion import RefineParams
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.joint import JointProblem, problem_of
 from imocap_core.problem.loop_sync import LoopBeginning, LoopSync
+from imocap_core.problem.synchronisation import summary_of
 from imocap_core.sync import Hints
 from stages import refine_sync
 from tests.report.made import Made
@@ -47,14 +48,11 @@ def choose(monkeypatch: pytest.MonkeyPatch) -> Any:
     return to_choose
 
 
-def loop_sync_of(made: Made, **changed: list[str]) -> LoopSync:
-    """Of the first correspondences, with something else decided."""
-    first = SyncSummary.model_validate({n: getattr(made.sync, n) for n in SyncSummary.model_fields})
-    first = first.model_copy(update=changed)
-    return LoopSync.of(
-        made.keypoints, made.initial, first, Params().sync, Hints(),
-        lambda: np.random.default_rng(0), by_pictures=True, event=False, sound_start_s=None,
-        declared=[None] * 3,
+def loop_sync_of(made: Made) -> LoopSync:
+    """Without hints; all videos at normal speed."""
+    return LoopSync(
+        made.keypoints, made.initial, Params().sync, Hints(), np.ones(3), by_pictures=True,
+        event=False, sound_start_s=None, declared=[None] * 3, rng=lambda: np.random.default_rng(0),
     )  # fmt: skip
 
 
@@ -65,15 +63,18 @@ def problem_with(made: Made, first: SyncSummary) -> JointProblem:
 
 
 def begun(made: Made) -> tuple[LoopBeginning, Sync | None, JointProblem, JointMotion]:
-    loop_sync = loop_sync_of(made)
-    first = loop_sync.first
+    first = summary_of(made.sync)
     problem = problem_with(made, first)
     motion = problem.solution(made.single)
-    beginning, sync = loop_sync.beginning(problem, LoopRound(first, motion, 1.0, 0.0))
-    if beginning.moved:
-        assert (
-            loop_sync.of_motion(beginning, motion).reference == beginning.single_pass.sync.reference
-        )
+
+    def never(sync: SyncSummary) -> tuple[JointProblem, JointMotion]:
+        raise AssertionError("the videos are the same")
+
+    loop_sync = loop_sync_of(made)
+    begin = LoopRound(first, motion, 1.0, 0.0)
+    beginning, sync = loop_sync.beginning(problem, begin, never)
+    after = loop_sync.of_motion(beginning, beginning.single_pass.motion)
+    assert after.reference == beginning.single_pass.sync.reference
     return beginning, sync, problem, motion
 
 

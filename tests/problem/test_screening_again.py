@@ -10,8 +10,10 @@ from imocap_core.artifacts.schemas import Keypoints, SyncSummary
 from imocap_core.motion.mirror import mirrored_joints
 from imocap_core.params import SyncParams
 from imocap_core.problem.mirroring import mirrored_keypoints
-from imocap_core.problem.screening_again import BEGINNINGS, TWO_ARE_LEFT, decided_again
-from imocap_core.sync.screening.messages import sentences
+from imocap_core.problem.screening_again import decided_again
+from imocap_core.problem.synchronisation import screening_of_motions
+from imocap_core.sync import Hints
+from imocap_core.sync.screening.messages import corrected, sentences
 from imocap_core.sync.screening.screening import Screening
 from tests.report.made import K, Made
 
@@ -36,8 +38,9 @@ def again(
     declared: list[bool | None] | None = None,
 ) -> SyncSummary | None:
     joints = joints or [motion.joints for motion in made.true]
-    given = (joints, keypoints or made.keypoints, np.ones(4), SyncParams(), declared or [None] * 4)
-    return decided_again(first, *given)
+    given = (joints, keypoints or made.keypoints, SyncParams(), Hints())
+    second = screening_of_motions(*given, mirrored=declared or [None] * 4, rates=np.ones(4))
+    return decided_again(first, second)
 
 
 def test_nothing_changes_where_the_first_screening_was_right(made: Made) -> None:
@@ -87,12 +90,17 @@ def test_a_mirrored_video_is_found_and_a_declared_one_left_alone(made: Made) -> 
     assert again(made, first_of(made, mirrored=["v3"]), declared=[None, None, True, None]) is None
 
 
-def test_the_sentences_that_go_are_the_screenings_own() -> None:
-    margin = np.array([-0.5, 0.4, -0.5, -0.5])
+def test_sentences_of_what_stays_decided_stay() -> None:
+    margin, names = np.array([-0.5, 0.4, -0.5, -0.5]), ["v1", "v2", "v3", "v4"]
     screening = Screening((2,), (1,), (2,), (1,), np.array([0.1, 0.2, 1.4, 0.3]), margin, (3,))
-    left_out, mirrored, undecided = sentences(screening, ["v1", "v2", "v3", "v4"])
-    for note, begin in zip((left_out, undecided, mirrored), BEGINNINGS, strict=True):
-        assert note[3:].startswith(begin)
-    none = np.full(3, np.nan)
-    two = sentences(Screening((2,), (), (2,), (), none, none), ["v1", "v2", "v3"])
-    assert two[1].startswith(TWO_ARE_LEFT)
+    left_out, mirrored, undecided = sentences(screening, names)
+    before, nothing = [left_out, mirrored, undecided, "v2 stands still"], list[str]()
+
+    def after(changed: str, second: list[str]) -> list[str]:
+        return corrected(before, second, changed=[changed], returned=nothing, straight=nothing)
+
+    assert after("v3", nothing) == [mirrored, undecided, "v2 stands still"]
+    assert after("v2", nothing) == [left_out, undecided, "v2 stands still"]
+    assert after("v4", [left_out, "v4 seems to show another action: it does"]) == [
+        left_out, mirrored, "v2 stands still", "v4 seems to show another action: it does",
+    ]  # fmt: skip

@@ -21,7 +21,7 @@ from imocap_core.motion.state import MotionState
 
 LIMBS = (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
 SIDES = ("left", "right")
-TIMES = (2.0, 2.0, 2.0, 2.0, 1.0, 1.0, 1.0)  # that a body has each length of `length_rates`
+LENGTH_COUNTS = (2.0, 2.0, 2.0, 2.0, 1.0, 1.0, 1.0)  # of each of `length_rates` in a body
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ def size_direction(model: Model) -> Float[Tensor, " n"]:
     Those alone: feet, hands and neck, which no keypoint tells, would shrink to make up for limbs.
     """
     rates = length_rates(model)
-    longer = rates.T @ rates.new_tensor(TIMES)
+    longer = rates.T @ rates.new_tensor(LENGTH_COUNTS)
     return longer / torch.linalg.vector_norm(longer)
 
 
