@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -20,13 +19,10 @@ from imocap_core.detect.detectors import Detector, detector_of
 from imocap_core.detect.setup import set_up
 from imocap_core.detect.several import Undetected, detect_videos
 from imocap_core.errors import WorkFailed
-from imocap_core.io.video import read_gray
-from imocap_core.io.video_check import check_video
+from imocap_core.io.video_check import check_video, decode_whole
 from imocap_core.params import DetectParams
 from imocap_core.pipeline.action import DETECT, Action, Declaration
 from imocap_core.problem.usable_videos import LEAST_VIDEOS
-
-LOOK_SCALE = 0.05  # of the pictures, which are decoded to see whether they can be
 
 if TYPE_CHECKING:
     from imocap_core.pipeline.runner import Display
@@ -113,7 +109,7 @@ def _fault(action: Action, declared: Declaration, *, to_the_end: bool) -> str:
     try:
         check_video(video)
         if to_the_end:
-            deque(read_gray(video, scale=LOOK_SCALE), maxlen=0)
+            decode_whole(video)
     except ValueError as error:
         return f"{action.file}: {error}"
     return ""

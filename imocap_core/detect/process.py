@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 import os
 import struct
@@ -21,7 +20,6 @@ from imocap_core.errors import WorkFailed
 
 ANSWER_S = 300.0  # the longest wait for one answer: loading a model on a busy machine takes 60
 END_S = 30.0
-PIPE_BYTES = 1 << 20
 HEAD = struct.Struct("<III")  # is it the last, height, width: the protocol of detect/workers
 
 
@@ -34,20 +32,20 @@ class Worker:
         """threads: that it computes with; None: as many as the script chooses."""
         of_threads = {} if threads is None else {"OMP_NUM_THREADS": str(threads)}
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115
+        number, name = tempfile.mkstemp(prefix="imocap-picture-")
+        self._picture, self._picture_file = os.fdopen(number, "wb"), Path(name)
         self._name = f"{script.stem} in {python}"
         try:
             self._process = subprocess.Popen(
-                [str(python), str(script), json.dumps(settings)],
+                [str(python), str(script), json.dumps(settings), name],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._errors,
                 env=os.environ | of_threads,
             )
         except OSError as error:
-            self._errors.close()
+            self._close()
             raise WorkFailed(f"cannot start {self._name}: {error.strerror}") from None
-        assert self._process.stdin is not None
-        _widen(self._process.stdin.fileno())
 
     def __enter__(self) -> Worker:
         try:
@@ -82,14 +80,26 @@ class Worker:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        self._close()
+
+    def _close(self) -> None:
+        """Close the files that are shared with it."""
         self._errors.close()
+        with suppress(OSError):  # what could not be written was said
+            self._picture.close()
+        self._picture_file.unlink(missing_ok=True)
 
     def detect(self, picture: UInt8[np.ndarray, "H W 3"], is_last: bool) -> dict[str, Any]:
         """The answer to one picture, RGB; WorkFailed when the process fails or ends."""
-        head = HEAD.pack(is_last, *picture.shape[:2])
-        return self._answer(head, np.ascontiguousarray(picture).data.cast("B"))
+        try:
+            self._picture.seek(0)
+            self._picture.write(np.ascontiguousarray(picture).data.cast("B"))
+            self._picture.flush()
+        except OSError as error:
+            raise WorkFailed(f"{self._picture_file}: cannot be written: {error.strerror}") from None
+        return self._answer(HEAD.pack(is_last, *picture.shape[:2]))
 
-    def _answer(self, *question: bytes | memoryview) -> dict[str, Any]:
+    def _answer(self, question: bytes = b"") -> dict[str, Any]:
         """The answer to a question; WorkFailed when none comes in time."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
@@ -103,8 +113,7 @@ class Worker:
         watch.start()
         try:
             with suppress(OSError):  # it has ended: below is said why
-                for part in question:
-                    self._process.stdin.write(part)
+                self._process.stdin.write(question)
                 self._process.stdin.flush()
             line = self._process.stdout.readline()
         finally:
@@ -127,10 +136,3 @@ class Worker:
         self._errors.seek(0)
         lines = self._errors.read().decode(errors="replace").strip().splitlines()
         return lines[-1][:300] if lines else f"exit code {self._process.returncode}"
-
-
-def _widen(pipe: int) -> None:
-    """Let more of a picture into a pipe at a time, where the system lets us."""
-    with suppress(ImportError, AttributeError, OSError):
-        fcntl = importlib.import_module("fcntl")
-        fcntl.fcntl(pipe, fcntl.F_SETPIPE_SZ, PIPE_BYTES)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections import deque
 from pathlib import Path
 
-from imocap_core.io.video import VideoInfo, open_video, probe
+from imocap_core.io.video import VideoInfo, open_video, probe, read_gray
 from imocap_core.limits import LEAST_FRAMES
 
 BEGINNING_BYTES = 1024
 FASTEST_FPS = 1000.0  # of a film of a person; above it the stamps are wrong
+LOOK_SCALE = 0.05  # of the pictures, which are decoded only to see whether they can be
 PICTURE, TEXT = "a picture", "text"
 
 
@@ -33,6 +35,21 @@ def check_video(path: Path) -> VideoInfo:
             f"{info.frame_count}; give a longer clip"
         )
     return info
+
+
+def decode_whole(video: Path) -> None:
+    """Decode a video to its end: a second for some hundred pictures. ValueError where it breaks
+    off."""
+    deque(read_gray(video, scale=LOOK_SCALE), maxlen=0)
+
+
+def why_not_detected(video: Path) -> str:
+    """Why the detector passed a video over."""
+    try:
+        decode_whole(video)
+    except ValueError as error:
+        return str(error)
+    return f"{video}: it has no detections; run again"
 
 
 def _other_kind(path: Path) -> str | None:

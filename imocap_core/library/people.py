@@ -45,7 +45,7 @@ def not_detected(
     action: str | Path, *, root: str | Path = ".", params: Params = None
 ) -> dict[str, str]:
     """Why videos that say `keypoints: detect` have no detections, by video."""
-    from imocap_core.problem.tracked_video import why_not_detected
+    from imocap_core.io.video_check import why_not_detected
 
     declared = Workspace(Path(root)).job(str(action), one_off(params)).action
     return {

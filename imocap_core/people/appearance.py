@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from imocap_core.people.tracking import PersonTrack, box_of
+from imocap_core.people.tracking import PersonTrack, box_of, box_overlap
 
 Appearances = Mapping[int, Float[np.ndarray, " D"]]
 """Frame -> appearance, of one track, in some of its frames."""
@@ -92,7 +92,7 @@ def meetings(a: PersonTrack, b: PersonTrack) -> list[tuple[int, int]]:
     overlapping = [
         frame
         for frame, pose in zip(a.frames, a.poses, strict=True)
-        if frame in poses_b and _boxes_overlap(pose, poses_b[frame])
+        if frame in poses_b and box_overlap(box_of(pose), box_of(poses_b[frame])) > OVERLAP
     ]
     spans: list[tuple[int, int]] = []
     for frame in overlapping:
@@ -101,13 +101,6 @@ def meetings(a: PersonTrack, b: PersonTrack) -> list[tuple[int, int]]:
         else:
             spans.append((frame, frame))
     return spans
-
-
-def _boxes_overlap(a: Float[np.ndarray, "K 3"], b: Float[np.ndarray, "K 3"]) -> bool:
-    u, v = box_of(a), box_of(b)
-    inside = float(np.prod(np.clip(np.minimum(u, v)[2:] - np.maximum(u, v)[:2], 0, None)))
-    union = float(np.prod(u[2:] - u[:2]) + np.prod(v[2:] - v[:2])) - inside
-    return inside > OVERLAP * max(union, 1e-9)
 
 
 def _crossed(a: Appearances, b: Appearances, meeting: tuple[int, int]) -> bool:

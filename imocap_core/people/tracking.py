@@ -17,6 +17,8 @@ DUPLICATE = 0.08  # two poses nearer than this share of their size are one perso
 GATE = 0.35  # a step between frames is at most this share of the size,
 GATE_PER_GAP_FRAME = 0.03  # and more for each frame in which the person was not detected
 MAX_REJOIN_GATE = 1.5
+SAME_PLACE = 0.4  # intersection over union of two boxes, and
+SHORTLY = 5  # frames after the last detection, in which whoever is there alone is the same person
 ESTABLISHED = 8  # detections of a track that goes before newer ones
 FORBIDDEN = 1e6  # cost of a pair beyond its gate
 
@@ -75,6 +77,7 @@ def follow(people: Sequence[Float[np.ndarray, "_ K 3"]], max_gap: int) -> list[P
         active = [t for t in tracks if frame - t.frames[-1] <= min(max_gap, len(t.frames))]
         assigned = _assign_in_order(active, detected, frame)
         whole, assigned = merge_parts(detected, assigned, active, frame)
+        assigned |= _in_the_same_place(active, whole, assigned, frame)
         for person, pose in enumerate(whole):
             if person in assigned:
                 active[assigned[person]].add(frame, pose)
@@ -140,6 +143,13 @@ def box_of(pose: Float[np.ndarray, "K 3"]) -> Float[np.ndarray, "4"]:
     return np.concatenate([visible.min(axis=0), visible.max(axis=0)])
 
 
+def box_overlap(a: Float[np.ndarray, "4"], b: Float[np.ndarray, "4"]) -> float:
+    """Intersection over union of two boxes."""
+    inside = float(np.prod(np.clip(np.minimum(a, b)[2:] - np.maximum(a, b)[:2], 0, None)))
+    union = float(np.prod(a[2:] - a[:2]) + np.prod(b[2:] - b[:2])) - inside
+    return inside / max(union, 1e-9)
+
+
 def _assign_in_order(
     tracks: Sequence[PersonTrack], people: Float[np.ndarray, "_ K 3"], frame: int
 ) -> dict[int, int]:
@@ -176,6 +186,32 @@ def _assign(
     cost[list(pairs)] = FORBIDDEN
     cost[:, list(pairs.values())] = FORBIDDEN
     return pairs | _cheapest_pairs(cost, FORBIDDEN)
+
+
+def _in_the_same_place(
+    tracks: Sequence[PersonTrack],
+    people: Float[np.ndarray, "_ K 3"],
+    assigned: dict[int, int],
+    frame: int,
+) -> dict[int, int]:
+    """Person index -> track index, of those left over: who fills the box in which an established
+    track was a moment ago, whatever the pose. A detector that takes a folded body upside down for
+    a frame has all joints elsewhere, but in the same place."""
+    waiting = [
+        k
+        for k, track in enumerate(tracks)
+        if k not in assigned.values()
+        and len(track.frames) >= ESTABLISHED
+        and frame - track.frames[-1] <= SHORTLY
+    ]
+    left = [i for i in range(len(people)) if i not in assigned]
+    cost = np.full((len(left), len(waiting)), FORBIDDEN)
+    for row, i in enumerate(left):
+        for column, k in enumerate(waiting):
+            share = box_overlap(box_of(people[i]), box_of(tracks[k].poses[-1]))
+            cost[row, column] = 1 - share if share > SAME_PLACE else FORBIDDEN
+    pairs = _cheapest_pairs(cost, FORBIDDEN)
+    return {left[row]: waiting[column] for row, column in pairs.items()}
 
 
 def _cheapest_pairs(cost: Float[np.ndarray, "P N"], unpaired: float) -> dict[int, int]:

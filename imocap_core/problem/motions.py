@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 import torch
+from jaxtyping import Int
 from torch import Tensor
 
 from imocap_core.artifacts.schemas import (
@@ -36,6 +37,7 @@ PARTS: dict[int, Literal["above the hips", "legs", "body"]] = {
     2: "legs",
     3: "body",
 }
+STATES = {part: state for state, part in PARTS.items()}
 
 
 def state_of(videos: Sequence[VideoMotion], template: Tensor) -> MotionState:
@@ -175,7 +177,18 @@ def joint_motion_of(
         result.objective,
         result.status,
         result.misfit,
+        tuple(_states_of(motion, result) for motion in motions),
     )
+
+
+def _states_of(motion: VideoMotion, result: SmplBa) -> Int[np.ndarray, " T"]:
+    """Which sides of a video's detections the solve swapped."""
+    states = np.zeros(len(motion.frames), dtype=int)
+    for stretch in result.swapped:
+        if stretch.id == motion.id:
+            within = (motion.frames >= stretch.first_frame) & (motion.frames <= stretch.last_frame)
+            states[within] = STATES[stretch.part]
+    return states
 
 
 def _stored_common(motion: JointMotion, ids: list[str]) -> CommonMotion | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from imocap_core.io.video import read_gray
+from imocap_core.io.video_check import why_not_detected
 from imocap_core.params import KeypointsParams
 from imocap_core.pipeline.action import Declaration
 from imocap_core.problem.detected_people import DetectedVideo, read_people
@@ -60,13 +60,3 @@ def followed_video(
             f"{declared.id} and its `frames` in action.yaml"
         )
     return replace(detected, people=people, survey=survey)
-
-
-def why_not_detected(video: Path) -> str:
-    """Why the detector passed a video over."""
-    try:
-        for _ in read_gray(video, scale=0.05):
-            pass
-    except ValueError as error:
-        return str(error)
-    return f"{video}: it has no detections; run again"

@@ -13,6 +13,7 @@ from imocap_core.detect.workers.blazepose.followed import ESTABLISHED, FollowedP
 from imocap_core.detect.workers.blazepose.hidden import with_hidden
 from imocap_core.detect.workers.blazepose.landmarks import Landmarks, detect_landmarks, mask_in
 from imocap_core.detect.workers.blazepose.overlap import distinct, is_duplicate, shared
+from imocap_core.detect.workers.blazepose.pyramid import Pyramid
 from imocap_core.detect.workers.blazepose.refused import PATIENCE
 from tests.detect.made_people import (
     HEIGHT,
@@ -208,7 +209,7 @@ def test_nobody_is_nobody() -> None:
 
 def looked(made: np.ndarray, x: float, others: tuple[Landmarks, ...] = ()) -> Landmarks:
     crop = Crop(x, 200.0, 1.3 * HEIGHT, 0.0)
-    return detect_landmarks(made, crop, landmark_network, others)
+    return detect_landmarks(Pyramid(made), crop, landmark_network, others)
 
 
 def test_two_crops_that_landed_on_one_person_are_one() -> None:

@@ -19,6 +19,7 @@ from imocap_core.detect.workers.blazepose.even import (
 )
 from imocap_core.detect.workers.blazepose.landmarks import Landmarks, detect_landmarks
 from imocap_core.detect.workers.blazepose.overlap import LIMBS, size_of
+from imocap_core.detect.workers.blazepose.pyramid import Pyramid
 from tests.detect.made_people import (
     HEIGHT,
     Network,
@@ -29,7 +30,8 @@ from tests.detect.made_people import (
 )
 
 WRIST, NOSE = 15, 0
-BODY = detect_landmarks(picture((200, 200)), Crop(200.0, 200.0, 160.0, 0.0), landmark_network)
+CROP = Crop(200.0, 200.0, 160.0, 0.0)
+BODY = detect_landmarks(Pyramid(picture((200, 200))), CROP, landmark_network)
 
 
 def at(frame: int, shift: np.ndarray) -> Look:
@@ -106,15 +108,15 @@ def test_of_an_even_walk_one_picture_in_four_is_looked_at(length: int) -> None:
     assert looks <= all_looks - 2 * spared + 4
 
 
-def test_who_is_in_anothers_way_is_looked_at_in_every_picture() -> None:
+def test_who_is_in_anothers_way_is_looked_at_in_every_second_picture() -> None:
     waits = []
     for distance in (200, 25):
         both = picture((200, 150), (200 + distance, 150))
         made = Course(box_network(), blind_person_detector, landmark_network, 0.5, 0.5, 5)
         people = [made.next_people(both)[0] for _ in range(24)]
         waits.append(people.count([]))
-    assert waits[0] > 0
-    assert waits[1] == 0
+    assert waits[0] > waits[1] > 0
+    assert waits[1] <= 12
 
 
 def test_a_start_that_nothing_announced_is_looked_at() -> None:

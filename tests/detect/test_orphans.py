@@ -21,15 +21,18 @@ exchange.serve(make)
 """
 PROGRAM = """
 import subprocess, sys
-worker = subprocess.Popen([sys.executable, "-c", sys.argv[1], "{}"], stdin=subprocess.PIPE)
+command = [sys.executable, "-c", sys.argv[1], "{}", sys.argv[2]]
+worker = subprocess.Popen(command, stdin=subprocess.PIPE)
 print(worker.pid, flush=True)
 worker.wait()
 """
 
 
 @needs_proc
-def test_a_detector_that_hangs_ends_when_its_run_is_killed() -> None:
-    command, pipe = [sys.executable, "-c", PROGRAM, HANGS], subprocess.PIPE
+def test_a_detector_that_hangs_ends_when_its_run_is_killed(tmp_path: Path) -> None:
+    pictures, pipe = tmp_path / "pictures", subprocess.PIPE
+    pictures.touch()
+    command = [sys.executable, "-c", PROGRAM, HANGS, str(pictures)]
     with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True) as program:
         assert program.stdout is not None
         assert program.stderr is not None
@@ -38,3 +41,4 @@ def test_a_detector_that_hangs_ends_when_its_run_is_killed() -> None:
         assert is_running(worker)
         program.kill()
     must_end(worker, seconds=30)
+    assert not pictures.exists()

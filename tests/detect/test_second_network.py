@@ -32,6 +32,7 @@ from imocap_core.detect.workers.blazepose.crops import MARGIN, Crop, pixels
 from imocap_core.detect.workers.blazepose.even import between
 from imocap_core.detect.workers.blazepose.landmarks import Landmarks, detect_landmarks
 from imocap_core.detect.workers.blazepose.movenet import POINTS, SIZE, crop_about, detect_points
+from imocap_core.detect.workers.blazepose.pyramid import Pyramid
 from tests.detect.made_people import (
     HEIGHT,
     blind_person_detector,
@@ -47,7 +48,7 @@ CELLS = 64
 def standing() -> Landmarks:
     """A body whose joints lie apart from each other: the limbs of each side in a column."""
     body = detect_landmarks(
-        picture((200, 200)), Crop(200.0, 200.0, 1.3 * HEIGHT, 0.0), landmark_network
+        Pyramid(picture((200, 200))), Crop(200.0, 200.0, 1.3 * HEIGHT, 0.0), landmark_network
     )
     xy = body.xy_px.copy()
     for k, joint in enumerate(JOINTS):
@@ -92,9 +93,10 @@ def test_points_are_the_ones_of_the_body_in_the_middle() -> None:
         given.append(made)
         return centernet((middle, 2.0), (aside, 2.5))
 
-    points = detect_points(picture((300, 200)), crop, network)
+    there = Pyramid(picture((300, 200)))
+    points = detect_points(there, crop, network)
     assert np.abs(points - crop.in_picture(middle)).max() < 1e-3
-    assert np.allclose(given[0], pixels(picture((300, 200)), crop, SIZE) / 127.5 - 1, atol=1e-6)
+    assert np.allclose(given[0], pixels(there, crop, SIZE) / 127.5 - 1, atol=1e-6)
 
 
 def test_the_second_network_is_given_an_upright_body() -> None:

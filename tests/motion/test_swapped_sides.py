@@ -122,6 +122,19 @@ def test_a_performer_who_turns_away_keeps_the_sides(made: Made) -> None:
     assert turning_frames(poses[0], poses[1], frames, 30.0).all()
 
 
+def test_a_solve_that_goes_on_begins_afresh_where_other_sides_are_swapped_now(made: Made) -> None:
+    """It went on from a result that had been fitted to swapped legs."""
+    start, bad = disturbed(in_own_axes(made), 0.03), confused(whole(made), LEGS)
+    none = [np.zeros(FRAMES, int)] * len(TURNS_DEG)
+    legs = [np.where(STRETCH, LEGS, 0), *none[1:]]
+    go_on, again, as_before = (
+        recover_motion(bad, start, OPTIONS, cameras=made.cameras(), swapped=states, afresh=afresh)
+        for states, afresh in ((none, False), (none, True), (legs, False))
+    )
+    assert go_on.costs == again.costs
+    assert as_before.costs != again.costs
+
+
 @pytest.mark.parametrize("state", [LEGS, WHOLE])
 def test_smpl_ba_with_swapped_sides_ends_like_the_undisturbed_one(made: Made, state: int) -> None:
     true = in_own_axes(made)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from imocap_core.people.performer import choose_performer
-from imocap_core.people.tracking import distinct_people, follow, pose_distance
+from imocap_core.people.tracking import GATE, distinct_people, follow, pose_distance
 
 SIZE, FPS = (640, 360), 30.0
 OFFSETS = np.random.default_rng(0).uniform(-1, 1, size=(17, 2)) * [25, 60]
@@ -65,6 +65,22 @@ def test_a_long_gap_is_joined_where_the_person_comes_back():
     empty = np.zeros((0, 17, 3))
     frames = [empty if 30 <= t < 80 else person(200, 180, wave=t % 7)[None] for t in range(120)]
     assert choose(frames).tracks_found == 1
+
+
+@pytest.mark.parametrize("wild", [range(30, 31), range(30, 34)])
+def test_a_body_detected_upside_down_for_a_moment_is_the_same_person(wild):
+    frames = [performer_at(t)[None] for t in range(60)]
+    for t in wild:
+        frames[t] = frames[t].copy()
+        frames[t][..., 1] = 360 - frames[t][..., 1]
+    assert pose_distance(frames[29][0], frames[30][0]) > GATE
+    performer = choose(frames)
+    assert (performer.tracks_found, performer.presence) == (1, 1.0)
+
+
+def test_whoever_appears_beside_the_last_place_is_somebody_else():
+    frames = [person(200, 180)[None]] * 30 + [person(260, 180)[None]] * 30
+    assert choose(frames).tracks_found == 2
 
 
 def test_a_false_detection_of_one_frame_is_nobody():

@@ -13,6 +13,7 @@ from imocap_core.artifacts.schemas import SmplBa, SyncMap, SyncTrust, VideoTrust
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion
 from imocap_core.motion.multiview.smpl_ba import recover_motion
+from imocap_core.motion.multiview.swapped_sides import LEGS
 from imocap_core.params import FitParams, MotionParams
 from imocap_core.problem.joint import JointProblem, problem_of
 from imocap_core.problem.mirroring import (
@@ -114,8 +115,20 @@ def test_a_stored_result_comes_back_as_it_was_solved(made: Made) -> None:
     np.testing.assert_array_equal(motion.spread.offset_sd, back.spread.offset_sd)
     np.testing.assert_array_equal(motion.spread.keypoints_m, back.spread.keypoints_m)
     assert (back.misfit, back.costs, back.status) == (motion.misfit, motion.costs, motion.status)
+    np.testing.assert_array_equal(back.swapped, motion.swapped)
     for joints, video in zip(of.filmed_joints(motion), stored.videos, strict=True):
         np.testing.assert_allclose(joints, video.joints, atol=1e-12)
+
+
+def test_the_sides_that_a_solve_put_right_are_stored_and_kept(made: Made) -> None:
+    of = problem(made)
+    swapped = [np.zeros(len(o.xy_px), int) for o in of.scene.observations]
+    swapped[1][3:7] = LEGS
+    motion = replace(solved(of), swapped=tuple(swapped))
+    back = of.solution(of.result(motion))
+    np.testing.assert_array_equal(back.swapped, swapped)
+    for states, after in zip(swapped, of.scene_of(back).observations, strict=True):
+        np.testing.assert_array_equal(after.swapped_states, states)
 
 
 def test_the_common_motion_is_stored_with_its_spread(made: Made, straight: SmplBa) -> None:

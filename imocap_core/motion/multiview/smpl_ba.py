@@ -11,7 +11,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import torch
+from jaxtyping import Int
 
 from imocap_core.motion.monocular.fit import Progress
 from imocap_core.motion.multiview.aligned import align
@@ -38,6 +40,7 @@ def recover_motion(
     progress: Progress = lambda _: None,
     *,
     cameras: Cameras | None = None,
+    swapped: Sequence[Int[np.ndarray, " _"]] = (),
     afresh: bool = False,
 ) -> JointMotion:
     """SMPL-BA from motions in their own camera axes (batch of M) and correspondences.
@@ -45,15 +48,18 @@ def recover_motion(
     Args:
         cameras: of an earlier result that ``start`` is part of: it needs no coupling before the
             common fit (``paper`` alternates all the same).
+        swapped: which sides of the detections that result had swapped, of every video; where others
+            are now, all is fitted afresh.
         afresh: fit through all robust scales all the same, and every deviation from the common
             motion, instead of going on where the earlier result stopped.
     """
     if len(scene.observations) == 1:
         return _single_video(scene, start)
     if options.objective != "shared" or not scene.beyond:
-        return _recovered(scene, start, options, progress, cameras, afresh)
+        return _recovered(scene, start, options, progress, cameras, swapped, afresh)
     scene, axis = continued(scene)
-    return within_reference(_recovered(scene, start, options, progress, cameras, afresh), axis)
+    result = _recovered(scene, start, options, progress, cameras, swapped, afresh)
+    return within_reference(result, axis)
 
 
 def _recovered(
@@ -62,12 +68,14 @@ def _recovered(
     options: MotionParams,
     progress: Progress,
     cameras: Cameras | None,
+    swapped: Sequence[Int[np.ndarray, " _"]],
     afresh: bool,
 ) -> JointMotion:
     """The same of two videos or more, on the scene's own axis."""
     state = shared_shapes(start, scene.performers)
     if cameras is not None and options.objective != "paper":
         scene = with_sides_of_others(scene, state, cameras)
+        afresh |= any((a != b).any() for a, b in zip(swapped, scene.swapped, strict=False))
         return common_then_deviations(scene, state, cameras, options, progress, afresh=afresh)
     aligned = align(scene.body, state, scene.timeline)
     cameras = cameras_from_motion(aligned, scene.K.to(start.trans), scene.reference)
@@ -146,7 +154,7 @@ def _alternate(
     spread = estimate_spread(scene, common, cameras, options)
     status = f"{options.rounds} alternations of Eq. 8"
     fit = misfit(scene, common, cameras)
-    return JointMotion(state, cameras, common, spread, costs, status, fit)
+    return JointMotion(state, cameras, common, spread, costs, status, fit, scene.swapped)
 
 
 def _single_video(scene: Scene, start: MotionState) -> JointMotion:

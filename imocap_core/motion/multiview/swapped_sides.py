@@ -39,7 +39,7 @@ from imocap_core.viterbi import cheapest_states
 QUARTER_RAD = (np.pi / 4, 3 * np.pi / 4)  # that no swap of sides turns a body by
 TURNING_SHARE, TURNING_S = 0.2, 0.27  # of a stretch: less is a fit's own turn at its two ends
 RATE_PER_S = 15.0  # frames of which each is a piece of evidence by itself
-SWAPPED, CHANGE = 0.1, 1.0  # of a frame, of a change of state, in logarithms of the residual
+SWAPPED, CHANGE = 0.1, 0.65  # of a frame, of a change of state, in logarithms of the residual
 FLOOR = 0.1  # share of the keypoints' spread by which performances differ without being swapped
 LEGS, WHOLE = 2, 3  # states of `swapped_by_others`
 
@@ -72,6 +72,15 @@ def with_sides_of_others(scene: Scene, state: MotionState, cameras: Cameras) -> 
         whole = (states == WHOLE) & (before != WHOLE)
         whole &= turning_frames(poses[v, : len(whole)], pose @ R[v].T, whole, o.fps)
         observations.append(swapped(o, before ^ np.where(whole, before, states), names))
+    return replace(scene, observations=observations)
+
+
+def with_sides(scene: Scene, states: Sequence[Int[np.ndarray, " _"]]) -> Scene:
+    """The scene with left and right swapped as each video's states say (of
+    `swapped_by_others`, in all)."""
+    names = scene.body.keypoints.names
+    rows = zip(scene.observations, states, strict=True)
+    observations = [swapped(o, o.swapped_states ^ state, names) for o, state in rows]
     return replace(scene, observations=observations)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from .crops import Crop, pixels, upright_about, whole
 from .networks import Network, sigmoid
+from .pyramid import Pyramid
 
 SIZE = 300  # pixels of the network's input
 STRIDES = (16, 32, 64, 128, 256, 512)  # pixels of the input a cell
@@ -37,7 +38,7 @@ class PersonBox:
         return upright_about(self.corners)
 
 
-def detect_boxes(picture: np.ndarray, network: Network, least_confidence: float) -> list[PersonBox]:
+def detect_boxes(picture: Pyramid, network: Network, least_confidence: float) -> list[PersonBox]:
     """Everybody in a picture (H, W, 3), RGB, the most confident first."""
     height, width = picture.shape[:2]
     view = whole(height, width)

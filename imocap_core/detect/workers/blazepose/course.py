@@ -25,6 +25,7 @@ from .landmarks import Landmarks
 from .looks import Looks
 from .networks import Network
 from .overlap import in_front_first, is_duplicate, step
+from .pyramid import Pyramid
 from .refused import RefusedBoxes
 from .waiting import frames_to_next_look
 
@@ -54,12 +55,12 @@ class Course:
         self._looks = Looks(person_detector, landmarks, least_presence, second)
         self._most_people, self._every_picture = most_people, every_picture
         self._people: list[FollowedPerson] = []
-        self._last: deque[tuple[np.ndarray, list[Landmarks]]] = deque()
+        self._last: deque[tuple[Pyramid, list[Landmarks]]] = deque()
         self._until_boxes = 0
         self._refused = RefusedBoxes()
         self._frame = -1
         self._gap = 1  # frames from the last look to the next
-        self._waiting: list[np.ndarray] = []  # the pictures since the last look
+        self._waiting: list[Pyramid] = []  # the pictures since the last look
 
     def next_people(
         self, picture: np.ndarray, is_last: bool = False
@@ -67,7 +68,7 @@ class Course:
         """Everybody in the next picture (H, W, 3), RGB, and the people of earlier ones who were
         overlooked, or waited for this one."""
         self._frame += 1
-        self._waiting.append(picture)
+        self._waiting.append(Pyramid(picture))
         if len(self._waiting) < self._gap and not is_last:
             return [], []
         waiting, self._waiting = self._waiting, []
@@ -80,7 +81,7 @@ class Course:
         ]
 
     def _through(
-        self, pictures: Sequence[np.ndarray], frame: int
+        self, pictures: Sequence[Pyramid], frame: int
     ) -> tuple[list[list[Landmarks]], Earlier]:
         """Everybody in each of the pictures since the last look, and the people overlooked before;
         frame: number of the last one. Where that shows that somebody was lost, or that not all
@@ -105,7 +106,7 @@ class Course:
         return self._one_after_another(pictures, gap // 2, frame)
 
     def _one_after_another(
-        self, pictures: Sequence[np.ndarray], count: int, frame: int
+        self, pictures: Sequence[Pyramid], count: int, frame: int
     ) -> tuple[list[list[Landmarks]], Earlier]:
         """The same, the first `count` pictures before the others."""
         rest = len(pictures) - count
@@ -114,7 +115,7 @@ class Course:
         return first + second, [(ago + rest, body) for ago, body in early] + overlooked
 
     def _between(
-        self, pictures: Sequence[np.ndarray], frame: int, followed: Sequence[FollowedPerson]
+        self, pictures: Sequence[Pyramid], frame: int, followed: Sequence[FollowedPerson]
     ) -> tuple[list[list[Landmarks]], list[FollowedPerson]]:
         """Everybody's bodies in the pictures that waited for the one of this number, and the people
         of that one: who did not move evenly is looked at in all."""
@@ -134,17 +135,17 @@ class Course:
         ]
         return bodies, people
 
-    def _looked(self, picture: np.ndarray, frame: int) -> tuple[list[Landmarks], Earlier]:
+    def _looked(self, picture: Pyramid, frame: int) -> tuple[list[Landmarks], Earlier]:
         """Everybody in a picture, and the people overlooked in those before."""
         return self._taken(picture, self._followed(picture, frame, self._people))
 
     def _taken(
-        self, picture: np.ndarray, followed: Sequence[FollowedPerson]
+        self, picture: Pyramid, followed: Sequence[FollowedPerson]
     ) -> tuple[list[Landmarks], Earlier]:
         """The same, given the people of the last picture in this one."""
         people = merged(followed, [])
         self._until_boxes -= 1
-        is_lost = not people or len(people) < len(self._people)
+        is_lost = not people or bool(self._lost(people))
         if is_lost:
             self._refused.forget()
         if self._until_boxes < 0 or is_lost:
@@ -156,9 +157,14 @@ class Course:
         self._remember(picture, [person.body for person in self._people])
         return _answers([person.body for person in self._people]), earlier
 
+    def _lost(self, people: Sequence[FollowedPerson]) -> list[FollowedPerson]:
+        """Who was followed for some time, and is not among the people."""
+        names = {id(person.first) for person in people}
+        return [p for p in self._people if p.is_established and id(p.first) not in names]
+
     def _followed(
         self,
-        picture: np.ndarray,
+        picture: Pyramid,
         frame: int,
         last: Sequence[FollowedPerson],
         in_place: Sequence[Landmarks] = (),
@@ -177,7 +183,7 @@ class Course:
             people.append(person.with_look(frame, self._looks.with_second_points(picture, best)))
         return people
 
-    def _fresh(self, picture: np.ndarray, bodies: Sequence[Landmarks]) -> list[Landmarks]:
+    def _fresh(self, picture: Pyramid, bodies: Sequence[Landmarks]) -> list[Landmarks]:
         """New people in boxes in which nobody is followed, each looked at twice."""
         fresh: list[Landmarks] = []
         for box in detect_boxes(picture, self._boxes, self._least_person)[: self._most_people]:
@@ -208,10 +214,10 @@ class Course:
             earlier.append((ago, _answers(others)[-1]))
         return earlier
 
-    def _remember(self, picture: np.ndarray, bodies: list[Landmarks]) -> None:
+    def _remember(self, picture: Pyramid, bodies: list[Landmarks]) -> None:
         """Add a picture to the last ones, as many as there is room for."""
         self._last.append((picture, bodies))
-        while len(self._last) > 1 and len(self._last) * picture.nbytes > MOST_BYTES:
+        while len(self._last) > 1 and sum(one.nbytes for one, _ in self._last) > MOST_BYTES:
             self._last.popleft()
 
 

@@ -13,11 +13,12 @@ from typing import Any
 import cv2
 import numpy as np
 
+from .pyramid import Pyramid
+
 MARGIN = 1.25  # side of a crop / diameter of the circle about the whole body (BlazePose's)
 SAME_PLACE = 0.15  # of the side
 SAME_SIDE = 1.25
 SAME_ANGLE = math.radians(25)
-LARGEST_REDUCTION = 3  # by area; the rest by interpolation: pixels cost time
 
 
 @dataclass(frozen=True)
@@ -70,13 +71,22 @@ def is_same(a: Crop, b: Crop) -> bool:
     return near and ratio < SAME_SIDE and turned < SAME_ANGLE
 
 
-def pixels(picture: np.ndarray, crop: Crop, size: int) -> Any:
+def pixels(picture: Pyramid, crop: Crop, size: int) -> Any:
     """The crop's pixels, (size, size, 3), black outside the picture; reduced by area, so that
     fine patterns do not become coarse ones."""
-    fine = size * min(LARGEST_REDUCTION, max(1, round(crop.side / size)))
-    axes = crop.axes / fine
-    middle = np.array([crop.x, crop.y]) - axes @ np.full(2, fine / 2)
+    times = _halvings(picture, crop, size)
+    share = 0.5**times
+    fine = size * max(1, round(share * crop.side / size))
+    axes = share * crop.axes / fine
+    middle = share * np.array([crop.x, crop.y]) - axes @ np.full(2, fine / 2)
     first = middle + axes @ np.full(2, 0.5) - 0.5  # cv2 counts from the first pixel's centre
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    cut = cv2.warpAffine(picture, np.column_stack([axes, first]), (fine, fine), flags=flags)
+    matrix = np.column_stack([axes, first])
+    cut = cv2.warpAffine(picture.halved(times), matrix, (fine, fine), flags=flags)
     return cut if fine == size else cv2.resize(cut, (size, size), interpolation=cv2.INTER_AREA)
+
+
+def _halvings(picture: Pyramid, crop: Crop, size: int) -> int:
+    """How often a picture can be halved until a crop has hardly more than the asked pixels."""
+    most = math.log2(max(min(picture.shape[:2]), 1))
+    return max(0, int(min(math.log2(max(crop.side / size, 1)), most)))

@@ -13,6 +13,7 @@ import numpy as np
 
 from .crops import Crop, about, pixels
 from .networks import Network, sigmoid
+from .pyramid import Pyramid
 
 SIZE = 256  # pixels of the network's input
 POINTS, BODY = 39, 33
@@ -44,7 +45,7 @@ class Landmarks:
 
 
 def detect_landmarks(
-    picture: np.ndarray, crop: Crop, network: Network, others: Sequence[Landmarks] = ()
+    picture: Pyramid, crop: Crop, network: Network, others: Sequence[Landmarks] = ()
 ) -> Landmarks:
     """The body in a crop of a picture (H, W, 3), RGB, with other people painted over."""
     given = pixels(picture, crop, SIZE).astype(np.float32) / 255

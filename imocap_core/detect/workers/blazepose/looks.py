@@ -15,6 +15,7 @@ from .movenet import crop_about, detect_points
 from .networks import Network
 from .overlap import is_duplicate, is_in_the_way, quality, shared
 from .person import detect_people
+from .pyramid import Pyramid
 
 CONTESTED = 0.25  # share of joints at those of others, beyond which a body is not itself
 LEAST_QUALITY = 0.75  # of a body with others painted over, of that without
@@ -33,14 +34,14 @@ class Looks:
     second: Network | None = None
 
     def body(
-        self, picture: np.ndarray, crop: Crop, others: Sequence[Landmarks] = ()
+        self, picture: Pyramid, crop: Crop, others: Sequence[Landmarks] = ()
     ) -> Landmarks | None:
         """The body in a crop, None where nobody is."""
         body = detect_landmarks(picture, crop, self.landmarks, others)
         return body if body.presence >= self.least_presence else None
 
     def apart(
-        self, picture: np.ndarray, crop: Crop, body: Landmarks, others: Sequence[Landmarks]
+        self, picture: Pyramid, crop: Crop, body: Landmarks, others: Sequence[Landmarks]
     ) -> Landmarks:
         """The body in a crop, looked at again with the people painted over who are in its way; as
         it was where that shows less of it, and it had hardly any of their joints."""
@@ -51,7 +52,7 @@ class Looks:
         is_worse = quality(again) < LEAST_QUALITY * quality(body)
         return body if is_worse and shared(body, rivals) < CONTESTED else again
 
-    def with_second_points(self, picture: np.ndarray, body: Landmarks) -> Landmarks:
+    def with_second_points(self, picture: Pyramid, body: Landmarks) -> Landmarks:
         """The body with the second network's points."""
         if self.second is None or body.second_xy_px is not None:
             return body
@@ -59,7 +60,7 @@ class Looks:
         return replace(body, second_xy_px=points)
 
     def in_next_crops(
-        self, picture: np.ndarray, people: Sequence[FollowedPerson]
+        self, picture: Pyramid, people: Sequence[FollowedPerson]
     ) -> list[tuple[FollowedPerson, Landmarks | None]]:
         """People with their bodies in the crops that the last picture gives; where the two networks
         disagree about somebody, also in those that BlazePose's own detector gives."""
@@ -72,7 +73,7 @@ class Looks:
         return self._with_detected_crops(picture, answers)
 
     def somebody_new(
-        self, picture: np.ndarray, crop: Crop, others: Sequence[Landmarks]
+        self, picture: Pyramid, crop: Crop, others: Sequence[Landmarks]
     ) -> Landmarks | None:
         """The body in a crop, looked at again in the crop that it gives; None where that is nobody,
         or one of the others."""
@@ -88,7 +89,7 @@ class Looks:
         return body
 
     def _with_detected_crops(
-        self, picture: np.ndarray, answers: list[tuple[FollowedPerson, Landmarks | None]]
+        self, picture: Pyramid, answers: list[tuple[FollowedPerson, Landmarks | None]]
     ) -> list[tuple[FollowedPerson, Landmarks | None]]:
         """The answers, each replaced by a better one in the crop that BlazePose's own detector
         gives the nearest person: it knows how a body is turned, which a drifting one forgets."""

@@ -11,6 +11,7 @@ import numpy as np
 from .crops import MARGIN, Crop, pixels
 from .landmarks import Landmarks
 from .networks import Network, sigmoid
+from .pyramid import Pyramid
 
 SIZE = 256  # pixels of the network's input
 OUTPUTS = ("kpt_heatmap", "center", "kpt_regress", "kpt_offset")  # of its graph
@@ -18,7 +19,7 @@ POINTS = [0, 2, 5, 7, 8, 11, 12, 13, 14, 15, 16, 23, 24, 25, 26, 27, 28]  # amon
 SOFT = 1.8  # cells: heat counts inversely to its distance and this
 
 
-def detect_points(picture: np.ndarray, crop: Crop, network: Network) -> np.ndarray:
+def detect_points(picture: Pyramid, crop: Crop, network: Network) -> np.ndarray:
     """Pixels (17, 2) of the points of the body in the middle of a crop of a picture (H, W, 3),
     RGB; `POINTS` tells which of BlazePose's they are."""
     given = pixels(picture, crop, SIZE).astype(np.float32) / 127.5 - 1

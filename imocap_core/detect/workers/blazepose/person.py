@@ -12,6 +12,7 @@ import numpy as np
 from .boxes import overlap
 from .crops import Crop, about, pixels, whole
 from .networks import Network, sigmoid
+from .pyramid import Pyramid
 
 SIZE = 224  # pixels of the network's input
 LAYERS = ((28, 2), (14, 2), (7, 6))  # cells a side, anchors a cell
@@ -27,7 +28,7 @@ class DetectedPerson:
 
 
 def detect_people(
-    picture: np.ndarray, network: Network, least_confidence: float
+    picture: Pyramid, network: Network, least_confidence: float
 ) -> list[DetectedPerson]:
     """Everybody in a picture (H, W, 3), RGB, the most confident first."""
     height, width = picture.shape[:2]

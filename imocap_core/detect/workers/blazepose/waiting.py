@@ -11,11 +11,12 @@ from .overlap import is_in_the_way
 
 
 def frames_to_next_look(people: Sequence[FollowedPerson]) -> int:
-    """One where somebody is new or in another's way, or nobody moves evenly; two where somebody
-    does, LONGEST where all do."""
-    if any(not person.is_established for person in people) or _are_in_each_others_way(people):
+    """One where somebody is new, or nobody moves evenly; two where somebody does, LONGEST where all
+    do and nobody is in another's way."""
+    if any(not person.is_established for person in people):
         return 1
-    if people and all(is_even(person.looks, LONGEST) for person in people):
+    is_even_long = people and all(is_even(person.looks, LONGEST) for person in people)
+    if is_even_long and not _are_in_each_others_way(people):
         return LONGEST
     return 2 if any(is_even(person.looks, 2) for person in people) else 1
 
