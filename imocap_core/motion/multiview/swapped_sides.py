@@ -39,9 +39,12 @@ from imocap_core.viterbi import cheapest_states
 QUARTER_RAD = (np.pi / 4, 3 * np.pi / 4)  # that no swap of sides turns a body by
 TURNING_SHARE, TURNING_S = 0.2, 0.27  # of a stretch: less is a fit's own turn at its two ends
 RATE_PER_S = 15.0  # frames of which each is a piece of evidence by itself
-SWAPPED, CHANGE = 0.1, 0.65  # of a frame, of a change of state, in logarithms of the residual
+SWAPPED = 0.1  # of a frame, in logarithms of the residual
 FLOOR = 0.1  # share of the keypoints' spread by which performances differ without being swapped
 LEGS, WHOLE = 2, 3  # states of `swapped_by_others`
+CHANGE = np.array(
+    [0.0, 1.0, 0.65, 1.0]
+)  # of one to or from each state: legs are swapped alone often
 
 
 def with_sides_of_others(scene: Scene, state: MotionState, cameras: Cameras) -> Scene:
@@ -107,7 +110,8 @@ def swapped_states(
         residual = frame_residuals(pose, x, w, R[None])[0]
         costs[:, state] = np.log(residual + FLOOR) + SWAPPED * (state > 0)
     costs *= min(1.0, RATE_PER_S / fps)
-    steps = CHANGE * (1.0 - np.eye(STATES)) + costs[1:, None]
+    change = np.maximum(CHANGE[:, None], CHANGE) * (1.0 - np.eye(STATES))
+    steps = change + costs[1:, None]
     return cheapest_states(costs[0], steps)
 
 
