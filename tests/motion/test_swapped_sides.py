@@ -14,6 +14,7 @@ from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.motion.multiview.swapped_sides import (
     LEGS,
     WHOLE,
+    point_shares,
     swapped,
     turning_frames,
     with_sides_of_others,
@@ -79,6 +80,14 @@ def test_arms_that_were_swapped_rightly_before_stay_so(made: Made) -> None:
     observations[VIDEO] = replace(observations[VIDEO], swapped=np.where(STRETCH, WHOLE ^ LEGS, 0))
     given = replace(plain, observations=observations)
     same_observations(with_sides_of_others(given, motion, made.cameras()), plain)
+
+
+def test_many_points_on_a_head_say_no_more_than_one() -> None:
+    names = ("nose", "left_eye", "left_ear", "left_knee", "left_foot_index", "left_wrist")
+    assert point_shares(names).tolist() == [1 / 3, 1 / 3, 1 / 3, 1, 1, 1]
+    hands = ("left_thumb", "left_index", "right_thumb", "right_index", "left_hip")
+    assert point_shares(hands).tolist() == [0.5] * 4 + [1]
+    assert point_shares(("nose", "left_thumb", "left_hip")).tolist() == [1] * 3
 
 
 def test_of_two_videos_neither_tells_whose_legs_are_swapped(made: Made) -> None:

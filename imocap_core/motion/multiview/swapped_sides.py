@@ -42,9 +42,8 @@ RATE_PER_S = 15.0  # frames of which each is a piece of evidence by itself
 SWAPPED = 0.1  # of a frame, in logarithms of the residual
 FLOOR = 0.1  # share of the keypoints' spread by which performances differ without being swapped
 LEGS, WHOLE = 2, 3  # states of `swapped_by_others`
-CHANGE = np.array(
-    [0.0, 1.0, 0.65, 1.0]
-)  # of one to or from each state: legs are swapped alone often
+CHANGE = np.array([0.0, 1.0, 0.5, 1.0])  # to or from each state: legs are swapped most often
+HEAD, HANDS = ("nose", "eye", "ear", "mouth", "head"), ("thumb", "index", "pinky", "finger")
 
 
 def with_sides_of_others(scene: Scene, state: MotionState, cameras: Cameras) -> Scene:
@@ -105,6 +104,7 @@ def swapped_states(
             states of `swapped_by_others`, as those returned are.
     """
     costs = np.full((len(pose), STATES), np.inf)
+    weight = weight * point_shares(names)
     for state in possible:
         x, w = (with_swapped_sides(q, before ^ state, names) for q in (xy_px, weight))
         residual = frame_residuals(pose, x, w, R[None])[0]
@@ -113,6 +113,17 @@ def swapped_states(
     change = np.maximum(CHANGE[:, None], CHANGE) * (1.0 - np.eye(STATES))
     steps = change + costs[1:, None]
     return cheapest_states(costs[0], steps)
+
+
+def point_shares(names: Sequence[str]) -> Float[np.ndarray, " K"]:
+    """Weight of each keypoint: all of the head count as one, and all of both hands as two, however
+    many a detector marks there; they tell nothing of legs."""
+    shares = np.ones(len(names))
+    for words, total in ((HEAD, 1), (HANDS, 2)):
+        part = [any(w in name for w in words) and "foot" not in name for name in names]
+        if sum(part) > total:
+            shares[part] = total / sum(part)
+    return shares
 
 
 def turning_frames(
