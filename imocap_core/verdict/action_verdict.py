@@ -6,6 +6,7 @@ from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync, U
 from imocap_core.verdict.agreement import disagreement_s, timing_findings, timing_sentence
 from imocap_core.verdict.body_findings import body_findings, feet_findings, picture_findings
 from imocap_core.verdict.collapse_findings import collapse_findings
+from imocap_core.verdict.contradicted import contradicted_findings
 from imocap_core.verdict.decisions import decision_findings
 from imocap_core.verdict.detections import camera_findings, detection_findings
 from imocap_core.verdict.event_findings import event_findings, event_sentence
@@ -52,6 +53,7 @@ def verdict_of(
         *damage_findings(keypoints),
         *detection_findings(keypoints.videos),
         *swapped_findings(motion),
+        *contradicted_findings(motion, videos, cameras),
         *feet_findings(motion.videos, videos, cameras),
         *camera_findings(cameras),
         *([] if claimed is None else weak_findings(claimed)),

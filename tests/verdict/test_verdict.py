@@ -28,6 +28,7 @@ from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.verdict.action_verdict import verdict_of
 from imocap_core.verdict.agreement import DOUBTFUL_S
 from imocap_core.verdict.collapse_findings import collapse_findings
+from imocap_core.verdict.contradicted import contradicted_findings
 from imocap_core.verdict.event_findings import event_findings
 from imocap_core.verdict.findings import SENTENCES, Finding, Verdict, listed
 from imocap_core.verdict.further_view import further_view, side_of
@@ -398,3 +399,39 @@ def test_videos_that_look_like_one_event_are_proposed_as_one() -> None:
     maps[1] = maps[1].model_copy(update={"reference_frame": slower})
     sync = made.refined.sync.model_copy(update={"maps": maps})
     assert not event_findings(made.keypoints, refined.model_copy(update={"sync": sync}))
+
+
+@pytest.mark.parametrize("part", ["leg", "foot only", "unseen", "put right"])
+def test_a_limb_detected_elsewhere_for_a_while_is_named(made: Made, part: str) -> None:
+    v, frames = 1, slice(3, 9)
+    video, camera = made.keypoints.videos[v], made.camera_motion.videos[v]
+    names, motion = layout_names(video.layout), made.refined.motion
+    xy, confidence = camera.xy_first_px.copy(), video.confidence.copy()
+    joints = motion.videos[v].joints @ motion.cameras[v].K.T
+    pixels = joints[..., :2] / joints[..., 2:]
+    for name in SMPL_JOINTS:
+        if name in names:  # the detector agrees with the body
+            xy[:, names.index(name)] = pixels[:, SMPL_JOINTS.index(name)]
+    confidence[:] = 0.9
+    moved = ["left_big_toe"] if part == "foot only" else ["left_knee", "left_ankle"]
+    for name in moved:
+        xy[frames, names.index(name)] += np.ptp(pixels[:, :, 1])
+        confidence[frames, names.index(name)] = 0.3 if part == "unseen" else 0.9
+    number = video.frames
+    stretch = SwappedSides(
+        id=video.id, first_frame=int(number[3]), last_frame=int(number[8]), part="legs"
+    )
+    findings = contradicted_findings(
+        motion.model_copy(update={"swapped": [stretch] if part == "put right" else []}),
+        {
+            w.id: w.model_copy(update={"confidence": confidence}) if w.id == video.id else w
+            for w in made.keypoints.videos
+        },
+        [camera.model_copy(update={"xy_first_px": xy})],
+    )
+    if part != "leg":
+        assert findings == []
+        return
+    assert [f.place for f in findings] == [f"{video.id} frames {number[3]}-{number[8]}"]
+    assert findings[0].text.startswith("the left leg is detected elsewhere")
+    assert findings[0].serious

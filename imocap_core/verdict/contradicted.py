@@ -1,0 +1,91 @@
+"""Limbs that a detector sees for a while elsewhere than the recovered body has them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from imocap_core.artifacts.schemas import SmplBa, VideoCameraMotion, VideoKeypoints
+from imocap_core.body.layouts import layout_names
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.runs import runs
+from imocap_core.verdict.findings import Finding
+from imocap_core.verdict.limbs import limbs_px
+from imocap_core.verdict.person_size import person_size
+
+SEEN = 0.5  # confidence of a detection that says where a joint is
+AWAY = 0.15  # of the person's size, of the farthest joint of a limb
+LEAST_S, GAP_S = 0.15, 0.07
+LIMBS = {"arm": ("elbow", "wrist"), "leg": ("knee", "ankle")}
+
+
+def contradicted_findings(
+    motion: SmplBa,
+    videos: Mapping[str, VideoKeypoints],
+    cameras: Sequence[VideoCameraMotion],
+) -> list[Finding]:
+    """The stretches in which the motion does not follow the detector: the other videos, or what a
+    body can do, overruled it. Where sides were put right nothing is said."""
+    filmed = {camera.id: camera for camera in cameras if not len(camera.path)}
+    K = {camera.id: camera.K for camera in motion.cameras}
+    findings = []
+    for body in (body for body in motion.videos if body.id in filmed):
+        video, xy = videos[body.id], filmed[body.id].xy_first_px
+        pixels = body.joints @ K[body.id].T
+        away = _distances(pixels[..., :2] / pixels[..., 2:], video, xy)
+        away[_put_right(motion, video)] = 0.0
+        findings += [
+            Finding(
+                "detection",
+                body.id,
+                f"the {name} is detected elsewhere than the motion has it, up to "
+                f"{away[first : last + 1, k].max():.0%} of the person's size away",
+                f"{name} detected elsewhere",
+                "look at it in `imocap view`; keypoints that are wrong count for nothing at "
+                "confidence 0",
+                int(video.frames[first]),
+                int(video.frames[last]),
+            )
+            for k, name in enumerate(_names())
+            for first, last in runs(
+                away[:, k] > AWAY,
+                max(2, round(LEAST_S * video.fps)),
+                round(GAP_S * video.fps),
+            )
+        ]
+    return findings
+
+
+def _names() -> list[str]:
+    return [f"{side} {limb}" for side in ("left", "right") for limb in LIMBS]
+
+
+def _distances(
+    body_px: Float[np.ndarray, "T 24 2"],
+    video: VideoKeypoints,
+    xy_px: Float[np.ndarray, "T K 2"],
+) -> Float[np.ndarray, "T 4"]:
+    """How far a limb's joints are detected from the body's, in sizes of the person: the farthest of
+    those seen; 0 where none is."""
+    names, size = layout_names(video.layout), person_size(limbs_px(video))
+    away = np.zeros((len(video.frames), len(_names())))
+    for k, name in enumerate(_names()):
+        side, limb = name.split()
+        for joint in (f"{side}_{joint}" for joint in LIMBS[limb]):
+            if joint in names:
+                column = names.index(joint)
+                offset = xy_px[:, column] - body_px[:, SMPL_JOINTS.index(joint)]
+                distance = np.linalg.norm(offset, axis=-1) / size
+                seen = (video.confidence[:, column] >= SEEN) & np.isfinite(distance)
+                away[:, k] = np.maximum(away[:, k], np.where(seen, distance, 0.0))
+    return away
+
+
+def _put_right(motion: SmplBa, video: VideoKeypoints) -> Bool[np.ndarray, " T"]:
+    """The frames of a video whose sides the solve swapped."""
+    frames = np.zeros(len(video.frames), dtype=bool)
+    for stretch in (stretch for stretch in motion.swapped if stretch.id == video.id):
+        frames |= (video.frames >= stretch.first_frame) & (video.frames <= stretch.last_frame)
+    return frames
