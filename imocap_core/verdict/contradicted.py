@@ -78,8 +78,8 @@ def _distances(
                 column = names.index(joint)
                 offset = xy_px[:, column] - body_px[:, SMPL_JOINTS.index(joint)]
                 distance = np.linalg.norm(offset, axis=-1) / size
-                seen = (video.confidence[:, column] >= SEEN) & np.isfinite(distance)
-                away[:, k] = np.maximum(away[:, k], np.where(seen, distance, 0.0))
+                confident = (video.confidence[:, column] >= SEEN) & np.isfinite(distance)
+                away[:, k] = np.maximum(away[:, k], np.where(confident, distance, 0.0))
     return away
 
 
