@@ -20,7 +20,7 @@ from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular.fit import Progress
 from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.multiview.smpl_ba import recover_motion
-from imocap_core.motion.multiview.swapped_sides import with_sides, with_sides_of_others
+from imocap_core.motion.multiview.swapped_sides import with_sides
 from imocap_core.motion.multiview.timeline import BeyondReference, make_timeline
 from imocap_core.motion.observations import Observation, from_one_place
 from imocap_core.motion.prior import load_pose_prior
@@ -103,12 +103,9 @@ class JointProblem:
         return self.participants.filmed_joints([x[: len(o.xy_px)] for x, o in rows])
 
     def scene_of(self, motion: JointMotion) -> Scene:
-        """The scene as a motion explains it: sides put right as they were when it was solved, or,
-        of a stored one, as it says itself; and the solved intrinsics."""
-        if motion.swapped:
-            scene = with_sides(self.scene, motion.swapped)
-        else:
-            scene = with_sides_of_others(self.scene, motion.state.uncached(), motion.cameras)
+        """The scene as a motion explains it: sides put right as they were when it was solved, and
+        the solved intrinsics."""
+        scene = with_sides(self.scene, motion.swapped) if motion.swapped else self.scene
         return scene.with_intrinsics(motion.cameras)
 
     def reprojection_evidence(self, motion: JointMotion) -> ReprojectionEvidence:
