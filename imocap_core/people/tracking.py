@@ -17,8 +17,8 @@ DUPLICATE = 0.08  # two poses nearer than this share of their size are one perso
 GATE = 0.35  # a step between frames is at most this share of the size,
 GATE_PER_GAP_FRAME = 0.03  # and more for each frame in which the person was not detected
 MAX_REJOIN_GATE = 1.5
-SAME_PLACE = 0.4  # intersection over union of two boxes, and
-SHORTLY = 5  # frames after the last detection, in which whoever is there alone is the same person
+SAME_PLACE = 0.4  # intersection over union of a box with that of a person who was there
+SHORTLY = 5  # frames before, at most
 ESTABLISHED = 8  # detections of a track that goes before newer ones
 FORBIDDEN = 1e6  # cost of a pair beyond its gate
 

@@ -105,8 +105,7 @@ class JointProblem:
     def scene_of(self, motion: JointMotion) -> Scene:
         """The scene as a motion explains it: sides put right as they were when it was solved, and
         the solved intrinsics."""
-        scene = with_sides(self.scene, motion.swapped) if motion.swapped else self.scene
-        return scene.with_intrinsics(motion.cameras)
+        return with_sides(self.scene, motion.swapped).with_intrinsics(motion.cameras)
 
     def reprojection_evidence(self, motion: JointMotion) -> ReprojectionEvidence:
         """All motions in one world, to be compared with every video's detections."""

@@ -186,8 +186,7 @@ def _states_of(motion: VideoMotion, result: SmplBa) -> Int[np.ndarray, " T"]:
     states = np.zeros(len(motion.frames), dtype=int)
     for stretch in result.swapped:
         if stretch.id == motion.id:
-            within = (motion.frames >= stretch.first_frame) & (motion.frames <= stretch.last_frame)
-            states[within] = STATES[stretch.part]
+            states[stretch.covers(motion.frames)] = STATES[stretch.part]
     return states
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from imocap_core.artifacts.schemas import SmplBa, VideoCameraMotion, VideoKeypoints
 from imocap_core.body.layouts import layout_names
@@ -35,7 +35,8 @@ def contradicted_findings(
         video, xy = videos[body.id], filmed[body.id].xy_first_px
         pixels = body.joints @ K[body.id].T
         away = _distances(pixels[..., :2] / pixels[..., 2:], video, xy)
-        away[_put_right(motion, video)] = 0.0
+        for stretch in (stretch for stretch in motion.swapped if stretch.id == body.id):
+            away[stretch.covers(video.frames)] = 0.0
         findings += [
             Finding(
                 "detection",
@@ -81,11 +82,3 @@ def _distances(
                 confident = (video.confidence[:, column] >= SEEN) & np.isfinite(distance)
                 away[:, k] = np.maximum(away[:, k], np.where(confident, distance, 0.0))
     return away
-
-
-def _put_right(motion: SmplBa, video: VideoKeypoints) -> Bool[np.ndarray, " T"]:
-    """The frames of a video whose sides the solve swapped."""
-    frames = np.zeros(len(video.frames), dtype=bool)
-    for stretch in (stretch for stretch in motion.swapped if stretch.id == video.id):
-        frames |= (video.frames >= stretch.first_frame) & (video.frames <= stretch.last_frame)
-    return frames

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
+from jaxtyping import Bool, Int
 from pydantic import Field
 
 from imocap_core.artifacts.schemas.base import Artifact, Floats, Ints, Shape, Value
@@ -113,6 +114,10 @@ class SwappedSides(Value):
     first_frame: int  # source frame numbers, both within
     last_frame: int
     part: Literal["above the hips", "legs", "body"]
+
+    def covers(self, frames: Int[np.ndarray, " T"]) -> Bool[np.ndarray, " T"]:
+        """Which source frames of the video belong to the stretch."""
+        return (frames >= self.first_frame) & (frames <= self.last_frame)
 
 
 class SmplBa(Artifact):

@@ -161,4 +161,4 @@ def _single_video(scene: Scene, start: MotionState) -> JointMotion:
     eye, zero = torch.eye(3).to(start.trans)[None], torch.zeros(1, 3).to(start.trans)
     cameras = Cameras(eye, zero, scene.K.to(eye))
     status = "one video: the monocular motion stands"
-    return JointMotion(start, cameras, None, None, [], status, 0.0)
+    return JointMotion(start, cameras, None, None, [], status, 0.0, scene.swapped)
