@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.body.layouts import Keypoint, layout_keypoints
-from imocap_core.conventions import mirror_indices
+from imocap_core.conventions import SMPL_JOINTS, mirror_indices
 
 COMMON: tuple[str, ...] = (
     *("nose", "left_eye", "right_eye", "left_ear", "right_ear"),
@@ -22,6 +22,7 @@ COMMON: tuple[str, ...] = (
     *("left_hip", "right_hip", "pelvis", "spine2", "neck", "head"),
 )
 MIRROR = mirror_indices(COMMON)
+SHOWN_BY = {"left_hip": "left_hip_seen", "right_hip": "right_hip_seen", "head": "nose"}
 LEAST_POINTS = 6  # a layout that has fewer of them does not determine a pose
 
 
@@ -68,3 +69,16 @@ def to_common(
     points[:, rows] = np.where(visible[..., None], xy[:, columns], 0.0)
     trust[:, rows] = np.where(visible, np.minimum(confidence[:, columns], 1.0), 0.0)
     return points, trust
+
+
+def joints_seen(confidence: Float[np.ndarray, "T 33"], layout: str) -> Float[np.ndarray, "T 24"]:
+    """How well each of SMPL's joints is seen: the confidence (`to_common`) of the point at it, or
+    of the one that shows it; 1 where the layout has neither."""
+    rows = set(columns_of(layout)[1])
+    shown = np.ones((len(confidence), len(SMPL_JOINTS)))
+    for joint, name in enumerate(SMPL_JOINTS):
+        for point in (name, SHOWN_BY.get(name)):
+            if point in COMMON and COMMON.index(point) in rows:
+                shown[:, joint] = confidence[:, COMMON.index(point)]
+                break
+    return shown

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -28,6 +29,25 @@ JOINTS = [
     for k, name in enumerate(SMPL_JOINTS)
     if any(p in name for p in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle", "head"))
 ]
+LEAST_VISIBILITY = 0.02  # with which a joint that the detector guesses counts
+
+
+@dataclass(frozen=True)
+class SeenMotion:
+    """One person's motion in a video, in any axes.
+
+    joints_m: (T, 24, 3). visibility: (T, 24) confidence of the detections that show each joint, 0
+    to 1: hidden ones are guessed, otherwise in every video.
+    """
+
+    joints_m: Float[np.ndarray, "T 24 3"]
+    visibility: Float[np.ndarray, "T 24"]
+
+    def compared(self) -> tuple[Float[np.ndarray, "N J 3"], Float[np.ndarray, "N J"]]:
+        """At most `MAX_POSES` poses of the joints that are compared, and their weights."""
+        step = max(1, len(self.joints_m) // MAX_POSES)
+        weights = np.clip(self.visibility[::step, JOINTS], LEAST_VISIBILITY, 1.0)
+        return self.joints_m[::step, JOINTS], weights
 
 
 def rivals(scores: Sequence[float]) -> list[int]:
@@ -36,19 +56,19 @@ def rivals(scores: Sequence[float]) -> list[int]:
 
 
 def choose_by_agreement(
-    scores: Sequence[Sequence[float]], poses: Sequence[Sequence[Float[np.ndarray, "_ 24 3"]]]
+    scores: Sequence[Sequence[float]], motions: Sequence[Sequence[SeenMotion]]
 ) -> list[int]:
     """Row of the performer in each video: the combination of candidates that agrees best.
 
     Args:
         scores: per video, of its candidates (presence x size x motion), positive.
-        poses: per video and candidate, joints (T, 24, 3) in metres, any axes.
+        motions: per video and candidate.
 
-    Returns the combination with the largest sum of log scores and `likeness` of poses.
+    Returns the combination with the largest sum of log scores and `likeness` of motions.
     """
     videos = len(scores)
     likenesses = {
-        (v, w): np.array([[likeness(a, b) for b in poses[w]] for a in poses[v]])
+        (v, w): np.array([[likeness(a, b) for b in motions[w]] for a in motions[v]])
         for v in range(videos)
         for w in range(v + 1, videos)
     }
@@ -68,7 +88,7 @@ def choose_by_agreement(
     return _coordinate_ascent([0] * videos, candidates, value)
 
 
-def likeness(a: Float[np.ndarray, "T 24 3"], b: Float[np.ndarray, "U 24 3"]) -> float:
+def likeness(a: SeenMotion, b: SeenMotion) -> float:
     """Agreement of two motions, in units of log scores: small distances, and smaller ones than
     without motion."""
     moving, still = pose_set_distances_m(a, b)
@@ -76,17 +96,15 @@ def likeness(a: Float[np.ndarray, "T 24 3"], b: Float[np.ndarray, "U 24 3"]) -> 
     return MOTION_WEIGHT * math.log(ratio) - moving / DISTANCE_SCALE_M
 
 
-def pose_set_distances_m(
-    a: Float[np.ndarray, "T 24 3"], b: Float[np.ndarray, "U 24 3"]
-) -> tuple[float, float]:
+def pose_set_distances_m(a: SeenMotion, b: SeenMotion) -> tuple[float, float]:
     """Symmetric mean distance of each pose to the nearest pose of the other set (Chamfer distance),
     and to the one pose of the other set that is the nearest to all.
 
-    Poses are rigidly aligned first; the order of the frames does not matter.
+    Poses are rigidly aligned first, joints weighed by how well both show them; the order of the
+    frames does not matter.
     """
-    a, b = (x[:: max(1, len(x) // MAX_POSES)][:, JOINTS] for x in (a, b))
-    ones = [np.ones(x.shape[:2]) for x in (a, b)]
-    distance = procrustes_distances(a, b, *ones)
+    (poses_a, weights_a), (poses_b, weights_b) = a.compared(), b.compared()
+    distance = procrustes_distances(poses_a, poses_b, weights_a, weights_b)
     moving = 0.5 * (distance.min(1).mean() + distance.min(0).mean())
     still = 0.5 * (distance.mean(0).min() + distance.mean(1).min())
     return float(moving), float(still)

@@ -16,10 +16,10 @@ from jaxtyping import Float, Int64
 from imocap_core.body.layouts import layout_names
 from imocap_core.io.video import read_rgb_of
 from imocap_core.lifter.infer import lift
-from imocap_core.lifter.points import can_lift, to_common
+from imocap_core.lifter.points import can_lift, joints_seen, to_common
 from imocap_core.lifter.weights import load_lifter
 from imocap_core.params import KeypointsParams
-from imocap_core.people.agreement import choose_by_agreement, rivals
+from imocap_core.people.agreement import SeenMotion, choose_by_agreement, rivals
 from imocap_core.people.appearance import (
     Appearances,
     appearance_of,
@@ -145,9 +145,9 @@ def _rows_by_agreement(
     liftable = [v for v, video in enumerate(videos) if video.ranked and can_lift(video.layout)]
     if len(liftable) < 2 or all(len(candidates[v]) == 1 for v in liftable):
         return rows, remarks
-    poses = [[_lifted_joints(videos[v], row) for row in candidates[v]] for v in liftable]
+    motions = [[_seen_motion(videos[v], row) for row in candidates[v]] for v in liftable]
     scores = [[videos[v].ranked[row][0] for row in candidates[v]] for v in liftable]
-    for v, choice in zip(liftable, choose_by_agreement(scores, poses), strict=True):
+    for v, choice in zip(liftable, choose_by_agreement(scores, motions), strict=True):
         rows[v] = candidates[v][choice]
         if choice:
             remarks[v] = (
@@ -157,15 +157,16 @@ def _rows_by_agreement(
     return rows, remarks
 
 
-def _lifted_joints(video: TrackedVideo, row: int) -> Float[np.ndarray, "_ 24 3"]:
-    """3D joints of a track in the frames in which it is visible, in any axes."""
+def _seen_motion(video: TrackedVideo, row: int) -> SeenMotion:
+    """3D joints of a track in the frames in which it is visible, and how well each is seen."""
     track = video.ranked[row][1]
     poses = np.full((track.frames[-1] - track.frames[0] + 1, *track.poses[0].shape), np.nan)
     poses[np.array(track.frames) - track.frames[0]] = np.stack(track.poses)
     rays = (poses[..., :2] - 0.5 * np.array(video.size)) / video.focal_px
     points, confidence = to_common(rays, np.nan_to_num(poses[..., 2]), video.layout)
     lifted = lift(load_lifter(), points, confidence, video.fps)
-    return lifted.joints[lifted.visible]
+    shown = joints_seen(confidence, video.layout)
+    return SeenMotion(lifted.joints[lifted.visible], shown[lifted.visible])
 
 
 def _with_sides_repaired(

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imocap_core.people.agreement import choose_by_agreement, pose_set_distances_m, rivals
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.people.agreement import (
+    SeenMotion,
+    choose_by_agreement,
+    pose_set_distances_m,
+    rivals,
+)
 
 
 def motion(seed: int, frames: int = 50) -> np.ndarray:
@@ -15,11 +21,16 @@ def motion(seed: int, frames: int = 50) -> np.ndarray:
     return rest + 0.5 * np.cos(phase) * first + 0.5 * np.sin(phase) * second
 
 
-def view_of(seed: int, view: int, frames: int = 50) -> np.ndarray:
+def seen(joints: np.ndarray) -> SeenMotion:
+    """A motion all of whose joints are seen."""
+    return SeenMotion(joints, np.ones(joints.shape[:2]))
+
+
+def view_of(seed: int, view: int, frames: int = 50, noise: float = 0.01) -> SeenMotion:
     """The same from another side, with noise."""
     rng = np.random.default_rng([seed, view])
     turn = Rotation.random(random_state=view).as_matrix()
-    return motion(seed, frames) @ turn.T + rng.normal(0, 0.01, (frames, 24, 3))
+    return seen(motion(seed, frames) @ turn.T + rng.normal(0, noise, (frames, 24, 3)))
 
 
 def test_a_larger_stranger_is_not_the_performer() -> None:
@@ -33,7 +44,8 @@ def test_somebody_who_stands_by_in_every_video_does_not_perform() -> None:
     """Nearer to each other than the performers are, because nothing moves."""
     rng = np.random.default_rng(3)
     still = motion(9)[:1] + rng.normal(0, 0.01, (3, 50, 24, 3))
-    poses = [[still[v], view_of(1, v) + rng.normal(0, 0.02, (24, 3))] for v in range(3)]
+    offsets = rng.normal(0, 0.02, (3, 24, 3))
+    poses = [[seen(still[v]), seen(view_of(1, v).joints_m + offsets[v])] for v in range(3)]
     standing, performing = (pose_set_distances_m(poses[0][k], poses[1][k])[0] for k in (0, 1))
     assert standing < 0.8 * performing
     assert choose_by_agreement([[1.0, 0.9]] * 3, poses) == [1, 1, 1]
@@ -42,6 +54,22 @@ def test_somebody_who_stands_by_in_every_video_does_not_perform() -> None:
 def test_the_larger_of_two_who_do_the_same_performs() -> None:
     poses = [[view_of(1, 0), view_of(1, 1)], [view_of(1, 2)]]
     assert choose_by_agreement([[1.0, 0.6], [1.0]], poses) == [0, 0]
+
+
+def test_what_a_detector_guesses_of_hidden_limbs_does_not_count() -> None:
+    """The performer's legs are hidden in a third of each video, and guessed otherwise each time; a
+    bystander in full view moves a little, alike in all."""
+    legs = [k for k, name in enumerate(SMPL_JOINTS) if "knee" in name or "ankle" in name]
+    poses = []
+    for v, first in enumerate((0, 15, 30)):
+        performer = view_of(1, v, noise=0.05)
+        hidden = np.ix_(range(first, first + 20), legs)
+        performer.joints_m[hidden] += np.random.default_rng(v).normal(0, 0.4, (20, len(legs), 3))
+        performer.visibility[hidden] = 0.02
+        poses.append([performer, view_of(2, v, noise=0.05)])
+    blind = [[seen(performer.joints_m), other] for performer, other in poses]
+    assert choose_by_agreement([[1.0, 0.8]] * 3, blind) == [1, 1, 1]
+    assert choose_by_agreement([[1.0, 0.8]] * 3, poses) == [0, 0, 0]
 
 
 def test_all_ways_and_one_at_a_time_agree(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -60,12 +88,13 @@ def test_one_video_alone_takes_the_score() -> None:
 def test_distance_of_sets_is_symmetric_and_blind_to_sides_and_order() -> None:
     a, b = view_of(1, 0), view_of(2, 1)
     assert pose_set_distances_m(a, b) == pytest.approx(pose_set_distances_m(b, a))
-    turned = a[::-1] @ Rotation.random(random_state=3).as_matrix().T
+    turned = seen(a.joints_m[::-1] @ Rotation.random(random_state=3).as_matrix().T)
     assert pose_set_distances_m(turned, b) == pytest.approx(pose_set_distances_m(a, b), rel=1e-6)
     assert pose_set_distances_m(a, a)[0] < 1e-6
     moving, still = pose_set_distances_m(a, b)
     assert moving < still
-    assert len(set(pose_set_distances_m(a[:1], b[:1]))) == 1  # a pose alone is still
+    alone = (seen(motion.joints_m[:1]) for motion in (a, b))
+    assert len(set(pose_set_distances_m(*alone))) == 1  # a pose alone is still
 
 
 def test_only_those_near_the_best_are_thought_of() -> None:
