@@ -1,1 +1,1 @@
-"""The nine stages, each a short script: read -> call the core -> write."""
+"""The ten stages, each a short script: read -> call the core -> write."""

@@ -12,6 +12,7 @@ from imocap_core.artifacts.schemas import (
     CameraMotion,
     InitialSmpl,
     Keypoints,
+    Redetect,
     RefineSync,
     Round,
     SmplBa,
@@ -27,7 +28,8 @@ from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.event import calibrated_round, can_calibrate
 from imocap_core.problem.ground import with_ground, with_hands_on_ground
 from imocap_core.problem.hints import hints_of
-from imocap_core.problem.joint import JointProblem, problem_of
+from imocap_core.problem.joint import JointProblem, problem_of, shows_one_motion
+from imocap_core.problem.looked_again import is_changed, with_second_look
 from imocap_core.problem.loop_confidence import with_first_repetitions, with_independent_confidence
 from imocap_core.problem.loop_sync import LoopSync
 from imocap_core.problem.sound import with_sound
@@ -37,6 +39,7 @@ from imocap_core.process import release_freed_memory, release_if_large
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> RefineSync:
     """All rounds; round 0 is the single pass."""
+    inputs = with_second_look(inputs)
     keypoints, single_pass = inputs.get(Keypoints), inputs.get(SmplBa)
     first_sync, sound_start_s = _without_matrices(inputs)
     problem = _problem(ctx, inputs, params, first_sync)
@@ -150,7 +153,15 @@ def _in_turn(
     def recover(sync: Sync, motion: JointMotion) -> JointMotion:
         progress("motion")
         release_freed_memory()  # of the synchronisation, which needs other sizes
-        return begun.problem.recovered(sync, motion, solving)
+        afresh = shows_one_motion(motion)
+        return begun.problem.recovered(sync, motion, solving, afresh=afresh)
+
+    def finish(sync: Sync, motion: JointMotion) -> JointMotion | None:
+        if shows_one_motion(motion):
+            return None  # as every round
+        progress("motion, afresh")
+        release_freed_memory()
+        return begun.problem.recovered(sync, motion, solving, afresh=True)
 
     loop = alternate(
         begun.single_pass,
@@ -162,7 +173,8 @@ def _in_turn(
         cost=lambda motion: motion.misfit,
         max_rounds=most_rounds,
         settled_frames=params.refine.settled_frames,
-        least_rounds=int(begun.moved),
+        least_rounds=int(begun.moved or is_changed(inputs.get(Redetect))),
+        finish=finish,
     )
     return replace(loop, rounds=[single_pass, *loop.rounds[1:]]), begun.problem
 

@@ -23,6 +23,7 @@ from imocap_core.motion.posterior.noise import Noise
 from imocap_core.motion.posterior.observability import viewpoint_report
 from imocap_core.params import Params, UncertaintyParams
 from imocap_core.pipeline.stage import Context, Inputs
+from imocap_core.problem.looked_again import with_second_look
 from imocap_core.problem.one_motion import is_one_motion
 from imocap_core.problem.solved_groups import SolvedGroup, solved_groups
 from imocap_core.problem.uncertainty import (
@@ -36,6 +37,7 @@ from imocap_core.process import release_if_large
 
 def run(ctx: Context, inputs: Inputs, params: Params) -> Uncertainty:
     """The posterior of the loop's result; an excluded video has one of its own."""
+    inputs = with_second_look(inputs)
     keypoints, refined = inputs.get(Keypoints), inputs.get(RefineSync)
     groups = solved_groups(
         keypoints,

@@ -22,6 +22,7 @@ BY_STAGE: dict[str, type[schemas.Artifact]] = {
     "initial_smpl": schemas.InitialSmpl,
     "sync": schemas.Sync,
     "smpl_ba": schemas.SmplBa,
+    "redetect": schemas.Redetect,
     "refine_sync": schemas.RefineSync,
     "uncertainty": schemas.Uncertainty,
     "hands": schemas.Hands,

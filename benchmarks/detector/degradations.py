@@ -16,6 +16,7 @@ BLUR_SHARE = 0.02  # of the picture's larger side
 PASTED_BESIDE = 0.7  # widths of the person's box, by which the second one stands beside
 MARGIN = 0.1  # of the person's height, about the box of the limbs
 DROPPED = 0.5
+MIDDLE_THIRD = 1 / 3  # of the clip: where it begins
 
 
 @dataclass(frozen=True)
@@ -33,9 +34,12 @@ class Degradation:
     dropped: float = 0.0
 
 
-def hidden_legs(picture: Picture, limbs: Limbs, passed: float) -> Picture:
-    """A black box over the legs in the middle third of the clip."""
-    if not 1 / 3 <= passed < 2 / 3:
+def hidden_legs(
+    picture: Picture, limbs: Limbs, passed: float, begin: float = MIDDLE_THIRD
+) -> Picture:
+    """A black box over the legs in the third of the clip that begins where the share `begin` has
+    passed."""
+    if not begin <= passed < begin + 1 / 3:
         return picture
     (x0, y0), (x1, y1) = box_about(limbs[LEGS], 0.5 * MARGIN * np.ptp(limbs[:, 1]))
     hidden = picture.copy()

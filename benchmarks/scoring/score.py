@@ -15,6 +15,7 @@ from imocap_core.artifacts.schemas import (
     CameraMotion,
     InitialSmpl,
     Keypoints,
+    Redetect,
     RefineSync,
     SmplBa,
     Sync,
@@ -34,6 +35,7 @@ from imocap_core.pipeline import runner
 from imocap_core.pipeline.action import Action
 from imocap_core.pipeline.runner import Display, Job
 from imocap_core.pipeline.source import closure
+from imocap_core.problem.looked_again import with_redetected
 
 
 def score_action(
@@ -99,7 +101,8 @@ def _numbers(
     if with_oracle:
         from benchmarks.scoring.oracle import oracle
 
-        inputs = (keypoints, camera_motion, initial, refined.sync, truth, job.settings.params)
+        evidence = with_redetected(keypoints, camera_motion, done["redetect"].decode(Redetect))
+        inputs = (*evidence, initial, refined.sync, truth, job.settings.params)
         with meter.measuring("oracle", spent):
             best, best_sync = oracle(*inputs)
         results.append(StageResult("oracle", best.videos, best.cameras, best_sync))

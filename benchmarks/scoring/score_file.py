@@ -14,7 +14,7 @@ SINGLE = ("keypoints", "camera_motion", "initial_smpl", "sync", "smpl_ba")
 STAGES_OF = {
     "monocular": SINGLE[:3],
     "single pass": SINGLE,
-    "after loop": (*SINGLE, LAST),
+    "after loop": (*SINGLE, "redetect", LAST),
     "oracle": (*SINGLE[:3], "oracle"),
 }
 

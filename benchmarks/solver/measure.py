@@ -28,7 +28,10 @@ from imocap_core.pipeline import runner
 from imocap_core.pipeline.runner import Display, Outcome
 from imocap_core.workspace import Workspace
 
-STAGES = ("keypoints", "camera_motion", "initial_smpl", "sync", "smpl_ba", "refine_sync")
+STAGES = (
+    *("keypoints", "camera_motion", "initial_smpl", "sync", "smpl_ba", "redetect"),
+    "refine_sync",
+)
 FROM_KEYPOINTS = tuple(stage for stage in STAGES if stage != "camera_motion")  # reads the videos
 RACE_SIZE = (4, 40)  # videos, frames
 MOST_TIMES = 25.0  # a rival may take this many times Gauss-Newton's time

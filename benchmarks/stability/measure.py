@@ -120,7 +120,7 @@ def _scored(display: Display, variant: PerturbedAction, source: Path) -> Variant
     job = Workspace(root).ready_job(str(variant.action_folder), [], action_display)
     costs = variant.folder / "costs"
     score = score_action(job, action_display, variant.score_file, costs, with_oracle=False)
-    return _variant_score(variant, job, score)
+    return variant_score(variant.perturbation.title, job, score)
 
 
 def _stored(workspace: Workspace, name: str, variants: list[PerturbedAction]) -> ActionStability:
@@ -135,11 +135,12 @@ def _stored(workspace: Workspace, name: str, variants: list[PerturbedAction]) ->
             job = variant.job()
             score = cached_score(job, variant.score_file)
             if score is not None:
-                action.scores.append(_variant_score(variant, job, score))
+                action.scores.append(variant_score(variant.perturbation.title, job, score))
     return action
 
 
-def _variant_score(variant: PerturbedAction, job: Job, score: ActionScore) -> VariantScore:
+def variant_score(title: str, job: Job, score: ActionScore) -> VariantScore:
+    """The result of a scored action: means over its videos, and errors over all pairs of them."""
     stored = [job.store.load(job.action.name, stage) for stage in ("keypoints", LAST)]
     assert stored[0] is not None, "a scored action has its artifacts"
     assert stored[1] is not None
@@ -147,7 +148,7 @@ def _variant_score(variant: PerturbedAction, job: Job, score: ActionScore) -> Va
     sync, truth = refined.sync, truth_of(job, keypoints)
     pairs = pair_errors(refined.motion.cameras, sync, keypoints, truth)
     return VariantScore(
-        variant.perturbation.title,
+        title,
         score.numbers["after loop"] | pairs,
         sync.reference,
         tuple(sync.excluded),

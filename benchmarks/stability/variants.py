@@ -39,8 +39,13 @@ Scale = tuple[float, float]
 
 def variant_key(source: Path, perturbation: Perturbation, detected: bool) -> str:
     """Digest of all that a variant is made of."""
-    files = sorted(file for file in source.rglob("*") if file.is_file() and file.name != MADE)
-    return action_key([closure(Path(__file__)), perturbation.name, detected], files)
+    recipe = [closure(Path(__file__)), perturbation.name, detected]
+    return action_key(recipe, source_files(source))
+
+
+def source_files(source: Path) -> list[Path]:
+    """All files of an action's folder but the mark of how it was made."""
+    return sorted(file for file in source.rglob("*") if file.is_file() and file.name != MADE)
 
 
 def make_variant(folder: Path, source: Path, perturbation: Perturbation, detected: bool) -> None:
@@ -75,14 +80,11 @@ def _video(
     rng: np.random.Generator,
 ) -> Declared:
     """Write one video's files; its declaration in the variant."""
-    new = dict(declared)
-    if detected:
-        new = {k: v for k, v in new.items() if k not in ("format", "layout")}
-        new["keypoints"] = DETECT
+    new = detected_declaration(declared) if detected else dict(declared)
     if perturbation.frames is not None:
         new["frames"] = list(perturbation.frames(*frame_range(source, declared)))
     if declared.get("initial") not in (None, DETECT):
-        _copy(source, folder, declared["initial"])
+        copy_file(source, folder, declared["initial"])
     scale = _write_pictures(folder, source, declared, perturbation, rng)
     if "size" in declared and perturbation.is_scaled:
         new["size"] = list(scaled_size(declared["size"], "video" in declared))
@@ -90,6 +92,12 @@ def _video(
     if new["keypoints"] != DETECT:
         _write_points(folder, source, declared["keypoints"], perturbation, scale, rng)
     return new
+
+
+def detected_declaration(declared: Declared) -> Declared:
+    """A video's declaration with keypoints to be detected, whatever it says."""
+    plain = {k: v for k, v in declared.items() if k not in ("format", "layout")}
+    return plain | {"keypoints": DETECT}
 
 
 def frame_range(source: Path, declared: Declared) -> tuple[int, int]:
@@ -114,7 +122,7 @@ def _write_pictures(
         return 1.0, 1.0
     file = source / declared["video"]
     if perturbation.picture is None and not perturbation.is_scaled:
-        _copy(source, folder, declared["video"])
+        copy_file(source, folder, declared["video"])
         return 1.0, 1.0
     info = probe(file)
     size = scaled_size(info.size, True) if perturbation.is_scaled else info.size
@@ -147,7 +155,7 @@ def _write_points(
     files = sorted((source / keypoints).glob("*.json"))
     if perturbation.points is None and scale == (1.0, 1.0):
         for file in files:
-            _copy(source, folder, str(file.relative_to(source)))
+            copy_file(source, folder, str(file.relative_to(source)))
         return
     frames = [json.loads(file.read_text()) for file in files]
     sizes = [person_size_px([_points(p) for p in frame["people"]]) for frame in frames]
@@ -170,7 +178,7 @@ def _ratio(before: tuple[int, int], after: tuple[int, int]) -> Scale:
     return after[0] / before[0], after[1] / before[1]
 
 
-def _copy(source: Path, folder: Path, name: str) -> None:
+def copy_file(source: Path, folder: Path, name: str) -> None:
     """A file, by its path in the action's folder; its bytes alone, as data may be read-only."""
     (folder / name).parent.mkdir(parents=True, exist_ok=True)
     copyfile(source / name, folder / name)

@@ -17,7 +17,12 @@ from imocap_core.params.hands import HandsParams
 from imocap_core.params.initial import InitialSmplParams
 from imocap_core.params.motion import MotionParams, RefineParams, UncertaintyParams
 from imocap_core.params.sync import RepetitionParams, SyncParams
-from imocap_core.params.video import CameraMotionParams, DetectParams, KeypointsParams
+from imocap_core.params.video import (
+    CameraMotionParams,
+    DetectParams,
+    KeypointsParams,
+    RedetectParams,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +38,7 @@ class Params:
     repetitions: RepetitionParams = field(default_factory=RepetitionParams)
     collect: CollectParams = field(default_factory=CollectParams)
     motion: MotionParams = field(default_factory=MotionParams)
+    redetect: RedetectParams = field(default_factory=RedetectParams)
     refine: RefineParams = field(default_factory=RefineParams)
     event: EventParams = field(default_factory=EventParams)
     uncertainty: UncertaintyParams = field(default_factory=UncertaintyParams)
@@ -52,6 +58,7 @@ __all__ = [
     "KeypointsParams",
     "MotionParams",
     "Params",
+    "RedetectParams",
     "RefineParams",
     "RepetitionParams",
     "SyncParams",

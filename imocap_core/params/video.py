@@ -69,6 +69,17 @@ class DetectParams:
 
 
 @dataclass(frozen=True, kw_only=True)
+class RedetectParams:
+    """A second look where the other videos contradict what was detected (detection.md)."""
+
+    enabled: bool = param(
+        True,
+        "Look again for limbs that the other videos have elsewhere, in videos with `keypoints: "
+        "detect` that BlazePose detected.",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class KeypointsParams:
     """Tracking of people and choice of the performer in each video (people.md)."""
 

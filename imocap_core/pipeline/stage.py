@@ -203,6 +203,10 @@ class Inputs:
         assert isinstance(artifact, kind)
         return artifact
 
+    def with_artifacts(self, *artifacts: Artifact) -> Inputs:
+        """The same inputs, with some artifacts in the place of those that are stored."""
+        return Inputs(self.stage, self._stored, self._decoded | {type(a): a for a in artifacts})
+
     def forget(self, kind: type[Artifact]) -> None:
         """Hold a large input no longer; asked for again it is read again."""
         self._decoded.pop(kind, None)

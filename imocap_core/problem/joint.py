@@ -67,10 +67,11 @@ class JointProblem:
         cameras = motion.cameras.in_axes_of(problem.scene.reference)
         return problem, replace(motion, cameras=cameras, common=None)
 
-    def recovered(self, sync: SyncSummary, before: JointMotion, progress: Progress) -> JointMotion:
-        """The motion with other correspondences, begun at an earlier one: afresh where that shows
-        one motion, else where it stopped (docs/decisions/rounds.md)."""
-        spread = before.spread
+    def recovered(
+        self, sync: SyncSummary, before: JointMotion, progress: Progress, *, afresh: bool
+    ) -> JointMotion:
+        """The motion with other correspondences, begun at an earlier one: afresh, or where that
+        stopped (docs/decisions/rounds.md)."""
         return recover_motion(
             self.synchronised(sync).scene,
             before.state,
@@ -78,7 +79,7 @@ class JointProblem:
             progress,
             cameras=before.cameras,
             swapped=before.swapped,
-            afresh=spread is not None and is_one_motion(spread.keypoints_m, spread.offset_sd),
+            afresh=afresh,
         )
 
     def result(self, motion: JointMotion) -> SmplBa:
@@ -167,6 +168,12 @@ def problem_of(
     scene = scene_of(body, observations, participants.sync(sync), fit)
     start = state_of(participants.initial.videos, body.model.v_template)
     return JointProblem(participants, scene, start, motion)
+
+
+def shows_one_motion(motion: JointMotion) -> bool:
+    """Whether the videos of a joint motion differ as little as those of one performance."""
+    spread = motion.spread
+    return spread is not None and is_one_motion(spread.keypoints_m, spread.offset_sd)
 
 
 def scene_of(

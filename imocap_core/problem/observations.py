@@ -39,6 +39,17 @@ def layouts_of(keypoints: Keypoints) -> list[str]:
     return list(dict.fromkeys(v.layout for v in keypoints.videos))
 
 
+def columns_of(body: Body, keypoints: Keypoints) -> dict[str, tuple[list[int], slice]]:
+    """Of every layout in use the points that the body has, and their columns among the keypoints of
+    all layouts."""
+    columns, end = {}, 0
+    for layout in layouts_of(keypoints):
+        used = list(body.model.points(layout).columns)
+        columns[layout] = used, slice(end, end + len(used))
+        end += len(used)
+    return columns
+
+
 def observations_of(
     body: Body,
     keypoints: Keypoints,
@@ -54,17 +65,13 @@ def observations_of(
         units: of the paths of moving cameras; a path without a unit is not used.
     """
     metric = {unit.id: unit for unit in units}
-    columns = {layout: list(body.model.points(layout).columns) for layout in layouts_of(keypoints)}
-    ends = np.cumsum([len(indices) for indices in columns.values()])
-    place = {
-        layout: slice(end - len(columns[layout]), end)
-        for layout, end in zip(columns, ends, strict=True)
-    }
+    columns = columns_of(body, keypoints)
+    width = max((here.stop for _, here in columns.values()), default=0)
     observations, people = [], performers_of(keypoints)
     for video, camera in zip(keypoints.videos, camera_motion.videos, strict=True):
-        xy = np.full((len(video.frames), ends[-1], 2), np.nan)
+        xy = np.full((len(video.frames), width, 2), np.nan)
         confidence = np.zeros(xy.shape[:2])
-        used, here = columns[video.layout], place[video.layout]
+        used, here = columns[video.layout]
         xy[:, here], confidence[:, here] = camera.xy_first_px[:, used], video.confidence[:, used]
         confidence[~np.isfinite(xy).all(-1)] = 0.0
         centre, place_sd = path_of(camera, metric.get(video.id))

@@ -16,9 +16,10 @@ from tests.library.conftest import SmallRun
 
 
 def test_a_run_reports_every_stage(small_run: SmallRun) -> None:
-    stages = ["keypoints", "camera_motion", "initial_smpl", "sync", "smpl_ba", "refine_sync"]
+    stages = ["keypoints", "camera_motion", "initial_smpl", "sync", "smpl_ba", "redetect"]
+    stages += ["refine_sync"]
     made = [stage for stage, share, what in small_run.reports if (share, what) == (1.0, "made")]
-    assert made[:6] == stages
+    assert made[:7] == stages
     assert all(0 <= share <= 1 for _, share, _ in small_run.reports)
 
 

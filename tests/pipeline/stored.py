@@ -79,6 +79,7 @@ def put(root: Path, made: Made, filmed: tuple[str, ...] = ()) -> None:
         "initial_smpl": (made.initial, {}),
         "sync": (made.sync, {}),
         "smpl_ba": (made.single, {}),
+        "redetect": (made.again, {}),
         "refine_sync": (made.refined.model_copy(update={"rounds": rounds}), {}),
         "uncertainty": (made.claimed, {}),
         "hands": (Hands(videos=[], model="", model_digest="", size=1.0, status="none"), {}),

@@ -35,7 +35,8 @@ def changed(tmp_path: Path, content: dict[str, Any]) -> Pipeline:
 
 def test_the_paper_s_figure_is_in_the_graph(pipeline: Pipeline) -> None:
     names = (
-        "keypoints camera_motion initial_smpl sync smpl_ba refine_sync uncertainty hands evaluate"
+        "keypoints camera_motion initial_smpl sync smpl_ba redetect refine_sync uncertainty hands "
+        "evaluate"
     )
     assert list(pipeline.stages) == names.split()
     assert pipeline.upstream("sync")[-1] == "sync"

@@ -21,6 +21,7 @@ from imocap_core.evaluate.body_points import posed_body
 from imocap_core.evaluate.surface import measure_surfaces, surface_mesh
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.params import Params
+from imocap_core.pipeline.stage import Inputs
 from imocap_core.problem.single_video import SingleVideo, fit_single_video
 from stages import hands, refine_sync, uncertainty
 from tests.pretended_cuda import Pretended, pretended_cuda
@@ -55,6 +56,7 @@ def given(made: Made) -> Given:
     sync = made.sync.model_copy(update={"mirrored": ["v2"]})
     refined = made.refined.model_copy(update={"sync": sync})
     read = [made.keypoints, made.camera_motion, made.initial, sync, made.single, refined]
+    read.append(made.again)
     return {type(artifact): artifact for artifact in read}
 
 
@@ -68,7 +70,7 @@ def result(stage: Any, given: Given, device: str) -> Artifact:
         action_file=lambda: None,
         rng=lambda: np.random.default_rng(5),
     )
-    inputs = SimpleNamespace(get=given.__getitem__, forget=lambda kind: None)
+    inputs = Inputs(stage.__name__, {}, dict(given))
     done: Artifact = stage.run(context, inputs, QUICK)
     return done
 

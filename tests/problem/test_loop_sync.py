@@ -134,15 +134,18 @@ def test_the_stage_ends_on_the_new_axis_and_its_round_0_is_the_single_pass(
         {},
         {
             type(x): x
-            for x in (made.keypoints, made.camera_motion, made.initial, made.sync, made.single)
+            for x in (
+                *(made.keypoints, made.camera_motion, made.initial, made.sync, made.single),
+                made.again,
+            )
         },
     )
     params = Params(refine=RefineParams(max_rounds=1))
     result = refine_sync.run(context(tmp_path), inputs, params)
     assert (result.rounds[0].sync.reference, result.rounds[0].motion.reference) == ("v1", "v1")
-    assert len(result.rounds) == 2  # the new axis is solved on, though nothing moves
+    assert len(result.rounds) == 3  # the new axis is solved on, though nothing moves, and afresh
     assert result.rounds[1].sync_change_frames < 0.5
-    assert result.best == 1
+    assert result.best == 2
     assert (result.sync.reference, result.motion.reference) == ("v3", "v3")
     assert [i.id for i in result.motion.videos] == made.ids
     own = result.motion.cameras[2]
@@ -157,7 +160,7 @@ def test_the_stage_solves_again_with_a_video_that_was_left_out(
     monkeypatch.setattr(refine_sync, "with_ground", lambda motion, *_: motion)
     notes = ["v3 seems to show another action"]
     first = made.sync.model_copy(update={"excluded": ["v3"], "notes": notes})
-    given = (made.keypoints, made.camera_motion, made.initial, first, made.single)
+    given = (made.keypoints, made.camera_motion, made.initial, first, made.single, made.again)
     inputs = Inputs("refine_sync", {}, {type(x): x for x in given})
     params = Params(refine=RefineParams(max_rounds=1))
     result = refine_sync.run(context(tmp_path), inputs, params)

@@ -14,6 +14,7 @@ from imocap_core.artifacts.schemas import (
     CameraMotion,
     InitialSmpl,
     Keypoints,
+    Redetect,
     RefineSync,
     Uncertainty,
 )
@@ -21,6 +22,7 @@ from imocap_core.biomechanics.joint_angles import ANATOMICAL_JOINTS
 from imocap_core.biomechanics.rotation_jacobian import mirrored_rotation_covariance
 from imocap_core.motion.mirror import mirrored_covariance
 from imocap_core.params import Params
+from imocap_core.pipeline.stage import Inputs
 from imocap_core.problem.mirroring import (
     mirrored_camera,
     mirrored_detections,
@@ -37,9 +39,9 @@ JOINTS = ("trunk", "left_shoulder")
 
 
 def claimed(*given: Any) -> Uncertainty:
-    by_kind = {type(artifact): artifact for artifact in given}
+    by_kind = {type(x): x for x in (*given, Redetect(videos=[], note="made"))}
     context = SimpleNamespace(progress=lambda share, said: None, device="cpu")
-    inputs = SimpleNamespace(get=lambda kind: by_kind[kind])
+    inputs = Inputs("uncertainty", {}, by_kind)
     return run(context, inputs, PARAMS)  # type: ignore[arg-type]
 
 

@@ -13,6 +13,7 @@ from imocap_core.artifacts.schemas import (
     CameraMotion,
     InitialSmpl,
     Keypoints,
+    Redetect,
     RefineSync,
     Round,
     SmplBa,
@@ -74,6 +75,7 @@ class Made:
             status="converged",
         )
         self.single = single
+        self.again = Redetect(videos=[], note="made")
         after = self._sync(shift=0.0)
         rounds = [
             Round(sync=s, motion=single, cost=c, sync_change_frames=d)

@@ -28,6 +28,7 @@ from imocap_core.artifacts.schemas.motion import (
     SwappedSides,
     VideoMotion,
 )
+from imocap_core.artifacts.schemas.redetect import Redetect, RedetectedVideo
 from imocap_core.artifacts.schemas.refine_sync import EventCamera, EventCameras, RefineSync, Round
 from imocap_core.artifacts.schemas.sync import (
     AffinityBlock,
@@ -71,6 +72,8 @@ __all__ = [
     "LensDistortion",
     "NearPair",
     "PathUnit",
+    "Redetect",
+    "RedetectedVideo",
     "RefineSync",
     "Round",
     "Shape",

@@ -22,13 +22,13 @@ MOST_THREADS = 4  # more hardly help one picture at a time
 def people_detector(settings: dict[str, Any]) -> Callable[[Any, bool], dict[str, Any]]:
     """The courses of everybody through the pictures, as a function of the next."""
     course = importlib.import_module("blazepose.course").Course(
-        _network(model_path=settings["box_model"]),
-        _network(model_path=settings["person_model"]),
-        _network(model_path=settings["landmark_model"]),
+        network(model_path=settings["box_model"]),
+        network(model_path=settings["person_model"]),
+        network(model_path=settings["landmark_model"]),
         settings["min_person_confidence"],
         settings["min_tracking_confidence"],
         settings["most_people"],
-        second=_second_network(settings) if settings["second_network"] else None,
+        second=second_network(settings) if settings["second_network"] else None,
         every_picture=settings["every_picture"],
     )
 
@@ -43,15 +43,15 @@ def people_detector(settings: dict[str, Any]) -> Callable[[Any, bool], dict[str,
     return detect
 
 
-def _second_network(settings: dict[str, Any]) -> Any:
+def second_network(settings: dict[str, Any]) -> Any:
     """MoveNet, of TensorFlow.js's files."""
     movenet = importlib.import_module("blazepose.movenet")
     graph, weights = (Path(settings[name]) for name in ("second_graph", "second_weights"))
     translate = importlib.import_module("blazepose.tfjs").litert_model
-    return _network(model_content=translate(graph, weights, movenet.OUTPUTS, movenet.SIZE))
+    return network(model_content=translate(graph, weights, movenet.OUTPUTS, movenet.SIZE))
 
 
-def _network(**model: Any) -> Any:
+def network(**model: Any) -> Any:
     """The network in a file (model_path) or in memory (model_content), as a function of one
     picture."""
     threads = int(os.environ.get("OMP_NUM_THREADS") or min(os.cpu_count() or 1, MOST_THREADS))
@@ -61,12 +61,12 @@ def _network(**model: Any) -> Any:
     given = interpreter.get_input_details()[0]["index"]
     results = [tensor["index"] for tensor in interpreter.get_output_details()]
 
-    def network(picture: Any) -> list[Any]:
+    def answer(picture: Any) -> list[Any]:
         interpreter.set_tensor(given, picture[None])
         interpreter.invoke()
         return [interpreter.get_tensor(result)[0] for result in results]
 
-    return network
+    return answer
 
 
 def _landmarks(body: Any, width: int, height: int) -> dict[str, Any]:

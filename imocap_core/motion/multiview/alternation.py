@@ -57,11 +57,12 @@ def alternate(
     max_rounds: int,
     settled_frames: float,
     least_rounds: int = 0,
+    finish: Callable[[S, M], M | None] = lambda sync, motion: None,
 ) -> Alternation[S, R, M]:
     """Alternate until the correspondences move less than ``settled_frames`` on average.
 
     The last round is the result, unless it matches fewer frames than others do, or its cost has run
-    away from the lowest.
+    away from the lowest; `finish` may make another of it.
 
     Args:
         first: the single pass; first_sync: its correspondences as a whole, which are asked for only
@@ -72,6 +73,8 @@ def alternate(
             result's are needed in the end.
         maps: the per-video maps (T_v,) of an outline; cost: of a motion.
         least_rounds: that are gone through before the correspondences may settle.
+        finish: the final motion, from the final correspondences and the best round's motion; None
+            where that round's is final. Not asked about the single pass.
     """
     rounds = [first]
     latest: S | None = None
@@ -93,6 +96,12 @@ def alternate(
         words += ", because later ones fit worse or match less"
         latest = synchronise(rounds[best - 1].motion) if best else None
     words = f"{status}; the result is that of {words}"
+    final = None if latest is None or not best else finish(latest, rounds[best].motion)
+    if final is not None and latest is not None:
+        sync = outline(latest)
+        change = mean_change(maps(rounds[best].sync), maps(sync))
+        rounds.append(LoopRound(sync, final, cost(final), change))
+        best, words = len(rounds) - 1, f"{words}, solved afresh"
     return Alternation(rounds, best, first_sync() if latest is None else latest, words)
 
 

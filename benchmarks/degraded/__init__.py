@@ -1,0 +1,1 @@
+"""`imocap benchmark degraded`: the whole pipeline on degraded real footage."""

@@ -1,0 +1,162 @@
+"""Scores of every action of degraded footage, brought up to date."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.actions.action_folder import is_made
+from benchmarks.actions.captured import data_folder
+from benchmarks.degraded.folders import footage_key, make_footage
+from benchmarks.degraded.footage import FOOTAGES, KINDS, Footage
+from benchmarks.degraded.tables import DegradedScore, markdown
+from benchmarks.detector.degradations import PLAIN
+from benchmarks.parallel import ActionDisplay, each
+from benchmarks.rendered.names import check_detector
+from benchmarks.scoring.score import cached_score, score_action
+from benchmarks.scoring.score_file import ActionScore
+from benchmarks.stability.measure import variant_score
+from benchmarks.stability.tables import VariantScore
+from benchmarks.tables import write_texts
+from imocap_core.artifacts.schemas import Redetect
+from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.pipeline.runner import Display, Job
+from imocap_core.workspace import Workspace
+
+NAME = "degraded"
+ACTIONS = ("balance_beam", "crowd")
+
+
+@dataclass(frozen=True)
+class DegradedAction:
+    """One footage of one action, below the benchmark's folder."""
+
+    folder: Path
+    action: str
+    footage: Footage
+
+    @property
+    def name(self) -> str:
+        """The name of its action."""
+        return f"{self.action}-{self.footage.name}"
+
+    @property
+    def action_folder(self) -> Path:
+        """Its action folder."""
+        return self.folder / "actions" / self.name
+
+    @property
+    def score_file(self) -> Path:
+        """The file of its numbers."""
+        return self.folder / "scores" / f"{self.name}.json"
+
+
+def check_choice(only: tuple[str, ...], variants: tuple[str, ...]) -> None:
+    """WrongUse, naming what there is, for an unknown action or degradation."""
+    names = (PLAIN.name, *KINDS)
+    for option, given, there in (("--only", only, ACTIONS), ("--variants", variants, names)):
+        unknown = [name for name in given if name not in there]
+        if unknown:
+            raise WrongUse(f"{option} {unknown[0]}: expected one of {', '.join(there)}")
+
+
+def is_chosen(variant: DegradedAction, only: tuple[str, ...], variants: tuple[str, ...]) -> bool:
+    """Whether an action's footage is to be run: as filmed always, to compare with."""
+    kind = variant.footage.degradation.name
+    return (not only or variant.action in only) and (
+        not variants or kind in (PLAIN.name, *variants)
+    )
+
+
+def measure(
+    workspace: Workspace,
+    only: tuple[str, ...],
+    variants: tuple[str, ...],
+    display: Display,
+    jobs: int = 1,
+) -> tuple[str, Path]:
+    """Run what is chosen and not finished, and write the table after every run; it and its folder.
+
+    What is not chosen is shown where its stored numbers are valid. WorkFailed when no chosen action
+    can be run; an action without data and a run that fails are named in the table.
+    """
+    check_choice(only, variants)
+    check_detector(workspace.root)
+    folder = workspace.root / "artifacts" / "benchmark" / NAME
+    sources, absent = _sources(workspace.root)
+    if not any(action in sources for action in only or ACTIONS):
+        raise WorkFailed("\n".join(absent[action] for action in only or ACTIONS))
+    every = [DegradedAction(folder, action, f) for action in sources for f in FOOTAGES]
+    chosen = {v.name: v for v in every if is_chosen(v, only, variants)}
+    scores = {
+        v.name: score
+        for v in every
+        if v.name not in chosen and (score := _stored(v, sources[v.action])) is not None
+    }
+
+    def table() -> str:
+        missing = [v.name for v in every if v.name not in scores]
+        measured = [scores[v.name] for v in every if v.name in scores]
+        return markdown(measured, missing, list(absent.values()))
+
+    tasks = [(name, (variant, sources[variant.action])) for name, variant in chosen.items()]
+    for ended in each(one_footage, tasks, jobs, display):
+        scores[ended.name] = ended.result or _failed(chosen[ended.name], ended.fault)
+        write_texts(folder, {"table.md": table()})
+    return table(), folder
+
+
+def one_footage(display: Display, variant: DegradedAction, source: Path) -> DegradedScore:
+    """Bring one footage of an action up to date and score it."""
+    shown = ActionDisplay(display, variant.name)
+    if not is_made(variant.action_folder, footage_key(source, variant.footage)):
+        shown.started("degrade", [f"{variant.footage.degradation.title} is not made"])
+        make_footage(variant.action_folder, source, variant.footage)
+    job = Workspace(variant.folder).ready_job(str(variant.action_folder), [], shown)
+    costs = variant.folder / "costs"
+    score = score_action(job, shown, variant.score_file, costs, with_oracle=False)
+    return _score(variant, job, score)
+
+
+def _sources(root: Path) -> tuple[dict[str, Path], dict[str, str]]:
+    """Folders of the actions as filmed; and why there is none, of the others."""
+    sources, absent = {}, {}
+    for action in ACTIONS:
+        try:
+            folder = data_folder(root, action)
+        except WorkFailed as fault:
+            absent[action] = str(fault)
+            continue
+        if (folder / "videos").is_dir():
+            sources[action] = folder
+        else:
+            absent[action] = f"{folder}: expected a folder of videos; IMOCAP_DATA names the data"
+    return sources, absent
+
+
+def _stored(variant: DegradedAction, source: Path) -> DegradedScore | None:
+    """Valid numbers, nothing run; None where there are none."""
+    key = footage_key(source, variant.footage)
+    if not (variant.score_file.is_file() and is_made(variant.action_folder, key)):
+        return None
+    job = Workspace(variant.folder).job(str(variant.action_folder), [])
+    score = cached_score(job, variant.score_file)
+    return None if score is None else _score(variant, job, score)
+
+
+def _score(variant: DegradedAction, job: Job, score: ActionScore) -> DegradedScore:
+    stored = job.store.load(job.action.name, "redetect")
+    assert stored is not None, "a scored action has its artifacts"
+    videos = stored.decode(Redetect).videos
+    return DegradedScore(
+        variant.action,
+        variant.footage,
+        variant_score(variant.footage.degradation.title, job, score),
+        contradicted=sum(video.contradicted for video in videos),
+        moved=sum(int((video.confidence > 0).sum()) for video in videos),
+    )
+
+
+def _failed(variant: DegradedAction, fault: str) -> DegradedScore:
+    title = variant.footage.degradation.title
+    return DegradedScore(variant.action, variant.footage, VariantScore(title, {}, fault=fault))

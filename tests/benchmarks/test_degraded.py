@@ -1,0 +1,213 @@
+"""The benchmark of degraded footage: its pictures, its action folders, its choices, its table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from benchmarks.degraded import measure as degraded
+from benchmarks.degraded.folders import make_footage
+from benchmarks.degraded.footage import FOOTAGES, THIRDS, degraded_pictures
+from benchmarks.degraded.measure import ACTIONS, check_choice, measure
+from benchmarks.degraded.tables import DegradedScore, markdown
+from benchmarks.detector.degradations import LEGS
+from benchmarks.detector.reference import PARTS, SIDES
+from benchmarks.parallel import LineDisplay
+from benchmarks.stability.tables import VariantScore
+from imocap_core.errors import WorkFailed, WrongUse
+from imocap_core.io.video import probe, read_rgb, write_h264
+from imocap_core.workspace import Workspace
+
+FRAMES, SIZE = 12, (112, 96)  # width, height
+VIDEOS = ("v1", "v2", "v3", "v4")
+BY_NAME = {footage.name: footage for footage in FOOTAGES}
+
+
+def limbs() -> np.ndarray:
+    """Somebody who stands in the middle, in pixels: 12 joints, left, then right."""
+    rows = np.array([20, 30, 42, 42, 60, 80], float)
+    left, right = (np.column_stack([np.full(6, x), rows]) for x in (60.0, 46.0))
+    return np.concatenate([left, right])
+
+
+def pictures() -> list[np.ndarray]:
+    """Light pictures, each with a grey level of its own."""
+    return [np.full((SIZE[1], SIZE[0], 3), 100 + 10 * t, np.uint8) for t in range(FRAMES)]
+
+
+def changed(name: str, video: int = 1, limbs_px: np.ndarray | None = None) -> np.ndarray:
+    """The pictures of one degraded video (T, height, width, 3)."""
+    where = np.tile(limbs(), (FRAMES, 1, 1)) if limbs_px is None else limbs_px
+    return np.stack(list(degraded_pictures(pictures(), where, BY_NAME[name], video)))
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> Path:
+    """An action of four videos with keypoints declared, a calibration and a triangulation, in which
+    the performer's metres are pixels."""
+    folder = tmp_path / "data" / ACTIONS[0]
+    (folder / "videos").mkdir(parents=True)
+    for video in VIDEOS:
+        write_h264(folder / "videos" / f"{video}.mp4", pictures(), 30.0, crf=6)
+    eye = np.tile(np.eye(3), (4, 1, 1))
+    np.savez(folder / "calibration.npz", K=eye, R=eye, t=np.zeros((4, 3)), cams=np.array(VIDEOS))
+    xyz = np.tile(np.column_stack([limbs(), np.ones(12)]), (FRAMES, 1, 1))
+    markers = [f"{side[0].upper()}{part.title()}" for side in SIDES for part in PARTS]
+    np.savez(folder / "trc_reference.npz", xyz_zup_m=xyz, names=np.array(markers))
+    declared = [
+        {"id": video, "video": f"videos/{video}.mp4", "keypoints": f"keypoints/{video}"}
+        | {"format": "openpose", "layout": "body25b", "frames": [0, FRAMES]}
+        for video in VIDEOS
+    ]
+    (folder / "action.yaml").write_text(yaml.safe_dump({"name": "tiny", "videos": declared}))
+    return folder
+
+
+def made(source: Path, name: str) -> Path:
+    folder = source.parents[1] / f"tiny-{name}"
+    make_footage(folder, source, BY_NAME[name])
+    return folder
+
+
+def has_hidden_legs(picture: np.ndarray) -> bool:
+    return all(picture[int(y), int(x)].max() < 30 for x, y in limbs()[LEGS])
+
+
+@pytest.mark.parametrize(("video", "begin"), [*enumerate(THIRDS)])
+def test_legs_are_hidden_in_their_third_alone(video: int, begin: float) -> None:
+    hidden, plain = changed("legs-all", video), np.stack(pictures())
+    inside = np.array([begin <= t / FRAMES < begin + 1 / 3 for t in range(FRAMES)])
+    assert inside.sum() == FRAMES // 3
+    assert [has_hidden_legs(picture) for picture in hidden] == inside.tolist()
+    np.testing.assert_array_equal(hidden[~inside], plain[~inside])
+    np.testing.assert_array_equal(hidden[:, :35], plain[:, :35])  # above the hips
+
+
+def test_pictures_without_the_performer_s_place_stay_as_they_are() -> None:
+    where = np.tile(limbs(), (FRAMES, 1, 1))
+    where[5, 0] = np.nan
+    hidden = changed("legs-one", limbs_px=where)
+    assert [has_hidden_legs(picture) for picture in hidden[4:8]] == [True, False, True, True]
+
+
+def test_a_dropped_frame_shows_the_last_picture_again() -> None:
+    levels = changed("dropped-one")[:, 0, 0, 0].astype(int)
+    plain = np.array([picture[0, 0, 0] for picture in pictures()], int)
+    assert len(levels) == FRAMES
+    assert levels[0] == plain[0]
+    for t in range(1, FRAMES):
+        assert levels[t] in (plain[t], levels[t - 1])
+    assert 2 < len(set(levels)) < FRAMES - 2
+    assert (changed("dropped-all", 2)[:, 0, 0, 0] != levels).any()  # each video drops others
+
+
+def test_every_degradation_is_run_in_one_video_and_but_for_the_second_person_in_all() -> None:
+    assert [footage.name for footage in FOOTAGES] == [
+        *("plain", "legs-one", "legs-all", "blur-one", "blur-all"),
+        *("second-one", "dropped-one", "dropped-all"),
+    ]
+    videos = {f.extent: [f.degrades(v) for v in range(4)] for f in FOOTAGES}
+    assert videos["none"] == [False] * 4
+    assert videos["one"] == [False, True, False, False]
+    assert videos["all"] == [True] * 4
+
+
+def test_a_degraded_action_is_detected_and_has_the_truth_of_its_source(source: Path) -> None:
+    folder = made(source, "legs-one")
+    action = yaml.safe_load((folder / "action.yaml").read_text())
+    assert action["name"] == "tiny-legs-one"
+    assert action["videos"] == [
+        {"id": v, "video": f"videos/{v}.mp4", "keypoints": "detect", "frames": [0, FRAMES]}
+        for v in VIDEOS
+    ]
+    for file in ("calibration.npz", "trc_reference.npz", "videos/v1.mp4", "videos/v3.mp4"):
+        assert (folder / file).read_bytes() == (source / file).read_bytes()
+    assert probe(folder / "videos" / "v2.mp4") == probe(source / "videos" / "v2.mp4")
+    inside = [has_hidden_legs(picture) for _, picture in read_rgb(folder / "videos" / "v2.mp4")]
+    assert inside == [4 <= t < 8 for t in range(FRAMES)]
+
+
+def test_legs_of_all_videos_are_hidden_in_other_thirds(source: Path) -> None:
+    folder = made(source, "legs-all")
+    begins = []
+    for video in VIDEOS:
+        shown = [picture for _, picture in read_rgb(folder / "videos" / f"{video}.mp4")]
+        begins.append([has_hidden_legs(picture) for picture in shown].index(True))
+    assert begins == [4, 0, 8, 6]
+
+
+def test_a_folder_is_made_once_and_again_when_its_source_changes(source: Path) -> None:
+    folder = made(source, "plain")
+    before = folder.stat().st_ino
+    assert made(source, "plain").stat().st_ino == before
+    write_h264(source / "videos" / "v1.mp4", pictures()[::-1], 30.0)
+    assert made(source, "plain").stat().st_ino != before
+
+
+def test_unknown_choices_are_wrong_use() -> None:
+    check_choice(("crowd",), ("legs", "dropped"))
+    with pytest.raises(WrongUse, match="--only yoga: expected one of balance_beam, crowd"):
+        check_choice(("yoga",), ())
+    expected = "plain, legs, blur, second, dropped"
+    with pytest.raises(WrongUse, match=f"--variants half: expected one of {expected}"):
+        check_choice((), ("legs", "half"))
+
+
+def score(variant: Any, **more: Any) -> DegradedScore:
+    numbers = {"mpjpe_scaled_mm": 48.17, "pa_mpjpe_mm": 33.7, "sync_error_pct": 0.654}
+    pairs = {"camera_pair_error_deg": 2.0, "sync_pair_error_frames": 0.5}
+    title = variant.footage.degradation.title
+    result = VariantScore(title, numbers | pairs, "cam01", **more)
+    return DegradedScore(variant.action, variant.footage, result, contradicted=7, moved=5)
+
+
+@pytest.fixture
+def workspace(source: Path, monkeypatch: pytest.MonkeyPatch) -> Workspace:
+    """A folder whose data have the first action alone; runs are made up, and blur fails."""
+
+    def one_footage(display: object, variant: Any, folder: Path) -> DegradedScore:
+        assert folder == source
+        if variant.footage.degradation.name == "blur":
+            raise WorkFailed("nobody was detected")
+        excluded = ("cam02",) if variant.footage.extent == "one" else ()
+        return score(variant, excluded=excluded)
+
+    monkeypatch.setenv("IMOCAP_DATA", str(source.parent))
+    monkeypatch.setattr(degraded, "check_detector", lambda root: None)
+    monkeypatch.setattr(degraded, "one_footage", one_footage)
+    return Workspace(source.parents[1])
+
+
+def test_the_table_has_what_was_chosen_and_names_what_failed_or_is_missing(
+    workspace: Workspace,
+) -> None:
+    text, folder = measure(workspace, (), ("legs", "blur"), LineDisplay())
+    assert (folder / "table.md").read_text() == text
+    rows = [line.strip("| ").split(" | ") for line in text.splitlines() if "| balance" in line]
+    assert [row[2] for row in rows] == ["none", "one", "all", "one", "all"]
+    assert rows[0][3:] == ["48.2", "33.7", "0.65", "0.50", "2.00", "none", "7", "5"]
+    assert rows[1][8] == "cam02 left out"
+    assert "nobody was detected" in rows[3][1]
+    assert set(rows[3][3:]) == {"–"}
+    assert "balance_beam-second-one, balance_beam-dropped-one, balance_beam-dropped-all" in text
+    assert "**Not measured:**" in text
+    assert "crowd holds no .npz file" in text
+
+
+def test_no_action_to_run_is_a_failure_that_says_why(workspace: Workspace) -> None:
+    with pytest.raises(WorkFailed, match=r"crowd holds no \.npz file"):
+        measure(workspace, ("crowd",), (), LineDisplay())
+
+
+def test_a_table_of_everything_names_nothing_missing(workspace: Workspace) -> None:
+    text, _ = measure(workspace, ("balance_beam",), ("plain",), LineDisplay())
+    assert "Missing" in text
+    variants = [degraded.DegradedAction(workspace.root, "crowd", footage) for footage in FOOTAGES]
+    whole = markdown([score(variant, mirrored=("cam04",)) for variant in variants])
+    assert "Missing" not in whole
+    assert "Not measured" not in whole
+    assert whole.count("| cam04 mirrored | 7 | 5 |") == len(FOOTAGES)
