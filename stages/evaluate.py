@@ -8,6 +8,7 @@ from imocap_core.artifacts.schemas import (
     Hands,
     InitialSmpl,
     Keypoints,
+    Redetect,
     RefineSync,
     SmplBa,
     Sync,
@@ -41,7 +42,9 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Evaluate:
     scores = score_action(
         results, keypoints, camera_motion, sync, refined, claimed, hands, truth, model
     )
-    tables = evaluation_tables(scores, keypoints, camera_motion, initial, refined, claimed, truth)
+    tables = evaluation_tables(
+        scores, keypoints, camera_motion, initial, refined, claimed, inputs.get(Redetect), truth
+    )
 
     pictures: list[Picture] = []
     if params.evaluate.figures:

@@ -26,12 +26,13 @@ def detected_clips(job: Job) -> tuple[list[DetectedClip], tuple[str, ...]]:
             detections = read_mediapipe(job.action.detected[video.id], LAYOUT, info.size)
             true, columns = stored[f"{video.id}/xy_px"], stored[f"{video.id}/columns"]
             names = tuple(str(name) for name in stored[f"{video.id}/names"])
-            xy_px = np.full(true.shape, np.nan)
+            xy_px, confidence = np.full(true.shape, np.nan), np.zeros(true.shape[:2])
             for frame, people in zip(detections.frames.tolist(), detections.people, strict=True):
                 if len(people) and frame < len(true):
                     xy_px[frame] = people[0][columns, :2]
+                    confidence[frame] = people[0][columns, 2]
             height, side = stored[f"{video.id}/height_px"], str(stored[f"{video.id}/side"])
-            clips.append(DetectedClip(xy_px, true, height, side, info.fps))
+            clips.append(DetectedClip(xy_px, true, height, side, info.fps, confidence))
     return clips, names
 
 

@@ -13,15 +13,17 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from imocap_core.detect.detection import with_last
-from imocap_core.detect.detectors import HERE, Detector
+from imocap_core.detect.detectors import Detector
 from imocap_core.detect.process import Worker
+from imocap_core.detect.workers import blazepose_again, blazepose_pose, exchange
+from imocap_core.detect.workers.blazepose.known_place import KINDS
 from imocap_core.io.video import read_rgb_of
 from imocap_core.problem.looked_again import SecondLook
 from imocap_core.workers import cores
 
 LAYOUT = "blazepose33"  # of what is looked for
-WORKER = HERE / "workers" / "blazepose_again.py"
-KINDS = ("elbow", "wrist", "knee", "ankle")  # of the answers' `limbs`
+SCRIPTS = (blazepose_again, blazepose_pose, exchange)  # so that results depend on their code
+WORKER = Path(blazepose_again.__file__)
 
 
 @dataclass(frozen=True)

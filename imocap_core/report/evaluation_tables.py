@@ -6,6 +6,7 @@ from imocap_core.artifacts.schemas import (
     CameraMotion,
     InitialSmpl,
     Keypoints,
+    Redetect,
     RefineSync,
     Table,
     Uncertainty,
@@ -18,6 +19,7 @@ from imocap_core.report.ground_table import ground_tables
 from imocap_core.report.hand_tables import hand_tables
 from imocap_core.report.joint_tables import joint_tables
 from imocap_core.report.observability_text import observability_table
+from imocap_core.report.second_look_table import second_look_tables
 from imocap_core.report.tables import long_table, metric_tables, round_table, video_table
 from imocap_core.report.trust_tables import trust_tables
 from imocap_core.report.uncertainty_tables import uncertainty_tables
@@ -30,6 +32,7 @@ def evaluation_tables(
     initial: InitialSmpl,
     refined: RefineSync,
     claimed: Uncertainty,
+    again: Redetect,
     truth: Truth | None,
 ) -> list[Table]:
     """The tables that the report shows."""
@@ -39,6 +42,7 @@ def evaluation_tables(
         *joint_tables(scores),
         *hand_tables(every),
         *([round_table(refined, scores.rounds)] if len(refined.rounds) > 1 else []),
+        *second_look_tables(again),
         video_table(keypoints, camera_motion, refined),
         *ground_tables(initial, camera_motion, refined),
         *event_tables(refined),

@@ -118,6 +118,10 @@ GLOSSARY = {
     "up_alone_deg": "Angle between up by this video alone and by all videos.",
     "up_alone_sd_deg": "Standard deviation of up by this video alone.",
     "moved_frames": "Mean change of the correspondences since the previous round.",
+    "pictures_again": "Pictures of a video that the detector looked at once more.",
+    "contradicted": "Limb joints in them detected where the other videos do not have them.",
+    "moved_joints": "Those of them that took a place near the one that the others expect, and all "
+    "points of people who had not been detected.",
     "cost": "Cost by which the rounds are compared.",
     "hand_mpjpe_mm": "Mean distance of a hand's points to the truth, relative to its wrist.",
     "hand_mpjpe_scaled_mm": "The same, every hand scaled to the truth's size first.",

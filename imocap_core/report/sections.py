@@ -92,7 +92,7 @@ PLANS = (
         "The loop",
         "Synchronisation and motion are solved in turn until the correspondences converge.",
         ("rounds.",),
-        ("rounds",),
+        ("rounds", "second_look"),
     ),
     Plan("Time", "", (), ("timings",)),
     Plan("Not scored", "", (), ("unscored",)),

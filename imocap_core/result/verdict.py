@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync, Uncertainty
+from imocap_core.artifacts.schemas import (
+    CameraMotion,
+    Keypoints,
+    Redetect,
+    RefineSync,
+    Uncertainty,
+)
+from imocap_core.problem.looked_again import with_redetected
 from imocap_core.result.artifacts import Artifacts
 from imocap_core.verdict.action_verdict import verdict_of
 from imocap_core.verdict.findings import Verdict
@@ -13,4 +20,7 @@ def verdict_of_artifacts(artifacts: Artifacts) -> Verdict | None:
     keypoints, refined = artifacts.find(Keypoints), artifacts.find(RefineSync)
     if keypoints is None or refined is None:
         return None
-    return verdict_of(keypoints, artifacts.find(CameraMotion), refined, artifacts.find(Uncertainty))
+    cameras, again = artifacts.find(CameraMotion), artifacts.find(Redetect)
+    if cameras is not None and again is not None:
+        keypoints, cameras = with_redetected(keypoints, cameras, again)
+    return verdict_of(keypoints, cameras, refined, artifacts.find(Uncertainty))

@@ -8,16 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imocap_core.detect.again import KINDS, KnownPlaces, look_again
+from imocap_core.detect.again import KnownPlaces, look_again
 from imocap_core.detect.detection import detect_video
 from imocap_core.detect.detectors import detector_of
 from imocap_core.detect.environment import python_for
 from imocap_core.detect.setup import is_set_up
 from imocap_core.detect.workers.blazepose.crops import MARGIN, Crop
+from imocap_core.detect.workers.blazepose.known_place import KINDS, RIM
 from imocap_core.detect.workers.blazepose.movenet import APART, LEAST_HEAT, PEAKS, peaks_of
 from imocap_core.io.detectors.mediapipe import read_mediapipe
 from imocap_core.io.video import write_h264
 from imocap_core.pipeline.make_demo import demo_body
+from imocap_core.pipeline.source import PROJECT, closure
 from imocap_core.synthetic.yoga_clip import SIZE, make_yoga_clip, pictures
 from tests.detect.conftest import clip
 from tests.detect.test_blazepose_runs import REAL, made_runtime
@@ -25,7 +27,6 @@ from tests.detect.test_detection import params
 
 __all__ = ["made_runtime"]  # a fixture
 FRAMES = 6
-RIM = 1.02
 
 
 def upright(hips: tuple[float, float], reach_px: float) -> np.ndarray:
@@ -90,3 +91,11 @@ def test_peaks_are_the_places_of_highest_heat_that_lie_apart() -> None:
     peaks = peaks_of([heat, heat[..., :1], offset, offset], Crop(32.0, 32.0, 64.0, 0.0))
     np.testing.assert_allclose(peaks[3], [[50.5, 40.25], [20.0, 10.0]])
     assert [len(peaks[k]) for k in (4, 5, 6)] == [0, PEAKS, 0]
+
+
+def test_a_second_look_depends_on_the_code_that_looks() -> None:
+    depends = closure(PROJECT / "stages" / "redetect.py")
+    workers = "imocap_core.detect.workers"
+    beside = {f"{workers}.{name}" for name in ("blazepose_again", "blazepose_pose", "exchange")}
+    inside = {f"{workers}.blazepose.{n}" for n in ("known_place", "landmarks", "movenet", "both")}
+    assert beside | inside <= set(depends)

@@ -27,7 +27,7 @@ class Inputs:
 
     def __init__(self, made: Made) -> None:
         given = (made.keypoints, made.camera_motion, made.initial, made.sync, made.single)
-        given = (*given, made.refined, made.claimed, NO_HANDS)
+        given = (*given, made.refined, made.claimed, made.again, NO_HANDS)
         self._given = {type(artifact): artifact for artifact in given}
 
     def get(self, kind: type) -> Any:
