@@ -1,9 +1,9 @@
 """A second look at a video: which pictures are looked at, and which of what is seen is taken.
 
-After the first joint motion, a limb joint is looked for again where the other videos contradict its
-detection, and everybody's points where nobody was detected. A joint is moved to a place where the
-networks see one, near where the others expect it; where the picture shows nothing there, it stays:
-where performances differ, the others contradict a right detection, too.
+After the first joint motion, a limb joint is looked for again where the detector was in doubt and
+the other videos contradict it, and everybody's points where nobody was detected. A joint is moved
+to a place where the networks see one, near where the others expect it; where the picture shows
+nothing there, it stays: performances may differ.
 """
 
 from __future__ import annotations
@@ -24,7 +24,11 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.body.layouts import layout_names
 from imocap_core.camera.projection import warp
-from imocap_core.motion.multiview.limbs_of_others import contradicted, expected_by_others
+from imocap_core.motion.multiview.limbs_of_others import (
+    SURE,
+    contradicted,
+    expected_by_others,
+)
 from imocap_core.motion.multiview.scene import JointMotion
 from imocap_core.pipeline.stage import Inputs
 from imocap_core.problem.joint import JointProblem
@@ -38,7 +42,6 @@ LIMBS = {
     "ankle": ("heel", "foot_index"),
 }  # and the points beyond a joint, which were detected with it
 NEARER = 0.5  # distance of a place that is taken, of that of the detection
-SURE = 0.5  # confidence of a joint that was moved
 PRESENT = 0.5  # probability of a person where nobody was detected before
 
 
@@ -133,7 +136,7 @@ def redetected(
             limit = min(float(asked.limit_px[n, k]), NEARER * float(away))
             place = _nearest(look.limbs_px[kind], asked.expected_px[n, k], limit)
             if place is not None:
-                taken[row, k] = (*place, max(SURE, float(video.confidence[row, k])))
+                taken[row, k] = (*place, SURE)
                 for tip in (names.index(f"{side}_{tip}") for tip in LIMBS[kind]):
                     taken[row, tip] = (*video.xy_px[row, tip].tolist(), 0.0)
     frame, point = np.array([*taken], int).reshape(-1, 2).T

@@ -14,8 +14,8 @@ from imocap_core.artifacts.schemas import (
     VideoKeypoints,
 )
 from imocap_core.body.layouts import layout_names
+from imocap_core.motion.multiview.limbs_of_others import SURE
 from imocap_core.problem.looked_again import (
-    SURE,
     ContradictedVideo,
     SecondLook,
     contradicted_videos,
@@ -45,7 +45,7 @@ def detected(made: Made) -> tuple[VideoKeypoints, VideoCameraMotion]:
         update={
             "layout": "blazepose33",
             "xy_px": xy_px,
-            "confidence": np.full(xy_px.shape[:2], 0.7),
+            "confidence": np.full(xy_px.shape[:2], 0.4),
             "corrected": CorrectedMarks(xy_px=xy_px + 1.0),
         }
     )
@@ -87,7 +87,7 @@ def test_a_joint_moves_to_the_place_nearest_to_the_expected_one(made: Made) -> N
     assert set(result.frame.tolist()) == {ROW}
     np.testing.assert_allclose(result.xy_px[at[WRIST]], expected + (4.0, 0.0))
     np.testing.assert_allclose(result.xy_first_px[at[WRIST]], expected + (9.0, 0.0))
-    assert result.confidence[at[WRIST]] == max(SURE, 0.7)
+    assert result.confidence[at[WRIST]] == SURE
     assert [result.confidence[at[tip]] for tip in TIPS] == [0.0, 0.0]
     assert len(at) == 4  # the thumb, too
 
@@ -148,15 +148,17 @@ def test_what_was_taken_stands_in_the_place_of_what_was_detected(made: Made) -> 
     assert with_redetected(keypoints, cameras, Redetect(videos=[], note="none"))[0] is keypoints
 
 
-def hit(made: Made, video: int, rows: slice) -> Made:
+def hit(made: Made, video: int, rows: slice, confidence: float = 0.4) -> Made:
     """The scene with the left wrist of one video detected a third of the picture away."""
     column = layout_names("body25").index("left_wrist")
     given = made.keypoints.videos[video]
     xy_px = given.xy_px.copy()
     xy_px[rows, column] += (80.0, 0.0)
+    doubtful = given.confidence.copy()
+    doubtful[rows, column] = confidence
     changed = Made(count=3)
     videos, cameras = list(made.keypoints.videos), list(made.camera_motion.videos)
-    videos[video] = given.model_copy(update={"xy_px": xy_px})
+    videos[video] = given.model_copy(update={"xy_px": xy_px, "confidence": doubtful})
     cameras[video] = cameras[video].model_copy(update={"xy_first_px": xy_px})
     changed.keypoints = Keypoints(videos=videos)
     changed.camera_motion = made.camera_motion.model_copy(update={"videos": cameras})
@@ -176,6 +178,8 @@ def test_frames_with_a_contradicted_limb_are_asked_for(made: Made) -> None:
     assert np.median(away) < 5.0
     assert contradicted_videos(joint, motion, ["v1", "v3"]) == []
     assert contradicted_videos(problem(made), motion, made.ids) == []
+    sure = problem(hit(made, 1, slice(4, 7), confidence=0.8))
+    assert contradicted_videos(sure, motion, made.ids) == []
 
 
 def test_nobody_is_asked_for_in_a_mirrored_video_or_where_sides_were_swapped(made: Made) -> None:

@@ -1,7 +1,8 @@
-"""Where the other videos' motion has a video's limbs, and which were detected elsewhere.
+"""Where the other videos' motion has a video's limbs, and which doubtful ones are elsewhere.
 
 The video's own motion has no say in where its limbs are expected, only in where the body as a whole
-is, so that an error does not confirm itself.
+is, so that an error does not confirm itself. What the detector is sure of is not asked: where
+performances differ, the others contradict it, too, and it is right.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from imocap_core.motion.observations import Observation
 from imocap_core.motion.state import MotionState
 
 LIMB_JOINTS = ("elbow", "wrist", "knee", "ankle")
+SURE = 0.5  # confidence from which a detection is not doubted
 LEAST_OTHERS = 2  # videos that show a moment: of two, either may be wrong
 AWAY = 0.05  # distance, in sizes of the person, from where the others expect a joint,
 SPREADS = 2.0  # and so many standard deviations of the others from one another
@@ -70,15 +72,15 @@ def expected_by_others(scene: Scene, state: MotionState, cameras: Cameras) -> li
 def contradicted(
     observation: Observation, expected: ExpectedPlaces, names: Sequence[str]
 ) -> Bool[np.ndarray, "T K"]:
-    """Which limb joints were detected where the other videos do not have them.
+    """Which limb joints were detected, with doubt, where the other videos do not have them.
 
     Args:
         names: of the keypoints.
     """
     away = np.linalg.norm(observation.xy_px - expected.xy_px, axis=-1)
     limbs = np.array([name.partition("_")[2] in LIMB_JOINTS for name in names])
-    detected = (observation.confidence > 0) & limbs
-    return detected & (np.nan_to_num(away) > expected.limit_px)
+    doubted = (observation.confidence > 0) & (observation.confidence < SURE) & limbs
+    return doubted & (np.nan_to_num(away) > expected.limit_px)
 
 
 def _mean_and_spread(
