@@ -28,12 +28,15 @@ WORKER = Path(blazepose_again.__file__)
 
 @dataclass(frozen=True)
 class KnownPlaces:
-    """Pictures of a video that are to be looked at: frames of the file (N,), each once and in
-    order, and the points (N, 33, 2) that the person is expected to have there, pixels."""
+    """Pictures of a video that are to be looked at.
+
+    frames: of the file, each once and in order. xy_px: the points of `LAYOUT` that the person is
+    expected to have there.
+    """
 
     video: Path
     frames: Int[np.ndarray, " N"]
-    xy_px: Float[np.ndarray, "N 33 2"]
+    xy_px: Float[np.ndarray, "N K 2"]
 
 
 def look_again(
@@ -82,7 +85,7 @@ def _looks(one: KnownPlaces, detector: Detector, python: Path) -> Iterator[Secon
 
 
 @contextmanager
-def _saved(xy_px: Float[np.ndarray, "N 33 2"]) -> Iterator[Path]:
+def _saved(xy_px: Float[np.ndarray, "N K 2"]) -> Iterator[Path]:
     """A file of an array, as long as it is needed."""
     with tempfile.TemporaryDirectory(prefix="imocap-places-") as folder:
         file = Path(folder) / "places.npy"

@@ -137,8 +137,10 @@ def redetected(
             place = _nearest(look.limbs_px[kind], asked.expected_px[n, k], limit)
             if place is not None:
                 taken[row, k] = (*place, SURE)
-                for tip in (names.index(f"{side}_{tip}") for tip in LIMBS[kind]):
-                    taken[row, tip] = (*video.xy_px[row, tip].tolist(), 0.0)
+                for tip in (f"{side}_{tip}" for tip in LIMBS[kind]):
+                    if tip in names:
+                        end = names.index(tip)
+                        taken[row, end] = (*video.xy_px[row, end].tolist(), 0.0)
     frame, point = np.array([*taken], int).reshape(-1, 2).T
     values = np.array([*taken.values()], float).reshape(-1, 3)
     return RedetectedVideo(
