@@ -15,6 +15,8 @@ from jaxtyping import Float, Int
 from imocap_core.detect.detection import with_last
 from imocap_core.detect.detectors import Detector
 from imocap_core.detect.process import Worker
+from imocap_core.detect.several import MOST_AT_ONCE
+from imocap_core.detect.worker_group import WorkerGroup
 from imocap_core.detect.workers import blazepose_again, blazepose_pose, exchange
 from imocap_core.detect.workers.blazepose.known_place import KINDS
 from imocap_core.io.video import read_rgb_of
@@ -54,26 +56,34 @@ def look_again(
     WorkFailed when the detector fails, ValueError when a video cannot be read.
     """
     total, count = sum(len(one.frames) for one in places), 0
+    workers = WorkerGroup()
 
     def looks(one: KnownPlaces) -> list[SecondLook]:
         nonlocal count
         answers = []
-        for look in _looks(one, detector, python):
+        for look in _looks(one, detector, python, workers):
             answers.append(look)
             count += 1
             progress(count / total)
         return answers
 
-    with ThreadPoolExecutor(min(len(places), cores())) as pool:
-        return list(pool.map(looks, places))
+    with ThreadPoolExecutor(min(len(places), cores(), MOST_AT_ONCE)) as pool:
+        try:
+            return list(pool.map(looks, places))
+        except BaseException:
+            workers.stop()
+            raise
 
 
-def _looks(one: KnownPlaces, detector: Detector, python: Path) -> Iterator[SecondLook]:
+def _looks(
+    one: KnownPlaces, detector: Detector, python: Path, workers: WorkerGroup
+) -> Iterator[SecondLook]:
     numbers = frozenset(int(frame) for frame in one.frames)
     with (
         _saved(one.xy_px) as file,
         Worker(python, WORKER, detector.arguments | {"places": str(file)}, threads=1) as worker,
     ):
+        workers.add(worker)
         for (_, picture), is_last in with_last(read_rgb_of(one.video, numbers)):
             answer = worker.detect(picture, is_last)
             places = (np.array(of_kind, float).reshape(-1, 2) for of_kind in answer["limbs"])

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from threading import Event, Lock
+from threading import Lock
 
 from imocap_core.detect.detection import Progress, detect_video
 from imocap_core.detect.detectors import Detector
-from imocap_core.detect.process import Worker
+from imocap_core.detect.worker_group import WorkerGroup
 from imocap_core.errors import ImocapError
 from imocap_core.workers import cores
 
@@ -26,24 +26,6 @@ class Undetected:
 
     video: Path
     file: Path
-
-
-@dataclass
-class _Workers:
-    """The detector's processes that are at work; they can be ended together."""
-
-    stopped: Event = field(default_factory=Event)
-    working: list[Worker] = field(default_factory=list)
-
-    def add(self, worker: Worker) -> None:
-        self.working.append(worker)
-        if self.stopped.is_set():
-            worker.kill()
-
-    def stop(self) -> None:
-        self.stopped.set()
-        for worker in self.working:
-            worker.kill()
 
 
 def detect_videos(
@@ -59,7 +41,7 @@ def detect_videos(
     """
     at_once = min(len(videos), cores(), MOST_AT_ONCE)
     threads = cores() // at_once if at_once > 1 else None
-    shares, lock, workers = [0.0] * len(videos), Lock(), _Workers()
+    shares, lock, workers = [0.0] * len(videos), Lock(), WorkerGroup()
 
     def detect(row: int) -> ImocapError | ValueError | None:
         def one_progress(share: float, what: str) -> None:

@@ -12,6 +12,7 @@ from imocap_core.detect import several
 from imocap_core.detect.detectors import Detector, detector_of
 from imocap_core.detect.process import Worker
 from imocap_core.detect.several import Undetected, detect_videos
+from imocap_core.detect.worker_group import WorkerGroup
 from imocap_core.errors import WorkFailed
 from imocap_core.params import DetectParams
 from tests.detect.conftest import clip
@@ -88,14 +89,14 @@ def test_detectors_that_hang_end_with_an_interrupted_run(
         if share > 0.29:  # two frames of each
             Timer(0.3, all_hang.set).start()
 
-    add = several._Workers.add
+    add = WorkerGroup.add
 
-    def noted(self: several._Workers, worker: Worker) -> None:
+    def noted(self: WorkerGroup, worker: Worker) -> None:
         workers.append(worker)
         add(self, worker)
 
     monkeypatch.setattr(several, "ThreadPoolExecutor", Pool)
-    monkeypatch.setattr(several._Workers, "add", noted)
+    monkeypatch.setattr(WorkerGroup, "add", noted)
     with pytest.raises(KeyboardInterrupt):
         detect_videos(videos(tmp_path), detector, detector_python, progress)
     assert len(workers) == 3
