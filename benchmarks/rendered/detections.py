@@ -19,6 +19,7 @@ def detected_clips(job: Job) -> tuple[list[DetectedClip], tuple[str, ...]]:
     """Detections of the action's videos, and the names of their points; all must be detected."""
     clips = []
     names: tuple[str, ...] = ()
+    least = job.settings.params.keypoints.min_confidence
     with np.load(job.action.folder / POINTS) as stored:
         for video in job.action.videos:
             assert video.video is not None
@@ -26,13 +27,13 @@ def detected_clips(job: Job) -> tuple[list[DetectedClip], tuple[str, ...]]:
             detections = read_mediapipe(job.action.detected[video.id], LAYOUT, info.size)
             true, columns = stored[f"{video.id}/xy_px"], stored[f"{video.id}/columns"]
             names = tuple(str(name) for name in stored[f"{video.id}/names"])
-            xy_px, confidence = np.full(true.shape, np.nan), np.zeros(true.shape[:2])
+            xy_px, used = np.full(true.shape, np.nan), np.zeros(true.shape[:2], dtype=bool)
             for frame, people in zip(detections.frames.tolist(), detections.people, strict=True):
                 if len(people) and frame < len(true):
                     xy_px[frame] = people[0][columns, :2]
-                    confidence[frame] = people[0][columns, 2]
+                    used[frame] = people[0][columns, 2] >= least
             height, side = stored[f"{video.id}/height_px"], str(stored[f"{video.id}/side"])
-            clips.append(DetectedClip(xy_px, true, height, side, info.fps, confidence))
+            clips.append(DetectedClip(xy_px, true, height, side, info.fps, used))
     return clips, names
 
 

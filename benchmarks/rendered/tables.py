@@ -51,7 +51,7 @@ def markdown(
         "of the person's standing height in the picture (1.7 cm on a person of 1.7 m). `spread`: "
         "per axis, about the mean of the film, without outliers. `lasts`: share and time constant "
         "of what persists. An outlier is further than 5 spreads from the middle of its point; "
-        "hidden limbs are guessed, with little confidence.",
+        "hidden limbs are guessed, with a confidence that mostly is too low to be used.",
         points_table(errors),
         sides_table(films, names),
         "## What the simulated detector would need",
@@ -99,13 +99,14 @@ def points_table(errors: Sequence[PointErrors]) -> str:
             f"{cell(p.persistent, 2)}, {cell(p.persistence_s, 2)} s",
             f"{100 * p.outlier_rate:.1f}",
             f"{100 * p.outlier_size:.1f}",
-            f"{100 * p.outlier_weight:.1f}",
+            f"{100 * p.unused_rate:.1f}",
+            f"{100 * p.used_outlier_rate:.1f}",
             f"{100 * p.miss_rate:.1f}",
         ]
         for p in errors
     ]
     head = ["point", "bias x, y", "spread", "lasts", "outliers %", "their size"]
-    head += ["their share of the confidence %", "missed %"]
+    head += ["not used %", "outliers of those used %", "missed %"]
     return markdown_table(head, rows)
 
 

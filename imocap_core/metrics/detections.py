@@ -10,13 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from imocap_core.conventions import left_right_pairs
 
 OUTLIER_SIGMA = 5.0  # errors beyond this many standard deviations (by the median) are outliers
 RADIAL = 1.1774  # median distance of a two-dimensional Gaussian, in standard deviations an axis
-LEAST_WEIGHT = 1e-9
 LONGEST_S = 0.5  # longest lag of the correlation in time
 LEAST_CORRELATION = 0.05
 SWAPPED = 0.05  # of the height, a point, that a limb must be nearer to the other side
@@ -33,7 +32,7 @@ class DetectedClip:
         height_px: of the person as if standing upright in the picture.
         side: the side that the camera sees: front, side or back.
         fps: frames a second.
-        confidence: of the detections; None: of all the same.
+        is_used: detections with enough confidence to be used; None: all.
     """
 
     detected_px: Float[np.ndarray, "T K 2"]
@@ -41,7 +40,7 @@ class DetectedClip:
     height_px: Float[np.ndarray, " T"]
     side: str
     fps: float
-    confidence: Float[np.ndarray, "T K"] | None = None
+    is_used: Bool[np.ndarray, "T K"] | None = None
 
     @property
     def error(self) -> Float[np.ndarray, "T K 2"]:
@@ -59,7 +58,8 @@ class PointErrors:
         persistent, persistence_s: the correlation of errors over a time t is
             persistent exp(-t / persistence_s); NaN where errors are not correlated.
         outlier_rate, outlier_size: share of outliers and their root mean square an axis.
-        outlier_weight: their share of the confidence in all detections of the point.
+        unused_rate: share of detections that are not used.
+        used_outlier_rate: share of outliers among the others, NaN where there are none.
         miss_rate: share of frames without a detection.
     """
 
@@ -71,7 +71,8 @@ class PointErrors:
     persistence_s: float
     outlier_rate: float
     outlier_size: float
-    outlier_weight: float
+    unused_rate: float
+    used_outlier_rate: float
     miss_rate: float
 
 
@@ -114,7 +115,7 @@ def _errors_of_point(clips: Sequence[DetectedClip], k: int, name: str) -> PointE
     detected = np.isfinite(every).all(axis=1)
     if not detected.any():
         nan = float("nan")
-        return PointErrors(name, nan, nan, nan, nan, nan, nan, nan, nan, 1.0)
+        return PointErrors(name, nan, nan, nan, nan, nan, nan, nan, nan, nan, 1.0)
     middle = np.median(every[detected], axis=0)
     away = np.linalg.norm(every[detected] - middle, axis=1)
     limit = OUTLIER_SIGMA * float(np.median(away)) / RADIAL
@@ -122,7 +123,7 @@ def _errors_of_point(clips: Sequence[DetectedClip], k: int, name: str) -> PointE
     centred = [u - np.nanmean(u, axis=0) for u in inliers if np.isfinite(u).any()]
     bias = np.nanmean(np.concatenate(inliers), axis=0)
     outliers = away > limit
-    weight = np.concatenate([_confidence(clip)[:, k] for clip in clips])[detected]
+    used = np.concatenate([_used(clip)[:, k] for clip in clips])[detected]
     persistent, persistence_s = correlation_in_time(centred, [clip.fps for clip in clips])
     return PointErrors(
         name,
@@ -133,15 +134,16 @@ def _errors_of_point(clips: Sequence[DetectedClip], k: int, name: str) -> PointE
         persistence_s,
         float(outliers.mean()),
         float(np.sqrt(np.mean(away[outliers] ** 2) / 2)) if outliers.any() else 0.0,
-        float(weight[outliers].sum() / max(weight.sum(), LEAST_WEIGHT)),
+        float(1 - used.mean()),
+        float(outliers[used].mean()) if used.any() else float("nan"),
         float(1 - detected.mean()),
     )
 
 
-def _confidence(clip: DetectedClip) -> Float[np.ndarray, "T K"]:
-    if clip.confidence is None:
-        return np.ones(clip.detected_px.shape[:2])
-    return clip.confidence
+def _used(clip: DetectedClip) -> Bool[np.ndarray, "T K"]:
+    if clip.is_used is None:
+        return np.ones(clip.detected_px.shape[:2], dtype=bool)
+    return clip.is_used
 
 
 def _without_outliers(error: np.ndarray, middle: np.ndarray, limit: float) -> np.ndarray:

@@ -54,11 +54,13 @@ def test_outliers_and_misses_are_counted_apart() -> None:
     nose, shoulder = point_errors([spoiled], NAMES)[:2]
     assert nose.outlier_rate == pytest.approx(wrong.mean(), abs=0.003)
     assert nose.outlier_size == pytest.approx(0.2, rel=0.1)
-    assert nose.outlier_weight == pytest.approx(nose.outlier_rate)
-    confidence = np.where(wrong[:, None], 0.1, 1.0) * np.ones(len(NAMES))
-    (unsure, *_) = point_errors([replace(spoiled, confidence=confidence)], NAMES)
-    few = 0.1 * wrong.sum()
-    assert unsure.outlier_weight == pytest.approx(few / (few + (~wrong).sum()), rel=0.1)
+    assert (nose.unused_rate, nose.used_outlier_rate) == (0.0, nose.outlier_rate)
+    is_used = np.tile(~wrong[:, None], len(NAMES))
+    is_used[np.flatnonzero(wrong)[0]] = True  # one of the wrong ones is used all the same
+    (unsure, *_) = point_errors([replace(spoiled, is_used=is_used)], NAMES)
+    assert unsure.outlier_rate == nose.outlier_rate
+    assert unsure.unused_rate == pytest.approx((wrong.sum() - 1) / len(wrong))
+    assert unsure.used_outlier_rate == pytest.approx(1 / is_used[:, 0].sum(), abs=0.002)
     assert nose.spread == pytest.approx(SPREAD, rel=0.1)
     assert nose.bias_x == pytest.approx(BIAS[0], abs=0.0015)
     assert shoulder.miss_rate == pytest.approx(0.1, abs=0.02)
