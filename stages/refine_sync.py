@@ -161,7 +161,7 @@ def _in_turn(
             return None  # as every round
         progress("motion, afresh")
         release_freed_memory()
-        return begun.problem.recovered(sync, motion, solving, afresh=True)
+        return begun.problem.solved_afresh(sync, motion, solving)
 
     loop = alternate(
         begun.single_pass,

@@ -18,6 +18,7 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular.fit import Progress
+from imocap_core.motion.multiview.own_keypoints import unexplained
 from imocap_core.motion.multiview.scene import JointMotion, Scene
 from imocap_core.motion.multiview.smpl_ba import recover_motion
 from imocap_core.motion.multiview.swapped_sides import with_sides
@@ -37,6 +38,8 @@ from imocap_core.problem.motions import joint_motion_of, smpl_ba_of, state_of
 from imocap_core.problem.observations import body_for, estimated_joints, fit_of, observations_of
 from imocap_core.problem.one_motion import is_one_motion
 from imocap_core.sync.warp.reprojection import CalibratedVideo, ReprojectionEvidence
+
+WORSE = 0.005  # logarithm of what the last solve may leave unexplained, over the loop's
 
 
 @dataclass(frozen=True)
@@ -81,6 +84,17 @@ class JointProblem:
             swapped=before.swapped,
             afresh=afresh,
         )
+
+    def solved_afresh(
+        self, sync: SyncSummary, before: JointMotion, progress: Progress
+    ) -> JointMotion | None:
+        """The last solve, after the loop; None where it explains the videos' keypoints worse."""
+        motion = self.recovered(sync, before, progress, afresh=True)
+        matched = self.synchronised(sync)
+        left, left_before = (
+            unexplained(matched.scene_of(m), m.state.uncached()) for m in (motion, before)
+        )
+        return motion if left < left_before + WORSE else None
 
     def result(self, motion: JointMotion) -> SmplBa:
         """SMPL-BA's result as an artifact: as filmed, and of all videos."""
