@@ -158,3 +158,17 @@ def test_videos_that_hardly_differ_show_one_motion(
     )
     assert shows_one_motion(replace(before, spread=alike)) == is_one
     assert not shows_one_motion(replace(before, spread=None))
+
+
+@pytest.mark.parametrize(("left", "counts"), [(-2.0, True), (-1.997, True), (-1.99, False)])
+def test_the_last_solve_counts_unless_it_explains_the_keypoints_worse(
+    made: Made, monkeypatch: pytest.MonkeyPatch, left: float, *, counts: bool
+) -> None:
+    given = problem(made)
+    before = recover_motion(given.scene, given.start, replace(given.options, max_steps=1))
+    again = replace(before, status="again")
+    monkeypatch.setattr("imocap_core.problem.joint.recover_motion", lambda *_, **__: again)
+    answers = iter([left, -2.0])
+    monkeypatch.setattr("imocap_core.problem.joint.unexplained", lambda *_: next(answers))
+    final = given.solved_afresh(made.sync, before, lambda what: None)
+    assert final is (again if counts else None)
