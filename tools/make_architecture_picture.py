@@ -32,7 +32,17 @@ BANDS = (
     ("Pure", "synthetic", "arrays in, arrays out", "#f6edf3", "#b98aa8"),
     ("Foundation", "params", "imported by all", "#f1f1ef", "#a3a39b"),
 )
-FLOW = ("#3b6ea5", "#3f86a8", "#3f9a94", "#c98a2d", "#c2613f", "#b0405a", "#8a5a9e", "#5f6470")
+FLOW = (
+    "#3b6ea5",
+    "#3f86a8",
+    "#3f9a94",
+    "#c98a2d",
+    "#c2613f",
+    "#b0405a",
+    "#9d4d7c",
+    "#8a5a9e",
+    "#5f6470",
+)
 
 
 @dataclass(frozen=True)
