@@ -36,7 +36,7 @@ def in_a_sentence(stage: str, call: Callable[[], Made]) -> Made:
     """Call a stage's function; every error in it becomes WorkFailed with one sentence."""
     try:
         return call()
-    except (ValueError, OSError, ArtifactCorrupt) as error:
+    except (ValueError, OSError, ArtifactCorrupt, WorkFailed) as error:
         raise WorkFailed(f"{stage}: {error}") from error
     except Exception as error:
         if is_out_of_memory(error):

@@ -16,6 +16,7 @@ from imocap_core.detect.again import KnownPlaces
 from imocap_core.errors import WorkFailed
 from imocap_core.params import Params, RedetectParams
 from imocap_core.pipeline.stage import Inputs
+from imocap_core.pipeline.stage_call import in_a_sentence
 from imocap_core.problem.looked_again import SecondLook
 from stages import redetect
 from tests.problem.test_looked_again import hit, problem
@@ -111,3 +112,14 @@ def test_a_detector_that_cannot_be_set_up_says_how_to_go_on(
     monkeypatch.setattr(redetect, "set_up", broken)
     with pytest.raises(WorkFailed, match=r"no Python 3\.11; --set redetect.enabled=false does"):
         run(made, made.ids)
+
+
+def test_what_a_stage_cannot_do_is_no_fault_of_the_program() -> None:
+    def lacking() -> Redetect:
+        return Inputs("refine_sync", {}).get(Redetect)
+
+    with pytest.raises(WorkFailed) as fault:
+        in_a_sentence("refine_sync", lacking)
+    assert str(fault.value).startswith("refine_sync: pipeline.yaml: stages.refine_sync.inputs: ")
+    assert "a pipeline.yaml of an older version" in str(fault.value)
+    assert "fault of the program" not in str(fault.value)
