@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -56,23 +56,19 @@ def look_again(
     WorkFailed when the detector fails, ValueError when a video cannot be read.
     """
     total, count = sum(len(one.frames) for one in places), 0
-    workers = WorkerGroup()
+    lock, workers = Lock(), WorkerGroup()
 
     def looks(one: KnownPlaces) -> list[SecondLook]:
         nonlocal count
         answers = []
         for look in _looks(one, detector, python, workers):
             answers.append(look)
-            count += 1
-            progress(count / total)
+            with lock:
+                count += 1
+                progress(count / total)
         return answers
 
-    with ThreadPoolExecutor(min(len(places), cores(), MOST_AT_ONCE)) as pool:
-        try:
-            return list(pool.map(looks, places))
-        except BaseException:
-            workers.stop()
-            raise
+    return workers.results(looks, places, min(len(places), cores(), MOST_AT_ONCE))
 
 
 def _looks(

@@ -6,7 +6,6 @@ One picture at a time hardly gains from a second thread, so the cores are shared
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
@@ -62,12 +61,7 @@ def detect_videos(
     if at_once == 1:
         faults = [detect(row) for row in range(len(videos))]
     else:
-        with ThreadPoolExecutor(at_once) as pool:
-            try:
-                faults = list(pool.map(detect, range(len(videos))))
-            except BaseException:
-                workers.stop()
-                raise
+        faults = workers.results(detect, range(len(videos)), at_once)
     for fault in faults:
         if isinstance(fault, ImocapError):
             raise fault

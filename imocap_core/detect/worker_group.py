@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from threading import Event
+from typing import TypeVar
 
 from imocap_core.detect.process import Worker
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
 
 
 @dataclass
@@ -20,6 +26,17 @@ class WorkerGroup:
         self.working.append(worker)
         if self.stopped.is_set():
             worker.kill()
+
+    def results(
+        self, call: Callable[[Task], Result], tasks: Iterable[Task], at_once: int
+    ) -> list[Result]:
+        """A call's results for all tasks, so many at once; the first error, or Ctrl-C, ends all."""
+        with ThreadPoolExecutor(at_once) as pool:
+            try:
+                return list(pool.map(call, tasks))
+            except BaseException:
+                self.stop()
+                raise
 
     def stop(self) -> None:
         """End all of them."""

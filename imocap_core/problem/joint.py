@@ -39,8 +39,6 @@ from imocap_core.problem.observations import body_for, estimated_joints, fit_of,
 from imocap_core.problem.one_motion import is_one_motion
 from imocap_core.sync.warp.reprojection import CalibratedVideo, ReprojectionEvidence
 
-WORSE = 0.005  # logarithm of what the last solve may leave unexplained, over the loop's
-
 
 @dataclass(frozen=True)
 class JointProblem:
@@ -94,7 +92,7 @@ class JointProblem:
         left, left_before = (
             unexplained(matched.scene_of(m), m.state.uncached()) for m in (motion, before)
         )
-        return motion if left < left_before + WORSE else None
+        return motion if left <= left_before else None
 
     def result(self, motion: JointMotion) -> SmplBa:
         """SMPL-BA's result as an artifact: as filmed, and of all videos."""

@@ -8,7 +8,7 @@ from threading import Event, Timer
 import numpy as np
 import pytest
 
-from imocap_core.detect import several
+from imocap_core.detect import worker_group
 from imocap_core.detect.detectors import Detector, detector_of
 from imocap_core.detect.process import Worker
 from imocap_core.detect.several import Undetected, detect_videos
@@ -79,7 +79,7 @@ def test_detectors_that_hang_end_with_an_interrupted_run(
     all_hang = Event()
     workers: list[Worker] = []
 
-    class Pool(several.ThreadPoolExecutor):
+    class Pool(worker_group.ThreadPoolExecutor):
         def map(self, work, rows, **more):  # type: ignore[no-untyped-def]
             super().map(work, rows, **more)
             assert all_hang.wait(60)
@@ -95,7 +95,7 @@ def test_detectors_that_hang_end_with_an_interrupted_run(
         workers.append(worker)
         add(self, worker)
 
-    monkeypatch.setattr(several, "ThreadPoolExecutor", Pool)
+    monkeypatch.setattr(worker_group, "ThreadPoolExecutor", Pool)
     monkeypatch.setattr(WorkerGroup, "add", noted)
     with pytest.raises(KeyboardInterrupt):
         detect_videos(videos(tmp_path), detector, detector_python, progress)

@@ -28,7 +28,7 @@ def look_at(
     networks and by the second one's highest heat; `body`, 33 of [x, y, visibility], as the detector
     has it; `presence`, the probability of a person.
     """
-    body = detect_landmarks(picture, upright_about(place), network)
+    body = detect_landmarks(picture, crop_of_body(place), network)
     limbs = [[body.xy_px[k].tolist() for k in kind] for kind in KINDS.values()]
     if second is not None:
         crop = crop_about(replace(body, xy_px=place))
@@ -44,7 +44,7 @@ def look_at(
     return {"limbs": limbs, "body": rows.tolist(), "presence": body.presence}
 
 
-def upright_about(place: np.ndarray) -> Crop:
+def crop_of_body(place: np.ndarray) -> Crop:
     """The crop about a whole body, its trunk upright."""
     hips = place[HIPS].mean(axis=0)
     up = place[SHOULDERS].mean(axis=0) - hips
