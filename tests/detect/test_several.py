@@ -8,7 +8,7 @@ from threading import Event, Timer
 import numpy as np
 import pytest
 
-from imocap_core.detect import worker_group
+from imocap_core.detect import several, worker_group
 from imocap_core.detect.detectors import Detector, detector_of
 from imocap_core.detect.process import Worker
 from imocap_core.detect.several import Undetected, detect_videos
