@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.actions.action_folder import is_made
+from benchmarks.actions.action_variant import ActionVariant
 from benchmarks.actions.captured import data_folder
 from benchmarks.degraded.folders import footage_key, make_footage
 from benchmarks.degraded.footage import FOOTAGES, KINDS, Footage
@@ -28,27 +29,15 @@ ACTIONS = ("balance_beam", "crowd")
 
 
 @dataclass(frozen=True)
-class DegradedAction:
+class DegradedAction(ActionVariant):
     """One footage of one action, below the benchmark's folder."""
 
-    folder: Path
-    action: str
     footage: Footage
 
     @property
-    def name(self) -> str:
-        """The name of its action."""
-        return f"{self.action}-{self.footage.name}"
-
-    @property
-    def action_folder(self) -> Path:
-        """Its action folder."""
-        return self.folder / "actions" / self.name
-
-    @property
-    def score_file(self) -> Path:
-        """The file of its numbers."""
-        return self.folder / "scores" / f"{self.name}.json"
+    def variant(self) -> str:
+        """The name of the footage."""
+        return self.footage.name
 
 
 def check_choice(only: tuple[str, ...], variants: tuple[str, ...]) -> None:

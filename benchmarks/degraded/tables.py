@@ -23,8 +23,8 @@ COLUMNS = (
 class DegradedScore:
     """The result of one footage of an action.
 
-    contradicted: joints that were detected where the other videos do not have them, which were
-    looked at again. moved: those of them that took another place.
+    contradicted: doubtful joints, detected where the other videos do not have them, which were
+    looked at again. moved: joints that took another place.
     """
 
     action: str
@@ -39,7 +39,7 @@ def markdown(
 ) -> str:
     """The whole report. missing: names of what was not run; absent: why actions have no data."""
     head = ("action", "footage", "videos degraded", *(heading for *_, heading in COLUMNS))
-    more = ("left out or mirrored", "joints looked at again", "of them moved")
+    more = ("left out or mirrored", "joints looked at again", "joints moved")
     parts = [
         "# The pipeline on degraded footage",
         "Made by `imocap benchmark degraded`. Every action runs at the defaults, from pixels; "

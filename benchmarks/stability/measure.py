@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.actions.action_folder import is_made
+from benchmarks.actions.action_variant import ActionVariant
 from benchmarks.parallel import ActionDisplay, LineDisplay, each, in_process, other_thread_count
 from benchmarks.scoring.score import cached_score, score_action, truth_of
 from benchmarks.scoring.score_file import LAST, ActionScore
@@ -30,27 +31,15 @@ NAME = "stability"
 
 
 @dataclass(frozen=True)
-class PerturbedAction:
+class PerturbedAction(ActionVariant):
     """One perturbation of one action, below the benchmark's folder."""
 
-    folder: Path
-    action: str
     perturbation: Perturbation
 
     @property
-    def name(self) -> str:
-        """The name of its action."""
-        return f"{self.action}-{self.perturbation.name}"
-
-    @property
-    def action_folder(self) -> Path:
-        """Its action folder."""
-        return self.folder / "actions" / self.name
-
-    @property
-    def score_file(self) -> Path:
-        """The file of its numbers."""
-        return self.folder / "scores" / f"{self.name}.json"
+    def variant(self) -> str:
+        """The name of the perturbation."""
+        return self.perturbation.name
 
     def job(self) -> Job:
         """Its job. Results are cached by their inputs, so that another number of threads needs a

@@ -119,7 +119,7 @@ GLOSSARY = {
     "up_alone_sd_deg": "Standard deviation of up by this video alone.",
     "moved_frames": "Mean change of the correspondences since the previous round.",
     "pictures_again": "Pictures of a video that the detector looked at once more.",
-    "contradicted": "Limb joints in them detected where the other videos do not have them.",
+    "contradicted": "Doubtful limb joints in them that the other videos have elsewhere.",
     "moved_joints": "Those of them that took a place near the one that the others expect, and all "
     "points of people who had not been detected.",
     "cost": "Cost by which the rounds are compared.",

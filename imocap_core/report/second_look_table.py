@@ -25,8 +25,8 @@ def second_look_tables(again: Redetect) -> list[Table]:
             title="Pictures that were looked at again",
             columns=["video", "pictures_again", "contradicted", "moved_joints"],
             rows=rows,
-            note="Limb joints that were detected where the other videos do not have them. One "
+            note="Limb joints that the detector doubted and the other videos have elsewhere. One "
             "moves where the picture shows a joint near the expected place; the others stay, as "
-            "performances differ.",
+            "performances may differ.",
         )
     ]

@@ -1,4 +1,4 @@
-"""Artifact of `redetect`: limbs that were looked for again, and where they were found."""
+"""Artifact of `redetect`: limb joints that were looked for again, and where they are."""
 
 from __future__ import annotations
 
@@ -15,8 +15,10 @@ class RedetectedVideo(Value):
     """
 
     id: Id
-    looked_at: Annotated[Ints, Shape("L")]  # used frames, numbered from 0, whose pictures were
-    contradicted: int  # joints that were detected where the other videos do not have them
+    looked_at: Annotated[
+        Ints, Shape("L")
+    ]  # used frames, numbered from 0, that were looked at again
+    contradicted: int  # doubtful joints, detected where the other videos do not have them
     frame: Annotated[Ints, Shape("C")]  # used frame of each replacement, numbered from 0
     point: Annotated[Ints, Shape("C")]  # and its point of the layout
     xy_px: Annotated[Floats, Shape("C", 2)]  # in the frame's picture
