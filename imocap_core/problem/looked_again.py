@@ -43,6 +43,7 @@ LIMBS = {
 }  # and the points beyond a joint, which were detected with it
 NEARER = 0.5  # distance of a place that is taken, of that of the detection
 PRESENT = 0.5  # probability of a person where nobody was detected before
+Replacements = dict[tuple[int, int], tuple[float, ...]]  # x, y, confidence by frame and point
 
 
 @dataclass(frozen=True)
@@ -124,23 +125,14 @@ def redetected(
 ) -> RedetectedVideo:
     """What of a second look is taken, of every frame that was looked at."""
     names = layout_names(video.layout)
-    taken: dict[tuple[int, int], tuple[float, ...]] = {}  # x, y, confidence by frame and point
-    for n, (row, look) in enumerate(zip(asked.rows.tolist(), looks, strict=True)):
-        if asked.is_lost[n]:
-            if look.presence >= PRESENT and _fits(look.body, asked, n, names):
-                taken |= {(row, k): tuple(values) for k, values in enumerate(look.body.tolist())}
-            continue
-        for k in np.flatnonzero(asked.is_contradicted[n]).tolist():
-            side, _, kind = names[k].partition("_")
-            away = np.linalg.norm(video.xy_px[row, k] - asked.expected_px[n, k])
-            limit = min(float(asked.limit_px[n, k]), NEARER * float(away))
-            place = _nearest(look.limbs_px[kind], asked.expected_px[n, k], limit)
-            if place is not None:
-                taken[row, k] = (*place, SURE)
-                for tip in (f"{side}_{tip}" for tip in LIMBS[kind]):
-                    if tip in names:
-                        end = names.index(tip)
-                        taken[row, end] = (*video.xy_px[row, end].tolist(), 0.0)
+    taken: Replacements = {}
+    for n, look in enumerate(looks):
+        if not asked.is_lost[n]:
+            for k in np.flatnonzero(asked.is_contradicted[n]).tolist():
+                taken |= _moved_joint(asked, n, k, look, video, names)
+        elif look.presence >= PRESENT and _fits(look.body, asked, n, names):
+            row = int(asked.rows[n])
+            taken |= {(row, k): tuple(values) for k, values in enumerate(look.body.tolist())}
     frame, point = np.array([*taken], int).reshape(-1, 2).T
     values = np.array([*taken.values()], float).reshape(-1, 3)
     return RedetectedVideo(
@@ -193,6 +185,27 @@ def with_second_look(inputs: Inputs) -> Inputs:
         inputs.get(Keypoints), inputs.get(CameraMotion), inputs.get(Redetect)
     )
     return inputs.with_artifacts(keypoints, cameras)
+
+
+def _moved_joint(
+    asked: ContradictedVideo,
+    n: int,
+    k: int,
+    look: SecondLook,
+    video: VideoKeypoints,
+    names: Sequence[str],
+) -> Replacements:
+    """A contradicted joint at the place that is taken, and the points beyond it, which count for
+    nothing then; empty where the picture shows none near enough."""
+    row, (side, _, kind) = int(asked.rows[n]), names[k].partition("_")
+    away = np.linalg.norm(video.xy_px[row, k] - asked.expected_px[n, k])
+    limit = min(float(asked.limit_px[n, k]), NEARER * float(away))
+    place = _nearest(look.limbs_px[kind], asked.expected_px[n, k], limit)
+    if place is None:
+        return {}
+    beyond = [names.index(p) for p in (f"{side}_{tip}" for tip in LIMBS[kind]) if p in names]
+    ends = {(row, end): (*video.xy_px[row, end].tolist(), 0.0) for end in beyond}
+    return {(row, k): (*place, SURE), **ends}
 
 
 def _fits(
