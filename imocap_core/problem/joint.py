@@ -39,6 +39,8 @@ from imocap_core.problem.observations import body_for, estimated_joints, fit_of,
 from imocap_core.problem.one_motion import is_one_motion
 from imocap_core.sync.warp.reprojection import CalibratedVideo, ReprojectionEvidence
 
+AS_WELL = 0.001  # difference of logarithms within which two motions explain keypoints alike
+
 
 @dataclass(frozen=True)
 class JointProblem:
@@ -92,7 +94,7 @@ class JointProblem:
         left, left_before = (
             unexplained(matched.scene_of(m), m.state.uncached()) for m in (motion, before)
         )
-        return motion if left <= left_before else None
+        return motion if left <= left_before + AS_WELL else None
 
     def result(self, motion: JointMotion) -> SmplBa:
         """SMPL-BA's result as an artifact: as filmed, and of all videos."""
