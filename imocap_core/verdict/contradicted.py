@@ -18,6 +18,7 @@ from imocap_core.verdict.person_size import person_size
 SEEN = 0.5  # confidence of a detection that says where a joint is
 AWAY = 0.15  # of the person's size, of the farthest joint of a limb
 LEAST_S, GAP_S = 0.15, 0.07
+VISIBILITY = ("blazepose33", "mediapipe33")  # whose confidence says that nothing is in front
 CLEAR = 0.7  # confidence of a joint in front of everything; hidden ones have below 0.5
 BEHIND_M = 0.12  # a trunk's half depth: farther behind its middle, a joint is hidden
 ACROSS = 0.4  # cosine between the trunk's normal and the line of sight
@@ -73,10 +74,13 @@ def contradicted_findings(
 
 
 def behind_findings(motion: SmplBa, videos: Mapping[str, VideoKeypoints]) -> list[Finding]:
-    """Hands and elbows that are seen clearly, and that the body has behind its trunk."""
+    """Hands and elbows that are seen clearly, and that the body has behind its trunk; of detectors
+    that tell what is hidden."""
     findings = []
     for body in motion.videos:
         video = videos[body.id]
+        if video.layout not in VISIBILITY:
+            continue
         names = layout_names(video.layout)
         for side in ("left", "right"):
             hidden = np.zeros(len(video.frames), dtype=bool)

@@ -98,12 +98,18 @@ def test_a_wrist_is_hidden_behind_the_trunk_only(
     assert depth[0] == pytest.approx(behind, abs=0.01)
 
 
-@pytest.mark.parametrize(("confidence", "named"), [(0.9, True), (0.4, False)])
-def test_an_arm_seen_clearly_is_not_behind_the_trunk(confidence: float, named: bool) -> None:
+@pytest.mark.parametrize(
+    ("layout", "confidence", "named"),
+    [("blazepose33", 0.9, True), ("blazepose33", 0.4, False), ("body25", 0.9, False)],
+)
+def test_an_arm_seen_clearly_is_not_behind_the_trunk(
+    layout: str, confidence: float, named: bool
+) -> None:
     made = Made(1)
-    video = made.keypoints.videos[0]
-    seen = video.confidence.copy()
-    seen[:, layout_names(video.layout).index("left_wrist")] = confidence
+    video = made.keypoints.videos[0].model_copy(update={"layout": layout})
+    names = layout_names(layout)
+    seen = np.zeros((len(video.frames), len(names)))
+    seen[:, names.index("left_wrist")] = confidence
     joints = np.repeat(facing_body((0, -0.3, 3.3)), len(video.frames), axis=0)
     body = made.final[0].model_copy(update={"joints": joints})
     motion = made.refined.motion.model_copy(update={"videos": [body]})
