@@ -94,10 +94,10 @@ class UncertaintyParams:
         0.5, "The pose prior counts once per this time. Chosen on training clips.", unit="s"
     )
     lasting_error_mm: dict[str, NonNegative] = param(
-        {"mediapipe33": 8.0, "blazepose33": 8.0},
+        {"mediapipe33": 18.0, "blazepose33": 18.0},
         "Standard deviation of a joint's place along each axis that errors of a detector leave, "
-        "where they last as long as a view does; by keypoint layout. BlazePose's was chosen on "
-        "films of training clips, MediaPipe's is the same.",
+        "where they last as long as a view does; by keypoint layout. BlazePose's is that of real "
+        "people (films of made bodies: 8 to 12), MediaPipe's is the same.",
         unit="mm",
     )
     weak_limit: Positive = param(

@@ -145,7 +145,7 @@ def test_lasting_errors_are_those_of_each_video_s_layout(made: Made) -> None:
     first, *others = made.keypoints.videos
     keypoints = Keypoints(videos=[first.model_copy(update={"layout": "blazepose33"}), *others])
     assert first.layout not in PARAMS.uncertainty.lasting_error_mm
-    assert lasting_errors_m(keypoints, PARAMS.uncertainty) == [0.008, *(0.0 for _ in others)]
+    assert lasting_errors_m(keypoints, PARAMS.uncertainty) == [0.018, *(0.0 for _ in others)]
 
 
 def test_lasting_errors_of_an_unknown_layout_are_named(made: Made) -> None:
