@@ -126,10 +126,10 @@ def _file(action: Action, declared: Declaration, detector: Detector, store: Stor
 def _declared(declared: Declaration, detector: Detector) -> Declaration:
     """The declaration of the detections' file, as it would stand in action.yaml."""
     update: dict[str, str | None] = {"format": detector.format, "layout": detector.layout}
-    if declared.initial in (None, DETECT):
-        initial_format = detector.initial_format
+    if declared.initial == DETECT:
+        estimates = detector.format == "mediapipe"
         update |= {
-            "initial": DETECT if initial_format else None,
-            "initial_format": initial_format,
+            "initial": DETECT if estimates else None,
+            "initial_format": "mediapipe_world" if estimates else None,
         }
     return declared.model_copy(update=update)

@@ -15,6 +15,7 @@ from imocap_core.people.performer import PerformerKeypoints, without_frames
 from imocap_core.problem.cuts import advice
 from imocap_core.problem.declarations import check_fits_picture
 from imocap_core.problem.detected_people import DetectedVideo
+from imocap_core.problem.estimates import detected_joints
 from imocap_core.problem.even_moments import at_even_moments
 
 
@@ -52,6 +53,8 @@ def performer_keypoints(
         distortion=declared.distortion,
     )
     even = at_even_moments(of_frames, video.time_s)
+    if video.kind == "mediapipe":
+        even = even.model_copy(update={"joints_m": detected_joints(video.folder, even)})
     return with_corrected_marks(even) if params.correct_marks else even
 
 

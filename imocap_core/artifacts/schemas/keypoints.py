@@ -39,7 +39,7 @@ class VideoKeypoints(Value):
     """
 
     OPTIONAL: ClassVar[frozenset[str]] = frozenset(
-        {"hands", "damaged", "moments", "corrected", "performer", "distortion"}
+        {"hands", "damaged", "moments", "corrected", "performer", "distortion", "joints_m"}
     )
 
     id: Id
@@ -63,6 +63,9 @@ class VideoKeypoints(Value):
     corrected: CorrectedMarks | None = None  # None where the keypoints are as detected
     performer: Id | None = None  # as declared; None: the action has one
     distortion: tuple[float, ...] | None = None  # declared: OpenCV's k1, k2, p1, p2, k3
+    # SMPL's joints by the detector itself, relative to the body, in axes of each frame's camera;
+    # NaN where it has none. None: it estimates no 3D.
+    joints_m: Annotated[Floats, Shape("T", 24, 3)] | None = None
 
     @model_validator(mode="after")
     def _every_frame_has_a_moment(self) -> VideoKeypoints:
