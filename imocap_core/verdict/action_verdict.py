@@ -17,7 +17,7 @@ from imocap_core.verdict.performer_findings import performer_findings
 from imocap_core.verdict.repetition_findings import repetition_findings
 from imocap_core.verdict.summary import summary_of
 from imocap_core.verdict.swapped_findings import swapped_findings
-from imocap_core.verdict.take_findings import take_findings
+from imocap_core.verdict.take_findings import said_first, take_findings
 from imocap_core.verdict.weak_joints import least_certain, weak_findings
 
 ORDER = (
@@ -65,7 +65,7 @@ def verdict_of(
         timing = event_sentence(refined.event, fps, left_out)
     return Verdict(
         summary_of(
-            timing,
+            said_first(timing, findings, len(videos)),
             findings,
             "" if claimed is None else least_certain(claimed),
             "" if claimed is None else further_view(claimed, sync),

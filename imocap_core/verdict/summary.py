@@ -20,7 +20,8 @@ def summary_of(
         least_certain, further: clauses on the least certain joint and on what to film; or empty.
     """
     serious = [finding for finding in findings if finding.serious]
-    second = distrust(serious) or _nothing_found(least_certain)
+    faults = [finding for finding in serious if finding.kind != "same take"]  # said first
+    second = distrust(faults) or ("" if serious else _nothing_found(least_certain))
     return tuple(s for s in (timing, second, next_step(serious, further)) if s)
 
 

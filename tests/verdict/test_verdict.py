@@ -25,6 +25,7 @@ from imocap_core.artifacts.schemas import (
 )
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.verdict.take_findings import said_first
 from imocap_core.verdict.action_verdict import verdict_of
 from imocap_core.verdict.agreement import DOUBTFUL_S
 from imocap_core.verdict.collapse_findings import collapse_findings
@@ -323,7 +324,13 @@ def test_one_recording_twice_is_said_first(made: Made) -> None:
     keypoints = Keypoints(videos=[longer.keypoints.videos[0], again])
     verdict = judged(longer, keypoints=keypoints)
     assert verdict.findings[0].kind == "same take"
-    assert "v2 (the same recording as v1)" in verdict.summary[1]
+    assert verdict.summary[0].startswith("v2 is the same recording as v1: 2 videos are one view")
+    assert not any("Nothing was found" in sentence for sentence in verdict.summary)
+    assert not any("v2 (the same recording" in sentence for sentence in verdict.summary)
+    timing = "The timing is doubtful."
+    assert said_first(timing, verdict.findings, 4) == (
+        "v2 is the same recording as v1, so 4 videos are 3 views; the timing is doubtful."
+    )
     assert not any(f.kind == "same take" for f in judged(longer).findings)
 
 
