@@ -99,6 +99,7 @@ def _loop_sync(
     monocular = [video.joints for video in initial.videos]
     return LoopSync(
         keypoints,
+        inputs.get(CameraMotion),
         initial,
         params.sync,
         hints,

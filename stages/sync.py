@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from imocap_core.artifacts.schemas import InitialSmpl, Keypoints, Sync
+from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, Sync
 from imocap_core.cli import stage_main
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
@@ -24,7 +24,13 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Sync:
         hints = with_sound(hints, sound.start_s, keypoints)
     mirrored = [ctx.mirrored()[video.id] for video in keypoints.videos]
     sync = synchronise_monocular(
-        initial, keypoints, params.sync, ctx.rng(), mirrored=mirrored, hints=hints
+        initial,
+        keypoints,
+        params.sync,
+        ctx.rng(),
+        mirrored=mirrored,
+        hints=hints,
+        cameras=inputs.get(CameraMotion),
     )
     if sound is None:
         return sync
