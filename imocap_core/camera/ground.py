@@ -68,8 +68,12 @@ def upright_alignment(
 
 def sole_depths_mm(joints: Float[np.ndarray, "T 24 3"], ground: Ground) -> Float[np.ndarray, " T"]:
     """How far the lower sole is below the ground, millimetres; 0 above it."""
-    soles = ground.height_m(joints[:, BALLS]) - BALL_ABOVE_SOLE_M
-    return np.asarray(1000 * np.maximum(-soles.min(axis=1), 0.0))
+    return np.asarray(1000 * np.maximum(-sole_heights_m(joints, ground), 0.0))
+
+
+def sole_heights_m(joints: Float[np.ndarray, "T 24 3"], ground: Ground) -> Float[np.ndarray, " T"]:
+    """Height of the lower sole above the ground."""
+    return np.asarray((ground.height_m(joints[:, BALLS]) - BALL_ABOVE_SOLE_M).min(axis=1))
 
 
 def _height(

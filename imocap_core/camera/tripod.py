@@ -83,10 +83,10 @@ class TripodCamera:
         return float(np.exp(self.log_focal))
 
     def errors_px(self, points: PairPoints) -> Float[np.ndarray, "P 2"]:
-        """Where a's picture should show the points of b, less where it does, undistorted."""
+        """Where a's picture should show the points of b, less where it does."""
         log_focal = self.log_focal + self.log_zoom
         return transfer_errors_px(
-            undistorted_points(points, self.distortion), log_focal[points.a], log_focal[points.b],
+            points, self.distortion, log_focal[points.a], log_focal[points.b],
             self.R[points.a], self.R[points.b],
         )  # fmt: skip
 
@@ -104,27 +104,26 @@ class TripodCamera:
 
 def transfer_errors_px(
     points: PairPoints,
+    distortion: float,
     log_focal_a: Float[np.ndarray, " P"],
     log_focal_b: Float[np.ndarray, " P"],
     R_a: Float[np.ndarray, "P 3 3"],
     R_b: Float[np.ndarray, "P 3 3"],
 ) -> Float[np.ndarray, "P 2"]:
-    """Errors of `TripodCamera.errors_px` of undistorted points, with each point's own two
-    cameras."""
-    focal_a, focal_b = np.exp(log_focal_a)[:, None], np.exp(log_focal_b)[:, None]
-    ray = np.concatenate([points.xy_b / focal_b, np.ones_like(focal_b)], axis=1)
-    ray = np.einsum("pji,pj->pi", R_a, np.einsum("pij,pj->pi", R_b, ray))
-    shown = ray[:, :2] / np.maximum(ray[:, 2:], 1e-3)
-    return np.asarray(np.clip(focal_a * shown - points.xy_a, -FAR_PX, FAR_PX))
+    """Errors of `TripodCamera.errors_px`, with each point's own two cameras.
 
-
-def undistorted_points(points: PairPoints, distortion: float) -> PairPoints:
-    """The points without radial distortion (`TripodCamera.distortion`)."""
-    if distortion == 0.0:
-        return points
+    In the picture as it is: errors of undistorted points would be smallest for the lens that
+    shrinks the picture.
+    """
     lens = Lens.of([distortion], np.diag([points.corner_px, points.corner_px, 1.0]))
-    xy_a, xy_b = (lens.undistorted(xy) for xy in (points.xy_a, points.xy_b))
-    return replace(points, xy_a=xy_a, xy_b=xy_b)
+    straight_b = lens.undistorted(points.xy_b) if distortion else points.xy_b
+    focal_a, focal_b = np.exp(log_focal_a)[:, None], np.exp(log_focal_b)[:, None]
+    ray = np.concatenate([straight_b / focal_b, np.ones_like(focal_b)], axis=1)
+    ray = np.einsum("pji,pj->pi", R_a, np.einsum("pij,pj->pi", R_b, ray))
+    shown = focal_a * ray[:, :2] / np.maximum(ray[:, 2:], 1e-3)
+    if distortion:
+        shown = lens.distorted(shown)
+    return np.asarray(np.clip(shown - points.xy_a, -FAR_PX, FAR_PX))
 
 
 def chained_tripod(

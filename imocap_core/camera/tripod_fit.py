@@ -15,7 +15,6 @@ from imocap_core.camera.tripod import (
     TripodCamera,
     chained_tripod,
     transfer_errors_px,
-    undistorted_points,
     without_zoom,
 )
 from imocap_core.robust import geman_mcclure, geman_mcclure_weight
@@ -164,16 +163,15 @@ def _jacobian(
     keys, rows = len(camera.R), np.arange(len(error))
     log_focal = camera.log_focal + camera.log_zoom
     now = (log_focal[points.a], log_focal[points.b], camera.R[points.a], camera.R[points.b])
-    straight = undistorted_points(points, camera.distortion)
 
-    def change(of: PairPoints = straight, **moved: Float[np.ndarray, "P ..."]) -> np.ndarray:
+    def change(more: float = 0.0, **moved: Float[np.ndarray, "P ..."]) -> np.ndarray:
         values = dict(zip(("focal_a", "focal_b", "R_a", "R_b"), now, strict=True)) | moved
-        return (transfer_errors_px(of, *values.values()) - error) / DIFFERENCE
+        moved_px = transfer_errors_px(points, camera.distortion + more, *values.values())
+        return (moved_px - error) / DIFFERENCE
 
-    bent = undistorted_points(points, camera.distortion + DIFFERENCE)
     J = np.zeros((len(error), 2, 2 + 4 * keys))
     by_a, by_b = change(focal_a=now[0] + DIFFERENCE), change(focal_b=now[1] + DIFFERENCE)
-    J[..., 0], J[..., 1] = by_a + by_b, change(bent)
+    J[..., 0], J[..., 1] = by_a + by_b, change(DIFFERENCE)
     J[rows, :, 2 + points.a] += by_a
     J[rows, :, 2 + points.b] += by_b
     for axis in range(3):

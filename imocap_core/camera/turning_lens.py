@@ -36,7 +36,8 @@ class TurningLens:
     """The estimate of a turning camera's lens.
 
     Attributes:
-        distortion: `TripodCamera.distortion`; sd: its standard deviation.
+        distortion: `TripodCamera.distortion`; sd: its standard deviation, as if the tracks' errors
+            were all of one kind: a camera that hardly turns tells nothing.
         gain: share of held-out tracks' cost that it removes; sigmas: this over its standard error.
         apart: difference between the distortions of two halves of the tracks.
     """
@@ -51,8 +52,9 @@ class TurningLens:
 
     @property
     def words(self) -> str:
-        """What is said of a lens that is far from a pinhole and not certain."""
-        if self.certain or abs(self.distortion) < WORTH_A_WORD:
+        """What is said of a lens that is clearly far from a pinhole, its size uncertain."""
+        clear = abs(self.distortion) >= max(WORTH_A_WORD, CERTAIN_SIGMAS * self.sd)
+        if self.certain or not clear or self.sigmas < GAIN_SIGMAS:
             return ""
         return (
             "; its lens seems to displace the picture's corners by about "
@@ -108,11 +110,29 @@ def turning_lens(
     error = together * float(gain.std()) / np.sqrt(len(gain))
     return TurningLens(
         distortion=tripod.distortion,
-        sd=float(np.hypot(MODEL_SD, distortion_sd([*pairs[0], *pairs[1]], size, focal_px, tripod))),
+        sd=float(
+            np.linalg.norm(
+                [
+                    MODEL_SD,
+                    distortion_sd([*pairs[0], *pairs[1]], size, focal_px, tripod),
+                    _systematic_sd([*pairs[0], *pairs[1]], size, tripod),
+                ]
+            )
+        ),
         gain=float(gain.sum() / max(cost.sum(), 1e-12)),
         sigmas=float(gain.mean() / max(error, 1e-12)),
         apart=abs(fitted[0] - fitted[1]),
     )
+
+
+def _systematic_sd(
+    pairs: Sequence[TrackedPair], size: tuple[int, int], tripod: TripodCamera
+) -> float:
+    """Of the distortion, where all tracks err alike, as by a step aside: their error over how far
+    the widest pair moves the picture."""
+    error = np.linalg.norm(tripod.errors_px(PairPoints.of(pairs, size)), axis=1)
+    moved = (np.linalg.norm(pair.xy_a - pair.xy_b, axis=1) for pair in pairs)
+    return float(np.median(error) / max(max(float(np.median(m)) for m in moved), 1e-9))
 
 
 def _cost(camera: TripodCamera, points: PairPoints) -> Float[np.ndarray, " P"]:

@@ -6,6 +6,7 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 import torch
+from jaxtyping import Float
 
 from imocap_core.artifacts.schemas import (
     Camera,
@@ -14,13 +15,14 @@ from imocap_core.artifacts.schemas import (
     Keypoints,
     SmplBa,
     SyncSummary,
+    VideoCameraMotion,
     VideoMotion,
 )
 from imocap_core.body import Model
 from imocap_core.camera.gravity import FilmedBody
 from imocap_core.camera.ground import estimate_ground
 from imocap_core.camera.ground_plane import Ground
-from imocap_core.camera.tilt_evidence import LevelPrior
+from imocap_core.camera.tilt_evidence import LevelPrior, camera_angles_deg
 from imocap_core.camera.world import BodyMotion, Extrinsics, to_world
 from imocap_core.motion.hands_on_ground import hands_on_ground
 from imocap_core.params import FitParams
@@ -90,6 +92,15 @@ def grounds_of(
         return stored_ground(estimate_ground([body], level_prior(fit)))
 
     return at_once(ground, range(len(videos)))
+
+
+def held_deg(
+    up: Float[np.ndarray, "3"], camera: Camera, turned: VideoCameraMotion
+) -> tuple[float, float]:
+    """Roll and downward pitch of a camera, on average over its video; up: in the world's axes."""
+    R_mean = turned.R_first_from_frame.mean(axis=0).T @ camera.R
+    roll, down = camera_angles_deg(up[None], R_mean)
+    return float(roll[0]), float(down[0])
 
 
 def stored_ground(ground: Ground) -> GroundPlane:

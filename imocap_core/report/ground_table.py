@@ -7,9 +7,8 @@ import numpy as np
 from imocap_core.artifacts.schemas import CameraMotion, GroundPlane, InitialSmpl, RefineSync, Table
 from imocap_core.artifacts.schemas.evaluate import Cell
 from imocap_core.camera.ground import sole_depths_mm
-from imocap_core.camera.tilt_evidence import camera_angles_deg
 from imocap_core.camera.world import BodyMotion, Extrinsics, to_world
-from imocap_core.problem.ground import ground_of
+from imocap_core.problem.ground import ground_of, held_deg
 
 DEEP = 0.95  # quantile of the frames
 
@@ -26,8 +25,7 @@ def ground_tables(
     every = zip(motion.videos, motion.cameras, camera_motion.videos, alone, strict=True)
     rows: list[list[Cell]] = []
     for video, camera, turned, plane in every:
-        R_mean = turned.R_first_from_frame.mean(axis=0).T @ camera.R
-        roll, down = (float(a[0]) for a in camera_angles_deg(ground.up[None], R_mean))
+        roll, down = held_deg(ground.up, camera, turned)
         body = to_world(
             BodyMotion(video.theta, video.trans, video.joints), Extrinsics(camera.R, camera.t)
         )

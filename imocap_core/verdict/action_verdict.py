@@ -6,7 +6,7 @@ from imocap_core.artifacts.schemas import CameraMotion, Keypoints, RefineSync, U
 from imocap_core.verdict.agreement import disagreement_s, timing_findings, timing_sentence
 from imocap_core.verdict.body_findings import body_findings, feet_findings, picture_findings
 from imocap_core.verdict.collapse_findings import collapse_findings
-from imocap_core.verdict.contradicted import contradicted_findings
+from imocap_core.verdict.contradicted import behind_findings, contradicted_findings
 from imocap_core.verdict.decisions import decision_findings
 from imocap_core.verdict.detections import camera_findings, detection_findings
 from imocap_core.verdict.event_findings import event_findings, event_sentence
@@ -14,15 +14,17 @@ from imocap_core.verdict.findings import Verdict
 from imocap_core.verdict.further_view import further_view
 from imocap_core.verdict.left_out_findings import damage_findings, left_out_findings
 from imocap_core.verdict.performer_findings import performer_findings
+from imocap_core.verdict.physical_findings import floor_findings, speed_findings, up_findings
 from imocap_core.verdict.repetition_findings import repetition_findings
 from imocap_core.verdict.summary import summary_of
 from imocap_core.verdict.swapped_findings import swapped_findings
 from imocap_core.verdict.take_findings import said_first, take_findings
+from imocap_core.verdict.view_findings import hidden_findings, view_clause, view_findings
 from imocap_core.verdict.weak_joints import least_certain, weak_findings
 
 ORDER = (
-    *("same take", "decision", "time", "body", "detection", "feet", "camera"),
-    *("joints", "remark"),
+    *("same take", "decision", "up", "time", "body", "hidden", "detection", "feet", "camera"),
+    *("view", "joints", "remark"),
 )
 
 
@@ -44,10 +46,16 @@ def verdict_of(
         *decision_findings(sync),
         *event_findings(keypoints, refined),
         *take_findings(keypoints.videos),
+        *view_findings(motion, sync),
+        *hidden_findings(sync, videos),
+        *up_findings(motion, sync, cameras),
         *collapse_findings(sync, videos),
         *timing_findings(sync, keypoints.videos),
         *repetition_findings(sync),
         *performer_findings(keypoints, camera_motion, refined),
+        *floor_findings(motion, sync),
+        *behind_findings(motion, videos),
+        *speed_findings(motion.videos, videos),
         *body_findings(motion, sync, videos),
         *picture_findings(motion.videos, videos),
         *damage_findings(keypoints),
@@ -63,6 +71,8 @@ def verdict_of(
     timing = timing_sentence(sync, fps, left_out)
     if refined.event is not None:
         timing = event_sentence(refined.event, fps, left_out)
+    clause = "" if len(sync.ids) - len(sync.excluded) == 1 else view_clause(motion, sync)
+    timing = f"{timing.removesuffix('.')}; {clause}." if clause else timing
     return Verdict(
         summary_of(
             said_first(timing, findings, len(videos)),

@@ -118,7 +118,7 @@ def feet_findings(
                         video.id,
                         f"the {side} foot stands still in the picture, but the body's moves at up "
                         f"to {span.speed_m_s:.1f} m/s in space",
-                        f"{side} foot wrong in depth",
+                        "feet wrong in depth",
                         "",
                         int(video.frames[span.first]),
                         int(video.frames[span.last]),

@@ -1,4 +1,4 @@
-"""Limbs that a detector sees for a while elsewhere than the recovered body has them."""
+"""Limbs that a detector sees where the recovered body has them elsewhere, or hides them."""
 
 from __future__ import annotations
 
@@ -18,6 +18,20 @@ from imocap_core.verdict.person_size import person_size
 SEEN = 0.5  # confidence of a detection that says where a joint is
 AWAY = 0.15  # of the person's size, of the farthest joint of a limb
 LEAST_S, GAP_S = 0.15, 0.07
+VISIBILITY = ("blazepose33", "mediapipe33")  # whose confidence says that nothing is in front
+CLEAR = 0.7  # confidence of a joint in front of everything; hidden ones have below 0.5
+BEHIND_M = 0.12  # a trunk's half depth: farther behind its middle, a joint is hidden
+ACROSS = 0.4  # cosine between the trunk's normal and the line of sight
+LEAST_HIDDEN_S = 0.06
+TRUNK = [
+    SMPL_JOINTS.index(f"{side}_{joint}")
+    for side, joint in (
+        ("left", "shoulder"),
+        ("right", "shoulder"),
+        ("right", "hip"),
+        ("left", "hip"),
+    )
+]  # in turn around it
 LIMBS = {"arm": ("elbow", "wrist"), "leg": ("knee", "ankle")}
 
 
@@ -57,6 +71,60 @@ def contradicted_findings(
             )
         ]
     return findings
+
+
+def behind_findings(motion: SmplBa, videos: Mapping[str, VideoKeypoints]) -> list[Finding]:
+    """Hands and elbows that are seen clearly, and that the body has behind its trunk; of detectors
+    that tell what is hidden."""
+    findings = []
+    for body in motion.videos:
+        video = videos[body.id]
+        if video.layout not in VISIBILITY:
+            continue
+        names = layout_names(video.layout)
+        for side in ("left", "right"):
+            hidden = np.zeros(len(video.frames), dtype=bool)
+            depth_m = np.zeros(len(video.frames))
+            for joint in (f"{side}_{part}" for part in LIMBS["arm"]):
+                if joint in names:
+                    behind = behind_trunk_m(body.joints, SMPL_JOINTS.index(joint))
+                    clear = video.confidence[:, names.index(joint)] >= CLEAR
+                    hidden |= clear & (behind > BEHIND_M)
+                    depth_m = np.maximum(depth_m, behind)
+            findings += [
+                Finding(
+                    "body",
+                    body.id,
+                    f"the {side} arm is seen clearly, but the body has it up to "
+                    f"{depth_m[first : last + 1].max():.1f} m behind the trunk, where it would be "
+                    "hidden",
+                    f"{side} arm wrong in depth",
+                    "",
+                    int(video.frames[first]),
+                    int(video.frames[last]),
+                )
+                for first, last in runs(
+                    hidden, max(2, round(LEAST_HIDDEN_S * video.fps)), round(GAP_S * video.fps)
+                )
+            ]
+    return findings
+
+
+def behind_trunk_m(joints: Float[np.ndarray, "T 24 3"], joint: int) -> Float[np.ndarray, " T"]:
+    """How far a joint lies behind the trunk's plane along its line of sight (camera axes); 0 where
+    it is beside the trunk in the picture, or the trunk is seen from its edge."""
+    corners, point = joints[:, TRUNK], joints[:, joint]
+    flat, at = corners[..., :2] / corners[..., 2:], point[:, :2] / point[:, 2:]
+    edge, off = np.roll(flat, -1, axis=1) - flat, at[:, None] - flat
+    turn = edge[..., 0] * off[..., 1] - edge[..., 1] * off[..., 0]
+    inside = (turn > 0).all(axis=1) | (turn < 0).all(axis=1)
+    normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-9)
+    distance = np.linalg.norm(point, axis=-1)
+    slope = (point * normal).sum(axis=-1) / distance
+    across = np.abs(slope) > ACROSS
+    plane = (corners.mean(axis=1) * normal).sum(axis=-1) / np.where(across, slope, 1.0)
+    return np.where(inside & across, np.maximum(distance - plane, 0.0), 0.0)
 
 
 def _names() -> list[str]:

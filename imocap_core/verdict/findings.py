@@ -9,16 +9,19 @@ from typing import Literal
 Kind = Literal[
     "decision",  # a video was left out or mirrored
     "same take",  # a recording that is there twice
+    "up",  # which way gravity points
     "time",  # the correspondences
     "body",  # the recovered body
+    "hidden",  # limbs that no video shows
     "feet",
     "detection",
     "camera",
+    "view",  # depth that no video shows; the first sentence says it
     "joints",  # ill-determined ones
     "remark",  # worth knowing, no reason for distrust
 ]
 SERIOUS: frozenset[Kind] = frozenset(
-    {"decision", "same take", "time", "body", "feet", "detection", "camera"}
+    {"decision", "same take", "up", "time", "body", "hidden", "feet", "detection", "camera", "view"}
 )
 SENTENCES = 3
 
@@ -33,6 +36,7 @@ class Finding:
         brief: the same in a few words, for the summary.
         remedy: what to do about it; a clause, or empty.
         first_frame, last_frame: source frames, both within; None for the whole video.
+        subject: what is not to be trusted, where that is no video, as in "the left hand".
     """
 
     kind: Kind
@@ -42,6 +46,7 @@ class Finding:
     remedy: str = ""
     first_frame: int | None = None
     last_frame: int | None = None
+    subject: str = ""
 
     @property
     def serious(self) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from imocap_core.verdict.findings import Finding, listed
 
-NAMED = 3  # parts that the second sentence names
+NAMED = 3  # faults that the second sentence names, and places of each
 
 
 def summary_of(
@@ -20,8 +20,9 @@ def summary_of(
         least_certain, further: clauses on the least certain joint and on what to film; or empty.
     """
     serious = [finding for finding in findings if finding.serious]
-    faults = [finding for finding in serious if finding.kind != "same take"]  # said first
-    second = distrust(faults) or ("" if serious else _nothing_found(least_certain))
+    first = {"same take", "view"}  # kinds that the first sentence names
+    rest = [finding for finding in serious if finding.kind not in first]
+    second = distrust(rest) or _nothing_found(least_certain, len(rest) < len(serious))
     return tuple(s for s in (timing, second, next_step(serious, further)) if s)
 
 
@@ -29,7 +30,7 @@ def distrust(serious: Sequence[Finding]) -> str:
     """A sentence that names the parts not to be trusted, and why; empty when there are none."""
     if not serious:
         return ""
-    parts = [_part(finding) for finding in without_consequences(serious)]
+    parts = _parts(without_consequences(serious))
     more = len(parts) - NAMED
     named = parts[:NAMED] + ([f"{more} more part{'s' * (more > 1)}"] if more > 0 else [])
     return f"Do not trust {listed(named)}."
@@ -65,10 +66,23 @@ def next_step(serious: Sequence[Finding], further: str) -> str:
     return f"Next: {'; then '.join(steps)}." if steps else ""
 
 
-def _nothing_found(least_certain: str) -> str:
+def _nothing_found(least_certain: str, told: bool) -> str:
     end = f"; {least_certain}" if least_certain else ""
-    return f"Nothing was found that speaks against the result{end}."
+    none = (
+        "No other fault was found" if told else "Nothing was found that speaks against the result"
+    )
+    return f"{none}{end}."
 
 
-def _part(finding: Finding) -> str:
-    return f"{finding.place or 'the result'} ({finding.brief})"
+def _parts(findings: Sequence[Finding]) -> list[str]:
+    """Places with what is wrong there; those with one fault together."""
+    places: dict[str, list[str]] = {}
+    for finding in findings:
+        where = finding.subject or finding.place or "the result"
+        places.setdefault(finding.brief, []).append(where)
+    return [f"{_some(where)} ({brief})" for brief, where in places.items()]
+
+
+def _some(places: Sequence[str]) -> str:
+    more = len(places) - NAMED
+    return listed([*places[:NAMED], *([f"{more} more"] if more > 0 else [])])

@@ -42,7 +42,7 @@ def read_verdict(text: str) -> Verdict:
 
 def _finding(fields: dict[str, Any]) -> Finding:
     finding = Finding(**{name: x for name, x in fields.items() if name not in DERIVED})
-    texts = (finding.video, finding.text, finding.brief, finding.remedy)
+    texts = (finding.video, finding.text, finding.brief, finding.remedy, finding.subject)
     frames = (finding.first_frame, finding.last_frame)
     numbered = all(isinstance(frame, int | None) for frame in frames)
     if finding.kind not in get_args(Kind) or not (numbered and _are_plain(texts)):

@@ -8,6 +8,7 @@ import pytest
 from imocap_core.camera.lens import Lens
 from imocap_core.camera.parallax import parallax_test
 from imocap_core.camera.projection import intrinsics
+from imocap_core.camera.tripod import PairPoints, TripodCamera
 from imocap_core.camera.turning_lens import TurningLens
 from tests.camera.moving_tracks import FOCAL, FRAMES, SIZE, room_points, tracks_of, turning
 
@@ -39,6 +40,32 @@ def test_a_pinhole_is_not_corrected(seed):
     assert "lens" not in test.words
 
 
+@pytest.mark.parametrize("widest_deg", [0.1, 0.5])
+def test_a_camera_that_hardly_turns_tells_nothing(widest_deg):
+    rng = np.random.default_rng(0)
+    shaking = turning(widest_deg)[np.abs(24 - np.arange(FRAMES)) // 3]
+    test = parallax_test(tracks_of(room_points(rng), shaking, SPOT, rng), FRAMES, SIZE, None)
+    assert test.verdict == "none"
+    assert "lens" not in test.words
+    if test.lens is not None:
+        assert not test.lens.certain
+        assert abs(test.lens.distortion) < 3 * test.lens.sd
+
+
+def test_noise_does_not_ask_for_a_lens_that_shrinks_the_picture():
+    rng = np.random.default_rng(0)
+    xy = rng.uniform(-1, 1, (500, 2)) * np.array(SIZE) / 2
+    noisy = xy + rng.normal(size=xy.shape)
+    points = PairPoints(*np.zeros((2, 500), int), noisy, xy, CORNER)
+    sizes = [
+        np.linalg.norm(
+            TripodCamera(np.log(FOCAL), d, np.zeros(1), np.eye(3)[None]).errors_px(points)
+        )
+        for d in (0.0, 0.3)
+    ]
+    assert sizes[1] == pytest.approx(sizes[0], rel=1e-3)
+
+
 def test_tracks_of_a_known_lens_are_taken_as_straight():
     tracks, _ = told(-0.13)
     lens = Lens.of([-0.13], np.diag([CORNER, CORNER, 1.0]))
@@ -65,4 +92,5 @@ def test_every_condition_is_needed(changed, certain):
     clear = {"distortion": -0.1, "sd": 0.006, "gain": 0.3, "sigmas": 6.0, "apart": 0.002}
     lens = TurningLens(**(clear | changed))
     assert lens.certain is certain
-    assert ("give `distortion`" in lens.words) == (not certain and abs(lens.distortion) >= 0.04)
+    told = changed.keys() <= {"gain", "apart"} and not certain
+    assert ("give `distortion`" in lens.words) == told

@@ -276,7 +276,7 @@ def test_a_foot_that_leaps_in_depth_is_named_with_its_frames() -> None:
     verdict = verdict_of(Keypoints(videos=videos), None, refined, made.claimed)
     (finding,) = (f for f in verdict.findings if f.kind == "feet" and f.video == "v2")
     leap = still.frames[24]
-    assert finding.brief == "left foot wrong in depth"
+    assert finding.brief == "feet wrong in depth"
     assert finding.first_frame is not None
     assert finding.last_frame is not None
     assert leap - 5 <= finding.first_frame <= leap <= finding.last_frame <= leap + 5
@@ -293,6 +293,15 @@ def test_one_cause_is_named_once(made: Made) -> None:
     assert without_consequences([whole, part, cause, inside, beside]) == [whole, cause, beside]
     assert distrust([whole, part, cause, inside]) == (
         "Do not trust v1 (left out) and v2 frames 10-20 (collapses)."
+    )
+
+
+def test_places_of_one_fault_are_named_together() -> None:
+    slides = [Finding("feet", v, "slides", "slides", "", 3, 9) for v in ("v1", "v2")]
+    hand = Finding("hidden", "", "unseen", "no video shows it", subject="the left hand")
+    assert distrust([*slides, hand]) == (
+        "Do not trust v1 frames 3-9 and v2 frames 3-9 (slides) and the left hand (no video shows "
+        "it)."
     )
 
 

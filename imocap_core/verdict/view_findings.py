@@ -1,0 +1,151 @@
+"""What no video shows: depth where all look along one line, and limbs that none of them sees."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from imocap_core.artifacts.schemas import SmplBa, SyncSummary, VideoKeypoints
+from imocap_core.body.layouts import layout_names
+from imocap_core.runs import runs
+from imocap_core.verdict.findings import Finding, frames_text, listed
+
+# Performances of one action differ by some 50 mm; for two cameras whose lines of sight differ by
+# this angle, that is 150 mm along them
+ONE_LINE_DEG = 20.0
+HIDDEN = 0.3  # confidence: detectors give limbs that they guess less, those that they see 0.5 to 1
+HIDDEN_S = 0.5  # a hand moves by half a metre in this time
+WHOLE = 0.9  # of the frames
+LIMBS = {
+    "left hand": ("left_wrist", "left_shoulder"),
+    "right hand": ("right_wrist", "right_shoulder"),
+    "left foot": ("left_ankle", "left_hip"),
+    "right foot": ("right_ankle", "right_hip"),
+}
+"""Of each limb its end, and the joint of the trunk that it hangs on."""
+
+
+def view_findings(motion: SmplBa, sync: SyncSummary) -> list[Finding]:
+    """That depth is a guess where all videos look along one line."""
+    clause = view_clause(motion, sync)
+    return [Finding("view", "", clause, "depth is a guess")] if clause else []
+
+
+def view_clause(motion: SmplBa, sync: SyncSummary) -> str:
+    """The same for the first sentence; empty where videos look across each other."""
+    used = [i for i in sync.ids if i not in sync.excluded]
+    widest = widest_angle_deg(sight_lines(motion, used))
+    if widest >= ONE_LINE_DEG:
+        return ""
+    if len(used) == 1:
+        return "one video shows everything from one side, and depth is a guess"
+    which = "both" if len(used) == 2 else "all of them"
+    return f"{which} look along one line (within {max(1.0, widest):.0f} degrees): depth is a guess"
+
+
+def sight_lines(motion: SmplBa, used: Sequence[str]) -> Float[np.ndarray, "M 3"]:
+    """Mean unit vectors from each camera to its performer, in the world's axes."""
+    R = {camera.id: camera.R for camera in motion.cameras}
+    lines = []
+    for video in motion.videos:
+        if video.id in used:
+            root = video.joints[:, 0]
+            mean = np.nanmean(root / np.linalg.norm(root, axis=-1, keepdims=True), axis=0)
+            lines.append(mean @ R[video.id])
+    return np.array(lines) / np.linalg.norm(lines, axis=-1, keepdims=True)
+
+
+def widest_angle_deg(lines: Float[np.ndarray, "M 3"]) -> float:
+    """Largest angle between two lines, whichever way they run: 0 to 90."""
+    return float(np.degrees(np.arccos(np.clip(np.abs(lines @ lines.T), 0, 1)).max()))
+
+
+def hidden_findings(sync: SyncSummary, videos: Mapping[str, VideoKeypoints]) -> list[Finding]:
+    """Limbs that no video shows for a while, at the moments of the reference."""
+    reference = videos[sync.reference]
+    hidden = hidden_limbs(sync, videos)
+    least, gap = max(2, round(HIDDEN_S * reference.fps)), round(0.1 * reference.fps)
+    spans: dict[tuple[int, int], list[str]] = {}
+    for name, flags in zip(LIMBS, hidden.T, strict=True):
+        for span in runs(flags, least, gap):
+            alike = next((s for s in spans if _common(s, span) > 0.7), span)
+            spans.setdefault(alike, []).append(name)
+    return [_hidden(names, span, reference) for span, names in spans.items()]
+
+
+def _hidden(names: list[str], span: tuple[int, int], reference: VideoKeypoints) -> Finding:
+    first, last = (int(reference.frames[i]) for i in span)
+    whole = span[1] - span[0] + 1 >= WHOLE * len(reference.frames)
+    when = "" if whole else f" in {reference.id} {frames_text(first, last)}"
+    them = "it" if len(names) == 1 else "them"
+    limbs = _together(names)
+    return Finding(
+        "hidden",
+        "",
+        f"no video shows {limbs}{when or ' for most of the time'}; what the body does with {them} "
+        "is a guess",
+        f"no video shows {them}",
+        subject=f"{limbs}{when}",
+    )
+
+
+def _together(names: list[str]) -> str:
+    """'the left hand', 'both hands and the left foot'."""
+    words = []
+    for part, both in (("hand", "both hands"), ("foot", "both feet")):
+        sides = [name for name in names if name.endswith(part)]
+        words += [both] if len(sides) == 2 else [f"the {name}" for name in sides]
+    return listed(words)
+
+
+def hidden_limbs(
+    sync: SyncSummary, videos: Mapping[str, VideoKeypoints]
+) -> Bool[np.ndarray, "N 4"]:
+    """Whether no video sees a limb's end while one sees the trunk, at each frame of the
+    reference."""
+    count = len(videos[sync.reference].frames)
+    end, trunk = np.zeros((2, len(LIMBS), count))
+    for sync_map in sync.maps:
+        if sync_map.id in sync.excluded:
+            continue
+        video = videos[sync_map.id]
+        position = sync_map.reference_frame
+        if sync_map.id == sync.reference:
+            position = np.arange(count, dtype=float)
+        other = sync_map.id in sync.mirrored
+        for k, joints in enumerate(LIMBS.values()):
+            for into, joint in zip((end, trunk), joints, strict=True):
+                seen = _confidence(video, _other_side(joint) if other else joint)
+                into[k] = np.maximum(into[k], _at_reference(seen, position, count))
+    return np.asarray(((end < HIDDEN) & (trunk >= HIDDEN)).T)
+
+
+def _confidence(video: VideoKeypoints, joint: str) -> Float[np.ndarray, " T"]:
+    names = layout_names(video.layout)
+    if joint not in names:
+        return np.ones(len(video.frames))  # not asked for
+    return np.asarray(video.confidence[:, names.index(joint)])
+
+
+def _at_reference(
+    confidence: Float[np.ndarray, " T"], position: Float[np.ndarray, " T"], count: int
+) -> Float[np.ndarray, " N"]:
+    """Confidence at each frame of the reference; 0 beyond what the video shows."""
+    matched = np.flatnonzero(np.isfinite(position))
+    if not len(matched):
+        return np.zeros(count)
+    order = matched[np.argsort(position[matched], kind="stable")]
+    return np.interp(np.arange(count), position[order], confidence[order], left=0.0, right=0.0)
+
+
+def _other_side(joint: str) -> str:
+    side, rest = joint.split("_")
+    return f"{'right' if side == 'left' else 'left'}_{rest}"
+
+
+def _common(a: tuple[int, int], b: tuple[int, int]) -> float:
+    """Length of two spans' intersection over that of their union."""
+    inside = min(a[1], b[1]) - max(a[0], b[0]) + 1
+    return inside / (max(a[1], b[1]) - min(a[0], b[0]) + 1)
