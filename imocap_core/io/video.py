@@ -34,11 +34,11 @@ GrayPicture = UInt8[np.ndarray, "height width"]
 # FFmpeg's demuxers of files that hold a video or sound themselves. Playlists, scripts and picture
 # sequences (hls, concat, dash, image2) name other files and are not opened.
 CONTAINERS = (
-    "aac amv apng asf av1 avi avs2 avs3 cavsvideo dhav dirac dnxhd dv evc flac flic flv gif gxf "
-    "h261 h263 h264 hevc ipu ivf lmlm4 m4v matroska mjpeg mjpeg_2000 mov mp3 mpeg mpegts "
-    "mpegtsraw mpegvideo mxf nsv nut nuv obu ogg rm swf vc1 vc1test vvc wav webp wtv yuv4mpegpipe"
-).split()
-ALONE = {"format_whitelist": ",".join(CONTAINERS), "protocol_whitelist": "file"}
+    "aac,amv,apng,asf,av1,avi,avs2,avs3,cavsvideo,dhav,dirac,dnxhd,dv,evc,flac,flic,flv,gif,gxf,"
+    "h261,h263,h264,hevc,ipu,ivf,lmlm4,m4v,matroska,mjpeg,mjpeg_2000,mov,mp3,mpeg,mpegts,"
+    "mpegtsraw,mpegvideo,mxf,nsv,nut,nuv,obu,ogg,rm,swf,vc1,vc1test,vvc,wav,webp,wtv,yuv4mpegpipe"
+)
+ALONE = {"format_whitelist": CONTAINERS, "protocol_whitelist": "file"}
 CAPTURE_RATE = "com.android.capture.fps"  # frames a second that an Android phone took
 SLOWED = 1.5  # times, that stamps and camera must differ: less is a rate that varies
 

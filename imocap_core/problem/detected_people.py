@@ -17,7 +17,7 @@ from imocap_core.io.video import VideoInfo, probe
 from imocap_core.limits import LEAST_FRAMES, MAX_FRAMES
 from imocap_core.pipeline.action import Declaration
 from imocap_core.problem.declarations import at_declared_rate, check_declared
-from imocap_core.problem.keypoint_reading import Reading, reading_of
+from imocap_core.problem.keypoint_reading import Reading, reading_of, reading_without_video
 from imocap_core.problem.tracked_people import TrackedVideo
 from imocap_core.problem.video_survey import VideoSurvey
 
@@ -69,7 +69,9 @@ def read_people(
     if probed is not None and video is not None and not declared.detected:
         placed = kind in IN_SHARES
         reading = reading_of(detections, probed, video, folder, used=declared.frames, placed=placed)
-        detections = reading.read(detections, info.frame_count, layout)
+    elif probed is None:
+        reading = reading_without_video(detections, size)
+    detections = reading.read(detections, info.frame_count, layout)
     frames = _used_frames(declared, info.frame_count, file)
     time_s = None if video is None else _uneven_times_s(video, info, frames)
     people_of = dict(zip(detections.frames.tolist(), detections.people, strict=True))
@@ -101,15 +103,12 @@ def read_people(
 def _remarks(info: VideoInfo) -> Iterator[str]:
     """What is unusual in how a file is shown."""
     if info.slowed != 1.0:
-        how = (
-            f"{info.slowed:.3g} times slower"
-            if info.slowed > 1
-            else f"{1 / info.slowed:.3g} times faster"
-        )
-        yield f"the time stamps play it {how} than it was taken: read at {info.fps:.4g} frames/s"
+        slower = info.slowed > 1
+        times = f"{max(info.slowed, 1 / info.slowed):.3g} times {'slower' if slower else 'faster'}"
+        yield f"the time stamps play it {times} than it was taken: read at {info.fps:.4g} frames/s"
     if info.display is not None and info.display.aspect != 1.0:
-        width, height = info.display.stored
-        yield f"the pixels of the file ({width} x {height}) are not square: read as {info.size[0]} x {info.size[1]}"
+        stored, shown = ("{} x {}".format(*size) for size in (info.display.stored, info.size))
+        yield f"the pixels of the file ({stored}) are not square: read as {shown}"
     if info.display is not None and info.display.mirrored:
         yield "the picture is shown in a mirror, as the file says"
 

@@ -177,7 +177,7 @@ def _placings(given: DetectedPeople, info: VideoInfo) -> list[Reading]:
     points, size = _points(given), info.size
     if not len(points):
         return [Reading()]
-    if np.abs(points).max() <= SHARES and max(size) > 20 * SHARES:
+    if _are_shares(points, size):
         return _shares(points, size)
     bases = _displays(info)
     fitting = [base for base in bases if _fits(base.places(points), size)]
@@ -194,6 +194,16 @@ def _placings(given: DetectedPeople, info: VideoInfo) -> list[Reading]:
     if not fitting:  # `check_fits_picture` refuses it unless the pictures speak for another
         return [bases[0], *options]
     return options
+
+
+def reading_without_video(given: DetectedPeople, size: tuple[int, int]) -> Reading:
+    """How keypoints alone are read, of pictures of a declared size."""
+    points = _points(given)
+    return _shares(points, size)[0] if _are_shares(points, size) else Reading()
+
+
+def _are_shares(points: Float[np.ndarray, "N 2"], size: tuple[int, int]) -> bool:
+    return bool(len(points) and np.abs(points).max() <= SHARES and max(size) > 20 * SHARES)
 
 
 def _shares(points: Float[np.ndarray, "N 2"], size: tuple[int, int]) -> list[Reading]:
