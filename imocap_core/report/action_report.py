@@ -9,7 +9,7 @@ from pathlib import Path
 
 from imocap_core.artifacts.file_memory import save_memory
 from imocap_core.artifacts.store import Stored
-from imocap_core.errors import ArtifactCorrupt, WorkFailed
+from imocap_core.errors import ArtifactCorrupt, WorkFailed, system_fault
 from imocap_core.made_files import is_as_made
 from imocap_core.pipeline.graph import settings
 from imocap_core.pipeline.runner import Job, Outcome
@@ -94,7 +94,7 @@ def bring_up_to_date(job: Job, stored: Mapping[str, Stored]) -> Path:
         reason = str(error).splitlines()[0]
         raise WorkFailed(f"report: {reason}; run the action again") from None
     except OSError as error:
-        raise WorkFailed(f"report: cannot use {error.filename}: {error.strerror}") from None
+        raise WorkFailed(f"report: {system_fault(error)}") from None
     except ValueError as error:
         raise WorkFailed(f"report: {error}") from None
     return page

@@ -176,7 +176,7 @@ def _about(
             job.settings.params.sync,
             ctx.rng(),
             reference=reference,
-            mirrored=[ctx.mirrored()[video.id] for video in keypoints.videos],
+            mirrored=known_mirrors(ctx.mirrored(), keypoints),
             hints=hints,
             cameras=artifacts.get(CameraMotion),
         )

@@ -39,7 +39,10 @@ class VideoKeypoints(Value):
     """
 
     OPTIONAL: ClassVar[frozenset[str]] = frozenset(
-        {"hands", "damaged", "moments", "corrected", "performer", "distortion", "joints_m"}
+        {
+            *("hands", "damaged", "moments", "corrected", "performer", "distortion"),
+            *("joints_m", "mirrored"),
+        }
     )
 
     id: Id
@@ -66,6 +69,7 @@ class VideoKeypoints(Value):
     # SMPL's joints by the detector itself, relative to the body, in axes of each frame's camera;
     # NaN where it has none. None: it estimates no 3D.
     joints_m: Annotated[Floats, Shape("T", 24, 3)] | None = None
+    mirrored: bool | None = None  # True: the file has players show it in a mirror
 
     @model_validator(mode="after")
     def _every_frame_has_a_moment(self) -> VideoKeypoints:
