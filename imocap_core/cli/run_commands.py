@@ -18,7 +18,9 @@ from imocap_core.cli.options import (
     Verbose,
     action_names,
     ask_about_scripts,
+    counted,
     root_of,
+    shortened,
     speaker,
     stage_names,
 )
@@ -30,7 +32,6 @@ if TYPE_CHECKING:
     from imocap_core.library.running import Run
     from imocap_core.verdict.findings import Verdict
 
-MAX_WARNINGS = 8
 Force = Annotated[bool, typer.Option("--force", help="Run cached stages too.")]
 
 
@@ -84,7 +85,7 @@ def run_command(
         return
     ask_about_scripts(context)
     console = speaker()
-    for remark in remarks:
+    for remark in remarks if verbose else shortened(remarks):
         speaker(markup=False).print(remark)
     with Terminal(console, verbose=verbose) as display:
         done = solve(display)
@@ -124,25 +125,30 @@ def _print_summary(console: Console, done: Run, verbose: bool) -> None:
 
     from imocap_core.library.report_page import report_page
 
-    for note in done.notes:
+    for note in done.notes if verbose else shortened(done.notes):
         console.print(escape(note))
     outcomes = done.outcomes
     made = sum(outcome.how == "made" for outcome in outcomes)
     how = f"{made} made, {len(outcomes) - made} cached" if made else "all cached"
     page = report_page(done.job)
-    end = f" Report: {page}" if page and outcomes[-1].stored.has_files else ""
+    count = 0 if done.verdict is None else len(warnings_of(done.verdict))
+    inside = f", with {counted(count, 'warning')}" if count else ""
+    end = f" Report{inside}: {page}" if page and outcomes[-1].stored.has_files else ""
     name = done.job.action.name
-    console.print(escape(f"{name}: {len(outcomes)} stages, {how}, {done.seconds:.1f} s.{end}"))
+    console.print(
+        escape(f"{name}: {counted(len(outcomes), 'stage')}, {how}, {done.seconds:.1f} s.{end}")
+    )
     if done.verdict is not None:
-        for line in terminal_lines(done.verdict, len(done.verdict.findings) if verbose else None):
+        for line in terminal_lines(done.verdict, verbose):
             console.print(escape(line))
 
 
-def terminal_lines(verdict: Verdict, most: int | None = None) -> list[str]:
-    """Warnings, as many as a person reads, and last the three sentences."""
-    warnings = [f.sentence for f in verdict.findings if f.kind != "joints"]
-    most = MAX_WARNINGS if most is None else most
-    lines = [f"* {sentence}" for sentence in warnings[:most]]
-    if len(warnings) > most:
-        lines.append(f"* {len(warnings) - most} more in the report")
-    return ["", *lines, *([""] if lines else []), *verdict.summary]
+def terminal_lines(verdict: Verdict, verbose: bool = False) -> list[str]:
+    """The three sentences; verbose: all warnings before them. The report has these too."""
+    warnings = [f"* {sentence}" for sentence in warnings_of(verdict)] if verbose else []
+    return [*warnings, *verdict.summary]
+
+
+def warnings_of(verdict: Verdict) -> list[str]:
+    """What to know beside the three sentences."""
+    return [finding.sentence for finding in verdict.findings if finding.kind != "joints"]

@@ -216,7 +216,7 @@ def test_workers_import_nothing_from_the_working_folder(
 
 
 def speak(report: Report) -> None:
-    print("what a task prints is no event")
+    print("what a task prints is no event")  # noqa: T201
     os.write(1, b"nor is what its libraries print\n")
 
 
