@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -24,6 +25,7 @@ from imocap_core.cli.options import (
     speaker,
     stage_names,
 )
+from imocap_core.errors import ImocapError, WrongUse
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -53,6 +55,9 @@ def run_command(
     ] = None,
     store: SharedStore = None,
     device: Device = "cpu",
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Of one folder: run again when clips come or go.")
+    ] = False,
     verbose: Verbose = False,
     as_json: Json = False,
 ) -> None:
@@ -63,6 +68,12 @@ def run_command(
     from imocap_core.pipeline.device import check_device
 
     check_device(device)  # before an action is made of videos
+    if watch:
+        if as_json or len(words) != 1 or not Path(words[0]).is_dir():
+            raise WrongUse("--watch: expected one folder of videos, and no --json")
+        ask_about_scripts(context)
+        options = {"params": sets, "until": until, "store": store, "device": device}
+        _watch(root_of(context), Path(words[0]), name, verbose, options)
     action, remarks = action_of_words(root_of(context), words, name)
 
     def solve(progress: Progress) -> Run:
@@ -90,6 +101,31 @@ def run_command(
     with Terminal(console, verbose=verbose) as display:
         done = solve(display)
     _print_summary(console, done, verbose)
+
+
+def _watch(
+    root: Path, folder: Path, name: str | None, verbose: bool, options: dict[str, Any]
+) -> None:
+    """Run the action of a folder whenever its videos have changed, until Ctrl-C."""
+    from imocap_core.library import watching
+    from imocap_core.library.running import run_action
+    from imocap_core.library.terminal import Terminal
+
+    console, plain = speaker(), speaker(markup=False)
+    plain.print(f"Watching {folder}; Ctrl-C ends it.")
+    for _ in watching.settled_changes(folder):
+        try:
+            update = watching.bring_up_to_date(root, folder, name)
+            name = update.action
+            before = watching.last_result(root, name)
+            with Terminal(console, verbose=verbose) as display:
+                done = run_action(name, root=root, progress=display, **options)
+            _print_summary(console, done, verbose)
+            if (after := watching.last_result(root, name)) is not None:
+                plain.print(watching.compared(update, before, after))
+                watching.record(root, update, before, after)
+        except ImocapError as error:  # too few clips yet, or a bad one: others may come
+            plain.print(str(error))
 
 
 def stage_command(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 
 import yaml
@@ -70,6 +71,19 @@ def _valid(name: str) -> str:
         name = ascii_name(name) or name
     check_name(name)
     return name
+
+
+def free_labels(files: Sequence[Path], taken: Sequence[str]) -> list[str]:
+    """An id for each of further videos of an action: its name, or the next free number."""
+    ids: list[str] = []
+    for file in files:
+        used = {i.lower() for i in (*taken, *ids)}
+        name = ascii_name(file.stem)
+        numbers = (f"v{n}" for n in count(1))
+        ids.append(name if name and name.lower() not in used else next(numbers))
+        while ids[-1].lower() in used:
+            ids[-1] = next(numbers)
+    return ids
 
 
 def _which_is_which(files: Sequence[Path]) -> list[str]:
