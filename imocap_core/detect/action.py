@@ -63,7 +63,7 @@ def detect(action: Action, params: DetectParams, store: Store, display: Display)
     if not waiting:
         return
     display.started("detect", [f"{v.id} has no detections of {detector.version}" for v in waiting])
-    python = set_up(detector, lambda what: display.progress(0.0, what))
+    python = set_up(detector, display.notice)
     undetected: dict[Path, Undetected] = {}  # by file: one video may have several names
     for declared in waiting:
         file = _file(action, declared, detector, store)
@@ -90,7 +90,7 @@ def detect_one(
     if file is None or file.is_file() or _fault(action, declared, to_the_end=bool(action.detected)):
         return
     display.started("detect", [f"{video} has no detections of {detector.version}"])
-    python = set_up(detector, lambda what: display.progress(0.0, what))
+    python = set_up(detector, display.notice)
     with suppress(ValueError):
         detect_video(action.folder / str(declared.video), file, detector, python, display.progress)
     share_detections(store, [file] if file.is_file() else [])
