@@ -49,9 +49,7 @@ def test_the_starts_are_where_the_lifter_says_and_where_the_person_is_seen() -> 
     options = InitialSmplParams(starts=1)
     found = starts(body, library, observation, None, lifted, lifted.joints[::-1].copy(), options)
     assert len(found) == 4  # the lifter's motion and its alternative, the detector's, the library's
-    posed = body.model.shape(found[0].trans.new_zeros(1, 10)).pose(
-        found[0].R_local, found[0].trans
-    )
+    posed = body.model.shape(found[0].trans.new_zeros(1, 10)).pose(found[0].R_local, found[0].trans)
     pair = (
         root_relative(x, SMPL_JOINTS, EVAL_12)
         for x in (posed.keypoints(body.joints).numpy(), lifted.joints)
