@@ -3,10 +3,33 @@
 from __future__ import annotations
 
 import errno
+import os
+import re
+import tempfile
+
+ADVICE = {
+    errno.ENOENT: "check the path, or make the folder",
+    errno.EACCES: "use a folder in which you may write (--root)",
+    errno.EPERM: "use a folder in which you may write (--root)",
+    errno.EROFS: "use a folder in which you may write (--root)",
+    errno.EMFILE: "allow more open files (ulimit -n), or run fewer jobs",
+}
+
+
+CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # what a terminal would obey
+_UNSHOWN = re.compile(rf"{CONTROL.pattern[:-1]}\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+def shown_text(text: str) -> str:
+    """A text with control characters as escapes: a terminal shows it and does nothing else."""
+    return _UNSHOWN.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
 class ImocapError(Exception):
     """The work could not be done, or was not understood; the message is for the user."""
+
+    def __str__(self) -> str:
+        return shown_text(super().__str__())
 
 
 class WorkFailed(ImocapError):
@@ -19,6 +42,9 @@ class WrongUse(ImocapError):
 
 class ArtifactCorrupt(Exception):
     """An artifact can't be read back whole; it must be computed again."""
+
+    def __str__(self) -> str:
+        return shown_text(super().__str__())
 
 
 class Stopped(BaseException):
@@ -34,12 +60,14 @@ def system_fault(error: OSError | MemoryError) -> str:
     if isinstance(error, MemoryError):
         what = f" ({error})" if str(error) else ""
         return f"not enough memory{what}: close other programs, or use fewer frames"
-    if error.errno == errno.ENOSPC:
-        where = f" ({error.filename})" if error.filename is not None else ""
-        return f"the disk is full{where}; finished stages are stored, run again with more space"
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        where = error.filename or f"of {os.getcwd()} or {tempfile.gettempdir()}"
+        return f"the disk is full ({where}); finished stages are stored, run again with more space"
+    advice = f"; {ADVICE[error.errno]}" if error.errno in ADVICE else ""
     if error.filename is not None:
-        return f"cannot use {error.filename}: {error.strerror}"
-    return f"a file could not be read or written: {error.strerror or error}"
+        return f"cannot use {shown_text(str(error.filename))}: {error.strerror}{advice}"
+    where = f" (below {os.getcwd()} or {tempfile.gettempdir()})"
+    return f"a file could not be read or written{where}: {error.strerror or error}{advice}"
 
 
 def is_out_of_memory(error: BaseException) -> bool:

@@ -73,6 +73,10 @@ def draft_of(file: Path) -> Iterator[Path]:
         _sync(name)
         os.replace(name, file)
         _sync(file.parent)
+    except OSError as error:
+        if error.filename is None and error.errno is not None:  # a full disk names no file
+            error.filename = str(file)
+        raise
     finally:
         with suppress(FileNotFoundError):
             os.unlink(name)

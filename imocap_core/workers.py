@@ -1,19 +1,15 @@
-"""Map functions that run in sequence or on threads; the results are the same. And processes."""
+"""Map functions that run in sequence or on threads; the results are the same. And the command line
+of a worker process."""
 
 from __future__ import annotations
 
-import multiprocessing
+import multiprocessing.spawn
 import os
-import signal
+import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
 from typing import Any
-
-# multiprocessing starts Python with -c, which imports from the working folder first: somebody
-# else's `multiprocessing.py` there would run. With this variable it does not.
-SAFE_PATH = "PYTHONSAFEPATH"
 
 Each = Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]  # map
 
@@ -56,55 +52,15 @@ def take_share(share: int) -> None:
     _of_thread.cores = share
 
 
-@contextmanager
-def processes(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """A pool of fresh processes, which end at once when the body ends by an error or a signal, or
-    this process is killed."""
-    before = set(multiprocessing.active_children())
-    spawn, safe_path = multiprocessing.get_context("spawn"), os.environ.get(SAFE_PATH)
-    with (
-        environment({SAFE_PATH: "1"}),
-        ProcessPoolExecutor(workers, spawn, end_with_parent_only, (safe_path,)) as pool,
-    ):
-        try:
-            yield pool
-        except BaseException:
-            for child in set(multiprocessing.active_children()) - before:
-                child.terminate()
-            raise
+def python_command(program: str, *arguments: str) -> list[str]:
+    """Command line of a new Python that runs `program`, with this process's import path.
 
-
-def end_with_parent_only(safe_path: str | None) -> None:
-    """In a process that was started: ended by its parent only, whose Ctrl-C reaches all of them.
-
-    safe_path: the parent's PYTHONSAFEPATH before it started this process; None where it had none.
+    Unlike multiprocessing's, the new process never imports the caller's main module: a script needs
+    no `if __name__ == "__main__"`. -P: nothing is imported from the working folder, unless this
+    process does so too.
     """
-    _set(SAFE_PATH, safe_path)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-@contextmanager
-def environment(variables: Mapping[str, str]) -> Iterator[None]:
-    """Processes started in the body have these variables of the environment."""
-    before = {name: os.environ.get(name) for name in variables}
-    os.environ.update(variables)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            _set(name, value)
-
-
-def _set(name: str, value: str | None) -> None:
-    if value is None:
-        os.environ.pop(name, None)
-    else:
-        os.environ[name] = value
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    parent.join()
-    os._exit(1)
+    path = [folder or os.getcwd() for folder in sys.path]
+    start = f"import sys; n = {len(path)}; sys.path[:] = sys.argv[1 : n + 1]; "
+    start += f"del sys.argv[1 : n + 1]; {program}"
+    executable = os.fsdecode(multiprocessing.spawn.get_executable())
+    return [executable, "-P", "-c", start, *path, *arguments]

@@ -69,8 +69,8 @@ def _check_all_have_keypoints(ctx: Context) -> None:
     if without:
         raise ValueError(
             f"{ctx.action_file()}: no 2D keypoints for {', '.join(without)}: write `keypoints: "
-            "detect` to run a detector (docs/detection.md), or run one such as OpenPose yourself "
-            "and name its folder of JSON files (docs/formats.md lists the other formats)"
+            "detect` to run a detector, or run one such as OpenPose yourself and name its folder "
+            "of JSON files (`imocap formats` lists what is read)"
         )
 
 

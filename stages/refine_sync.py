@@ -32,6 +32,7 @@ from imocap_core.problem.joint import JointProblem, problem_of, shows_one_motion
 from imocap_core.problem.looked_again import is_changed, with_second_look
 from imocap_core.problem.loop_confidence import with_first_repetitions, with_independent_confidence
 from imocap_core.problem.loop_sync import LoopSync
+from imocap_core.problem.mirroring import known_mirrors
 from imocap_core.problem.sound import with_sound
 from imocap_core.problem.synchronisation import rates_of_motions, summary_of
 from imocap_core.process import release_freed_memory, release_if_large
@@ -99,6 +100,7 @@ def _loop_sync(
     monocular = [video.joints for video in initial.videos]
     return LoopSync(
         keypoints,
+        inputs.get(CameraMotion),
         initial,
         params.sync,
         hints,
@@ -106,7 +108,7 @@ def _loop_sync(
         by_pictures=params.refine.evidence == "pictures",
         event=ctx.event(),
         sound_start_s=sound_start_s,
-        declared=[ctx.mirrored()[video.id] for video in keypoints.videos],
+        declared=known_mirrors(ctx.mirrored(), keypoints),
         rng=ctx.rng,
     )
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from imocap_core.artifacts.schemas import InitialSmpl, Keypoints, Sync
+from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, Sync
 from imocap_core.cli import stage_main
 from imocap_core.params import Params
 from imocap_core.pipeline.stage import Context, Inputs
 from imocap_core.problem.event_timing import with_one_offset
 from imocap_core.problem.first_sync import synchronise_monocular
 from imocap_core.problem.hints import hints_of
+from imocap_core.problem.mirroring import known_mirrors
 from imocap_core.problem.sound import event_sound, with_sound
 
 
@@ -22,9 +23,15 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Sync:
         ctx.progress(0.05, "listening")
         sound = event_sound(files, keypoints)
         hints = with_sound(hints, sound.start_s, keypoints)
-    mirrored = [ctx.mirrored()[video.id] for video in keypoints.videos]
+    mirrored = known_mirrors(ctx.mirrored(), keypoints)
     sync = synchronise_monocular(
-        initial, keypoints, params.sync, ctx.rng(), mirrored=mirrored, hints=hints
+        initial,
+        keypoints,
+        params.sync,
+        ctx.rng(),
+        mirrored=mirrored,
+        hints=hints,
+        cameras=inputs.get(CameraMotion),
     )
     if sound is None:
         return sync

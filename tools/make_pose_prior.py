@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from scipy.special import logsumexp
 
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
@@ -25,8 +24,10 @@ from imocap_core.synthetic.captured_stance import captured_skeleton, neutral_sta
 from imocap_core.synthetic.retargeting import fit_to_trunk_and_joints, trunk_and_joints
 
 TARGET = Path(__file__).parents[1] / "imocap_core" / "motion" / "data" / "pose_prior.npz"
-COMPONENTS = 12
-RESTARTS = 10  # of expectation maximisation, whose optima are local: the likeliest is kept
+# Components for legs that are: straight below a straight trunk, straight and folded, soft, deep
+# (squat, seat), folded behind (kneeling, bridges), apart.
+COMPONENTS = (10, 3, 6, 4, 3, 4)
+ITERATIONS, RESTARTS = 30, 4  # of k-means
 FLOOR_RAD = 0.08  # spread added to every direction of every component
 # One performer's skeleton was captured, and people's trunks differ: standard deviations of lumbar
 # lordosis and thoracic kyphosis among adults are 9.5 and 10.1 degrees (Boulay et al., Eur. Spine J.
@@ -45,6 +46,8 @@ ROOM_RAD = {
 CHUNK = 60  # frames fitted as one motion
 BATCH = 32  # motions fitted side by side
 LONGEST = 180  # frames used of each clip
+MADE, MADE_FRAMES, MADE_HZ, SEED = 2000, 8, 3.0, 0  # performances, and frames of each
+STEP = 6  # every so manieth captured frame
 FittedClip = tuple[np.ndarray, np.ndarray]  # theta (T, 24, 3) axis-angle, trans (T, 3) metres; z up
 
 
@@ -97,48 +100,53 @@ class Mixture:
     weight: np.ndarray
 
 
-def random_start(x: np.ndarray, components: int, rng: np.random.Generator) -> Mixture:
-    """Components of equal weight and spread about k-means++ seeds."""
-    means = x[rng.integers(len(x))][None]
-    while len(means) < components:
-        away = ((x[:, None] - means) ** 2).sum(-1).min(1)
-        means = np.concatenate([means, x[rng.choice(len(x), p=away / away.sum())][None]])
-    covariance = np.cov(x.T) + FLOOR_RAD**2 * np.eye(x.shape[1])
-    weights = np.full(components, 1 / components)
-    return Mixture(means, np.repeat(covariance[None], components, 0), weights)
+def legs_of(x: np.ndarray) -> np.ndarray:
+    """(N,) index into `COMPONENTS` of poses (N, 69) by what their legs do."""
+    theta = np.degrees(x).reshape(len(x), 23, 3)
+    hips, knees = (
+        sign * theta[:, [SMPL_JOINTS.index(f"{side}_{joint}") - 1 for side in ("left", "right")], 0]
+        for joint, sign in (("hip", -1.0), ("knee", 1.0))
+    )
+    knee, hip = knees.max(1), hips.max(1)
+    apart = (np.ptp(knees, 1) > 30) | (np.ptp(hips, 1) > 40)
+    found = [apart & (knee > 12), (knee < 12) & (hip < 30), knee < 35, knee < 65, hip < 50]
+    return np.select(found, [5, 0, np.where(hip < 40, 2, 1), 2, 4], 3)
 
 
-def shipped_start() -> Mixture:
-    """The packaged mixture, without the room for other people."""
-    with np.load(TARGET) as stored:
-        mean, covariance, weight = (
-            stored[k].astype(float) for k in ("mean", "covariance", "weight")
-        )
-    return Mixture(mean, with_room(covariance, -1.0), weight / weight.sum())
+def sorted_out(x: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """(N,) k-means clusters of poses (N, D), the best of some starts."""
+    best, least = np.zeros(len(x), int), np.inf
+    for _ in range(RESTARTS):
+        means = x[rng.integers(len(x))][None]
+        while len(means) < count:
+            away = ((x[:, None] - means) ** 2).sum(-1).min(1)
+            means = np.concatenate([means, x[rng.choice(len(x), p=away / away.sum())][None]])
+        for _ in range(ITERATIONS):
+            square = (means**2).sum(-1) - 2 * x @ means.T
+            label = square.argmin(1)
+            means = np.stack([
+                x[label == c].mean(0) if (label == c).any() else means[c] for c in range(count)
+            ])  # fmt: skip
+        total = square.min(1).sum()
+        if total < least:
+            best, least = label, total
+    return best
 
 
-def expectation_maximisation(x: np.ndarray, start: Mixture) -> tuple[float, Mixture]:
-    """Mean log likelihood and mixture of poses (N, D), from a start."""
-    floor = FLOOR_RAD**2 * np.eye(x.shape[1])
-    means, covariances, weights = start.mean, start.covariance.copy(), start.weight
-    components = len(weights)
-    likelihood = -np.inf
-    for _ in range(60):
-        log_p = np.empty((len(x), components))
-        for c in range(components):
-            factor = np.linalg.cholesky(covariances[c])
-            white = np.linalg.solve(factor, (x - means[c]).T)
-            log_p[:, c] = np.log(weights[c]) - np.log(np.diag(factor)).sum() - (white**2).sum(0) / 2
-        likelihood = float(logsumexp(log_p, axis=1).mean())
-        share = np.exp(log_p - log_p.max(1, keepdims=True))
-        share /= share.sum(1, keepdims=True)
-        mass = share.sum(0) + 1e-9
-        means = (share.T @ x) / mass[:, None]
-        weights = mass / mass.sum()
-        for c in range(components):
-            centred = x - means[c]
-            covariances[c] = (share[:, c, None] * centred).T @ centred / mass[c] + floor
-    return likelihood, Mixture(means, covariances, weights)
+def mixture_of(x: np.ndarray, rng: np.random.Generator) -> Mixture:
+    """Components by legs first, then by everything, since straight legs must not share one with
+    bent ones, whose mean is neither."""
+    means, covariances, weights = [], [], []
+    floor, legs = FLOOR_RAD**2 * np.eye(x.shape[1]), legs_of(x)
+    for kind, count in enumerate(COMPONENTS):
+        poses = x[legs == kind]
+        label = sorted_out(poses, count, rng)
+        for c in range(count):
+            part = poses[label == c]
+            means.append(part.mean(0))
+            covariances.append(np.cov(part.T) + floor)
+            weights.append(len(part) / len(x))
+    return Mixture(np.stack(means), np.stack(covariances), np.array(weights))
 
 
 def with_room(covariance: np.ndarray, sign: float = 1.0) -> np.ndarray:
@@ -172,32 +180,24 @@ def speeds(clips: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def main() -> None:
-    """Read the training clips, fit, write the prior."""
+    """Make motions, read the captured ones, fit, write the prior."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("train", type=Path, help="npz with clip_<id> (T, 27, 3) at 30 frames/s")
-    parser.add_argument(
-        "--resume", action="store_true", help="start at the packaged mixture, not at random"
-    )
+    parser.add_argument("--work", type=Path, required=True, help="fitted motions, read if there")
     arguments = parser.parse_args()
     configure_process()
-    with np.load(arguments.train) as stored:
-        names, parents = [str(n) for n in stored["names"]], stored["parents"].tolist()
-        keys = [k for k in stored.files if k.startswith("clip_") and k != "clip_ids"]
-        clips = [stored[k][:LONGEST].astype(float) for k in keys]
-    motions = [theta for theta, _ in fit_clips(clips, names, parents)]
-    articulations = [theta[:, 1:] for theta in motions]
-    both = articulations + [mirrored(a) for a in articulations]
-    x = np.concatenate(both).reshape(-1, 69)[::2]
-    if arguments.resume:
-        starts = [shipped_start()]
-    else:
-        rngs = [np.random.default_rng(seed) for seed in range(RESTARTS)]
-        starts = [random_start(x, COMPONENTS, rng) for rng in rngs]
-    fits = [expectation_maximisation(x, start) for start in starts]
-    print("mean log likelihoods:", *(f"{likelihood:.2f}" for likelihood, _ in fits))
-    _, best = max(fits, key=lambda fit: fit[0])
-    velocity, acceleration = speeds([*motions, *map(in_a_mirror, motions)])
-    TARGET.parent.mkdir(parents=True, exist_ok=True)
+    from lifter.made_motions import performances  # both import this file's clips
+    from lifter.motions import fit_all, with_straight_legs
+
+    arguments.work.mkdir(parents=True, exist_ok=True)
+    clips = [*fit_all(arguments.train, arguments.work / "motions.npz").values()]
+    velocity, acceleration = speeds([m for theta, _ in clips for m in (theta, in_a_mirror(theta))])
+    captured = np.concatenate([with_straight_legs(clip)[0][::STEP, 1:] for clip in clips])
+    made = performances(MADE, SEED, MADE_FRAMES, MADE_HZ)
+    poses = np.concatenate([p.theta[:, :, 1:].reshape(-1, 23, 3) for p in made.values()])
+    both = np.concatenate([poses, captured, mirrored(captured)])
+    x = both.reshape(-1, 69).astype(float)
+    best = mixture_of(x, np.random.default_rng(SEED))
     np.savez_compressed(
         TARGET,
         mean=best.mean.astype(np.float32),
@@ -206,7 +206,7 @@ def main() -> None:
         velocity_rad=velocity.astype(np.float32),
         acceleration_rad=acceleration.astype(np.float32),
     )
-    print(f"{TARGET.name}: {COMPONENTS} components from {len(x)} poses; speeds {velocity.round(3)}")
+    print(f"{TARGET.name}: {len(best.weight)} components from {len(x)} poses")
 
 
 if __name__ == "__main__":

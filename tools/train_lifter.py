@@ -1,31 +1,40 @@
-"""Train the lifter: ``python tools/train_lifter.py DATA/train/cmu_train.npz``.
+"""Train the lifter: ``python tools/train_lifter.py DATA/train/cmu_train.npz --work FOLDER``.
 
-One process, one thread, fixed seeds. Motions are the training clips retargeted to the free body
-(tools/lifter/motions.py), their recombinations and poses of the prior, with random cameras and a
-simulated detector. Every eighth clip is held out for validation. The weights go to
+Fixed seeds; one process and one thread on a processor. Motions are the training clips retargeted
+to the free body (tools/lifter/motions.py) with people's legs, made motions
+(tools/lifter/made_motions.py), their recombinations and poses of the prior, with random cameras and
+a simulated detector. With `--device cuda`, batches are larger and made by worker processes, and
+`--minutes 8` trains it all. Every eighth clip is held out for validation. The weights go to
 imocap_core/lifter/data, the curve beside the checkpoint; no motion is stored with either.
 """
 
 import argparse
 import json
+import os
 import time
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
 from lifter.filming import detect, film_windows
-from lifter.motions import fit_all
+from lifter.made_motions import performances
+from lifter.motions import FittedClip, fit_all, with_straight_legs
 from lifter.performances import Motions, TrainingBodies, motions_of, windows
 from torch import Tensor
+from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
 from imocap_core.lifter.network import Lifter, LifterOutput, count_weights
 from imocap_core.lifter.rays import person_centred_features
-from imocap_core.lifter.weights import write_weights
+from imocap_core.lifter.weights import load_lifter, write_weights
 
 TARGET = Path(__file__).parents[1] / "imocap_core" / "lifter" / "data" / "lifter.safetensors"
 SEED = 7
 HELD_OUT_EVERY = 8
-BATCH = 48  # windows
+BATCH, CARD_BATCH = 48, 384  # windows
+MADE, MADE_FRAMES = 2500, 82  # performances of 1/30 s frames: the longest window
+MADE_HELD_OUT = 40
 VALIDATION_BATCHES = 6
 PEAK_RATE, WEIGHT_DECAY = 1.5e-3, 0.02
 AVERAGING = 0.998  # exponential moving average of the weights
@@ -43,6 +52,34 @@ def batch_of(
     centred = person_centred_features(*detect(rays, height, rng))
     relative = joints_cam - joints_cam[:, :, :1]
     return centred.features, torch.einsum("bij,blkj->blki", centred.R_turned_from_cam, relative)
+
+
+@dataclass
+class Batches(IterableDataset):  # type: ignore[type-arg]
+    """Endless batches of windows; every worker has a generator of its own."""
+
+    motions: Motions
+    bodies: TrainingBodies
+    size: int
+    seed: list[int]
+
+    def __iter__(self) -> Iterator[tuple[Tensor, Tensor]]:
+        worker = get_worker_info()
+        torch.set_num_threads(1)
+        rng = np.random.default_rng([*self.seed, worker.id if worker else 0])
+        while True:
+            yield batch_of(self.motions, self.bodies, self.size, rng)
+
+
+def made_motions(cache: Path) -> list[FittedClip]:
+    """Performances one after another, kinds mixed; `cache` (npz) is read when it exists."""
+    if not cache.exists():
+        kinds = performances(MADE, SEED, MADE_FRAMES).values()
+        np.savez(cache, theta=np.concatenate([k.theta for k in kinds]),
+                 trans=np.concatenate([k.trans for k in kinds]))  # fmt: skip
+    with np.load(cache) as stored:
+        both = list(zip(stored["theta"], stored["trans"], strict=True))
+    return [both[row] for row in np.random.default_rng(SEED).permutation(len(both))]
 
 
 def loss_of(output: LifterOutput, true: Tensor, visible: Tensor) -> Tensor:
@@ -88,7 +125,12 @@ def main() -> None:
     )
     parser.add_argument("--steps", type=int, default=15000)
     parser.add_argument("--minutes", type=float, default=1e9, help="the rate falls to 0 by then")
-    parser.add_argument("--resume", action="store_true", help="go on from the checkpoint")
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on from the checkpoint, or from the shipped weights where there is none",
+    )
     parser.add_argument("--rate", type=float, default=PEAK_RATE, help="the highest rate")
     parser.add_argument(
         "--float32",
@@ -98,37 +140,49 @@ def main() -> None:
     arguments = parser.parse_args()
     torch.set_num_threads(1)
     torch.manual_seed(SEED)
-    rng = np.random.default_rng([SEED, 1] if arguments.resume else SEED)
+    card = arguments.device != "cpu"
     arguments.work.mkdir(parents=True, exist_ok=True)
-    clips = fit_all(arguments.train, arguments.work / "motions.npz")
-    held_out = sorted(clips)[::HELD_OUT_EVERY]
-    motions = motions_of([clips[k] for k in sorted(clips) if k not in held_out], rng)
+    fitted = fit_all(arguments.train, arguments.work / "motions.npz")
+    clips = {k: with_straight_legs(clip) for k, clip in sorted(fitted.items())}
+    held_out = list(clips)[::HELD_OUT_EVERY]
+    made = made_motions(arguments.work / "made.npz")
     bodies = TrainingBodies()
-    validation = motions_of([clips[k] for k in held_out], np.random.default_rng(1))
+    captured = [clip for k, clip in clips.items() if k not in held_out]
+    motions = motions_of(captured, made[MADE_HELD_OUT:], np.random.default_rng(SEED))
+    validation = motions_of(
+        [clips[k] for k in held_out], made[:MADE_HELD_OUT], np.random.default_rng(1)
+    )
     validation_rng = np.random.default_rng(2)
     batches = [batch_of(validation, bodies, 64, validation_rng) for _ in range(VALIDATION_BATCHES)]
-    network, averaged = Lifter(), Lifter()
+    batches = [(f.to(arguments.device), true.to(arguments.device)) for f, true in batches]
+    seed = [SEED, int(arguments.resume)]
+    loader = DataLoader(
+        Batches(motions, bodies, CARD_BATCH if card else BATCH, seed), batch_size=None,
+        num_workers=os.cpu_count() or 1 if card else 0, pin_memory=card,
+    )  # fmt: skip
+    network, averaged = Lifter().to(arguments.device), Lifter().to(arguments.device)
     if arguments.resume:
-        network.load_state_dict(torch.load(arguments.work / "checkpoint.pt"))
+        checkpoint = arguments.work / "checkpoint.pt"
+        known = torch.load(checkpoint) if checkpoint.exists() else load_lifter().state_dict()
+        network.load_state_dict(known)
     averaged.load_state_dict(network.state_dict())
     print(f"{count_weights(network)} weights, held out: {', '.join(held_out)}", flush=True)
     print({"step": 0, **errors_mm(averaged, batches)}, flush=True)
     optimiser = torch.optim.AdamW(network.parameters(), weight_decay=WEIGHT_DECAY)
-    began, curve, step, done = time.monotonic(), [], 0, 0.0
-    while done < 1.0:
+    began, curve = time.monotonic(), []
+    for step, (features, true) in enumerate(loader, 1):
         spent_s = time.monotonic() - began
         done = max(step / arguments.steps, spent_s / 60 / arguments.minutes)
         for group in optimiser.param_groups:
-            group["lr"] = arguments.rate * min(1.0, (step + 1) / 300) * max(0.0, 1.0 - done)
-        features, true = batch_of(motions, bodies, BATCH, rng)
-        with torch.autocast("cpu", torch.bfloat16, enabled=not arguments.float32):
+            group["lr"] = arguments.rate * min(1.0, step / 300) * max(0.0, 1.0 - done)
+        features, true = features.to(arguments.device), true.to(arguments.device)
+        with torch.autocast(arguments.device, torch.bfloat16, enabled=not arguments.float32):
             output = network(features)
         loss = loss_of(output, true, features[..., -1:])
         optimiser.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(network.parameters(), 1.0)
         optimiser.step()
-        step += 1
         decay = min(AVERAGING, step / (step + 100))
         with torch.no_grad():
             for a, b in zip(averaged.parameters(), network.parameters(), strict=True):
@@ -143,6 +197,8 @@ def main() -> None:
             (arguments.work / f"curve{'_resumed' * arguments.resume}.json").write_text(
                 json.dumps(curve, indent=1)
             )
+        if done >= 1.0:
+            break
     TARGET.parent.mkdir(parents=True, exist_ok=True)
     write_weights(TARGET, averaged)
 

@@ -42,7 +42,7 @@ from imocap_core import limits
 from imocap_core.artifacts import ndarray
 from imocap_core.artifacts.provenance import check_provenance
 from imocap_core.artifacts.side_files import check_names
-from imocap_core.errors import ArtifactCorrupt
+from imocap_core.errors import CONTROL, ArtifactCorrupt
 
 if TYPE_CHECKING:
     from imocap_core.artifacts.schemas.base import Artifact
@@ -240,4 +240,6 @@ def _with_arrays(value: Any, arrays: Mapping[str, Shaped[np.ndarray, "..."]]) ->
         return {k: _with_arrays(v, arrays) for k, v in value.items()}
     if isinstance(value, list):
         return [_with_arrays(v, arrays) for v in value]
+    if isinstance(value, str) and CONTROL.search(value):
+        raise ValueError(f"a text with control characters: {value!r:.80}")
     return value

@@ -62,7 +62,7 @@ def remembered(kind: str, path: Path, compute: Callable[[Path], Value]) -> Value
 
 def load_memory(folder: Path) -> None:
     """Remember what was saved below a folder of artifacts, if anything was."""
-    with suppress(OSError, ValueError, TypeError, LookupError):
+    with suppress(OSError, ValueError, TypeError, LookupError, AttributeError, RecursionError):
         saved = json.loads((folder / FILE).read_text(encoding="utf-8"))
         if saved["made_by"] == _made_by():
             entries = {name: (str(s), value) for name, (s, value) in saved["entries"].items()}

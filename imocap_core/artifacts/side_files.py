@@ -13,6 +13,7 @@ import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from imocap_core.identifiers import is_portable
 from imocap_core.made_files import peoples_files, record_made
 
 PART = r"[A-Za-z0-9_][A-Za-z0-9_. -]{0,127}"  # of a path: no "..", no hidden file, no drive
@@ -23,15 +24,17 @@ def check_names(names: Iterable[str]) -> None:
     """ValueError unless all names are distinct files below one folder."""
     names = list(names)
     for name in names:
-        if not NAME.fullmatch(name):
+        if not (NAME.fullmatch(name) and all(map(is_portable, name.split("/")))):
             raise ValueError(
                 f"a side file is named {name!r:.80}: expected a relative name of letters, digits, "
-                f"_ . - and spaces, in folders or not"
+                f"_ . - and spaces, in folders or not, that every system takes"
             )
     folders = {
         "/".join(name.split("/")[:i]) for name in names for i in range(1, name.count("/") + 1)
     }
-    doubled = sorted({name for name in names if names.count(name) > 1 or name in folders})
+    plain = [name.lower() for name in names]
+    folders = {folder.lower() for folder in folders}
+    doubled = sorted({name for name in plain if plain.count(name) > 1 or name in folders})
     if doubled:
         raise ValueError(f"two side files are named {doubled[0]!r:.80}")
 

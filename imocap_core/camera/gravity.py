@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,8 @@ from imocap_core.camera.tilt_evidence import (
     balance_cost,
     camera_angles_deg,
     camera_cost,
+    depth_cost,
+    falling_cost,
     perpendicular,
     plane_cost,
     support_of,
@@ -23,6 +25,7 @@ from imocap_core.camera.tilt_evidence import (
 MOMENTS = 100  # of a video that are looked at
 CORRELATION_S = 0.5  # errors of a pose persist: so long a time counts as one observation
 MOST_OBSERVATIONS = 5.0  # and a video's common error remains, however long it is
+JUDGED_AHEAD = 0.1  # error along the line of sight of a pose that is judged (`implausibility`)
 WRONG_SHARE = 0.02  # of motions that lean to or from the camera as a whole
 ROLLS_DEG, PITCHES_DEG = np.arange(-180.0, 181.0, 5.0), np.arange(-60.0, 61.0, 6.0)
 TRUNK_SHARE = 0.3  # of the evidence of balance, which speaks of nearly the same
@@ -58,7 +61,6 @@ def estimate_up(bodies: Sequence[FilmedBody], prior: LevelPrior) -> UpEstimate:
     The posterior is summed over a grid of directions that closes in on its mean: with two unknowns
     that is exact, and several modes show in the standard deviation.
     """
-    sphere = _fibonacci_sphere(SPHERE)
     stances = [s for body in bodies if (s := _Stance.of(body)) is not None]
 
     def cost(up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
@@ -69,7 +71,40 @@ def estimate_up(bodies: Sequence[FilmedBody], prior: LevelPrior) -> UpEstimate:
             total += stance.cost(up)
         return total
 
-    mean, reach, sd = sphere[cost(sphere).argmin()], FIRST_REACH_DEG, 0.0
+    return _searched(cost)[0]
+
+
+def implausibility(filmed: FilmedBody, level: LevelPrior) -> float:
+    """What physics says against one video's motion: twice a negative log likelihood, 0 at best.
+
+    Under the up that explains it best: a camera that is not held level, a centre of mass beside
+    what carries it, planted feet that are not on one height, limbs below the floor. 0.5 s count as
+    one observation, so it adds to the cost of the keypoints of the same frames. Without a frame
+    that has all joints: 0.
+    """
+    whole = np.isfinite(filmed.joints).all(axis=(1, 2))
+    if not whole.any():
+        return 0.0
+    support = support_of(filmed.joints[whole], filmed.fps, MOMENTS)
+    count = float(whole.sum()) / filmed.fps / CORRELATION_S
+    sight = filmed.R_cam_from_world[2]
+
+    def cost(up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
+        body = falling_cost(up, support, sight, JUDGED_AHEAD)
+        body += plane_cost(up, support) + depth_cost(up, support)
+        return camera_cost(up, filmed.R_cam_from_world, level) + count * body
+
+    return _searched(_in_chunks(cost))[1]
+
+
+Cost = Callable[[Float[np.ndarray, "U 3"]], Float[np.ndarray, " U"]]
+
+
+def _searched(cost: Cost) -> tuple[UpEstimate, float]:
+    """Mean and spread of a posterior over directions, and the least cost that was met."""
+    sphere = _fibonacci_sphere(SPHERE)
+    costs = cost(sphere)
+    mean, least, reach, sd = sphere[costs.argmin()], costs.min(), FIRST_REACH_DEG, 0.0
     for _ in range(REFINEMENTS):
         around = _grid(mean, reach)
         costs = cost(around)
@@ -80,7 +115,17 @@ def estimate_up(bodies: Sequence[FilmedBody], prior: LevelPrior) -> UpEstimate:
         angle = np.degrees(np.arccos(np.clip(around @ mean, -1.0, 1.0)))
         sd = float(np.sqrt(weight @ angle**2 / 2))
         reach = float(np.clip(REACH_SD * sd, LEAST_REACH_DEG, MOST_REACH_DEG))
-    return UpEstimate(mean, sd)
+        least = min(least, costs.min())
+    return UpEstimate(mean, sd), float(least)
+
+
+def _in_chunks(cost: Cost) -> Cost:
+    """The same cost of few directions at a time, so that its arrays stay in the cache."""
+
+    def of(up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
+        return np.concatenate([cost(up[k : k + CHUNK]) for k in range(0, len(up), CHUNK)])
+
+    return of
 
 
 @dataclass(frozen=True)
@@ -102,25 +147,22 @@ class _Stance:
         support = support_of(body.joints[whole], body.fps, MOMENTS)
         stance = cls(support, body.R_cam_from_world, count, np.zeros(len(ROLLS_DEG)))
         roll, pitch = np.meshgrid(ROLLS_DEG, PITCHES_DEG, indexing="ij")
-        costs = stance.if_right(_up_of_angles(roll.ravel(), pitch.ravel()) @ body.R_cam_from_world)
+        up = _up_of_angles(roll.ravel(), pitch.ravel()) @ body.R_cam_from_world
+        costs = _in_chunks(stance.if_right)(up)
         return replace(stance, of_roll=costs.reshape(roll.shape).min(axis=1))
 
     def if_right(self, up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
         """Balance, trunk and planted feet, as if the pose were right."""
-        parts = []
-        for k in range(0, len(up), CHUNK):
-            some = up[k : k + CHUNK]
-            posture = balance_cost(some, self.support, self.R_cam_from_world[2])
-            posture += TRUNK_SHARE * trunk_cost(some, self.support)
-            parts.append(posture + plane_cost(some, self.support))
-        return self.count * np.concatenate(parts)
+        posture = balance_cost(up, self.support, self.R_cam_from_world[2])
+        posture += TRUNK_SHARE * trunk_cost(up, self.support)
+        return self.count * (posture + plane_cost(up, self.support))
 
     def cost(self, up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
         """The same when the whole motion may lean in depth, which a view shows least: then it tells
         the camera's roll alone."""
         roll, _ = camera_angles_deg(up, self.R_cam_from_world)
         wrong = np.interp(roll, ROLLS_DEG, self.of_roll)
-        right = self.if_right(up)
+        right = _in_chunks(self.if_right)(up)
         least = self.of_roll.min()
         likelihood = (1 - WRONG_SHARE) * np.exp(-0.5 * (right - least))
         return np.asarray(

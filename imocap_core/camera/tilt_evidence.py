@@ -33,6 +33,7 @@ PLANE_M = 0.08  # deviation of a planted foot's height, with its error of depth
 PLANTED_M_S = 0.2  # speed at which a foot counts a quarter as planted
 LEAST_PLANTED = 0.1  # feet that count less are left out
 PLANE_QUANTILE = 0.5
+DEPTH_M = 0.08  # of a limb below the floor, with its error of depth
 
 PELVIS, NECK = SMPL_JOINTS.index("pelvis"), SMPL_JOINTS.index("neck")
 BALLS = [SMPL_JOINTS.index(f"{side}_foot") for side in ("left", "right")]
@@ -139,13 +140,45 @@ def plane_cost(up: Float[np.ndarray, "U 3"], support: Support) -> Float[np.ndarr
     return np.asarray(cost @ support.planted / support.planted.sum())
 
 
+def depth_cost(up: Float[np.ndarray, "U 3"], support: Support) -> Float[np.ndarray, " U"]:
+    """No limb is below the height of planted feet; the mean over moments."""
+    floor = weighted_quantile(up @ support.feet.T, support.planted, PLANE_QUANTILE)
+    lowest = np.einsum("nsc,uc->usn", support.limbs, up).min(axis=1)
+    depth = np.maximum(floor[:, None] - lowest, 0.0)
+    return np.asarray(_student(depth / DEPTH_M, PLANE_DOF).mean(axis=1))
+
+
 def balance_cost(
     up: Float[np.ndarray, "U 3"], support: Support, sight: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, " U"]:
     """The centre of mass is above the limbs that stand on the ground; the mean over moments.
 
-    Limbs as low as the lowest one are the support. The centre's horizontal distance from their mean
-    is compared with their extent, the body's sway and the pose's errors.
+    A density of the centre's place: narrow supports claim more of it than wide ones.
+    """
+    squared, determinant = _off_support(up, support, sight, LEAN_AHEAD)
+    cost = _student(np.sqrt(squared), BALANCE_DOF, dimensions=2)
+    return np.asarray((cost + np.log(determinant / SWAY_M**4)).mean(axis=1))
+
+
+def falling_cost(
+    up: Float[np.ndarray, "U 3"], support: Support, sight: Float[np.ndarray, "3"], ahead: float
+) -> Float[np.ndarray, " U"]:
+    """How far the centre of mass is off its support, whichever that is; the mean over moments.
+
+    ahead: error of the pose along the line of sight, as a share of the centre's height.
+    """
+    squared, _ = _off_support(up, support, sight, ahead)
+    return np.asarray(_student(np.sqrt(squared), BALANCE_DOF, dimensions=2).mean(axis=1))
+
+
+def _off_support(
+    up: Float[np.ndarray, "U 3"], support: Support, sight: Float[np.ndarray, "3"], ahead: float
+) -> tuple[Float[np.ndarray, "U N"], Float[np.ndarray, "U N"]]:
+    """Squared horizontal distance of the centre of mass from its support's middle in standard
+    deviations, and the determinant of their covariance, m^4.
+
+    Limbs as low as the lowest one are the support. The distance is compared with their extent, the
+    body's sway and the pose's errors.
     """
     axes = np.stack([up, *perpendicular(up)])  # (3, U, 3): up, and two horizontal directions
     moments, count, _ = support.limbs.shape
@@ -156,16 +189,14 @@ def balance_cost(
     height, x, y = axes @ support.centre.T - middle  # (U, N) each
     apart_x, apart_y = limbs[1:] - middle[1:, :, None]
     free = SWAY_M**2 + (LEAN_ACROSS * height) ** 2 + (DYNAMIC_S * support.speed_m_s) ** 2
-    along = (LEAN_AHEAD**2 - LEAN_ACROSS**2) * height**2
+    along = (ahead**2 - LEAN_ACROSS**2) * height**2
     ahead_x, ahead_y = (axes[1:] @ sight)[..., None]
     weighted_x = share * apart_x
     a = 0.5 * (weighted_x * apart_x).sum(axis=1) + along * ahead_x**2 + free
     b = 0.5 * (weighted_x * apart_y).sum(axis=1) + along * ahead_x * ahead_y
     c = 0.5 * (share * apart_y * apart_y).sum(axis=1) + along * ahead_y**2 + free
     determinant = a * c - b**2
-    squared = (c * x**2 - 2 * b * x * y + a * y**2) / determinant
-    cost = (BALANCE_DOF + 2) * np.log1p(squared / BALANCE_DOF) + np.log(determinant / SWAY_M**4)
-    return np.asarray(cost.mean(axis=1))
+    return (c * x**2 - 2 * b * x * y + a * y**2) / determinant, determinant
 
 
 def weighted_quantile(

@@ -17,6 +17,7 @@ from imocap_core.cli.compare_command import compare_command
 from imocap_core.cli.detect_command import detect_command
 from imocap_core.cli.doctor_command import doctor_command
 from imocap_core.cli.export_command import export_command
+from imocap_core.cli.formats_command import formats_command
 from imocap_core.cli.init_command import init_command
 from imocap_core.cli.list_command import list_command
 from imocap_core.cli.params_command import params_command
@@ -60,6 +61,7 @@ app.command("stage")(stage_command)
 app.command("detect")(detect_command)
 app.command("people")(people_command)
 app.command("params")(params_command)
+app.command("formats")(formats_command)
 app.command("push")(push_command)
 app.command("pull")(pull_command)
 app.command("clean")(clean_command)

@@ -54,8 +54,10 @@ def export_command(
         typer.Option(help="Under the bodies' mean place, or where the motion starts, ahead."),
     ] = "ground",
     names: Annotated[
-        Literal["smpl", "mixamo", "ue5", "rigify"],
-        typer.Option(help="Joint names and rest pose of bvh, glb, fbx and usd."),
+        Literal["smpl", "mixamo", "ue5", "rigify", "lafan1"],
+        typer.Option(
+            help="Joint names and rest pose of bvh, glb, fbx and usd; lafan1, of bvh: for robots."
+        ),
     ] = "smpl",
     root_bone: Annotated[
         bool, typer.Option("--root-bone", help="A bone on the floor carries the motion.")

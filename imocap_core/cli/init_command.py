@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from imocap_core.cli.options import root_of, speaker
+from imocap_core.cli.options import counted, root_of, speaker
 
 
 def init_command(
@@ -17,12 +17,17 @@ def init_command(
 ) -> None:
     """Make actions/NAME/action.yaml for some videos."""
     from imocap_core.library.new_action import new_action
+    from imocap_core.library.people import detector_is_set_up
 
     made = new_action(name, videos, root_of(context))
     for remark in made.remarks:
         speaker(markup=False).print(remark)
+    once = (
+        ""
+        if detector_is_set_up(root=root_of(context))
+        else " The first run fetches the detector, some 320 MB."
+    )
     speaker(markup=False).print(
-        f"Wrote {made.file}, of {len(made.videos)} videos. Next: imocap run {name} (or make all "
-        f"ACTION={name}). The first run makes an environment for the detector, BlazePose, "
-        "which needs the network once."
+        f"Wrote {made.file}, of {counted(len(made.videos), 'video')}. "
+        f"Next: imocap run {made.name}.{once}"
     )

@@ -7,6 +7,7 @@ once: what a command needs it imports when it runs.
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -117,3 +118,16 @@ def speaker(*, markup: bool = True) -> Console:
     from rich.console import Console
 
     return Console(highlight=False, soft_wrap=True, markup=markup)
+
+
+def counted(number: int, thing: str) -> str:
+    """'1 video', '2 videos'."""
+    return f"{number} {thing}" + "s" * (number != 1)
+
+
+def shortened(sentences: Sequence[str]) -> list[str]:
+    """One line of several: the last sentence, and how many more --verbose shows."""
+    if len(sentences) < 2:
+        return list(sentences)
+    others = counted(len(sentences) - 1, "more remark")
+    return [f"{sentences[-1].rstrip('.')} ({others}: --verbose)."]

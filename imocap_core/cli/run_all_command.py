@@ -15,6 +15,7 @@ from imocap_core.cli.options import (
     Verbose,
     action_names,
     ask_about_scripts,
+    counted,
     root_of,
     speaker,
 )
@@ -104,7 +105,9 @@ def _print_summary(console: Console, ends: list[ActionEnd], verbose: bool) -> No
         if verbose and summary:
             console.print(escape(f"\n{end.action}: " + " ".join(summary)))
     failed = [end for end in ends if end.state == "failed"]
-    console.print(f"\n{len(ends)} actions: {len(ends) - len(failed)} done, {len(failed)} failed.")
+    console.print(
+        f"\n{counted(len(ends), 'action')}: {len(ends) - len(failed)} done, {len(failed)} failed."
+    )
     for end in failed:
         console.print(escape(f"* {end.action}: {end.fault}"))
     if failed:

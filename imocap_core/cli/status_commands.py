@@ -20,6 +20,8 @@ from imocap_core.cli.options import (
 if TYPE_CHECKING:
     from imocap_core.library.status import Explanation
 
+MAX_REASONS = 3
+
 
 def status_command(
     context: typer.Context,
@@ -50,8 +52,6 @@ def status_command(
         print_json({"action": action, "stages": rows, "left_out": names, "verdict": judged})
         return
     from rich.markup import escape
-
-    from imocap_core.library.terminal import reasons
 
     console = speaker()
     for stage in stages:
@@ -116,3 +116,9 @@ def _print(stage: str, explanation: Explanation) -> None:
     for group, values in recipe.params.items():
         for name, value in values.items():
             console.print(f"param   {group}.{name} = {value}")
+
+
+def reasons(why: list[str]) -> str:
+    """The first few reasons, and how many more there are."""
+    more = len(why) - MAX_REASONS
+    return "; ".join(why[:MAX_REASONS]) + (f"; and {more} more" if more > 0 else "")

@@ -43,6 +43,6 @@ def film_tracks(films: Sequence[LongFilm], params: KeypointsParams) -> FilmTrack
     if not tracks:
         raise WorkFailed(
             "nobody moves in any shot: expected films in which people are large enough to be "
-            "detected (docs/collect.md)"
+            "detected"
         )
     return FilmTracks(tracks, [[samples_of(track, rate) for rate in RATES] for track in tracks])

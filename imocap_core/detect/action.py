@@ -63,7 +63,7 @@ def detect(action: Action, params: DetectParams, store: Store, display: Display)
     if not waiting:
         return
     display.started("detect", [f"{v.id} has no detections of {detector.version}" for v in waiting])
-    python = set_up(detector, lambda what: display.progress(0.0, what))
+    python = set_up(detector, display.notice)
     undetected: dict[Path, Undetected] = {}  # by file: one video may have several names
     for declared in waiting:
         file = _file(action, declared, detector, store)
@@ -90,7 +90,7 @@ def detect_one(
     if file is None or file.is_file() or _fault(action, declared, to_the_end=bool(action.detected)):
         return
     display.started("detect", [f"{video} has no detections of {detector.version}"])
-    python = set_up(detector, lambda what: display.progress(0.0, what))
+    python = set_up(detector, display.notice)
     with suppress(ValueError):
         detect_video(action.folder / str(declared.video), file, detector, python, display.progress)
     share_detections(store, [file] if file.is_file() else [])
@@ -126,10 +126,10 @@ def _file(action: Action, declared: Declaration, detector: Detector, store: Stor
 def _declared(declared: Declaration, detector: Detector) -> Declaration:
     """The declaration of the detections' file, as it would stand in action.yaml."""
     update: dict[str, str | None] = {"format": detector.format, "layout": detector.layout}
-    if declared.initial in (None, DETECT):
-        initial_format = detector.initial_format
+    if declared.initial == DETECT:
+        estimates = detector.format == "mediapipe"
         update |= {
-            "initial": DETECT if initial_format else None,
-            "initial_format": initial_format,
+            "initial": DETECT if estimates else None,
+            "initial_format": "mediapipe_world" if estimates else None,
         }
     return declared.model_copy(update=update)

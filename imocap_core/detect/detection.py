@@ -104,8 +104,8 @@ def detect_video(
     arrays: dict[str, Any] = detector.arrays(answers)
     if not frames_with_people(arrays):
         raise WorkFailed(
-            f"{video}: {detector.version} found no person in {len(answers)} frames; try the other "
-            "detector (detect.detector in docs/detection.md), or give keypoints from elsewhere"
+            f"{video}: {detector.version} found no person in {len(answers)} frames; try another "
+            "detector (`imocap params detect` lists them), or give keypoints from elsewhere"
         )
     file.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".detect-{writer()}", dir=file.parent) as folder:

@@ -14,7 +14,7 @@ from imocap_core.detect.networks import BLAZEPOSE, MOVENET
 from imocap_core.detect.results import Arrays, everybody_arrays, landmark_arrays, people_arrays
 from imocap_core.errors import WorkFailed
 from imocap_core.params import DetectParams
-from imocap_core.pipeline.format_names import DetectionFormat, InitialFormat, Layout
+from imocap_core.pipeline.format_names import DetectionFormat, Layout
 from imocap_core.pipeline.source import SourceFile
 
 HERE = Path(__file__).parent
@@ -38,7 +38,6 @@ class Detector:
     arrays: Callable[[Sequence[dict[str, Any]]], Arrays]
     format: DetectionFormat
     layout: Layout
-    initial_format: InitialFormat | None
     package: str = ""
     networks: Mapping[str, NetworkFile] = field(default_factory=dict)
 
@@ -101,7 +100,6 @@ def _mediapipe(params: DetectParams) -> Detector:
         arrays=landmark_arrays,
         format="mediapipe",
         layout="mediapipe33",
-        initial_format="mediapipe_world" if params.world_landmarks else None,
     )
 
 
@@ -127,7 +125,6 @@ def _blazepose(params: DetectParams) -> Detector:
         arrays=everybody_arrays,
         format="mediapipe",
         layout="blazepose33",
-        initial_format="mediapipe_world" if params.world_landmarks else None,
     )
 
 
@@ -146,5 +143,4 @@ def _rtmlib(params: DetectParams, folder: Path) -> Detector:
         arrays=people_arrays,
         format="npz",
         layout="wholebody133" if params.hands else "halpe26",
-        initial_format=None,
     )

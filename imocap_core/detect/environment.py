@@ -47,8 +47,8 @@ DETECTION = Environment(
     variable="IMOCAP_DETECT_PYTHON",
     folder=".venv-detect",
     versions=((3, 11), (3, 12)),
-    size="about 100 MB",
-    offer="run `make detect-env` once",
+    size="some 320 MB fetched, 360 MB on the disk",
+    offer="run `imocap detect --setup` once",
 )
 FOLDER = DETECTION.folder
 
@@ -144,7 +144,7 @@ def _base(kind: Environment) -> Path:
 
 def _run(words: list[str], folder: Path, packages: Path, kind: Environment) -> None:
     """Run an installer; WorkFailed with its error message when it fails."""
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    done = subprocess.run(words, capture_output=True, text=True, errors="replace", check=False)
     if done.returncode != 0:
         lines = (done.stderr or done.stdout).strip().splitlines()
         message = next(

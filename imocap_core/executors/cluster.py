@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import importlib.util
 import logging
+import os
 import queue
+import subprocess
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 from imocap_core.errors import WorkFailed
 from imocap_core.executors.attempt import attempt
 from imocap_core.executors.task import Begun, Ended, Event, Progressed, Task, Watch
-from imocap_core.workers import take_share
+from imocap_core.workers import python_command, take_share
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -24,6 +26,11 @@ if TYPE_CHECKING:
 TOPIC = "imocap"
 AHEAD = 2  # tasks submitted for every thread of the cluster: workers never wait for this process
 CONNECT_S = 20
+WORKERS = "from distributed.cli.dask_worker import main; main()"
+WORKER_SETTINGS = {
+    "DASK_DISTRIBUTED__WORKER__DAEMON": "False",
+    "DASK_LOGGING__DISTRIBUTED": "error",
+}
 MISSING = "the executor dask needs Dask's distributed: pip install 'imocap[dask]'"
 
 
@@ -100,24 +107,14 @@ def dask_cluster(
     WorkFailed where distributed is not installed or the scheduler does not answer.
     """
     try:
-        import dask
-        from distributed import Client, LocalCluster
+        from distributed import Client
     except ImportError:
         raise WorkFailed(MISSING) from None
     has_dashboard = importlib.util.find_spec("bokeh") is not None
-    with dask.config.set({"distributed.worker.daemon": False}):
-        if address is not None:
-            cluster: Any = address
-        else:
-            cluster = LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                memory_limit=memory_bytes or 0,
-                dashboard_address="127.0.0.1:0",
-                silence_logs=logging.ERROR,
-            )
+    local = _local_cluster(workers, memory_bytes) if address is None else nullcontext(address)
+    with local as at:
         try:
-            client = Client(cluster, timeout=CONNECT_S)
+            client = Client(at, timeout=CONNECT_S)
         except (OSError, ValueError) as error:
             raise WorkFailed(
                 f"no Dask scheduler answers at {address}: {error}; start one with `dask scheduler`"
@@ -130,8 +127,33 @@ def dask_cluster(
         finally:
             executor.close()
             client.close()
-            if address is None:
-                cluster.close()
+
+
+@contextmanager
+def _local_cluster(workers: int, memory_bytes: int | None) -> Iterator[str]:
+    """Address of a scheduler in this process, with workers of a Python that never imports this
+    process's main module, as `LocalCluster`'s would."""
+    from distributed import LocalCluster
+
+    options = [f"--nworkers={workers}", "--nthreads=1", "--no-dashboard", "--death-timeout=30"]
+    options.append(f"--memory-limit={memory_bytes or 0}")
+    with LocalCluster(
+        n_workers=0,
+        processes=False,
+        dashboard_address="127.0.0.1:0",
+        protocol="tcp://",
+        host="127.0.0.1",
+        silence_logs=logging.ERROR,
+    ) as cluster:
+        address = str(cluster.scheduler_address)
+        process = subprocess.Popen(
+            python_command(WORKERS, address, *options), env=os.environ | WORKER_SETTINGS
+        )
+        try:
+            yield address
+        finally:
+            process.terminate()
+            process.wait()
 
 
 def _on_worker(task: Task) -> Ended:

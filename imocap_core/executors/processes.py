@@ -1,31 +1,32 @@
 """Tasks in processes of their own on this machine; a process that dies is replaced.
 
-Every worker is a fresh process (spawn) with one thread of linear algebra and its share of the
-cores, joined to this one by a pipe. Where the pipe closes before the task has ended, the process
-has died: the kernel ends the largest one when memory runs out.
+Every worker is a fresh Python (`executors.worker`) with one thread of linear algebra and its share
+of the cores, joined to this one by its standard input and output. Where its output closes before
+the task has ended, the process has died: the kernel ends the largest one when memory runs out.
 """
 
 from __future__ import annotations
 
-import multiprocessing
 import os
+import pickle
 import queue
 import signal
+import subprocess
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from multiprocessing.connection import Connection
-from multiprocessing.process import BaseProcess
 
 from imocap_core.errors import system_fault
-from imocap_core.executors.attempt import attempt
-from imocap_core.executors.task import Begun, Ended, Event, Progressed, Task, Watch
-from imocap_core.memory_limit import limit_memory
-from imocap_core.workers import SAFE_PATH, cores, end_with_parent_only, environment, take_share
+from imocap_core.executors.task import Begun, Ended, Event, Task, Watch
+from imocap_core.executors.worker import PROGRAM, receive, send
+from imocap_core.workers import cores, python_command
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 KILL = 9
+END_S = 10.0
+
+Process = subprocess.Popen[bytes]
 
 
 @dataclass(frozen=True)
@@ -33,13 +34,12 @@ class WorkerSettings:
     """How worker processes are started.
 
     cores: that one may use. memory_bytes: the largest memory of one, None for no limit. fresh: each
-    task gets one of its own. outer_safe_path: this process's PYTHONSAFEPATH.
+    task gets one of its own.
     """
 
     cores: int
     memory_bytes: int | None
     fresh: bool
-    outer_safe_path: str | None
 
 
 class Processes:
@@ -49,7 +49,7 @@ class Processes:
         self._workers, self._busy, self._settings = workers, 0, settings
         self._tasks: queue.SimpleQueue[Task | None] = queue.SimpleQueue()
         self._events: queue.SimpleQueue[Event] = queue.SimpleQueue()
-        self._alive: dict[str, BaseProcess] = {}
+        self._alive: dict[str, Process] = {}
         self._closed = False
         for number in range(workers):
             lane = threading.Thread(target=self._lane, args=(f"worker {number + 1}",), daemon=True)
@@ -76,47 +76,53 @@ class Processes:
         self._closed = True
         for _ in range(self._workers):
             self._tasks.put(None)
-        for process in list(self._alive.values()):
+        alive = list(self._alive.values())
+        for process in alive:
             process.terminate()
+        for process in alive:  # what they write in ends with them
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(END_S)
 
     def _lane(self, name: str) -> None:
         """One worker process, replaced when it has died or every task gets a fresh one."""
-        pipe: Connection | None = None
+        worker: Process | None = None
         while (task := self._tasks.get()) is not None and not self._closed:
             try:
-                pipe = pipe or self._start(name)
+                worker = worker or self._start(name)
             except OSError as error:
                 self._events.put(Ended(task, 0.0, None, system_fault(error), lost=True))
                 continue
             self._events.put(Begun(task, name))
-            ended = self._carry_out(task, pipe)
+            ended = self._carry_out(task, worker)
             if ended is None or self._settings.fresh:
-                pipe.close()
-                pipe = None
-                process = self._alive.pop(name)
-                process.join()
-                ended = ended or Ended(task, 0.0, None, _cause(process.exitcode), lost=True)
+                _leave(worker)
+                del self._alive[name]
+                ended = ended or Ended(task, 0.0, None, _cause(worker.wait()), lost=True)
+                worker = None
             self._events.put(ended)
-        if pipe is not None:
-            pipe.close()
+        if worker is not None:
+            _leave(worker)
 
-    def _start(self, name: str) -> Connection:
-        ours, theirs = multiprocessing.Pipe()
-        process = multiprocessing.get_context("spawn").Process(
-            target=_serve, args=(theirs, self._settings), name=name
+    def _start(self, name: str) -> Process:
+        settings = self._settings
+        process = subprocess.Popen(
+            python_command(PROGRAM, str(settings.cores), str(settings.memory_bytes or "")),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=os.environ | dict.fromkeys(THREADS, "1"),
         )
-        process.start()
-        theirs.close()
         self._alive[name] = process
         if self._closed:
             process.terminate()
-        return ours
+        return process
 
-    def _carry_out(self, task: Task, pipe: Connection) -> Ended | None:
+    def _carry_out(self, task: Task, worker: Process) -> Ended | None:
         """How the attempt ended; None when the worker died."""
+        assert worker.stdin is not None
+        assert worker.stdout is not None
         try:
-            pipe.send(task)
-            while not isinstance(event := pipe.recv(), Ended):
+            send(task, worker.stdin)
+            while not isinstance(event := pickle.loads(receive(worker.stdout)), Ended):
                 self._events.put(event)
         except (EOFError, OSError):
             return None
@@ -133,37 +139,24 @@ def worker_processes(
         memory_bytes: largest memory of one worker; None for no limit.
         fresh: every task gets a process of its own.
     """
-    share = max(1, cores() // workers)
-    settings = WorkerSettings(share, memory_bytes, fresh, os.environ.get(SAFE_PATH))
-    with environment({SAFE_PATH: "1", **dict.fromkeys(THREADS, "1")}):
-        executor = Processes(workers, settings)
-        try:
-            yield executor
-        finally:
-            executor.close()
+    executor = Processes(workers, WorkerSettings(max(1, cores() // workers), memory_bytes, fresh))
+    try:
+        yield executor
+    finally:
+        executor.close()
 
 
-def _serve(pipe: Connection, settings: WorkerSettings) -> None:
-    """Carry out what comes through the pipe, until it closes."""
-    end_with_parent_only(settings.outer_safe_path)
-    take_share(settings.cores)
-    if settings.memory_bytes is not None:
-        limit_memory(settings.memory_bytes)
-    while True:
-        try:
-            task: Task = pipe.recv()
-        except EOFError:
-            return
-        pipe.send(_attempt(task, pipe))
+def _leave(worker: Process) -> None:
+    """Close the pipes to a worker, which ends it."""
+    for stream in (worker.stdin, worker.stdout):
+        assert stream is not None
+        with suppress(OSError):
+            stream.close()
 
 
-def _attempt(task: Task, pipe: Connection) -> Ended:
-    return attempt(task, lambda share, text: pipe.send(Progressed(task, share, text)))
-
-
-def _cause(exitcode: int | None) -> str:
+def _cause(exitcode: int) -> str:
     """The sentence about a process that died."""
-    if exitcode is None or exitcode >= 0:
+    if exitcode >= 0:
         return f"its process ended by itself (exit code {exitcode})"
     try:
         name = signal.Signals(-exitcode).name

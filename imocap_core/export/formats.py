@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from imocap_core.detect.environment import Announce
@@ -18,7 +18,7 @@ from imocap_core.export.laboratory import trial_of
 from imocap_core.export.mcap_view import write_mcap
 from imocap_core.export.notes import notes_of, write_notes
 from imocap_core.export.opensim import write_opensim
-from imocap_core.export.options import ExportOptions
+from imocap_core.export.options import LAFAN1, ExportOptions
 from imocap_core.export.placing import digests_of, place
 from imocap_core.export.tables import calibration_of, npz_values, write_cameras_and_sync
 from imocap_core.io.writers.amass_npz import write_amass
@@ -28,6 +28,7 @@ from imocap_core.io.writers.camera_calibration import write_calibration
 from imocap_core.io.writers.export_npz import write_video
 from imocap_core.io.writers.gltf_scene import write_glb
 from imocap_core.io.writers.joints_csv import write_joints_csv
+from imocap_core.io.writers.lafan1 import as_lafan1
 from imocap_core.io.writers.motion_clip import MotionClip, scaled, upright_rest
 from imocap_core.io.writers.trc import write_trc
 from imocap_core.result.mean_performance import mean_performance
@@ -93,6 +94,10 @@ def export(
     """
     check_format(format, up)
     options.check(format)
+    if options.names == LAFAN1:
+        if up == "z":
+            raise WrongUse("--up z: files of LAFAN1's kind are y up; leave --up out")
+        options = replace(options, scale="cm")
     if format in OF_BLENDER:
         blender_program(announce)
     up = up or DEFAULT_UP.get(format) or ("y" if options.levelled else None)
@@ -108,7 +113,7 @@ def export(
         with draft_folder(out, "export") as folder:
             files = WRITERS[format](folder, written, options)
             files += write_cameras_and_sync(folder, placed)
-            notes = notes_of(written, format) | {"files": digests_of(files)}
+            notes = notes_of(written, format, options) | {"files": digests_of(files)}
             notes |= {"options": asdict(options)} if options != DEFAULT else {}
             notes |= {"foot_lock": {v: asdict(lock) for v, lock in locks.items()}} if locks else {}
             files.append(write_notes(folder, notes))
@@ -137,7 +142,10 @@ def _amass(out: Path, result: ActionResult, options: ExportOptions) -> list[Path
 
 def _bvh(out: Path, result: ActionResult, options: ExportOptions) -> list[Path]:
     def write(file: Path, clip: MotionClip) -> None:
-        character = upright_rest(as_character(clip, options, result.up_axis), result.up_axis)
+        if options.names == LAFAN1:
+            character = as_lafan1(clip)
+        else:
+            character = upright_rest(as_character(clip, options, result.up_axis), result.up_axis)
         write_bvh(file, scaled(character, CENTIMETRES) if options.scale == "cm" else character)
 
     return _a_file_each(out, result, ".bvh", write)

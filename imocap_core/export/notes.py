@@ -6,7 +6,9 @@ import json
 from pathlib import Path
 from typing import Any
 
+from imocap_core.export.options import LAFAN1, ExportOptions
 from imocap_core.io.writers.amass_npz import BETAS_NOTE
+from imocap_core.io.writers.lafan1 import FPS
 from imocap_core.result.result import CAMERA_UP, ActionResult
 from imocap_core.result.run_record import run_record
 from imocap_core.result.video import VideoResult
@@ -27,6 +29,7 @@ UNITS = {
     "amass": {"length": "metre", "angle": "radian (axis-angle)"},
 }
 REST = "T pose; joints' axes at rest are the world's; the body faces +z with y up, -y with z up"
+LAFAN1_REST = "LAFAN1's: every joint's x points along its bone, all angles 0"
 PIVOT = (
     "pelvis: a body's translation is that of its pelvis joint, about which its global orientation "
     "turns; every other joint turns about itself"
@@ -55,7 +58,9 @@ COMMON = (
 )
 
 
-def notes_of(result: ActionResult, format: str) -> dict[str, Any]:
+def notes_of(
+    result: ActionResult, format: str, options: ExportOptions | None = None
+) -> dict[str, Any]:
     """Everything that a reader of the files needs besides the numbers."""
     notes: dict[str, Any] = {
         "action": result.action,
@@ -74,6 +79,10 @@ def notes_of(result: ActionResult, format: str) -> dict[str, Any]:
     }
     if format == "bvh":
         notes["rest"] = REST
+    if options is not None and options.scale == "cm":
+        notes["units"] = notes["units"] | {"length": "centimetre"}
+    if options is not None and options.names == LAFAN1:
+        notes["rest"], notes["frames_per_second"] = LAFAN1_REST, FPS
     if result.left_out:
         notes["left_out"] = list(result.left_out)
     return notes

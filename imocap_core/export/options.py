@@ -11,6 +11,7 @@ from imocap_core.io.writers.rigs import RIGS
 Origin = Literal["ground", "start"]
 Scale = Literal["m", "cm"]
 Loop = Literal["continue", "in-place"]
+LAFAN1 = "lafan1"
 CHARACTERS = ("bvh", "glb", "fbx", "usd")
 
 
@@ -21,8 +22,9 @@ class ExportOptions:
     videos: those to export; all where empty. mean: the mean of the performances instead, as one
     clip on the common timeline. origin: ground: under the mean place of the bodies; start: under
     the first body's first pose, which faces forward. names: of the joints, with the rest pose of
-    that rig: smpl, mixamo, ue5 or rigify. root_bone: a bone on the floor carries the motion. scale:
-    unit of lengths, m or cm. lock_feet: feet in contact with the ground stay where they stand.
+    that rig: smpl, mixamo, ue5, rigify or, in bvh, lafan1. root_bone: a bone on the floor carries
+    the motion. scale: unit of lengths, m or cm. lock_feet: feet in contact with the ground stay
+    where they stand.
     loop: of the mean: continue: its end blends into its start, which goes on from where the body
     has come to; in-place: it ends where it began.
     """
@@ -45,7 +47,7 @@ class ExportOptions:
         """WrongUse for values that are none, and for what a format cannot hold."""
         for option, given, allowed in (
             ("--origin", self.origin, get_args(Origin)),
-            ("--names", self.names, ("smpl", *RIGS)),
+            ("--names", self.names, ("smpl", *RIGS, LAFAN1)),
             ("--scale", self.scale, get_args(Scale)),
             ("--loop", self.loop, (None, *get_args(Loop))),
         ):
@@ -58,6 +60,8 @@ class ExportOptions:
                 f"--names and --root-bone are of characters, in {', '.join(CHARACTERS)}; {format} "
                 f"has none"
             )
+        if self.names == LAFAN1 and (format != "bvh" or self.root_bone):
+            raise WrongUse("--names lafan1 is of bvh, without --root-bone")
         if self.scale != "m" and format != "bvh":
             raise WrongUse(f"--scale cm: only bvh has no unit of its own; {format} has one")
         if self.mean and self.videos:

@@ -9,11 +9,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import av
 import numpy as np
 from jaxtyping import UInt8
 
-from imocap_core.io.video import decoded_frames, open_video, upright, video_stream
+from imocap_core.io.display import ShownFrame
+from imocap_core.io.video import decoded_frames, open_video, video_stream
 
 NEAR = 48  # frames ahead that are decoded one by one rather than sought
 
@@ -25,7 +25,7 @@ class DecodedFrame:
     number: int
     stamp: int | None
     is_key: bool
-    frame: av.VideoFrame
+    frame: ShownFrame
 
     def rgb(self, side_px: int) -> UInt8[np.ndarray, "height width 3"]:
         """The picture as shown, reduced so that its larger side is at most `side_px`."""
@@ -36,15 +36,7 @@ class DecodedFrame:
         return self._picture("gray", side_px)
 
     def _picture(self, format: str, side_px: int) -> UInt8[np.ndarray, "..."]:
-        width, height = self.frame.width, self.frame.height
-        scale = min(1.0, side_px / max(width, height))
-        small = self.frame.reformat(
-            width=max(1, round(scale * width)),
-            height=max(1, round(scale * height)),
-            format=format,
-            interpolation="AREA",
-        )
-        return upright(np.asarray(small.to_ndarray(), np.uint8), self.frame)
+        return self.frame.small(format, min(1.0, side_px / max(self.frame.display.size)))
 
 
 def all_frames(path: Path) -> Iterator[DecodedFrame]:
@@ -52,8 +44,12 @@ def all_frames(path: Path) -> Iterator[DecodedFrame]:
     read."""
     with open_video(path) as container:
         stream = video_stream(container, path)
-        for number, frame in enumerate(decoded_frames(container, stream, path)):
-            yield DecodedFrame(number, frame.pts, bool(frame.key_frame), frame)
+        for number, shown in enumerate(decoded_frames(container, stream, path)):
+            yield _numbered(number, shown)
+
+
+def _numbered(number: int, shown: ShownFrame) -> DecodedFrame:
+    return DecodedFrame(number, shown.frame.pts, bool(shown.frame.key_frame), shown)
 
 
 @dataclass(frozen=True)
@@ -130,8 +126,8 @@ class FrameReader:
             self._container.seek(self._stamps.stamps[key], stream=stream)
         frames = decoded_frames(self._container, stream, self._path)
         numbers = self._stamps.numbers
-        counted: Iterable[tuple[int, av.VideoFrame]] = enumerate(frames)
+        counted: Iterable[tuple[int, ShownFrame]] = enumerate(frames)
         if key is not None and numbers is not None:
-            counted = ((numbers[f.pts], f) for f in frames if f.pts in numbers)
-        self._frames = (DecodedFrame(n, f.pts, bool(f.key_frame), f) for n, f in counted)
+            counted = ((numbers[f.frame.pts], f) for f in frames if f.frame.pts in numbers)
+        self._frames = (_numbered(number, shown) for number, shown in counted)
         self._next = 0

@@ -17,14 +17,17 @@ from imocap_core.limits import must_unpack_to_little
 # RuntimeError: raised by zipfile for encrypted files and for unknown kinds of compression.
 _UNREADABLE = (
     *(OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error, RuntimeError),
-    *(MemoryError, SyntaxError, KeyError, TypeError, tokenize.TokenError),
+    *(MemoryError, SyntaxError, KeyError, TypeError, OverflowError, tokenize.TokenError),
 )
 
 
 def load_arrays(path: Path) -> dict[str, Shaped[np.ndarray, "..."]]:
-    """All arrays of an npz file. ValueError when it is missing, broken, or contains objects."""
+    """All arrays of an npz file, or that of an npy file under the name `keypoints`. ValueError when
+    it is missing, broken, or contains objects."""
     if not path.is_file():
         raise ValueError(f"{path}: no such file; check its path in action.yaml")
+    if path.suffix.lower() == ".npy":
+        return {"keypoints": _array_of_npy(path)}
     if not zipfile.is_zipfile(path):
         raise ValueError(f"{path}: is not a readable npz file; write it again with numpy.savez")
     try:
@@ -34,6 +37,16 @@ def load_arrays(path: Path) -> dict[str, Shaped[np.ndarray, "..."]]:
     except _UNREADABLE as error:
         raise ValueError(
             f"{path}: is not a readable npz file ({str(error)[:200]}); write it again"
+        ) from None
+
+
+def _array_of_npy(path: Path) -> Shaped[np.ndarray, "..."]:
+    try:
+        must_unpack_to_little(path.stat().st_size)
+        return np.array(np.load(path, mmap_mode="r", allow_pickle=False))  # no larger than the file
+    except _UNREADABLE as error:
+        raise ValueError(
+            f"{path}: is not a readable npy file ({str(error)[:200]}); write it again"
         ) from None
 
 

@@ -16,15 +16,15 @@ from imocap_core.limits import MAX_FPS, MAX_FRAMES, MIN_FPS
 
 
 def variable_times_s(path: Path, info: VideoInfo) -> Float[np.ndarray, " T"] | None:
-    """Presentation time of every frame, seconds after the first; None where the rate is constant.
+    """When every frame was taken, seconds after the first; None where the rate is constant.
 
     A file without usable stamps (missing, or repeated) counts as one of constant rate. ValueError
     when the file cannot be read, or its stamps are no video's.
     """
-    times = _times_s(_packet_stamps(path), info.frame_count)
+    times = _times_s(_packet_stamps(path), info)
     if times is None or is_constant_rate(times, info.fps):
         return None
-    exact = _times_s(_frame_stamps(path), info.frame_count)  # packets may be of other frames
+    exact = _times_s(_frame_stamps(path), info)  # packets may be of other frames
     if exact is not None:
         times = exact
     if is_constant_rate(times, info.fps):
@@ -39,13 +39,13 @@ def variable_times_s(path: Path, info: VideoInfo) -> Float[np.ndarray, " T"] | N
     return times - times[0]
 
 
-def _times_s(stamps: Iterator[float | None], count: int) -> Float[np.ndarray, " T"] | None:
-    """The stamps in their order in time; None unless there is one for each of `count` frames and
-    all differ."""
+def _times_s(stamps: Iterator[float | None], info: VideoInfo) -> Float[np.ndarray, " T"] | None:
+    """The stamps in their order in time, at the speed of the action; None unless there is one for
+    each frame and all differ."""
     given = list(stamps)
-    if len(given) != count or count < 3 or None in given:
+    if len(given) != info.frame_count or len(given) < 3 or None in given:
         return None
-    times = np.sort(np.array(given, float))
+    times = np.sort(np.array(given, float)) / info.slowed
     return times if np.isfinite(times).all() and (np.diff(times) > 0).all() else None
 
 
@@ -63,4 +63,4 @@ def _frame_stamps(path: Path) -> Iterator[float | None]:
     """Stamps of the frames that can be decoded: of a broken file the first ones may be used."""
     with open_video(path) as container, suppress(ValueError):
         for frame in decoded_frames(container, video_stream(container, path), path):
-            yield frame.time
+            yield frame.frame.time

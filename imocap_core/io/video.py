@@ -1,11 +1,15 @@
-"""Video files: properties, frames one by one, and H.264 out, by PyAV (FFmpeg)."""
+"""Video files: properties, frames one by one, and H.264 out, by PyAV (FFmpeg).
+
+Pictures come as players show them (`display`), a slow-motion file's times as they were taken.
+"""
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -16,6 +20,7 @@ from av.stream import Disposition
 from av.video.stream import VideoStream
 from jaxtyping import UInt8
 
+from imocap_core.io.display import Display, ShownFrame, display_of
 from imocap_core.limits import MAX_FPS, MAX_PIXELS, MAX_SIDE_PX, MIN_FPS
 from imocap_core.whole_files import draft_of
 
@@ -26,15 +31,36 @@ ENCODERS: dict[str, dict[str, str]] = {  # best first; x264 is GPL, libvpx is no
     "libvpx-vp9": {"b:v": "0", "deadline": "good", "cpu-used": "5"},
 }
 GrayPicture = UInt8[np.ndarray, "height width"]
+# FFmpeg's demuxers of files that hold a video or sound themselves. Playlists, scripts and picture
+# sequences (hls, concat, dash, image2) name other files and are not opened.
+CONTAINERS = (
+    "aac,amv,apng,asf,av1,avi,avs2,avs3,cavsvideo,dhav,dirac,dnxhd,dv,evc,flac,flic,flv,gif,gxf,"
+    "h261,h263,h264,hevc,ipu,ivf,lmlm4,m4v,matroska,mjpeg,mjpeg_2000,mov,mp3,mpeg,mpegts,"
+    "mpegtsraw,mpegvideo,mxf,nsv,nut,nuv,obu,ogg,rm,swf,vc1,vc1test,vvc,wav,webp,wtv,yuv4mpegpipe"
+)
+ALONE = {"format_whitelist": CONTAINERS, "protocol_whitelist": "file"}
+CAPTURE_RATE = "com.android.capture.fps"  # frames a second that an Android phone took
+SLOWED = 1.5  # times, that stamps and camera must differ: less is a rate that varies
 
 
 @dataclass(frozen=True)
 class VideoInfo:
-    """``fps`` frames a second, ``size`` (width, height) as shown, ``frame_count`` frames."""
+    """Attributes:
+    fps: frames a second as they were taken.
+    size: width and height of the picture as shown.
+    slowed: how many times slower than taken the file's stamps play it.
+    display: how the stored picture is shown; None where there is no file.
+    """
 
     fps: float
     size: tuple[int, int]
     frame_count: int
+    slowed: float = 1.0
+    display: Display | None = None
+
+    def taken_at(self, fps: float) -> VideoInfo:
+        """The same with another rate of the camera."""
+        return replace(self, fps=fps, slowed=self.slowed * fps / self.fps)
 
 
 def probe(path: Path) -> VideoInfo:
@@ -49,11 +75,14 @@ def probe(path: Path) -> VideoInfo:
                 f"{path}: expected {MIN_FPS} to {MAX_FPS:,.0f} frames a second, it says "
                 f"{float(rate):g}; convert it to a constant frame rate first"
             )
-        size = _shown_size(next(decoded_frames(container, stream, path), None), path)
-        count = stream.frames
+        first = next(decoded_frames(container, stream, path), None)
+        if first is None:
+            raise ValueError(f"{path}: no frames; expected a video, got an empty stream")
+        count, taken = stream.frames, _camera_rate(container, stream, float(rate))
     if not 0 < count == _packet_count(path):  # a wrong header, or a clip trimmed by an edit list
         count = sum(1 for _ in read_gray(path, scale=0.05))
-    return VideoInfo(float(rate), size, count)
+    display = first.display
+    return VideoInfo(float(rate), display.size, count, display=display).taken_at(taken)
 
 
 def read_rgb(
@@ -64,7 +93,7 @@ def read_rgb(
     ValueError when the file cannot be read.
     """
     for number, frame in _frames(path, first, stop):
-        yield number, upright(np.asarray(frame.to_ndarray(format="rgb24"), np.uint8), frame)
+        yield number, frame.rgb()
 
 
 def read_rgb_of(path: Path, numbers: Collection[int]) -> Iterator[tuple[int, RgbPicture]]:
@@ -72,7 +101,7 @@ def read_rgb_of(path: Path, numbers: Collection[int]) -> Iterator[tuple[int, Rgb
     first, last = min(numbers, default=0), max(numbers, default=-1)
     for number, frame in _frames(path, first, last + 1):
         if number in numbers:
-            yield number, upright(np.asarray(frame.to_ndarray(format="rgb24"), np.uint8), frame)
+            yield number, frame.rgb()
 
 
 def read_gray(
@@ -90,7 +119,7 @@ def read_gray(
     ValueError when the file cannot be read.
     """
     for number, frame in _frames(path, first, stop, one_thread=damaged):
-        yield number, _small_gray(frame, scale)
+        yield number, frame.small("gray", scale)
 
 
 def read_checked_gray(
@@ -99,17 +128,7 @@ def read_checked_gray(
     """As `read_gray`, with whether the decoder met no error in the frame: what it could not decode
     it fills in from the frames before. In one thread: several lose an error now and then."""
     for number, frame in _frames(path, first, stop, one_thread=True):
-        yield number, _small_gray(frame, scale), not frame.is_corrupt
-
-
-def _small_gray(frame: av.VideoFrame, scale: float) -> GrayPicture:
-    small = frame.reformat(
-        width=max(1, round(scale * frame.width)),
-        height=max(1, round(scale * frame.height)),
-        format="gray",
-        interpolation="AREA",
-    )
-    return upright(np.asarray(small.to_ndarray(), np.uint8), frame)
+        yield number, frame.small("gray", scale), not frame.frame.is_corrupt
 
 
 def film_encoder() -> str:
@@ -169,12 +188,17 @@ def write_h264(
 
 
 def open_video(path: Path) -> Any:
-    """A video file's container. ValueError when it is none."""
+    """A video file's container, one of `CONTAINERS`. ValueError when it is none."""
     if not path.is_file():
         raise ValueError(f"{path}: no such video file; check `video` in action.yaml")
     try:
-        return av.open(str(path), metadata_errors="replace")
+        return av.open(f"file:{path}", metadata_errors="replace", options=dict(ALONE))
     except (av.FFmpegError, OSError) as error:
+        if error.errno == errno.EINVAL:  # of FFmpeg for what is not among `CONTAINERS`
+            raise ValueError(
+                f"{path}: expected a video, got a picture, a playlist or another file without a "
+                f"video of its own; give the video file"
+            ) from None
         raise ValueError(
             f"{path}: is not a readable video ({error.strerror}); re-encode it"
         ) from None
@@ -198,13 +222,15 @@ def video_stream(container: Any, path: Path) -> VideoStream:
     return stream
 
 
-def decoded_frames(container: Any, stream: VideoStream, path: Path) -> Iterator[av.VideoFrame]:
-    """Its frames, in the order in which they are shown. ValueError where decoding fails."""
-    count = 0
+def decoded_frames(container: Any, stream: VideoStream, path: Path) -> Iterator[ShownFrame]:
+    """Its frames, in the order in which they are shown, all of the first one's size. ValueError
+    where decoding fails."""
+    count, display, aspect = 0, None, stream.sample_aspect_ratio
     try:
         for frame in container.decode(stream):
             count += 1
-            yield frame
+            display = display or display_of(frame, None if aspect is None else float(aspect))
+            yield ShownFrame(frame, display)
     except (av.FFmpegError, OSError) as error:
         raise ValueError(
             f"{path}: broken, decoding failed after {count} frames ({error.strerror}); re-encode it"
@@ -229,7 +255,7 @@ def _packet_count(path: Path) -> int:
 
 def _frames(
     path: Path, first: int, stop: int | None, *, one_thread: bool = False
-) -> Iterator[tuple[int, av.VideoFrame]]:
+) -> Iterator[tuple[int, ShownFrame]]:
     """Frames are counted while decoding: seeking is not exact in every format."""
     with open_video(path) as container:
         stream = video_stream(container, path)
@@ -242,14 +268,14 @@ def _frames(
                 yield number, frame
 
 
-def upright(picture: UInt8[np.ndarray, "..."], frame: av.VideoFrame) -> UInt8[np.ndarray, "..."]:
-    """Turned by the rotation that phones store beside a sideways picture."""
-    turns = round(frame.rotation / 90)
-    return np.ascontiguousarray(np.rot90(picture, turns)) if turns % 4 else picture
-
-
-def _shown_size(frame: av.VideoFrame | None, path: Path) -> tuple[int, int]:
-    if frame is None:
-        raise ValueError(f"{path}: no frames; expected a video, got an empty stream")
-    sideways = round(frame.rotation / 90) % 2
-    return (frame.height, frame.width) if sideways else (frame.width, frame.height)
+def _camera_rate(container: Any, stream: VideoStream, stamped: float) -> float:
+    """Frames a second that the camera took: those of the stamps, unless a phone says that it took
+    others, for slow motion or a time lapse. Such a film has no sound."""
+    given = container.metadata.get(CAPTURE_RATE) or stream.metadata.get(CAPTURE_RATE)
+    try:
+        taken = float(given or stamped)
+    except ValueError:
+        return stamped
+    differs = max(taken / stamped, stamped / max(taken, MIN_FPS)) >= SLOWED
+    fits = MIN_FPS <= taken <= MAX_FPS and not container.streams.audio
+    return taken if differs and fits else stamped

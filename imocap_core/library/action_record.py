@@ -14,7 +14,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from imocap_core.artifacts.shared import SharedFiles
 from imocap_core.errors import WorkFailed
-from imocap_core.identifiers import Id
+from imocap_core.identifiers import Id, is_portable
 from imocap_core.limits import MAX_YAML_BYTES, must_be_small_enough
 from imocap_core.pipeline.action import explain_faults
 
@@ -31,6 +31,7 @@ def must_be_inside(path: str, *, hidden: bool = False) -> str:
     """
     parts = PurePosixPath(path).parts
     wrong = not parts or len(parts) > MAX_PARTS or len(path.encode()) > MAX_PATH_BYTES
+    wrong = wrong or not all(map(is_portable, parts))
     if wrong or path.startswith("/") or ".." in parts or UNSAFE.search(path):
         raise ValueError(f"expected a path inside the action's folder, got {path!r:.120}")
     if parts[0].startswith(".") and not hidden:

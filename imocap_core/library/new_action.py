@@ -5,18 +5,20 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 
 import yaml
 
 from imocap_core.errors import WrongUse
+from imocap_core.identifiers import NAME
 from imocap_core.library.door import plain_errors
 from imocap_core.library.video_files import video_files
 from imocap_core.pipeline.action import DETECT, FILE_NAME, check_name, read_action
 from imocap_core.pipeline.builtin_actions import BUILT_IN
 from imocap_core.pipeline.declared_paths import declared_path
 from imocap_core.pipeline.repeated_files import repeated_paths
-from imocap_core.standalone_sync.sources import VideoSource, labels
+from imocap_core.standalone_sync.sources import VideoSource, ascii_name, labels
 from imocap_core.whole_files import write_whole
 
 HEAD = """\
@@ -41,8 +43,9 @@ def init_action(name: str, videos: Sequence[str | Path], *, root: str | Path = "
 
 @dataclass(frozen=True)
 class NewAction:
-    """Its action.yaml, the videos declared in it, and sentences for the user."""
+    """Its name and action.yaml, the videos declared in it, and sentences for the user."""
 
+    name: str
     file: Path
     videos: list[Path]
     remarks: list[str]
@@ -51,14 +54,50 @@ class NewAction:
 @plain_errors
 def new_action(name: str, paths: Sequence[Path], root: Path) -> NewAction:
     """As `init_action`, with what is to be told about the files."""
-    check_name(name)
+    name = _valid(name)
     folder = root / "actions" / name
     action_file = folder / FILE_NAME
     if action_file.exists():
         raise WrongUse(f"{action_file} exists already; edit it, or choose another name")
     files, remarks = video_files(paths)
     _write_action(name, folder, files)
-    return NewAction(action_file, files, [*remarks, *repeated_paths(files)])
+    remarks = [*remarks, *repeated_paths(files), *_which_is_which(files)]
+    return NewAction(name, action_file, files, remarks)
+
+
+def _valid(name: str) -> str:
+    """The name, spaces and accents replaced. WrongUse where that is not enough."""
+    if not re.fullmatch(NAME, name) and not {"/", "\\"} & set(name):
+        name = ascii_name(name) or name
+    check_name(name)
+    return name
+
+
+def free_labels(files: Sequence[Path], taken: Sequence[str]) -> list[str]:
+    """An id for each of further videos of an action: its name, or the next free number."""
+    ids: list[str] = []
+    for file in files:
+        used = {i.lower() for i in (*taken, *ids)}
+        name = ascii_name(file.stem)
+        numbers = (f"v{n}" for n in count(1))
+        ids.append(name if name and name.lower() not in used else next(numbers))
+        while ids[-1].lower() in used:
+            ids[-1] = next(numbers)
+    return ids
+
+
+def _which_is_which(files: Sequence[Path]) -> list[str]:
+    """A sentence on files whose ids are other than their names."""
+    words = _in_words(files)
+    return [f"The videos{words}."] if words else []
+
+
+def _in_words(files: Sequence[Path]) -> str:
+    """': v1 is X.mp4, ...' where ids do not say it; else nothing."""
+    ids = labels([VideoSource(file, None) for file in files])
+    if ids == [ascii_name(file.stem) for file in files]:
+        return ""
+    return ": " + ", ".join(f"{i} is {file.name}" for i, file in zip(ids, files, strict=True))
 
 
 def _write_action(name: str, folder: Path, files: Sequence[Path]) -> None:
@@ -81,13 +120,11 @@ def action_of_videos(root: Path, name: str | None, paths: Sequence[Path]) -> tup
     WrongUse when a file cannot be used, or another action has the name.
     """
     files, remarks = video_files(paths)
-    if name is None:
-        name = _name_of(paths, files)
-    check_name(name)
+    name = _name_of(paths, files) if name is None else _valid(name)
     folder = root / "actions" / name
     if not (folder / FILE_NAME).is_file():
         _write_action(name, folder, files)
-        return name, [*remarks, f"Wrote {folder / FILE_NAME}."]
+        return name, [*remarks, f"Wrote {folder / FILE_NAME}{_in_words(files)}."]
     declared = [v.video for v in read_action(folder).videos]
     there = [None if v is None else (folder / v).resolve() for v in declared]
     if there != [file.resolve() for file in files]:
@@ -104,7 +141,8 @@ def action_of_words(root: Path, words: Sequence[str], name: str | None) -> tuple
     if actions and len(words) > 1:
         raise WrongUse(f"{actions[0]} is an action: give it alone")
     if actions or (name is None and len(words) == 1 and not Path(words[0]).exists()):
-        return words[0], []
+        valid = ascii_name(words[0])  # `init "my serve"` makes my_serve
+        return (valid if not actions and _is_action(root, valid) else words[0]), []
     return action_of_videos(root, name, [Path(word) for word in words])
 
 
@@ -118,7 +156,7 @@ def _name_of(paths: Sequence[Path], files: Sequence[Path]) -> str:
     from imocap_core.standalone_sync.action import default_name
 
     if len(paths) == 1 and paths[0].is_dir():
-        words = re.sub(r"[^A-Za-z0-9_.-]", "_", paths[0].resolve().name).lstrip("_.-")
+        words = ascii_name(paths[0].resolve().name).lstrip("_")
         if words and words not in BUILT_IN:
             return words
     named = [VideoSource(file, None) for file in files]

@@ -60,15 +60,26 @@ def set_up_detector(
     *, root: str | Path = ".", params: Params = None, progress: Progress = None
 ) -> tuple[str, Path]:
     """Make the environment of the detector in force; its name and version, and its Python."""
-    from imocap_core.detect.detectors import detector_of
     from imocap_core.detect.setup import set_up
-    from imocap_core.pipeline.graph import settings
 
-    workspace = Workspace(Path(root))
-    pipeline = workspace.pipeline()
-    chosen = settings(pipeline, {}, pipeline.file, one_off(params)).params
-    detector = detector_of(chosen.detect, workspace.root)
+    detector = _detector(Workspace(Path(root)), params)
     with displaying(progress) as display:
         display.started("detect", [f"{detector.version} needs an environment of its own"])
-        python = set_up(detector, lambda what: display.progress(0.0, what))
+        python = set_up(detector, display.notice)
     return detector.version, Path(python)
+
+
+def detector_is_set_up(*, root: str | Path = ".", params: Params = None) -> bool:
+    """Whether the detector in force needs nothing from the network."""
+    from imocap_core.detect.setup import is_set_up
+
+    return is_set_up(_detector(Workspace(Path(root)), params))
+
+
+def _detector(workspace: Workspace, params: Params) -> Detector:
+    from imocap_core.detect.detectors import detector_of
+    from imocap_core.pipeline.graph import settings
+
+    pipeline = workspace.pipeline()
+    chosen = settings(pipeline, {}, pipeline.file, one_off(params)).params
+    return detector_of(chosen.detect, workspace.root)

@@ -54,7 +54,8 @@ def displaying(progress: Progress) -> Iterator[Display]:
 
         from imocap_core.library.terminal import Terminal
 
-        with Terminal(Console(highlight=False, soft_wrap=True)) as terminal:
+        console = Console(stderr=True, highlight=False, soft_wrap=True)
+        with Terminal(console) as terminal:
             yield terminal
     elif progress is None or progress is False:
         yield FunctionDisplay(lambda stage, share, what: None)

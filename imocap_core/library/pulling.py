@@ -17,6 +17,7 @@ from pathlib import Path
 from imocap_core.artifacts.file_memory import files_below
 from imocap_core.artifacts.shared import SharedFiles
 from imocap_core.errors import WorkFailed
+from imocap_core.io.video import open_video
 from imocap_core.library.action_files import action_files, portable_files
 from imocap_core.library.action_record import ActionRecord, input_name, read_record, record_name
 from imocap_core.library.door import plain_errors
@@ -143,7 +144,10 @@ def _must_be_usable(workspace: Workspace, fresh: Path, record: ActionRecord) -> 
         declared = read_action(fresh)
         chosen = settings(workspace.pipeline(), declared.params, declared.file, [])
         action_files(declared, chosen)
-    except WorkFailed as error:
+        for file in {fresh / video.video for video in declared.videos if video.video is not None}:
+            if file.is_file():
+                open_video(file).close()  # no playlist, which names files elsewhere
+    except (WorkFailed, ValueError) as error:
         text = str(error).replace(str(fresh.resolve()), record.name)
         raise WorkFailed(f"the action that was pushed cannot be used: {text}") from None
     if declared.name != record.name:
@@ -180,7 +184,7 @@ def _differing(folder: Path, files: dict[str, str]) -> str | None:
 
 def _changed_since_pulled(folder: Path) -> bool:
     """Whether a folder has other content than what was pulled into it."""
-    with suppress(OSError, ValueError, LookupError, TypeError, AttributeError):
+    with suppress(OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
         pulled = json.loads((folder / PULLED).read_text(encoding="utf-8"))["files"]
         folders = tuple(path for path in pulled if path.endswith("/"))
         added = [

@@ -53,7 +53,7 @@ def run(
     until: str | None = None,
     store: str | None = None,
     device: str = CPU,
-    progress: Progress = None,
+    progress: Progress = True,
 ) -> Result:
     """Capture an action: run every stage that has changed since the last run, to the report.
 
@@ -76,8 +76,8 @@ def run(
             fetched, and others published.
         device: where tensors are computed: cpu, cuda, or one of several as cuda:1. Results differ
             by rounding and are not made again for another device.
-        progress: a function of (stage, share, text), True for a bar on the terminal, None for
-            silence.
+        progress: a function of (stage, share, text), True for what the command shows, on the
+            standard error, None for silence.
 
     Returns:
         The result in the reference camera's axes.
@@ -160,7 +160,7 @@ def run_stage(
     params: Params = None,
     force: bool = False,
     device: str = CPU,
-    progress: Progress = None,
+    progress: Progress = True,
 ) -> Run:
     """Run one stage (and what it needs, where that is not cached); arguments as of `run`."""
     from imocap_core.report.action_report import finish

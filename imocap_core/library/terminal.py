@@ -1,7 +1,7 @@
-"""A run on the terminal: one line per stage, and a progress bar for the stage at work.
+"""A run on the terminal: a progress bar for the stage at work; elsewhere, one line of all stages.
 
-Verbose: all reasons, and every step of a stage on a line of its own with the seconds since the
-stage began.
+Verbose: a line per stage, with all reasons, and every step of it on a line of its own with the
+seconds since the stage began.
 """
 
 from __future__ import annotations
@@ -16,8 +16,6 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 
 from imocap_core.pipeline.runner import Outcome
 
-MAX_REASONS = 3
-
 
 class Terminal:
     """A `Display` on a console; without a progress bar where it is no terminal."""
@@ -26,6 +24,7 @@ class Terminal:
         self.console = console
         self._verbose = verbose
         self._step, self._began = "", time.perf_counter()
+        self._line = ""  # printed, not ended yet
         self._bars = Progress(
             SpinnerColumn(),
             TextColumn("{task.fields[stage]:<14}"),
@@ -48,12 +47,15 @@ class Terminal:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        self._end_line()
         self._bars.stop()
 
     def started(self, stage: str, why: list[str]) -> None:
         self._bars.reset(self._task, total=1.0, visible=True, stage=stage, description="")
-        because = "; ".join(why) if self._verbose else reasons(why)
-        self.console.print(f"{stage:<14} [dim]because {escape(because)}[/]")
+        if self._verbose:
+            self.console.print(f"{stage:<14} [dim]because {escape('; '.join(why))}[/]")
+        else:
+            self._continue_line((", " if self._line else "") + stage)
         self._step, self._began = "", time.perf_counter()
 
     def progress(self, share: float, what: str) -> None:
@@ -65,6 +67,10 @@ class Terminal:
 
     def finished(self, outcome: Outcome) -> None:
         self._bars.update(self._task, visible=False)
+        if not self._verbose:
+            if outcome.how != "cached":
+                self._continue_line(f" {outcome.seconds:.0f} s")
+            return
         how = "[dim]cached[/]" if outcome.how == "cached" else "[green]made[/]  "
         digest = outcome.stored.digest[:12]
         most = outcome.peak_bytes
@@ -75,16 +81,25 @@ class Terminal:
 
     def made_demo(self, name: str, folder: Path) -> None:
         self._bars.update(self._task, visible=False)
-        self.console.print(f"{'demo':<14} [green]made[/]   {escape(str(folder))}")
+        self._end_line()
+        self.console.print(f"Made {escape(str(folder))}")
 
     def waiting(self) -> None:
+        self._end_line()
         self.console.print("another run of this action is at work; waiting for it to end")
 
     def notice(self, sentence: str) -> None:
+        self._end_line()
         self.console.print(f"[yellow]note:[/] {escape(sentence)}")
 
+    def _continue_line(self, text: str) -> None:
+        """Where there is no bar, all stages are on one line, which grows."""
+        if not self.console.is_terminal:
+            self._line += text
+            self.console.print(escape(text), end="")
+            self.console.file.flush()
 
-def reasons(why: list[str]) -> str:
-    """The first few reasons, and how many more there are."""
-    more = len(why) - MAX_REASONS
-    return "; ".join(why[:MAX_REASONS]) + (f"; and {more} more" if more > 0 else "")
+    def _end_line(self) -> None:
+        if self._line:
+            self._line = ""
+            self.console.print()

@@ -8,6 +8,10 @@ from pathlib import Path
 
 from imocap_core.errors import WrongUse
 
+VIDEO_SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v", ".mts", ".mpg", ".mpeg", ".3gp")
+OWN_FOLDERS = ("actions", "artifacts")
+FEW = 3
+
 
 def video_files(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
     """Files that can be captured from, and a sentence on every other file of a folder among paths.
@@ -41,12 +45,32 @@ def video_files(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
 
 
 def _videos_in(folder: Path) -> tuple[list[Path], list[str]]:
-    """The videos of a folder in the order of their names, numbers as numbers; hidden files and
-    folders in it are passed over."""
-    files = [f for f in folder.iterdir() if f.is_file() and not f.name.startswith(".")]
-    faults = {file: _fault(file) for file in sorted(files, key=_natural_order)}
+    """The videos of a folder and of the folders in it, in the order of their names, numbers as
+    numbers; and a sentence on every other file with a video's suffix and one on the rest."""
+    faults = {file: _fault(file) for file in files_below(folder)}
     videos = [file for file, fault in faults.items() if fault is None]
-    return videos, [f"left out: {fault}" for fault in faults.values() if fault is not None]
+    left = {file: fault for file, fault in faults.items() if fault is not None}
+    others = [file for file in left if file.suffix.lower() not in VIDEO_SUFFIXES]
+    if len(others) < FEW:
+        return videos, [f"left out: {fault}" for fault in left.values()]
+    names = ", ".join(file.name for file in others[:FEW])
+    more = f" and {len(others) - FEW} more" if len(others) > FEW else ""
+    broken = [f"left out: {fault}" for file, fault in left.items() if file not in others]
+    return videos, [*broken, f"left out, as no videos: {names}{more}"]
+
+
+def files_below(folder: Path) -> list[Path]:
+    """The files of a folder and of the folders in it, in the order of their names. What is hidden,
+    actions/ and artifacts/, where this program writes films, and linked folders are passed over."""
+    files = []
+    for path in sorted(folder.iterdir(), key=_natural_order):
+        if path.name.startswith("."):
+            continue
+        if path.is_file():
+            files.append(path)
+        elif path.is_dir() and not path.is_symlink() and path.name not in OWN_FOLDERS:
+            files += files_below(path)
+    return files
 
 
 def _fault(file: Path) -> str | None:

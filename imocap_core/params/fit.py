@@ -30,7 +30,7 @@ class FitParams:
         "Scale of the Geman-McClure loss of reprojection errors, in standard deviations of the "
         "detector's noise: at this error the cost is half its ceiling.",
     )
-    pose_prior: NonNegative = param(0.2, "Weight of the pose prior (a Gaussian mixture).")
+    pose_prior: NonNegative = param(0.05, "Weight of the pose prior (a Gaussian mixture).")
     shape_prior: NonNegative = param(
         10.0,
         "Weight of the squared shape coefficients along the proportions that keypoints tell: "
@@ -94,6 +94,13 @@ class FitParams:
         80.0,
         "Standard deviation of the 3D joints of a monocular estimator, where the action names one.",
         unit="mm",
+    )
+    evidence_s: Positive = param(
+        2.0,
+        "Time over which errors of those joints, and of the monocular fits' where they had 3D "
+        "joints of the lifter or the detector, persist: as long as a view does. In the fit of all "
+        "videos they count once per this time.",
+        unit="s",
     )
     balance: NonNegative = param(
         16.0,

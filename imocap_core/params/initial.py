@@ -44,8 +44,8 @@ class InitialSmplParams:
         "1: the fit of lowest cost alone. Videos with an `initial` estimate have one.",
     )
     lifter: Literal["auto", "never"] = param(
-        "never",
-        "`auto`: the learned lifter (lifter.md) starts the fits of videos without an `initial` "
-        "estimate.",
+        "auto",
+        "`auto`: the joints of the learned lifter (lifter.md) are starts and evidence of the fits "
+        "of videos without an `initial` estimate, beside the library's poses.",
     )
     max_steps: Count = param(12, "Most Gauss-Newton steps of the last fit of each video.")

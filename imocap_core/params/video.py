@@ -20,11 +20,6 @@ class DetectParams:
     hands: bool = param(
         False, "Detect the 2 x 21 points of both hands too, which the stage `hands` needs. Slower."
     )
-    world_landmarks: bool = param(
-        False,
-        "MediaPipe, BlazePose: their 3D landmarks start the monocular fits and are evidence in "
-        "them, for videos without an `initial` of their own.",
-    )
     follow: bool = param(
         False,
         "MediaPipe: search only near the person's last position. Faster, but it loses people.",

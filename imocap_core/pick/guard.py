@@ -19,6 +19,7 @@ Start = Callable[..., Any]
 Application = Callable[[Environ, Start], Iterable[bytes]]
 
 MOST_BYTES = 64 * 1024  # of a request
+MOST_DIGITS = 20  # of a number of bytes
 HEADERS = {
     "Content-Security-Policy": (
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; "
@@ -59,7 +60,7 @@ def _refused_write(environ: Environ, host: str) -> tuple[str, str] | None:
     length = environ.get("CONTENT_LENGTH", "")
     if not length.isascii() or not length.isdigit():
         return "411 Length Required", "expected a length"
-    if int(length) > MOST_BYTES:
+    if len(length) > MOST_DIGITS or int(length) > MOST_BYTES:
         return "413 Content Too Large", f"expected at most {MOST_BYTES} bytes"
     return None
 

@@ -10,7 +10,7 @@ from typing import Any, Literal
 from bottle import Bottle, HTTPResponse, request  # type: ignore[import-untyped]
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from imocap_core.errors import ImocapError
+from imocap_core.errors import ImocapError, system_fault
 from imocap_core.pick.action_file import ChangedElsewhere
 from imocap_core.pick.edits import Edit
 from imocap_core.pick.session import Session
@@ -125,7 +125,13 @@ def _end(end: Callable[[], None]) -> None:
 
 def _body(model: type[Model]) -> Model:
     """The request's JSON. ValueError when it is none."""
-    data = request.environ["wsgi.input"].read(int(request.environ["CONTENT_LENGTH"]))
+    length = int(request.environ["CONTENT_LENGTH"])
+    try:
+        data = request.environ["wsgi.input"].read(length)
+    except OSError:  # it sends nothing more
+        data = b""
+    if len(data) < length:
+        raise ValueError(f"the request broke off: {len(data)} of its {length} bytes came")
     return model.model_validate_json(data)
 
 
@@ -140,7 +146,7 @@ def _changed(session: Session, change: Callable[[], None]) -> HTTPResponse:
     except (ImocapError, ValueError, RecursionError) as error:
         return _error(422, session.plain(str(error)))
     except OSError as error:
-        return _error(422, f"action.yaml cannot be written: {error.strerror}")
+        return _error(422, session.plain(f"action.yaml cannot be written: {system_fault(error)}"))
     return _json(session.document())
 
 

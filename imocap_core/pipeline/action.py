@@ -138,7 +138,7 @@ class Action:
 def check_name(name: str) -> None:
     """WrongUse when an action cannot have this name."""
     if not re.fullmatch(NAME, name):
-        raise WrongUse(f"invalid action name {name!r}: letters, digits, _ . - only")
+        raise WrongUse(f"invalid action name {name!r}: letters from A to Z, digits, _ . - only")
 
 
 def find_action(name_or_path: str, root: Path) -> Path:

@@ -7,6 +7,8 @@ DetectionFormat = Literal[
     "alphapose",
     "mmpose",
     "coco",
+    "easymocap",
+    "ultralytics",
     "mediapipe",
     "halpe26",
     "wholebody",

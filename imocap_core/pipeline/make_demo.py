@@ -12,8 +12,6 @@ import argparse
 import json
 import tempfile
 from collections.abc import Callable
-from concurrent.futures import as_completed
-from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +25,9 @@ from imocap_core.body import Shaped, load_free_body
 from imocap_core.body.conversions import pose_from_rotations
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.errors import WorkFailed
+from imocap_core.executors.perform import perform
+from imocap_core.executors.processes import worker_processes
+from imocap_core.executors.task import Report, Task
 from imocap_core.io.truth import model_text
 from imocap_core.io.video import read_rgb, write_h264
 from imocap_core.pipeline.demo_drafts import draft_prefix
@@ -42,7 +43,6 @@ from imocap_core.synthetic.yoga_clip import (
     make_yoga_clip,
     pictures,
 )
-from imocap_core.workers import processes
 
 DEMOS = ("yoga", "taichi")
 _COUNT = {"yoga": len(YOGA_SPANS), "taichi": len(TAICHI_SPANS)}
@@ -109,20 +109,16 @@ def _write_videos(
     """Write all videos and keypoints below `draft`; return the arrays of truth.npz."""
     count = _COUNT[name]
     truths: dict[int, dict[str, Float[np.ndarray, "..."]]] = {}
-    with processes(_WORKERS) as pool:
-        jobs = {
-            pool.submit(_write_video, name, seed, index, draft): index for index in range(count)
-        }
-        for done, job in enumerate(as_completed(jobs), start=1):
-            try:
-                truths[jobs[job]] = job.result()
-            except BrokenProcessPool:
-                raise WorkFailed(
-                    "the demo: a process that made a video was ended from outside; the machine "
-                    "may be short of memory. Run again"
-                ) from None
+    tasks = [
+        Task(video_id(index), _write_video, (name, seed, index, draft)) for index in range(count)
+    ]
+    with worker_processes(_WORKERS) as workers:
+        for done, end in enumerate(perform(tasks, workers), start=1):
+            if end.state != "done":
+                raise WorkFailed(f"the demo: {end.task.name}: {end.fault}")
+            truths[tasks.index(end.task)] = end.result
             if progress is not None:
-                progress(f"made {video_id(jobs[job])} ({done} of {count} videos)")
+                progress(f"made {end.task.name} ({done} of {count} videos)")
     truth = truth_of_action(name)
     for index in range(count):
         truth |= {f"{video_id(index)}/{key}": value for key, value in truths[index].items()}
@@ -130,7 +126,7 @@ def _write_videos(
 
 
 def _write_video(
-    demo: str, seed: int, index: int, draft: Path
+    report: Report, demo: str, seed: int, index: int, draft: Path
 ) -> dict[str, Float[np.ndarray, "..."]]:
     torch.set_num_threads(1)
     cv2.setNumThreads(1)

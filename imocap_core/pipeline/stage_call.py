@@ -36,8 +36,10 @@ def in_a_sentence(stage: str, call: Callable[[], Made]) -> Made:
     """Call a stage's function; every error in it becomes WorkFailed with one sentence."""
     try:
         return call()
-    except (ValueError, OSError, ArtifactCorrupt, WorkFailed) as error:
+    except (ValueError, ArtifactCorrupt, WorkFailed) as error:
         raise WorkFailed(f"{stage}: {error}") from error
+    except OSError as error:
+        raise WorkFailed(f"{stage}: {system_fault(error)}") from error
     except Exception as error:
         if is_out_of_memory(error):
             fault = system_fault(MemoryError())

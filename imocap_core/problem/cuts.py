@@ -1,4 +1,5 @@
-"""Advice about the cuts between the shots of a video."""
+"""Cuts between the shots of a video: a little of another shot at either end is left out, and for
+the rest there is advice."""
 
 from __future__ import annotations
 
@@ -7,6 +8,18 @@ from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Int
+
+END_S, END_SHARE = 0.5, 0.1  # of the used frames: at most so much at an end is left out
+
+
+def shot_inside(cuts: Sequence[int], frames: Int[np.ndarray, " T"], fps: float) -> tuple[int, int]:
+    """First and one past the last frame without what little of another shot is at either end, as
+    where a clip was cut a moment too early or too late."""
+    first, stop = int(frames[0]), int(frames[-1]) + 1
+    most = max(1, min(round(END_S * fps), round(END_SHARE * len(frames))))
+    begins = [cut for cut in cuts if cut - first <= most]
+    ends = [cut for cut in cuts if stop - cut <= most]
+    return max(begins, default=first), min(ends, default=stop)
 
 
 def advice(cuts: Sequence[int], frames: Int[np.ndarray, " T"]) -> str:

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from imocap_core.camera.lens import Lens
 from imocap_core.camera.projection import intrinsics
-from imocap_core.io.video import VideoInfo
+from imocap_core.io.video import SLOWED, VideoInfo
 from imocap_core.limits import MAX_FOCAL, MIN_FOCAL
 from imocap_core.pipeline.action import Declaration
 
@@ -36,11 +36,12 @@ def check_declared(declared: Declaration, probed: VideoInfo | None, file: Path) 
             f"{list(declared.size)}; leave size out where there is a video"
         )
     if probed is not None and declared.fps is not None:
-        ratio = declared.fps / probed.fps
-        if not 1 / (1 + FPS_TOLERANCE) <= ratio <= 1 + FPS_TOLERANCE:
+        off = _times_off(declared.fps, probed)
+        if FPS_TOLERANCE < off - 1 < SLOWED - 1:
             raise ValueError(
                 f"{where}.fps: expected {probed.fps:g}, as {declared.video} has, got "
-                f"{declared.fps:g}; leave fps out where there is a video"
+                f"{declared.fps:g}; leave fps out where there is a video, unless it is slow motion "
+                f"or a time lapse, {SLOWED} times slower or faster than it was taken"
             )
     size = declared.size if probed is None else probed.size
     if declared.focal_px is not None and size is not None:
@@ -52,6 +53,18 @@ def check_declared(declared: Declaration, probed: VideoInfo | None, file: Path) 
                 f"known"
             )
         _check_lens(declared, size, where)
+
+
+def at_declared_rate(declared: Declaration, probed: VideoInfo) -> VideoInfo:
+    """A file with the rate at which it was taken, where action.yaml says that it was another."""
+    if declared.fps is None or _times_off(declared.fps, probed) < SLOWED:
+        return probed
+    return probed.taken_at(declared.fps)
+
+
+def _times_off(fps: float, probed: VideoInfo) -> float:
+    """How many times slower or faster the file is, at least 1."""
+    return max(fps / probed.fps, probed.fps / fps)
 
 
 def _check_lens(declared: Declaration, size: tuple[int, int], where: str) -> None:

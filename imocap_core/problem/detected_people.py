@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,17 +16,22 @@ from imocap_core.io.time_stamps import variable_times_s
 from imocap_core.io.video import VideoInfo, probe
 from imocap_core.limits import LEAST_FRAMES, MAX_FRAMES
 from imocap_core.pipeline.action import Declaration
-from imocap_core.problem.declarations import check_declared
+from imocap_core.problem.declarations import at_declared_rate, check_declared
+from imocap_core.problem.keypoint_reading import Reading, reading_of, reading_without_video
 from imocap_core.problem.tracked_people import TrackedVideo
 from imocap_core.problem.video_survey import VideoSurvey
+
+AS_THEY_ARE = Reading()
+IN_SHARES = ("mediapipe",)  # formats whose points come in shares of the shown picture
 
 
 @dataclass(frozen=True)
 class DetectedVideo:
     """One video's declaration, files and people: `kind` is the format of the detections.
 
-    survey: of the pictures, where there is a video and they have been looked through. time_s:
-    presentation times of the used frames where the frame rate is variable.
+    survey: of the pictures, where there is a video and they have been looked through. time_s: when
+    the used frames were taken, where the frame rate is variable. reading: of the keypoints' pixels
+    and numbers. remarks: how the file and its keypoints were read, where it is not as usual.
     """
 
     declared: Declaration
@@ -35,6 +41,9 @@ class DetectedVideo:
     people: TrackedVideo  # without tracks until `track_people`
     survey: VideoSurvey | None = None
     time_s: Float[np.ndarray, " T"] | None = None
+    reading: Reading = AS_THEY_ARE
+    remarks: tuple[str, ...] = ()
+    mirrored: bool = False  # the file has its players show the mirror image
 
     @property
     def id(self) -> str:
@@ -48,12 +57,21 @@ def read_people(
     """Read a video's detections in its used frames; `file`: the action.yaml, for messages."""
     probed = None if video is None else probe(video)
     check_declared(declared, probed, file)
+    if probed is not None:
+        probed = at_declared_rate(declared, probed)
     kind, layout = format_and_layout(folder, declared.format, declared.layout)
     size = declared.size if probed is None else probed.size
     assert size is not None
     names = (declared.id, *((video.name, video.stem) if video is not None else ()))
     detections = read_detections(folder, kind, layout, size=size, names=names)
     info = probed or _declared_info(declared, detections)
+    reading = AS_THEY_ARE
+    if probed is not None and video is not None and not declared.detected:
+        placed = kind in IN_SHARES
+        reading = reading_of(detections, probed, video, folder, used=declared.frames, placed=placed)
+    elif probed is None:
+        reading = reading_without_video(detections, size)
+    detections = reading.read(detections, info.frame_count, layout)
     frames = _used_frames(declared, info.frame_count, file)
     time_s = None if video is None else _uneven_times_s(video, info, frames)
     people_of = dict(zip(detections.frames.tolist(), detections.people, strict=True))
@@ -69,7 +87,30 @@ def read_people(
         ranked=[],
         person=declared.person,
     )
-    return DetectedVideo(declared, folder, video, kind, people, time_s=time_s)
+    return DetectedVideo(
+        declared,
+        folder,
+        video,
+        kind,
+        people,
+        time_s=time_s,
+        reading=reading,
+        remarks=(*_remarks(info), *reading.words),
+        mirrored=info.display is not None and info.display.mirrored,
+    )
+
+
+def _remarks(info: VideoInfo) -> Iterator[str]:
+    """What is unusual in how a file is shown."""
+    if info.slowed != 1.0:
+        slower = info.slowed > 1
+        times = f"{max(info.slowed, 1 / info.slowed):.3g} times {'slower' if slower else 'faster'}"
+        yield f"the time stamps play it {times} than it was taken: read at {info.fps:.4g} frames/s"
+    if info.display is not None and info.display.aspect != 1.0:
+        stored, shown = ("{} x {}".format(*size) for size in (info.display.stored, info.size))
+        yield f"the pixels of the file ({stored}) are not square: read as {shown}"
+    if info.display is not None and info.display.mirrored:
+        yield "the picture is shown in a mirror, as the file says"
 
 
 def _uneven_times_s(

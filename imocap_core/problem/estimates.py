@@ -66,6 +66,21 @@ def estimate_of(
     )
 
 
+def detected_joints(path: Path, video: VideoKeypoints) -> Float[np.ndarray, "T 24 3"] | None:
+    """The 3D landmarks in a file of MediaPipe's detections, in the axes of each frame's camera;
+    None where it has none that can be used."""
+    nearest = nearest_used(video)
+    source = np.arange(video.frames[0], video.frames[-1] + 1)
+    boxes = PerformerBoxes(source, video.person_box_px[nearest], video.size)
+    unturned = torch.eye(3, dtype=torch.float64).expand(len(source), 3, 3)
+    try:
+        joints = _at_used_frames(_joints(path, "mediapipe_world", boxes, unturned), video)
+    except ValueError:
+        return None
+    assert isinstance(joints, np.ndarray)
+    return joints
+
+
 def check_estimate(ctx: Context, video: VideoKeypoints) -> None:
     """ValueError, with what to do, when the declared estimate of a video cannot be used."""
     unturned = torch.eye(3, dtype=torch.float64).expand(len(video.frames), 3, 3)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from imocap_core.artifacts.schemas import InitialSmpl, Keypoints, Sync
+from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, Sync
 from imocap_core.params import SyncParams
 from imocap_core.problem.hypotheses import choose_alternatives, chosen_motions, explained_keypoints
 from imocap_core.problem.synchronisation import synchronise_motions
@@ -22,6 +22,7 @@ def synchronise_monocular(
     mirrored: Sequence[bool | None],
     reference: str | None = None,
     hints: Hints | None = None,
+    cameras: CameraMotion | None = None,
 ) -> Sync:
     """Choose every video's motion, then screen and synchronise; as of `synchronise_motions`."""
     chosen = choose_alternatives(initial, keypoints, mirrored)
@@ -33,6 +34,7 @@ def synchronise_monocular(
         reference=reference,
         mirrored=mirrored,
         hints=hints,
+        cameras=cameras,
     )
     notes = [*chosen.notes, *sync.notes]
     return sync.model_copy(update={"notes": notes, "alternatives": chosen.names})

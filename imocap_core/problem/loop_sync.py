@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.artifacts.schemas import InitialSmpl, Keypoints, Sync, SyncSummary
+from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, Sync, SyncSummary
 from imocap_core.motion.multiview.alternation import LoopRound
 from imocap_core.motion.multiview.scene import JointMotion
 from imocap_core.params import SyncParams
@@ -60,6 +60,7 @@ class LoopSync:
     """
 
     keypoints: Keypoints
+    cameras: CameraMotion
     initial: InitialSmpl
     params: SyncParams
     hints: Hints
@@ -132,6 +133,7 @@ class LoopSync:
             reference=reference,
             decided=decided,
             hints=self.hints,
+            cameras=self.cameras,
             reprojection=problem.reprojection_evidence(motion) if self.by_pictures else None,
             rates=self.rates,
         )
@@ -148,6 +150,7 @@ class LoopSync:
             reference=reference,
             decided=decided,
             hints=self.hints,
+            cameras=self.cameras,
         )
         return self._placed(sync)
 

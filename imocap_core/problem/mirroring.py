@@ -8,7 +8,7 @@ keeps its monocular motion, in its own camera's axes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -148,6 +148,13 @@ def participants_of(
         excluded=out,
         body=body,
     )
+
+
+def known_mirrors(declared: Mapping[str, bool | None], keypoints: Keypoints) -> list[bool | None]:
+    """Of each video, whether it is mirrored: as declared, else as its file says; None where sync
+    decides."""
+    given = ((declared[video.id], video.mirrored) for video in keypoints.videos)
+    return [of_file if by_user is None else by_user for by_user, of_file in given]
 
 
 def mirrored_motion(motion: VideoMotion, body: Model) -> VideoMotion:

@@ -23,6 +23,8 @@ from imocap_core.motion.kinematics import Body
 from imocap_core.motion.observations import Observation
 from imocap_core.params import FitParams
 
+LIFTER = "lifter"  # origin of a fit with joints of the lifter or the detector
+EVIDENCE = (LIFTER, *JOINTS)  # origins of fits that had 3D joints
 UNKNOWN_PATH_M = 0.3  # of the performer's place, where a camera moves along an unknown path
 
 
@@ -134,19 +136,12 @@ def fit_of(keypoints: Keypoints, fit: FitParams) -> FitParams:
 
 
 def fit_of_single_views(
-    keypoints: Keypoints,
-    fit: FitParams,
-    joints: Mapping[str, Float[np.ndarray, "_ 24 3"]],
-    least_shape_prior: float,
+    keypoints: Keypoints, fit: FitParams, joints_known: bool, least_shape_prior: float
 ) -> FitParams:
-    """The parameters of fits to single videos: without 3D joints of every one, a view does not tell
-    proportions from depth, and the shape prior has at least a given weight.
-
-    Args:
-        joints: 3D joints by video, of those that have them.
-    """
+    """The parameters of fits to single videos: without 3D joints a view does not tell proportions
+    from depth, and the shape prior has at least a given weight."""
     of_layouts = fit_of(keypoints, fit)
-    if all(video.id in joints for video in keypoints.videos):
+    if joints_known:
         return of_layouts
     return replace(of_layouts, shape_prior=max(of_layouts.shape_prior, least_shape_prior))
 
@@ -158,5 +153,6 @@ def check_layouts(field: str, table: Mapping[str, float]) -> None:
 
 
 def estimated_joints(initial: InitialSmpl) -> dict[str, Float[np.ndarray, "_ 24 3"]]:
-    """Monocular 3D joints that stay evidence in SMPL-BA: those of an estimator, by video."""
-    return {v.id: v.joints for v in initial.videos if initial.source.get(v.id, "") in JOINTS}
+    """Monocular 3D joints that stay evidence in SMPL-BA, by video: those of fits that had joints of
+    an estimator, the detector or the lifter."""
+    return {v.id: v.joints for v in initial.videos if initial.source.get(v.id, "") in EVIDENCE}

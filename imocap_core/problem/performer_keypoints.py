@@ -15,6 +15,7 @@ from imocap_core.people.performer import PerformerKeypoints, without_frames
 from imocap_core.problem.cuts import advice
 from imocap_core.problem.declarations import check_fits_picture
 from imocap_core.problem.detected_people import DetectedVideo
+from imocap_core.problem.estimates import detected_joints
 from imocap_core.problem.even_moments import at_even_moments
 
 
@@ -50,8 +51,11 @@ def performer_keypoints(
         damaged=None if survey is None else survey.damaged_spans(people.frames),
         performer=declared.performer,
         distortion=declared.distortion,
+        mirrored=video.mirrored or None,
     )
     even = at_even_moments(of_frames, video.time_s)
+    if video.kind == "mediapipe":
+        even = even.model_copy(update={"joints_m": detected_joints(video.folder, even)})
     return with_corrected_marks(even) if params.correct_marks else even
 
 
@@ -65,11 +69,11 @@ def with_corrected_marks(video: VideoKeypoints) -> VideoKeypoints:
 
 
 def _note_of(video: DetectedVideo, performer: PerformerKeypoints, params: KeypointsParams) -> str:
-    """The note on a video's people, and advice about its cuts."""
-    if video.survey is None or not params.cuts:
-        return performer.note
-    sentence = advice(video.survey.cuts, video.people.frames)
-    return f"{performer.note}; {sentence}" if sentence else performer.note
+    """The note on a video's people, on how its file was read, and advice about its cuts."""
+    parts = [performer.note, *video.remarks]
+    if video.survey is not None and params.cuts:
+        parts.append(advice(video.survey.cuts, video.people.frames))
+    return "; ".join(part for part in parts if part)
 
 
 def _hands_of(video: DetectedVideo, performer: PerformerKeypoints) -> HandKeypoints | None:
@@ -80,15 +84,18 @@ def _hands_of(video: DetectedVideo, performer: PerformerKeypoints) -> HandKeypoi
         if not (confidence > 0).any():
             return None
         return HandKeypoints(xy_px=performer.xy_px[:, columns], confidence=confidence)
-    frames = video.people.frames
+    reading, frames = video.reading, video.people.frames
+    numbers = np.rint(reading.number(frames)).astype(np.int64)
     if video.kind == "mediapipe":
-        hands = read_mediapipe_hands(video.folder, frames, video.people.size)
+        hands = read_mediapipe_hands(video.folder, numbers, video.people.size)
     elif video.kind == "openpose":
-        hands = read_openpose_hands(video.folder, frames, performer.xy_px)
+        hands = read_openpose_hands(video.folder, numbers, reading.in_file(performer.xy_px))
     else:
         return None
     if hands is None:
         return None
+    sides = slice(None, None, -1 if reading.mirrored else 1)
+    hands = reading.places(hands[0])[:, sides], hands[1][:, sides]
     out = np.zeros(len(frames), bool) if video.survey is None else video.survey.damaged
     xy_px = np.where(out[:, None, None, None], np.nan, hands[0])
     return HandKeypoints(xy_px=xy_px, confidence=np.where(out[:, None, None], 0.0, hands[1]))

@@ -7,7 +7,7 @@ so that every action that has the video finds the fit again.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -21,6 +21,7 @@ from imocap_core.artifacts.schemas import (
     VideoCameraMotion,
     VideoKeypoints,
 )
+from imocap_core.lifter.infer import Lifted
 from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular.fit import fit_monocular
 from imocap_core.motion.monocular.hypotheses import alternatives
@@ -32,13 +33,17 @@ from imocap_core.params import FitParams, InitialSmplParams
 from imocap_core.problem.estimates import Estimate
 from imocap_core.problem.ground import grounds_of
 from imocap_core.problem.motions import alternatives_of, motions_of, starts_of
-from imocap_core.problem.observations import body_for, fit_of_single_views, observations_of
+from imocap_core.problem.observations import (
+    LIFTER,
+    body_for,
+    fit_of_single_views,
+    observations_of,
+)
 from imocap_core.problem.path_units import path_units
 from imocap_core.problem.starts import (
     KEYPOINTS_ALONE,
-    initial_evidence,
-    lifted_where_no_estimate,
-    source_of,
+    evidence_of,
+    lifted_joints,
     starts,
 )
 
@@ -56,6 +61,15 @@ class SingleVideo:
     keypoints: Keypoints
     cameras: CameraMotion
     estimate: Estimate
+
+    @property
+    def detected(self) -> Float[np.ndarray, "T 24 3"] | None:
+        """The detector's own 3D joints in the axes of the first frame's camera, where no estimator
+        gives a motion."""
+        (video,), (camera,) = self.keypoints.videos, self.cameras.videos
+        if video.joints_m is None or self.estimate is not None:
+            return None
+        return np.einsum("tij,tkj->tki", camera.R_first_from_frame, video.joints_m)
 
     @classmethod
     def of(
@@ -78,23 +92,68 @@ class SingleVideo:
         """The first fits are on every so many frames."""
         return max(1, round(options.stride_s * self.keypoints.videos[0].fps))
 
-    def observed(
-        self,
-        body: Body,
-        weights: FitParams,
-        evidence: dict[str, Float[np.ndarray, "T 24 3"]],
-        units: Sequence[PathUnit] = (),
-    ) -> list[Observation]:
-        """What a fit works on; evidence: 3D joints, if any."""
-        return observations_of(body, self.keypoints, self.cameras, weights, evidence, units)
 
+@dataclass(frozen=True)
+class SingleProblem:
+    """What all fits of one video share.
 
-def library_of(
-    body: Body, prior: PosePrior, rng: np.random.Generator, options: InitialSmplParams
-) -> Library:
-    """The library of poses that starts are looked up in."""
-    poses, directions = options.library_poses, options.library_directions
-    return make_library(body, prior, rng, poses=poses, directions=directions)
+    Attributes:
+        lifted: the lifter's joints where there is no estimate, or None.
+        weights: of the objective; options: of the starts.
+    """
+
+    single: SingleVideo
+    body: Body
+    library: Library
+    lifted: Lifted | None
+    weights: FitParams
+    options: InitialSmplParams
+
+    @classmethod
+    def of(
+        cls,
+        single: SingleVideo,
+        prior: PosePrior,
+        rng: np.random.Generator,
+        fit: FitParams,
+        options: InitialSmplParams,
+    ) -> SingleProblem:
+        """The library of poses, the lifter's joints, and the weights of a single view."""
+        device = prior.mean.device
+        body = body_for(single.keypoints, device)
+        library = make_library(
+            body, prior, rng, poses=options.library_poses, directions=options.library_directions
+        )
+        lifted = None
+        if options.lifter == "auto" and single.estimate is None:
+            (video,), (camera,) = single.keypoints.videos, single.cameras.videos
+            lifted = lifted_joints(video, camera, device)
+        known = lifted is not None or isinstance(single.estimate, np.ndarray)
+        weights = fit_of_single_views(single.keypoints, fit, known, options.shape_prior)
+        return cls(single, body, library, lifted, weights, options)
+
+    @property
+    def source(self) -> str:
+        """Origin of the motions."""
+        if self.single.estimate is not None:
+            return self.single.keypoints.videos[0].initial_format or ""
+        return KEYPOINTS_ALONE if self.lifted is None else LIFTER
+
+    def observed(self, units: Sequence[PathUnit] = ()) -> list[Observation]:
+        """What the fits work on, with the 3D joints of an estimate or of the lifter."""
+        estimate, sd_m = self.single.estimate, None
+        joints = estimate if isinstance(estimate, np.ndarray) else None
+        if self.lifted is not None:
+            joints, sd_m = evidence_of(self.lifted), self.lifted.sigma_m / 3**0.5
+        given = {} if joints is None else {ANY: joints}
+        keypoints, cameras = self.single.keypoints, self.single.cameras
+        rows = observations_of(self.body, keypoints, cameras, self.weights, given, units)
+        return [replace(row, joints_sd_m=sd_m) for row in rows]
+
+    def starts(self, observation: Observation) -> list[Start]:
+        """Starting points of the fit to an observation."""
+        given = self.single.estimate, self.lifted, self.single.detected
+        return starts(self.body, self.library, observation, *given, self.options)
 
 
 def fit_single_video(
@@ -113,44 +172,31 @@ def fit_single_video(
     body leans, so it balances.
     """
     keypoints, cameras = single.keypoints, single.cameras
-    body, estimates = body_for(keypoints, prior.mean.device), {ANY: single.estimate}
-    library = library_of(body, prior, rng, options)
-    automatic = options.lifter == "auto"
-    lifted = (
-        lifted_where_no_estimate(keypoints, cameras, estimates, prior.mean.device)
-        if automatic
-        else {}
-    )
-    evidence = initial_evidence(estimates, lifted)
-    weights = fit_of_single_views(keypoints, fit, evidence, options.shape_prior)
-    observations = single.observed(body, weights, evidence)
-
-    def starts_with(_: int, observation: Observation) -> list[Start]:
-        return starts(body, library, observation, single.estimate, lifted.get(ANY), options)
-
+    problem = SingleProblem.of(single, prior, rng, fit, options)
+    body, weights, observations = problem.body, problem.weights, problem.observed()
     units = path_units(
-        body, prior, keypoints, cameras, observations, starts_with, weights, options.stride_s
-    )
+        body, prior, keypoints, cameras, observations, lambda _, o: problem.starts(o), weights,
+        options.stride_s,
+    )  # fmt: skip
     if units:
-        observations = single.observed(body, weights, evidence, units)
+        observations = problem.observed(units)
     solved = fit_monocular(
-        body, prior, observations, [starts_with(0, observations[0])], weights,
+        body, prior, observations, [problem.starts(observations[0])], weights,
         stride=single.stride(options), max_steps=options.max_steps, balance=alone,
         progress=progress,
     )  # fmt: skip
     motions = motions_of(body, solved.state, observations, keypoints)
-    source = source_of(keypoints.videos[0], estimates, lifted)
     progress("other motions that may explain the video")
-    count = 0 if alone or source != KEYPOINTS_ALONE else options.hypotheses - 1
+    count = 0 if alone or single.estimate is not None else options.hypotheses - 1
     others = alternatives(
-        body, prior, library, observations, solved.coarse, weights,
+        body, prior, problem.library, observations, solved.coarse, weights,
         videos=[0] if count else [], count=count,
     )  # fmt: skip
     return InitialSmpl(
         model=body.model.name,
         model_digest=body.model.digest,
         videos=motions,
-        source={ANY: source},
+        source={ANY: problem.source},
         starts=starts_of([ANY], solved.costs),
         alternatives=alternatives_of(body, others, observations, keypoints),
         grounds=grounds_of(motions, keypoints, cameras, fit),

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 import torch
 from jaxtyping import Float
 
 from imocap_core.artifacts.schemas import (
-    CameraMotion,
-    Keypoints,
     VideoCameraMotion,
     VideoKeypoints,
 )
@@ -29,7 +25,7 @@ from imocap_core.motion.observations import Observation
 from imocap_core.params import InitialSmplParams
 from imocap_core.problem.estimates import Estimate
 
-KEYPOINTS_ALONE = "monocular"  # origin of a start: neither an estimator nor the lifter
+KEYPOINTS_ALONE = "monocular"  # origin of a fit that had no 3D joints
 
 
 def starts(
@@ -38,11 +34,11 @@ def starts(
     observation: Observation,
     estimate: Estimate,
     lifted: Lifted | None,
+    detected: Float[np.ndarray, "T 24 3"] | None,
     options: InitialSmplParams,
 ) -> list[Start]:
-    """Starting points of one video: its estimate, the lifter's joints, or the library's poses."""
-    if lifted is not None:
-        return starts_of_lifted(body, library, observation, lifted)
+    """Starting points of one video: its estimate; or the lifter's and the detector's joints, then
+    the library's poses."""
     if isinstance(estimate, Start):
         R_local, trans = (x.to(library.R_view) for x in (estimate.R_local, estimate.trans))
         return [Start(R_local, trans, estimate.cost)]
@@ -51,41 +47,16 @@ def starts(
     if estimate is not None:
         R_local = fit_rotations_to_joints(body, library, estimate)
         return [start_at_joints(body, R_local, observation)]
-    return lifted_starts(body, library, observation, options)
-
-
-def starts_of_lifted(
-    body: Body, library: Library, observation: Observation, lifted: Lifted
-) -> list[Start]:
-    """Starting points of a fit: the lifter's motion, and its alternative."""
-    motions = (lifted.joints, lifted.alternative)
-    rotations = [fit_rotations_to_joints(body, library, joints) for joints in motions]
-    return [start_at_joints(body, R_local, observation) for R_local in rotations]
-
-
-def initial_evidence(
-    estimates: Mapping[str, Estimate], lifted: Mapping[str, Lifted]
-) -> dict[str, Float[np.ndarray, "_ 24 3"]]:
-    """3D joints that are evidence of the monocular fits, by video."""
-    joints = {video: e for video, e in estimates.items() if isinstance(e, np.ndarray)}
-    return joints | {video: evidence_of(result) for video, result in lifted.items()}
+    joints = [] if lifted is None else [lifted.joints, lifted.alternative]
+    joints += [] if detected is None else [detected]
+    rotations = [fit_rotations_to_joints(body, library, x) for x in joints]
+    of_joints = [start_at_joints(body, R_local, observation) for R_local in rotations]
+    return [*of_joints, *lifted_starts(body, library, observation, options)]
 
 
 def evidence_of(lifted: Lifted) -> Float[np.ndarray, "T 24 3"]:
     """The lifter's joints as evidence of a fit, NaN in frames without any visible point."""
     return np.where(lifted.visible[:, None, None], lifted.joints, np.nan)
-
-
-def lifted_where_no_estimate(
-    keypoints: Keypoints,
-    cameras: CameraMotion,
-    estimates: Mapping[str, Estimate],
-    device: torch.device | str = "cpu",
-) -> dict[str, Lifted]:
-    """The lifter's joints of the videos without an estimate, where it can lift their keypoints."""
-    pairs = zip(keypoints.videos, cameras.videos, strict=True)
-    results = {v.id: lifted_joints(v, c, device) for v, c in pairs if estimates[v.id] is None}
-    return {video: result for video, result in results.items() if result is not None}
 
 
 def lifted_joints(
@@ -104,12 +75,3 @@ def lifted_joints(
     if not (confidence > 0).any():
         return None
     return lift(load_lifter(device), points, confidence, video.fps)
-
-
-def source_of(
-    video: VideoKeypoints, estimates: Mapping[str, Estimate], lifted: Mapping[str, Lifted]
-) -> str:
-    """Origin of a video's start: an estimator, the lifter, or its keypoints alone."""
-    if video.id in lifted:
-        return "lifter"
-    return KEYPOINTS_ALONE if estimates[video.id] is None else video.initial_format or ""

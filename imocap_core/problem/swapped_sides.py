@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Int
 
-from imocap_core.artifacts.schemas import AlternativeMotion, InitialSmpl
+from imocap_core.artifacts.schemas import AlternativeMotion, CameraMotion, InitialSmpl, Keypoints
+from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.monocular.hypotheses import from_starts
-from imocap_core.motion.monocular.starts import lifted_starts
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import PosePrior
 from imocap_core.params import FitParams, InitialSmplParams
 from imocap_core.problem.hypotheses import FIRST, candidates_of
 from imocap_core.problem.motions import alternatives_of
-from imocap_core.problem.observations import body_for, fit_of_single_views
-from imocap_core.problem.single_video import SingleVideo, least_cost, library_of
+from imocap_core.problem.observations import LIFTER
+from imocap_core.problem.single_video import SingleProblem, SingleVideo, least_cost
 from imocap_core.problem.starts import KEYPOINTS_ALONE
 from imocap_core.sync.hypotheses.messages import SWAPPED
 from imocap_core.sync.hypotheses.swapped_sides import swapped_by_others, with_swapped_sides
@@ -42,7 +42,7 @@ def refits_of_swapped(
     states = swapped_by_others([candidates_of(m, [], v) for m, v in rows], SMPL_JOINTS)
     refits = []
     for v, motion in enumerate(result.videos):
-        if result.source[motion.id] != KEYPOINTS_ALONE or not states[v].any():
+        if result.source[motion.id] not in (KEYPOINTS_ALONE, LIFTER) or not states[v].any():
             continue
         starts = [start for start in result.starts if start.video == motion.id]
         least = least_cost(starts, singles[v].frames, singles[v].stride(options))
@@ -72,16 +72,29 @@ def fits_with_sides(
     Args:
         states: as of `swapped_by_others`.
     """
-    body, stride = body_for(single.keypoints, prior.mean.device), single.stride(options)
-    weights = fit_of_single_views(single.keypoints, fit, {}, options.shape_prior)
-    library = library_of(body, prior, rng, options)
-    observed = single.observed(body, weights, {})
+    problem = SingleProblem.of(swapped_video(single, states), prior, rng, fit, options)
+    body, stride = problem.body, single.stride(options)
+    observed = replace(problem, single=single).observed()  # with what the lifter says of the sides
     observation = with_sides(observed[0], states, body.keypoints.names, stride)
-    starts = lifted_starts(body, library, observation, options)
     fits = from_starts(
-        body, prior, library, observation, starts, stride, weights, count=options.hypotheses
-    )
+        body, prior, problem.library, observation, problem.starts(observation), stride,
+        problem.weights, count=options.hypotheses,
+    )  # fmt: skip
     return alternatives_of(body, [fits], observed, single.keypoints)
+
+
+def swapped_video(single: SingleVideo, states: Int[np.ndarray, " T"]) -> SingleVideo:
+    """The video as it is when the detector's sides are swapped back; states as above."""
+    (video,), (camera,) = single.keypoints.videos, single.cameras.videos
+    names = layout_names(video.layout)
+    confidence, xy_px = (
+        with_swapped_sides(x, states, names) for x in (video.confidence, camera.xy_first_px)
+    )
+    return replace(
+        single,
+        keypoints=Keypoints(videos=[video.model_copy(update={"confidence": confidence})]),
+        cameras=CameraMotion(videos=[camera.model_copy(update={"xy_first_px": xy_px})]),
+    )
 
 
 def with_sides(

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.artifacts.schemas import (
+    CameraMotion,
     CycleTriple,
     Keypoints,
     Sync,
@@ -24,11 +25,13 @@ from imocap_core.params import SyncParams
 from imocap_core.problem.sync_maps import stored_affinities, stored_maps
 from imocap_core.sync import Hints, SyncResult, estimated_rates, screened, synchronise
 from imocap_core.sync.frozen_pictures import DistinctFrames, distinct_frames, frozen_runs
+from imocap_core.sync.pairwise.vertical_motion import picture_heights
 from imocap_core.sync.screening.messages import sentences
 from imocap_core.sync.screening.registration import Keypoints2D
 from imocap_core.sync.screening.screening import Screening
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
 
+TRUNK = ("left_hip", "right_hip", "left_shoulder", "right_shoulder")
 LIMB_JOINTS = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")  # marked alike by detectors
 
 
@@ -44,6 +47,7 @@ def synchronise_motions(
     decided: SyncSummary | None = None,
     reprojection: ReprojectionEvidence | None = None,
     rates: Float[np.ndarray, " M"] | None = None,
+    cameras: CameraMotion | None = None,
 ) -> Sync:
     """Synchronise motions by their joints; frames without any detection are bridged.
 
@@ -52,6 +56,7 @@ def synchronise_motions(
         reference: id of the reference video, chosen by centrality when None.
         mirrored: per video True or False where action.yaml states it.
         hints, reprojection, rates: as of `imocap_core.sync.synchronise`.
+        cameras: their own motion, where known.
         decided: an earlier synchronisation whose mirrored and excluded videos stay as they are.
     """
     ids = [video.id for video in keypoints.videos]
@@ -63,6 +68,7 @@ def synchronise_motions(
         rng=rng,
         confidence=_detected(joints, keypoints),
         joint_weights=joint_weights_of(params),
+        heights=_heights(joints, keypoints, cameras),
         reference=None if reference is None else ids.index(reference),
         twins=mirror_indices(SMPL_JOINTS),
         mirrored=mirrored,
@@ -147,6 +153,22 @@ def _detected(
         np.repeat(of_frames[:, None], of_video.shape[1], axis=1)
         for of_frames, of_video in zip(detected, joints, strict=True)
     ]
+
+
+def _heights(
+    joints: Sequence[Float[np.ndarray, "_ 24 3"]],
+    keypoints: Keypoints,
+    cameras: CameraMotion | None,
+) -> list[Float[np.ndarray, "_"]]:
+    """Heights of the trunk in the picture, in metres, without the camera's own motion."""
+    trunk, heights = [SMPL_JOINTS.index(name) for name in TRUNK], []
+    for v, (of_video, video) in enumerate(zip(joints, keypoints.videos, strict=True)):
+        if cameras is not None:
+            video = video.model_copy(update={"xy_px": cameras.videos[v].xy_first_px})
+        points = keypoints_of_joints(video)
+        h = picture_heights(points.xy_px, points.weight, of_video, trunk, video.fps)
+        heights.append(h)
+    return heights
 
 
 def keypoints_of_joints(video: VideoKeypoints) -> Keypoints2D:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from imocap_core.artifacts.file_memory import save_memory
 from imocap_core.artifacts.store import Stored
-from imocap_core.errors import ArtifactCorrupt, WorkFailed
+from imocap_core.errors import ArtifactCorrupt, WorkFailed, system_fault
 from imocap_core.made_files import is_as_made
+from imocap_core.pipeline.action import Action
 from imocap_core.pipeline.graph import settings
 from imocap_core.pipeline.runner import Job, Outcome
 from imocap_core.pipeline.source import PROJECT, closure
@@ -82,22 +83,29 @@ def bring_up_to_date(job: Job, stored: Mapping[str, Stored]) -> Path:
     seconds = seconds_of(job.store, job.action.name, {s: r.digest for s, r in stored.items()})
     single = single_model(job, stored)
     beside = [name for name in BESIDE if (folder / name).is_file()]
-    stamp = _stamp(stored, seconds, beside, single)
+    sources = sources_text(job.action)
+    stamp = _stamp(stored, seconds, [*beside, sources], single)
     there = all((folder / name).is_file() for name in (TEXT, PAGE, FILE))
     if there and is_whole_page(page) and stamp in _head(page):
         return page
     from imocap_core.report.write_page import write_page
 
     try:
-        write_page(job, folder, stored, single, seconds, beside, stamp)
+        write_page(job, folder, stored, single, seconds, beside, stamp, sources)
     except ArtifactCorrupt as error:
         reason = str(error).splitlines()[0]
         raise WorkFailed(f"report: {reason}; run the action again") from None
     except OSError as error:
-        raise WorkFailed(f"report: cannot use {error.filename}: {error.strerror}") from None
+        raise WorkFailed(f"report: {system_fault(error)}") from None
     except ValueError as error:
         raise WorkFailed(f"report: {error}") from None
     return page
+
+
+def sources_text(action: Action) -> str:
+    """Which video is which file."""
+    names = {v.id: PurePath(v.video).name for v in action.videos if v.video is not None}
+    return "Files: " + ", ".join(f"{i} is {n}" for i, n in names.items()) + "." if names else ""
 
 
 def single_model(job: Job, stored: Mapping[str, Stored]) -> Stored | None:

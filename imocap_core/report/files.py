@@ -9,6 +9,7 @@ from pathlib import Path
 
 from imocap_core.artifacts.schemas import Table
 from imocap_core.artifacts.side_files import check_names
+from imocap_core.errors import CONTROL
 from imocap_core.report import table_text
 
 CONTENTS = "contents.json"
@@ -61,6 +62,9 @@ def read_contents(folder: Path) -> Contents:
         fields = json.loads(file.read_text(encoding="utf-8"))
         pictures = tuple(Picture(str(p["file"]), str(p["caption"])) for p in fields["pictures"])
         check_names(picture.file for picture in pictures)
-        return Contents(str(fields["title"]), pictures)
+        title = str(fields["title"])
+        if any(CONTROL.search(text) for text in (title, *(p.caption for p in pictures))):
+            raise ValueError
+        return Contents(title, pictures)
     except (ValueError, LookupError, TypeError, RecursionError):
         raise ValueError(f"{file} is not as the run wrote it; run the action again") from None

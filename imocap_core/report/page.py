@@ -30,8 +30,10 @@ def html_page(
     parts: Sequence[Section],
     links: Iterable[str],
     stamp: str,
+    sources: str = "",
 ) -> str:
-    """One page that needs no other file. `links`: files in the folder that it links to."""
+    """One page that needs no other file. `links`: files in the folder that it links to; `sources`:
+    which video is which file."""
     titles = [*(p.title for p in parts), COLUMNS]
     nav = " ".join(f'<a href="#{_anchor(title)}">{html.escape(title)}</a>' for title in titles)
     glossary = {c: GLOSSARY[c] for t in _tables(parts) for c in t.columns if c in GLOSSARY}
@@ -42,7 +44,8 @@ def html_page(
         f'<meta name="{STAMP}" content="{stamp}">'
         f"<title>{html.escape(contents.title)}</title><style>{STYLE}</style></head><body>\n"
         f"<h1>{html.escape(contents.title)}</h1>\n{_verdict(verdict)}"
-        f"<nav>{nav}</nav>\n"
+        + (f"<p>{html.escape(sources)}</p>\n" if sources else "")
+        + f"<nav>{nav}</nav>\n"
         + (f"<nav>Beside this page: {beside}</nav>\n" if beside else "")
         + "".join(_section(folder, part, glossary) for part in parts)
         + _glossary(glossary)
@@ -50,12 +53,16 @@ def html_page(
     )
 
 
-def markdown_page(contents: Contents, verdict: Verdict, parts: Sequence[Section]) -> str:
+def markdown_page(
+    contents: Contents, verdict: Verdict, parts: Sequence[Section], sources: str = ""
+) -> str:
     """The same as Markdown, nothing folded, for a repository or a terminal."""
     text = [f"# {contents.title}\n", *(f"{sentence}\n" for sentence in verdict.summary)]
     if verdict.findings:
         details = "\n".join(f"* {finding.sentence}" for finding in verdict.findings)
         text.append(f"## {DETAILS}\n\n{details}\n")
+    if sources:
+        text.append(f"{sources}\n")
     for part in parts:
         text.append(f"## {part.title}\n")
         if part.lead:

@@ -41,12 +41,14 @@ def write_page(
     seconds: Mapping[str, float | None],
     beside: Sequence[str],
     stamp: str,
+    sources: str,
 ) -> None:
     """Draw the page's figures and write the page, as HTML and as Markdown, and the verdict.
 
     Args:
         single: smpl_ba's result with one motion for all videos. seconds: of each stage. beside:
             files in the folder that the page links to. stamp: see `action_report`.
+        sources: which video is which file.
     """
     keypoints = stored["keypoints"].decode(Keypoints)
     evaluated = stored["evaluate"].decode(Evaluate)
@@ -70,8 +72,8 @@ def write_page(
     assert verdict is not None
     files = {
         FILE: verdict_text(verdict),
-        TEXT: markdown_page(contents, verdict, parts),
-        PAGE: html_page(folder, contents, verdict, parts, beside, stamp),
+        TEXT: markdown_page(contents, verdict, parts, sources),
+        PAGE: html_page(folder, contents, verdict, parts, beside, stamp, sources),
     }
     for name, text in files.items():
         write_whole(folder / name, text)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from imocap_core.artifacts.schemas import InitialSmpl, Keypoints, Sync
+from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, Sync
 from imocap_core.errors import WorkFailed, WrongUse
 from imocap_core.export.tables import write_sync_table
 from imocap_core.figures.sync_summary import SyncRow, sync_rows
@@ -15,7 +15,7 @@ from imocap_core.pipeline.action import FILE_NAME
 from imocap_core.pipeline.builtin_actions import BUILT_IN
 from imocap_core.pipeline.runner import Display, Job
 from imocap_core.pipeline.stage import Context
-from imocap_core.result.artifacts import artifacts_of_stages
+from imocap_core.result.artifacts import Artifacts, artifacts_of_stages
 from imocap_core.result.synchronisation import Synchronisation, synchronisation_of
 from imocap_core.standalone_sync.action import write_sources
 from imocap_core.standalone_sync.repetitions import cut, job_in_parts
@@ -102,7 +102,7 @@ def synchronise_action(
                 f"--reference {reference}: {'; '.join(sync.notes)}; choose another video, or keep "
                 f"it with --set sync.outliers=ignore"
             )
-        sync = _about(reference, job, keypoints, artifacts.get(InitialSmpl), sync, display)
+        sync = _about(reference, job, artifacts, sync, display)
     return SolvedSync(job, action, keypoints, sync, notes)
 
 
@@ -153,8 +153,7 @@ def _cut(
 def _about(
     reference: str,
     job: Job,
-    keypoints: Keypoints,
-    initial: InitialSmpl,
+    artifacts: Artifacts,
     former: Sync,
     display: Display,
 ) -> Sync:
@@ -163,6 +162,7 @@ def _about(
     from imocap_core.problem.hints import hints_of
     from imocap_core.problem.sound import with_sound
 
+    keypoints = artifacts.get(Keypoints)
     display.progress(0.5, f"again, with the reference {reference}")
     reads = frozenset(job.pipeline.stages[STAGE].reads)
     ctx = Context(STAGE, job.settings.seed, reads, display.progress, Path(), job.action)
@@ -171,13 +171,14 @@ def _about(
         if former.sound_start_s is not None:
             hints = with_sound(hints, former.sound_start_s, keypoints)
         return synchronise_monocular(
-            initial,
+            artifacts.get(InitialSmpl),
             keypoints,
             job.settings.params.sync,
             ctx.rng(),
             reference=reference,
-            mirrored=[ctx.mirrored()[video.id] for video in keypoints.videos],
+            mirrored=known_mirrors(ctx.mirrored(), keypoints),
             hints=hints,
+            cameras=artifacts.get(CameraMotion),
         )
     except ValueError as error:
         raise WorkFailed(f"{STAGE}: {error}") from None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,10 +90,21 @@ def _beside(video: Path) -> Path | None:
 
 
 def labels(sources: Sequence[VideoSource]) -> list[str]:
-    """An id for each source: its name, or its number where names are invalid or not unique."""
-    names = [re.sub(r"[^A-Za-z0-9_.-]", "_", source.stem) for source in sources]
-    unique = len(set(names)) == len(names) and all(re.match(r"[A-Za-z0-9_]", n) for n in names)
+    """An id for each source: its name, or all numbered where one has no Latin letters or digits, or
+    two have the same."""
+    names = [ascii_name(source.stem) for source in sources]
+    unique = len({name.lower() for name in names}) == len(names) and all(names)
     return names if unique else [f"v{i + 1}" for i in range(len(names))]
+
+
+def ascii_name(words: str) -> str:
+    """Words as an id or a name of an action: accents dropped, other characters as underscores;
+    empty where hardly anything would remain."""
+    plain = "".join(c for c in unicodedata.normalize("NFKD", words) if not unicodedata.combining(c))
+    written = [c for c in plain if c.isalnum()]
+    if 2 * sum(c.isascii() for c in written) <= len(written):
+        return ""
+    return re.sub(r"[^A-Za-z0-9_.-]+", "_", plain).lstrip(".-")
 
 
 def read_size(text: str | None) -> tuple[int, int] | None:

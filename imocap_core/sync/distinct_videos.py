@@ -45,6 +45,7 @@ class SyncEvidence:
     confidence: Sequence[Float[np.ndarray, "_T J"]] | None
     hints: Hints
     keypoints: Sequence[Keypoints2D] | None = None
+    heights: Sequence[Float[np.ndarray, "_T"]] | None = None
     reprojection: ReprojectionEvidence | None = None
 
     def of_pictures(
@@ -60,6 +61,9 @@ class SyncEvidence:
         if keypoints is not None:
             rows = zip(keypoints, first, strict=True)
             keypoints = [Keypoints2D(k.xy_px[f], k.weight[f]) for k, f in rows]
+        heights = self.heights
+        if heights is not None:
+            heights = [h[f] for h, f in zip(heights, first, strict=True)]
         if reprojection is not None:
             among = [d for v, d in enumerate(videos) if v not in excluded]
             reprojection = _reprojection_of_pictures(reprojection, among)
@@ -68,6 +72,7 @@ class SyncEvidence:
             confidence,
             hints_of_pictures(self.hints, videos),
             keypoints,
+            heights,
             reprojection,
         )
 

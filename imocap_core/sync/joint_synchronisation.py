@@ -33,7 +33,7 @@ from imocap_core.sync.phase import WeightedMap, common_phase, inside
 from imocap_core.sync.reference import chosen_reference, coverage
 from imocap_core.sync.reference_anchors import hard_anchor_maps, through_hard_anchors
 from imocap_core.sync.refinement import ReferenceAxis
-from imocap_core.sync.repeated_motion import Repetition, next_repetition
+from imocap_core.sync.repeated_motion import SLACK_S, Repetition, next_repetition, repeats
 from imocap_core.sync.warp.clocks import Clocks
 from imocap_core.sync.warp.dtw_paths import dtw_warps
 from imocap_core.sync.warp.reprojection import ReprojectionEvidence
@@ -42,6 +42,7 @@ WARPS = ("posterior", "dtw")
 # The refined map to the reference against one map between two videos, which carries the noise of
 # two single estimates.
 REFINED_WEIGHT = 8.0
+COMPARED_FRAMES = 1000  # of one video with itself
 
 
 @dataclass(frozen=True)
@@ -95,6 +96,7 @@ def synchronise_jointly(
     reference: int | None,
     eligible: Sequence[bool],
     hints: Hints,
+    heights: Sequence[Float[np.ndarray, "_T"]] | None = None,
     reprojection: ReprojectionEvidence | None = None,
 ) -> JointResult:
     """Synchronise every video with the others; arguments as of `synchronise`.
@@ -108,7 +110,9 @@ def synchronise_jointly(
     clock = clocks.action_fps
     lengths, forbidden = [len(x) for x in poses], hints.forbidden_frames([len(x) for x in poses])
     anchored = bool(hints.anchors)
-    distances = distance_matrix(poses, confidence, joint_weights, clock, params, whole=anchored)
+    distances = distance_matrix(
+        poses, confidence, joint_weights, clock, params, heights=heights, whole=anchored
+    )
     distances = anchored_distances(distances, hints, clock, params.evidence_per_s)
     blocks = distances.blocks
     affinity = affinities(distances, params.affinity)
@@ -130,11 +134,11 @@ def synchronise_jointly(
         frames, masses, axis = refined_over_axes(
             choice, distances, relaxed, matched, params, reprojection
         )
-        repetitions = _repetitions(frames, distances, chosen, clock[chosen])
+        repetitions = _repetitions(frames, distances, chosen, clock)
         certainty = _confidences(frames, masses, axis, distances, pairs, repetitions)
     else:
         frames, certainty = dtw_warps(relaxed, compared.soft_maps, chosen, fps, params)
-        repetitions = _repetitions(frames, distances, chosen, clock[chosen])
+        repetitions = _repetitions(frames, distances, chosen, clock)
     frames[chosen] = np.arange(float(lengths[chosen]))
     certainty[chosen] = np.ones(lengths[chosen])
     frames, certainty = _without_forbidden(frames, certainty, forbidden, chosen)
@@ -165,16 +169,31 @@ def synchronise_jointly(
 
 
 def _repetitions(
-    frames: Sequence[np.ndarray], distances: DistanceMatrix, reference: int, fps: float
+    frames: Sequence[np.ndarray],
+    distances: DistanceMatrix,
+    reference: int,
+    fps: Sequence[float],
 ) -> list[Repetition | None]:
-    """Of every video; fps: of the reference, in the action's time."""
+    """Of every video, where it or the reference shows two cycles; fps: in the action's time."""
     out: list[Repetition | None] = []
     for v, position in enumerate(frames):
         n, matched = distances.stride(v, reference), np.isfinite(position) & (v != reference)
         square, there = distances.block(v, reference), np.nan_to_num(position)[::n] / n
-        repetition = next_repetition(square, there, matched[::n], fps / n)
+        repetition = next_repetition(square, there, matched[::n], fps[reference] / n)
+        if repetition is not None:
+            period_s = abs(repetition.shift_frames) * n / fps[reference]
+            if not any(_shows_cycles(u, period_s, distances, fps[u]) for u in (reference, v)):
+                repetition = None
         out.append(repetition and replace(repetition, shift_frames=n * repetition.shift_frames))
     return out
+
+
+def _shows_cycles(v: int, period_s: float, distances: DistanceMatrix, fps: float) -> bool:
+    """Whether a video shows two cycles of about that period, by every n-th frame of a long one."""
+    every = slice(None, None, max(1, len(distances.poses[v]) // COMPARED_FRAMES))
+    squares = distances.compared.squares(v, v, every, every)
+    rate = fps / every.step
+    return repeats(squares, period_s * rate, SLACK_S * rate)
 
 
 def _confidences(

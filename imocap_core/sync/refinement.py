@@ -6,7 +6,7 @@ where cameras are given, onto the projections of the others' motion.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,11 @@ from imocap_core.params import SyncParams
 from imocap_core.sync.block_maps import BlockMaps
 from imocap_core.sync.pairwise.banded import Band, BandedMap, blocks_of_frames, search_bands
 from imocap_core.sync.pairwise.distance_matrix import DistanceMatrix
+from imocap_core.sync.pairwise.vertical_motion import (
+    mean_of_known,
+    spread_over,
+    squared_differences,
+)
 from imocap_core.sync.reference_anchors import AnchorPenalty
 from imocap_core.sync.warp.clocks import Clocks
 from imocap_core.sync.warp.leave_one_out import squared_distances_to_others
@@ -97,7 +102,7 @@ def refined_warps(
     in_reference = [matched[blocks.rows(v), axis.reference] for v in range(M)]
     certainty = _refine_by_poses(maps, in_reference, distances, axis, params)
     if reprojection is not None:
-        _refine_by_reprojection(maps, certainty, reprojection, axis, params)
+        _refine_by_reprojection(maps, certainty, reprojection, distances, axis, params)
     on_axis = [median_positions(m, per_frame) for m in maps]
     reference_frames = increasing(on_axis[axis.reference])
     positions, confidence = [], []
@@ -144,6 +149,7 @@ def _refine_by_poses(
             axis.reference,
             params.positions_per_frame,
             windows if round_ else None,
+            distances.vertical,
         )
         for v, squares in squares_of_videos:
             typical = typical_matched_square(squares.least, distances)
@@ -158,6 +164,7 @@ def _refine_by_reprojection(
     maps: list[BandedMap],
     certainty: list[BandedMap],
     reprojection: ReprojectionEvidence,
+    distances: DistanceMatrix,
     axis: ReferenceAxis,
     params: SyncParams,
 ) -> None:
@@ -168,6 +175,9 @@ def _refine_by_reprojection(
     keypoints need not show one moment: poses that were estimated with a wrong match show that
     match's moment. Placed by the poses, the others' motion is one motion, whichever of them had
     wrong matches.
+
+    Heights count beside them: the motion is one that the videos share, so a jump that the poses
+    placed right may be less clear in it.
 
     The certainty of these positions is that of weaker evidence, because the errors of the motion
     that keypoints are compared with persist longer than theirs. The reference's stays: positions
@@ -180,19 +190,43 @@ def _refine_by_reprojection(
 
     def refine(v: int) -> None:
         template = reprojection.template(v, of_poses, axis.reference, per_frame)
+        lifted = _squared_heights(v, of_poses, distances, axis.reference, per_frame)
         squares = None
         for _ in range(REPROJECTION_ROUNDS):
             nearby = axis.nearby([maps[v]], params)
             now = reprojection.squares(v, template, maps[v], nearby, per_frame)
             if now is None:
                 break
-            squares = now
+            squares = now.plus(lifted)
             maps[v] = axis.soft_map(v, squares, 1.0, sharp)[0]
         if squares is not None and v != axis.reference:
             certainty[v] = axis.soft_map(v, squares, 1.0, usual)[0]
 
     # the user's anchors lie on the reference's frames: with them these are the axis
     at_once(refine, [v for v in range(len(maps)) if v != axis.reference or axis.penalty is None])
+
+
+def _squared_heights(
+    v: int,
+    maps: Sequence[BandedMap],
+    distances: DistanceMatrix,
+    reference: int,
+    per_frame: int,
+) -> Callable[[slice, slice], Float[np.ndarray, "_t _s"]]:
+    """Squared differences of video v's heights to the others' mean, in units of those of matches
+    (`maps`): a function of frames and positions."""
+    own = distances.vertical[v]
+    others = mean_of_known(
+        [
+            spread_over(h, None if u == reference else m, per_frame)
+            for u, (h, m) in enumerate(zip(distances.vertical, maps, strict=True))
+            if u != v
+        ]
+    )
+    matched = np.rint(median_positions(maps[v], per_frame) * per_frame).astype(np.int64)
+    known = np.nan_to_num((own - others[matched]) ** 2)
+    unit = max(float(np.mean(known)), distances.least_square)
+    return lambda t, s: squared_differences(own[t], others[s]) / unit
 
 
 def increasing(positions: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N"]:

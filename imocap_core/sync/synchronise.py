@@ -60,6 +60,7 @@ def synchronise(
     hints: Hints | None = None,
     screening: Screening | None = None,
     keypoints: Sequence[Keypoints2D] | None = None,
+    heights: Sequence[Float[np.ndarray, "_T"]] | None = None,
     reprojection: ReprojectionEvidence | None = None,
     rates: Float[np.ndarray, " M"] | None = None,
 ) -> SyncResult:
@@ -82,6 +83,8 @@ def synchronise(
         screening: mirrored and excluded videos, when they were determined before.
         keypoints: of the poses' joints in the same frames; where given, they decide which videos
             are mirrored or show another action, not the poses.
+        heights: per video, height of the trunk in the unit of the poses, from any origin
+            (`picture_heights`); NaN unknown.
         reprojection: keypoints and cameras of the videos that are not excluded, as reflected.
         rates: seconds of the action per second of each video (`estimated_rates`), when they were
             estimated before.
@@ -96,7 +99,7 @@ def synchronise(
     hints = hints or Hints()
     check_hints(hints, [len(x) for x in poses])
     pictures = distinct_videos(poses, fps, keypoints)
-    given = SyncEvidence(poses, confidence, hints, keypoints, reprojection)
+    given = SyncEvidence(poses, confidence, hints, keypoints, heights, reprojection)
     evidence = given.of_pictures(pictures, () if screening is None else screening.excluded)
     poses, confidence = evidence.poses, _without_forbidden(evidence)
     scaled, weights = _scaled(poses, confidence, joint_weights)
@@ -125,6 +128,7 @@ def synchronise(
             for v in used
         ],
         hints=evidence.hints.among(used),
+        heights=None if evidence.heights is None else [evidence.heights[v] for v in used],
         reprojection=evidence.reprojection,
     )
     result = _of_all_videos(joint, used, [len(x) for x in poses], screening)

@@ -102,8 +102,8 @@ def from_buffer(buffer: Any, dtype: Any, shape: Any, order: Any) -> np.ndarray:
 
 
 def scalar(dtype: Any, content: Any = b"") -> Any:
-    """A numpy number."""
-    return _from_bytes(content, dtype, (1,), False)[0]
+    """A numpy number, as Python's: it may be a dictionary's key, as ids from np.unique are."""
+    return _from_bytes(content, dtype, (1,), False)[0].item()
 
 
 def storage(content: Any) -> Any:

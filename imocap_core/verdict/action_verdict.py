@@ -18,7 +18,7 @@ from imocap_core.verdict.physical_findings import floor_findings, speed_findings
 from imocap_core.verdict.repetition_findings import repetition_findings
 from imocap_core.verdict.summary import summary_of
 from imocap_core.verdict.swapped_findings import swapped_findings
-from imocap_core.verdict.take_findings import take_findings
+from imocap_core.verdict.take_findings import said_first, take_findings
 from imocap_core.verdict.view_findings import hidden_findings, view_clause, view_findings
 from imocap_core.verdict.weak_joints import least_certain, weak_findings
 
@@ -75,7 +75,7 @@ def verdict_of(
     timing = f"{timing.removesuffix('.')}; {clause}." if clause else timing
     return Verdict(
         summary_of(
-            timing,
+            said_first(timing, findings, len(videos)),
             findings,
             "" if claimed is None else least_certain(claimed),
             "" if claimed is None else further_view(claimed, sync),

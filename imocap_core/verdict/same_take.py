@@ -1,10 +1,12 @@
 """One recording given twice: re-timed, cropped, scaled or mirrored.
 
 Two recordings of one camera's picture have the same keypoints up to one similarity of the picture
-(crop, scale, reflection) and a map of time. Performances that differ, from the very same viewpoint
-too, do not. But a detector's noise on a copy that was coded again is as large as the difference
-between the most alike performances (two walks of one person, put in place as well as possible), so
-only a closer agreement is certain; what agrees as well as a noisy copy would is a suspicion.
+(crop, scale, reflection) and a map of time, which is a clock's: a constant offset and rate.
+Performances that differ, from the very same viewpoint too, do not. A detector's noise on a copy
+that was coded again is as large as the difference between the most alike performances (two walks of
+one person, put in place as well as possible), but nobody repeats a movement to the frame. So what
+agrees more closely than performances do, or as well and by the clock, is certain; the rest is a
+suspicion.
 """
 
 from __future__ import annotations
@@ -21,6 +23,8 @@ NEAR = 0.015  # of the person's size: root mean square over the keypoints
 NEAR_SHARE = 0.7  # of the moving frames that must be as near
 UNLIKE = 0.05  # of the person's size: poses about their centres, median; above it nothing is alike
 CERTAIN = 0.005  # as NEAR: the most alike performances differ by more
+CLOCK_FRAMES, CLOCK_SHARE = 1.0, 0.75  # off one offset and rate; of the frames that are near
+CLOCK_SPAN_S = 2.0  # over which the clocks must agree
 CENTRE = 0.003  # of the person's size: median distance of the keypoints' centres
 MOVING = 0.015  # of the person's size within MOVING_S
 MOVING_S = 0.2
@@ -116,7 +120,8 @@ def _repeated(
     rate = _rate(frames[near], positions)
     if rate <= 0:
         return None
-    certain = bool((distance < CERTAIN * size).mean() >= NEAR_SHARE)
+    closer = (distance < CERTAIN * size).mean() >= NEAR_SHARE
+    certain = bool(closer or _by_the_clock(frames[near], positions, rate, fps))
     residual = float(np.median(distance) / size)
     return SameTake(rate, float(near.mean()), residual, mirrored, certain)
 
@@ -168,6 +173,15 @@ def _similarity(y: np.ndarray, x: np.ndarray) -> tuple[float, np.ndarray]:
 
 def _centred(x: Float[np.ndarray, "N K 2"]) -> Float[np.ndarray, "N K 2"]:
     return x - x.mean(1, keepdims=True)
+
+
+def _by_the_clock(
+    frames: Int[np.ndarray, " N"], positions: Float[np.ndarray, " N"], rate: float, fps: float
+) -> bool:
+    """Whether most positions lie within a frame of one offset and rate, for long enough."""
+    early = positions - rate * frames
+    off = np.abs(early - np.median(early)) <= CLOCK_FRAMES * max(1.0, rate)
+    return bool(off.mean() >= CLOCK_SHARE and np.ptp(frames[off]) >= CLOCK_SPAN_S * fps)
 
 
 def _rate(frames: Int[np.ndarray, " N"], positions: Float[np.ndarray, " N"]) -> float:

@@ -20,9 +20,9 @@ def summary_of(
         least_certain, further: clauses on the least certain joint and on what to film; or empty.
     """
     serious = [finding for finding in findings if finding.serious]
-    told = any(finding.kind == "view" for finding in serious)  # by the first sentence
-    rest = [finding for finding in serious if finding.kind != "view"]
-    second = distrust(rest) or _nothing_found(least_certain, told)
+    first = {"same take", "view"}  # kinds that the first sentence names
+    rest = [finding for finding in serious if finding.kind not in first]
+    second = distrust(rest) or _nothing_found(least_certain, len(rest) < len(serious))
     return tuple(s for s in (timing, second, next_step(serious, further)) if s)
 
 

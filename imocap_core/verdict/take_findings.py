@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from itertools import combinations
 
 from imocap_core.artifacts.schemas import VideoKeypoints
-from imocap_core.verdict.findings import Finding
+from imocap_core.verdict.findings import Finding, listed
 from imocap_core.verdict.limbs import TWINS, limbs_px
 from imocap_core.verdict.same_take import SameTake, same_take
 
@@ -26,6 +26,22 @@ def take_findings(videos: Sequence[VideoKeypoints]) -> list[Finding]:
             repeating.add(second.id)
         findings.append(_finding(second, first, take))
     return findings
+
+
+def said_first(timing: str, findings: Sequence[Finding], count: int) -> str:
+    """The first sentence of a verdict, which begins with recordings that are there twice.
+
+    Args:
+        timing: what it says otherwise; findings: `take_findings` among them; count: of all videos.
+    """
+    takes = [f for f in findings if f.kind == "same take"]
+    if not takes:
+        return timing
+    copies, views = listed([f"{f.video} is {f.brief}" for f in takes]), count - len(takes)
+    if views == 1:
+        return f"{copies}: {count} videos are one view, and nothing checks the result."
+    timing = timing.replace("The timing", "the timing", 1)
+    return f"{copies}, so {count} videos are {views} views; {timing}"
 
 
 def _finding(video: VideoKeypoints, other: VideoKeypoints, take: SameTake) -> Finding:

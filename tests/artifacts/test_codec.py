@@ -158,6 +158,18 @@ def test_a_recipe_of_another_form_makes_its_artifact_corrupt(
         codec.read(write(tmp_path / "b.mcap", damaged))
 
 
+def test_a_text_that_a_terminal_would_obey_makes_its_artifact_corrupt(content: Content) -> None:
+    table = Table(name="t", title="a", columns=["x"], rows=[["b\x1b[2J"]])
+    packed = codec.pack(Evaluate(tables=[table], files=[]))
+    with pytest.raises(ArtifactCorrupt, match="text with control characters") as error:
+        codec.unpack(packed, Evaluate)
+    assert "\x1b" not in str(error.value)
+    name = json.dumps({"\x1b[31mreference": 1})
+    with pytest.raises(ArtifactCorrupt, match="does not fit") as error:
+        codec.unpack(dataclasses.replace(content, header=name.encode()), Sync)
+    assert "\x1b" not in str(error.value)
+
+
 @pytest.mark.parametrize("header", ['{"maps": {"$array": []}}', 100_000 * "[", "3", '{"maps": 1}'])
 def test_a_header_of_another_form_does_not_fit(content: Content, header: str) -> None:
     with pytest.raises(ArtifactCorrupt, match="does not fit the schema Sync"):

@@ -133,7 +133,9 @@ def test_the_next_process_remembers(
     assert [p.name for p in (store / ".cache").iterdir()] == ["files.json"]
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"made_by": "other", "entries": {}}', '{"a": 1}'])
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", '{"made_by": "other", "entries": {}}', '{"a": 1}', 100_000 * "["]
+)
 def test_a_damaged_or_foreign_memory_is_as_none(
     tmp_path: Path, reader: Reader, forget: Callable[[], None], text: str
 ) -> None:

@@ -34,6 +34,13 @@ OUTSIDE = (
     "x\n",
     "a" * 200,
     "/".join("a" * 9),
+    "NUL",  # of Windows' devices, with any ending
+    "aux.csv",
+    "figures/com1.png",
+    "lpt9.tar.gz",
+    "x.",
+    "x ",
+    "a /x",
 )
 
 
@@ -66,7 +73,8 @@ def test_a_video_of_another_name_makes_its_artifact_corrupt(name: str) -> None:
 
 def test_names_of_a_report_are_distinct_files() -> None:
     check_names(["index.md", "figures/cam 01_a-b.png", "figures/deep/x.csv"])
-    for names in (["a", "a"], ["a", "a/b"]):
+    check_names(["console.md", "com10.csv", "nullable/x.png"])
+    for names in (["a", "a"], ["a", "a/b"], ["a", "A"], ["A", "a/b"]):
         with pytest.raises(ValueError, match="two side files are named 'a'"):
             check_names(names)
 

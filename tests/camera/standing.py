@@ -22,6 +22,39 @@ LEVEL_CAMERA = np.diag([1.0, -1.0, -1.0])  # of a world with y up; looks along -
 SOLE_M = 0.957  # the rest pelvis above the sole
 
 
+def posed(bends_deg: dict[str, tuple[float, float, float]], frames: int = 25) -> Array:
+    """SMPL joints of a still body with some joints turned (axis-angle, degrees), its lowest point
+    at 0; x to its left, y up and z ahead of a body at rest."""
+    shaped = load_free_body().shape(torch.zeros(10, dtype=torch.float64))
+    theta = torch.zeros(1, 24, 3, dtype=torch.float64)
+    for name, turn in bends_deg.items():
+        sides = ("left_", "right_") if SMPL_JOINTS.count(f"left_{name}") else ("",)
+        for side in sides:
+            mirror = (1.0, -1.0, -1.0) if side == "right_" else (1.0, 1.0, 1.0)
+            of = torch.deg2rad(torch.tensor(turn) * torch.tensor(mirror))
+            theta[0, SMPL_JOINTS.index(side + name)] = of
+    placed = shaped.pose(rotations.exp(theta), torch.zeros(1, 3, dtype=torch.float64))
+    joints = placed.joints.numpy() - (0.0, float(placed.mesh().vertices[..., 1].min()), 0.0)
+    return np.repeat(joints, frames, axis=0)
+
+
+SQUAT = {
+    "pelvis": (45.0, 0.0, 0.0),
+    "hip": (-120.0, 0.0, 0.0),
+    "knee": (105.0, 0.0, 0.0),
+    "ankle": (-30.0, 0.0, 0.0),
+    "shoulder": (0.0, 0.0, 40.0),
+    "elbow": (0.0, 0.0, 130.0),
+}
+"""Hands behind the head."""
+PUSH_UP = {
+    "pelvis": (72.0, 0.0, 0.0),
+    "foot": (-30.0, 0.0, 0.0),
+    "shoulder": (0.0, -75.0, 0.0),
+    "wrist": (0.0, 0.0, 60.0),
+}
+
+
 @cache
 def standing(frames: int = 100) -> Array:
     """SMPL joints of a body that stands and lowers its arms; y up, the floor at 0."""

@@ -10,7 +10,8 @@ from rich.console import Console
 
 from imocap_core.artifacts.codec import Content
 from imocap_core.artifacts.store import stored_as
-from imocap_core.library.terminal import Terminal, reasons
+from imocap_core.cli.status_commands import reasons
+from imocap_core.library.terminal import Terminal
 from imocap_core.pipeline.runner import Outcome
 
 STORED = stored_as(Path("sync.mcap"), Content("Sync", b"{}", {}))
@@ -33,15 +34,20 @@ def shown(force_terminal: bool, verbose: bool = False) -> str:
 def test_lines_of_a_run(force_terminal: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "xterm")  # whatever the terminal that the tests run in can do
     monkeypatch.delenv("NO_COLOR", raising=False)
-    text = shown(force_terminal)
+    text = shown(force_terminal, verbose=True)
     for part in ("because input: [gather] has changed", "made", "cached", "another run"):
         assert part in text
     assert ("\x1b[" in text) == force_terminal
 
 
-def test_plain_lines() -> None:
+def test_stages_share_a_line_where_no_bar_can_be() -> None:
+    assert shown(False).splitlines()[:2] == ["sync 1 s", "Made actions/yoga"]
+
+
+def test_verbose_lines_have_memory_and_digest() -> None:
     digest = STORED.digest[:12]
-    assert shown(False).splitlines()[:3] == [
+    lines = shown(False, verbose=True).splitlines()
+    assert [lines[0], *lines[2:4]] == [
         "sync           because input: [gather] has changed",
         f"sync           made      1.2 s   300 MiB  {digest}",
         f"smpl_ba        cached    0.0 s {'':<9}  {digest}",

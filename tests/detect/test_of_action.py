@@ -126,16 +126,16 @@ def test_status_before_and_after(place: Place, capsys: Capture) -> None:
     assert "read: detections a is gone" in capsys.readouterr().out
 
 
-def test_world_landmarks_start_fits_where_asked_for_and_nothing_else_does(place: Place) -> None:
+def test_world_landmarks_come_with_the_keypoints_and_an_estimate_stays(place: Place) -> None:
     initial = {"initial": "own.npz", "initial_format": "joints_npz"}
     joints = np.random.default_rng(0).normal(0, 0.4, (5, 24, 3))
     np.savez(place.folder / "own.npz", joints=joints, joint_names=np.array(SMPL_JOINTS))
     place.declare({"keypoints": "detect", **initial}, {"keypoints": "detect"})
     assert place.run("run", "mine", "--until", "keypoints") == 0
-    assert [v.initial_format for v in place.keypoints().videos] == ["joints_npz", None]
-    once = ("--set", "detect.world_landmarks=true")
-    assert place.run("run", "mine", "--until", "keypoints", *once) == 0
-    assert [v.initial_format for v in place.keypoints().videos] == ["joints_npz", "mediapipe_world"]
+    own, other = place.keypoints().videos
+    assert (own.initial_format, other.initial_format) == ("joints_npz", None)
+    assert other.joints_m is not None
+    assert np.isfinite(other.joints_m).all(-1).sum() > 0
 
 
 def test_hands_are_found_when_the_action_wants_them(place: Place) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -21,6 +22,7 @@ from imocap_core.executors.serial import Serial
 from imocap_core.executors.task import Begun, Executor, Progressed, Report, Task
 from imocap_core.workers import cores
 from tests.executors.work import die_once, note, refuse
+from tests.processes import is_running, must_end, plant
 
 needs_proc = pytest.mark.skipif(sys.platform != "linux", reason="kills a process as Linux does")
 
@@ -164,18 +166,17 @@ def test_a_worker_takes_no_more_memory_than_it_may() -> None:
     assert end.fault == "not enough memory: close other programs, or use fewer frames"
 
 
-def threads(report: Report) -> tuple[str | None, str | None]:
-    return os.environ.get("OMP_NUM_THREADS"), os.environ.get("PYTHONSAFEPATH")
+def threads(report: Report) -> str | None:
+    return os.environ.get("OMP_NUM_THREADS")
 
 
 def test_workers_compute_with_one_thread_and_the_outer_process_as_before(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("OMP_NUM_THREADS", "5")
-    monkeypatch.delenv("PYTHONSAFEPATH", raising=False)
     with worker_processes(1) as executor:
         (end,) = perform([Task("t", threads)], executor)
-    assert end.result == ("1", None)
+    assert end.result == "1"
     assert os.environ["OMP_NUM_THREADS"] == "5"
 
 
@@ -201,3 +202,72 @@ def test_workers_end_with_the_body(tmp_path: Path) -> None:
         time.sleep(0.05)
     assert not Path(f"/proc/{pid}").exists()
     assert threading.active_count() < 20
+
+
+def test_workers_import_nothing_from_the_working_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trace = plant(tmp_path, "multiprocessing", "json", "pickle")
+    monkeypatch.chdir(tmp_path)
+    with worker_processes(1) as executor:
+        (end,) = perform([Task("t", threads)], executor)
+    assert end.state == "done"
+    assert not trace.exists()
+
+
+def speak(report: Report) -> None:
+    print("what a task prints is no event")  # noqa: T201
+    os.write(1, b"nor is what its libraries print\n")
+
+
+def test_what_a_task_prints_is_no_event() -> None:
+    with worker_processes(1) as executor:
+        ends = list(perform([Task("a", speak), Task("b", threads)], executor))
+    assert [end.state for end in ends] == ["done", "done"]
+
+
+# A script without `if __name__ == "__main__"`: multiprocessing's workers would run it again.
+SCRIPT = """
+import os
+from imocap_core.executors.perform import perform
+from imocap_core.executors.processes import worker_processes
+from imocap_core.executors.task import Task
+from tests.executors.work import stay
+print("begun", flush=True)
+with worker_processes(1) as executor:
+    list(perform([Task("t", stay, ({seconds},))], executor, lambda e: print(
+        getattr(e, "text", ""), flush=True)))
+print("ended")
+"""
+
+
+@pytest.mark.parametrize("how", ["file", "stdin", "-c"])
+def test_a_script_needs_no_guard(how: str, tmp_path: Path) -> None:
+    script = SCRIPT.format(seconds=0)
+    (tmp_path / "script.py").write_text(script)
+    words = {"file": ["script.py"], "stdin": ["-"], "-c": ["-c", script]}[how]
+    done = subprocess.run(
+        [sys.executable, *words],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        input=script if how == "stdin" else None,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=100,
+    )
+    lines = done.stdout.split()
+    assert (lines[0], lines[-1], len(lines)) == ("begun", "ended", 3)
+    assert done.stderr == ""
+
+
+@needs_proc
+def test_workers_of_a_killed_process_end() -> None:
+    command = [sys.executable, "-c", SCRIPT.format(seconds=3600)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        lines = [parent.stdout.readline().strip() for _ in range(3)]
+        worker = int(lines[2])
+        assert is_running(worker)
+        parent.kill()
+    must_end(worker, seconds=60)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from pathlib import Path
 
 from imocap_core.errors import WorkFailed
@@ -29,3 +30,9 @@ def die_once(report: Report, file: Path) -> int:
         file.touch()
         os.kill(os.getpid(), signal.SIGKILL)
     return os.getpid()
+
+
+def stay(report: Report, seconds: float) -> None:
+    """Report the number of the process and work on."""
+    report(0.0, str(os.getpid()))
+    time.sleep(seconds)

@@ -31,8 +31,22 @@ CASES: dict[str, tuple[Write, str, str]] = {  # name: writer, format, layout
     "cpn_npz": (made.write_cpn_npz, "cpn_npz", "h36m17"),
     "deeplabcut": (made.write_deeplabcut, "deeplabcut", "coco17"),
     "sleap": (made.write_sleap, "sleap", "coco17"),
+    "alphapose cmu": (made.write_alphapose_cmu, "alphapose", "coco18"),
+    "alphapose open": (made.write_alphapose_open, "alphapose", "coco18"),
+    "alphapose folder": (made.write_alphapose_folder, "alphapose", "coco18"),
+    "mmpose raw": (made.write_mmpose_raw, "mmpose", "coco17"),
+    "mmpose folder": (made.write_mmpose_folder, "mmpose", "halpe26"),
+    "easymocap folder": (made.write_easymocap, "easymocap", "halpe26"),
+    "ultralytics": (made.write_ultralytics, "ultralytics", "coco17"),
+    "ultralytics texts": (made.write_ultralytics_texts, "ultralytics", "coco17"),
+    "ultralytics folder": (made.write_ultralytics_labels, "ultralytics", "coco17"),
+    "npy": (made.write_npy, "npz", "halpe26"),
+    "mediapipe csv": (made.write_mediapipe_csv, "mediapipe", "mediapipe33"),
+    "mediapipe csv named": (made.write_mediapipe_named_csv, "mediapipe", "mediapipe33"),
+    "mediapipe csv long": (made.write_mediapipe_long_csv, "mediapipe", "mediapipe33"),
+    "mediapipe csv semicolons": (made.write_mediapipe_semicolons, "mediapipe", "mediapipe33"),
 }
-FILES = [name for name in CASES if "openpose" not in name]  # one file each, no folder
+FILES = [name for name in CASES if "openpose" not in name and "folder" not in name]  # one file each
 
 
 def read(path: Path, kind: str, layout: str, *names: str) -> Any:
@@ -41,7 +55,7 @@ def read(path: Path, kind: str, layout: str, *names: str) -> Any:
 
 def written(case: str, folder: Path, **changes: Any) -> tuple[Path, made.People, str, str]:
     write, kind, layout = CASES[case]
-    one = {"persons": 1} if kind == "cpn_npz" else {}
+    one = {"persons": 1} if kind == "cpn_npz" or "csv" in case else {}
     people = made.people(layout, **(one | changes))
     return write(folder, people), people, kind, layout
 

@@ -100,8 +100,8 @@ def write_phalp(folder: Path, people: tuple[Truth, ...] = PEOPLE, **changes: Any
         content[f"outputs/_DEMO/clip/img/{t + 1:06d}.jpg"] = {
             "time": t,
             "shot": 0,
-            "tid": [7 + n for n in range(len(people))],
-            "tracked_ids": [7 + n for n in range(len(people))],
+            "tid": [np.int64(7 + n) for n in range(len(people))],
+            "tracked_ids": [np.int64(7 + n) for n in range(len(people))],
             "tracked_time": [0] * len(people),
             "bbox": [np.array([*p.box_px[t, :2], 40.0, 100.0]) for p in people],
             "smpl": [
@@ -116,16 +116,17 @@ def write_phalp(folder: Path, people: tuple[Truth, ...] = PEOPLE, **changes: Any
 
 
 def write_wham(folder: Path, people: tuple[Truth, ...] = PEOPLE, **changes: Any) -> Path:
-    results: defaultdict[int, dict[str, Any]] = defaultdict(dict)
+    """As its demo: ids from np.unique, single-precision arrays."""
+    results: defaultdict[np.int64, dict[str, Any]] = defaultdict(dict)
     focal = np.hypot(*SIZE)
-    for n, p in enumerate(people):
+    for n, p in zip(np.unique(np.arange(len(people))), people, strict=True):
         position = 5.0 * (p.middle_px - np.array(SIZE) / 2) / focal
         results[n] = {
             "pose": p.theta.astype("f4"),
-            "trans": np.column_stack([position, np.full(FRAMES, 5.0)]),
-            "pose_world": p.theta[::-1].copy(),
-            "trans_world": np.zeros((FRAMES, 3)),
-            "betas": np.zeros((FRAMES, 10)),
+            "trans": np.column_stack([position, np.full(FRAMES, 5.0)]).astype("f4"),
+            "pose_world": p.theta[::-1].astype("f4"),
+            "trans_world": np.zeros((FRAMES, 3), "f4"),
+            "betas": np.zeros((FRAMES, 10), "f4"),
             "verts": np.zeros((FRAMES, 9, 3), "f4"),
             "frame_ids": np.arange(FRAMES),
         } | changes
@@ -134,7 +135,7 @@ def write_wham(folder: Path, people: tuple[Truth, ...] = PEOPLE, **changes: Any)
 
 def write_vibe(folder: Path, people: tuple[Truth, ...] = PEOPLE, **changes: Any) -> Path:
     results = {
-        n + 1: {
+        np.int32(n + 1): {
             "pred_cam": np.zeros((FRAMES, 3)),
             "pose": np.asfortranarray(p.theta),
             "betas": np.zeros((FRAMES, 10)),
@@ -178,8 +179,8 @@ def write_prompthmr(folder: Path, people: tuple[Truth, ...] = PEOPLE, **changes:
     results = {
         "camera": {}, "camera_world": {"Rwc": np.tile(np.eye(3), (FRAMES, 1, 1))}, "has_slam": True,
         "people": {
-            n + 1: {
-                "track_id": n + 1,
+            np.int64(n + 1): {
+                "track_id": np.int64(n + 1),
                 "frames": np.arange(FRAMES),
                 "bboxes": p.box_px,
                 "smplx_cam": {
@@ -205,7 +206,7 @@ def write_tram(folder: Path, people: tuple[Truth, ...] = PEOPLE, **changes: Any)
             "pred_shape": torch.zeros(FRAMES, 10),
             "pred_trans": torch.as_tensor(position[:, None]),
             "frame": torch.arange(FRAMES),
-            "img_focal": 500.0,
+            "img_focal": np.float64(500.0),
             "img_center": np.array(SIZE) / 2,
         } | changes
         np.save(path / f"hps_track_{n}.npy", np.array(content, dtype=object), allow_pickle=True)

@@ -182,3 +182,135 @@ def _csv(path: Path, rows: list[list[str]]) -> Path:
 def _json(path: Path, content: Any) -> Path:
     path.write_text(json.dumps(content))
     return path
+
+
+def _alphapose_frames(made: People, bodies: bool) -> dict[str, Any]:
+    name, field = ("bodies", "joints") if bodies else ("people", "pose_keypoints_2d")
+    return {
+        f"{frame:06d}.jpg": {"version": "AlphaPose v0.3", name: [{field: _flat(p)} for p in people]}
+        for frame, people in made.items()
+    }
+
+
+def write_alphapose_cmu(folder: Path, made: People) -> Path:
+    return _json(folder / "alphapose-results.json", _alphapose_frames(made, bodies=True))
+
+
+def write_alphapose_open(folder: Path, made: People) -> Path:
+    return _json(folder / "alphapose-results.json", _alphapose_frames(made, bodies=False))
+
+
+def write_alphapose_folder(folder: Path, made: People) -> Path:
+    contents = _alphapose_frames(made, bodies=True).items()
+    return _folder(folder / "sep-json", {name[:-4]: content for name, content in contents})
+
+
+def write_mmpose_raw(folder: Path, made: People) -> Path:
+    return _json(folder / "predictions.json", [[*map(_instance, ps)] for ps in made.values()])
+
+
+def write_mmpose_folder(folder: Path, made: People) -> Path:
+    contents = {f"{frame:06d}": [*map(_instance, ps)] for frame, ps in made.items()}
+    return _folder(folder / "predictions", contents)
+
+
+def write_easymocap(folder: Path, made: People) -> Path:
+    contents = {
+        f"{frame:06d}": {
+            "filename": f"images/1/{frame:06d}.jpg", "height": 360, "width": 640,
+            "annots": [
+                {"bbox": [1, 2, 3, 4, 0.9], "personID": n, "keypoints": np.nan_to_num(p).tolist()}
+                for n, p in enumerate(people)
+            ],
+        }
+        for frame, people in made.items()
+    }  # fmt: skip
+    return _folder(folder / "annots", contents)
+
+
+def _yolo_frames(made: People) -> list[list[dict[str, Any]]]:
+    axes = ("x", "y", "visible")
+    return [
+        [
+            {"name": "person", "class": 0, "confidence": 0.9, "box": {"x1": 1.0, "y1": 2.0},
+             "keypoints": dict(zip(axes, np.nan_to_num(p).T.tolist(), strict=True))}
+            for p in people
+        ]
+        for people in made.values()
+    ]  # fmt: skip
+
+
+def write_ultralytics(folder: Path, made: People) -> Path:
+    return _json(folder / "yolo.json", _yolo_frames(made))
+
+
+def write_ultralytics_texts(folder: Path, made: People) -> Path:
+    return _json(folder / "yolo.json", [json.dumps(frame) for frame in _yolo_frames(made)])
+
+
+def write_ultralytics_labels(folder: Path, made: People) -> Path:
+    path = folder / "labels"
+    path.mkdir()
+    for frame, people in made.items():
+        rows = [[0, 0.5, 0.5, 0.1, 0.2, *_flat(p), 7] for p in people]
+        text = "\n".join(" ".join(map(str, row)) for row in rows)
+        (path / f"my clip_{frame + 1}.txt").write_text(text + "\n")
+    return path
+
+
+def write_npy(folder: Path, made: People) -> Path:
+    np.save(folder / "points.npy", np.array(list(made.values())))
+    return folder / "points.npy"
+
+
+def write_mediapipe_csv(folder: Path, made: People) -> Path:
+    heading = ["frame", *(f"{axis}{k + 1}" for k in range(33) for axis in "xyzv")]
+    rows = [[frame, *_shares(people[0]).ravel()] for frame, people in made.items()]
+    return _csv(folder / "pose.csv", [heading, *rows])
+
+
+def write_mediapipe_named_csv(folder: Path, made: People) -> Path:
+    names = layout_names("mediapipe33")
+    heading = [f"{name.upper()}_{axis}" for name in names for axis in ("x", "y", "z", "visibility")]
+    return _csv(
+        folder / "pose.csv", [heading, *(_shares(people[0]).ravel() for people in made.values())]
+    )
+
+
+def write_mediapipe_long_csv(folder: Path, made: People) -> Path:
+    rows = [
+        [frame, k, *row]
+        for frame, people in made.items()
+        for k, row in enumerate(_shares(people[0]))
+    ]
+    heading = ["frame", "landmark_id", "x", "y", "z", "visibility"]
+    return _csv(folder / "pose.csv", [heading, *rows])
+
+
+def write_mediapipe_semicolons(folder: Path, made: People) -> Path:
+    """As a spreadsheet saves it where the decimal point is a comma."""
+    path = write_mediapipe_csv(folder, made)
+    text = path.read_text().replace(",", ";").replace(".", ",")
+    path.write_text(text, encoding="utf-8-sig")
+    return path
+
+
+def _shares(person: np.ndarray) -> np.ndarray:
+    """x, y, z, visibility of each landmark; NaN where it was not found."""
+    xy = person[:, :2] / SIZE
+    return np.column_stack([xy, np.zeros(len(xy)), person[:, 2]])
+
+
+def _csv(path: Path, rows: list[Any]) -> Path:
+    with path.open("w", newline="") as stream:
+        csv.writer(stream).writerows(
+            [["" if isinstance(c, float) and np.isnan(c) else c for c in row] for row in rows]
+        )
+    return path
+
+
+def _folder(path: Path, contents: dict[str, Any]) -> Path:
+    path.mkdir()
+    for name, content in contents.items():
+        _json(path / f"{name}.json", content)
+    return path

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
+from fractions import Fraction
 from pathlib import Path
 
 import av
@@ -27,23 +29,35 @@ def write_video(
     first_pts: int = 0,
     audio: str | None = None,
     options: dict[str, str] | None = None,
+    aspect: Fraction | None = None,
+    matrix: Sequence[int] | None = None,
+    rate: Fraction | int = FPS,
+    metadata: dict[str, str] | None = None,
 ) -> Path:
     """A film whose frames tell their numbers. Skips the test where FFmpeg has no such encoder.
 
     first_pts: of the first frame; those before 0 are not shown. audio: encoder of a second of
-    silence.
+    silence. aspect: width of a pixel over its height. matrix: nine numbers of a display matrix;
+    then the upper quarter is black.
     """
     width, height = size
     must_encode(codec)
     with av.open(str(path), "w", options=options or {}) as container:
-        stream = container.add_stream(codec, rate=FPS)
+        container.metadata.update(metadata or {})
+        stream = container.add_stream(codec, rate=rate)
         stream.width, stream.height = size
         stream.pix_fmt = "yuv420p"
         stream.options = {"g": "5"}
+        if aspect is not None:
+            stream.sample_aspect_ratio = aspect
+        if matrix is not None:
+            stream.set_display_matrix(matrix)
         sound = None if audio is None else container.add_stream(audio, rate=48_000)
         for number in range(count):
             picture = np.zeros((height, width, 3), np.uint8)
             picture[:, : width // 2] = level(number)
+            if matrix is not None:
+                picture[: height // 4] = 0
             frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
             frame.pts = first_pts + number
             container.mux(stream.encode(frame))
@@ -59,7 +73,7 @@ def write_video(
 def turn(path: Path) -> None:
     """Store beside the pictures of an mp4 that they are to be turned by a quarter."""
     content = bytearray(path.read_bytes())
-    matrix = content.index(b"tkhd") + 4 + 36
+    matrix = content.index(b"tkhd") + 4 + 40
     content[matrix : matrix + len(TURNED)] = TURNED
     path.write_bytes(content)
 

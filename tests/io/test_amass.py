@@ -31,10 +31,13 @@ ARCHIVE = {
     | {"poses": ("T", 165), "root_orient": ("T", 3), "pose_body": ("T", 63), "num_betas": ()}
     | {"pose_jaw": ("T", 3), "pose_eye": ("T", 6), "pose_hand": ("T", 90)}
     | {"mocap_frame_rate": (), "mocap_time_length": (), "surface_model_type": ()},
+    "smpl": SHARED | {"poses": ("T", 72), "betas": (10,), "mocap_framerate": ()},
 }
+KIND = {"poses": "smplh", "stageii": "smplx", "smpl": "smpl"}
 PARTS = {
     "poses": ("root_orient", "pose_body", "pose_hand"),
     "stageii": ("root_orient", "pose_body", "pose_jaw", "pose_eye", "pose_hand"),
+    "smpl": ("root_orient", "pose_body"),
 }
 
 
@@ -60,13 +63,13 @@ def test_names_and_shapes_are_the_archives(made: Made, video: str, generation: s
     parts = [data[name] for name in PARTS[generation]]
     np.testing.assert_array_equal(np.concatenate(parts, axis=1), data["poses"])
     assert data["gender"].item() == "neutral"
-    assert data["surface_model_type"] == {"poses": "smplh", "stageii": "smplx"}[generation]
+    assert data["surface_model_type"] == KIND[generation]
     assert data["mocap_framerate"] == data["mocap_frame_rate"] == FPS[video]
     assert round(float(data["mocap_time_length"] * data["mocap_frame_rate"])) == T
 
 
 def test_both_bodies_have_one_pose(made: Made) -> None:
-    smplh, smplx = (arrays(made, "b", g)["poses"].reshape(21, -1, 3) for g in ARCHIVE)
+    smplh, smplx = (arrays(made, "b", g)["poses"].reshape(21, -1, 3) for g in KIND if g != "smpl")
     assert smplh[:, :22].any()
     for k, name in enumerate(SMPLX_JOINTS):
         here = smplh[:, SMPLH_JOINTS.index(name)] if name in SMPLH_JOINTS else 0.0
@@ -78,7 +81,8 @@ def test_hands_are_of_the_videos_that_have_them(tmp_path: Path) -> None:
     video = replace(
         made_video(4), hands=ExportedHands(turns, np.zeros((4, 2, 21, 3)), np.ones((4, 2), bool))
     )
-    smplh, smplx = (np.load(file)["poses"] for file in write_amass(tmp_path, video))
+    smplh, smplx, smpl = (np.load(file)["poses"] for file in write_amass(tmp_path, video))
+    np.testing.assert_array_equal(smpl, video.poses)
     np.testing.assert_array_equal(smplh, turns)
     np.testing.assert_array_equal(np.delete(smplx, range(66, 75), axis=1), turns)
     assert not np.load(write_amass(tmp_path, made_video(4))[0])["pose_hand"].any()
@@ -97,6 +101,7 @@ def test_our_shape_reaches_no_other_body(made: Made) -> None:
     data = arrays(made, "a")
     assert not data["betas"].any()
     assert not arrays(made, "a", "stageii")["betas"].any()
+    assert not arrays(made, "a", "smpl")["betas"].any()
     np.testing.assert_allclose(data["imocap_betas"], BETAS)
     assert data["imocap_model"].item().startswith("free_body ")
     assert "imocap_betas" in json.loads((made.out / "export_amass.json").read_text())["betas"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from imocap_core.io.writers.bvh import bvh_text, euler_zyx_deg, write_bvh
-from imocap_core.io.writers.motion_clip import upright_rest
+from imocap_core.io.writers.lafan1 import JOINTS, as_lafan1
+from imocap_core.io.writers.motion_clip import scaled, upright_rest
 from tests.io.made_clips import made_clip
 
 
@@ -113,3 +114,51 @@ def test_the_same_clip_gives_the_same_bytes(tmp_path: Path) -> None:
     write_bvh(tmp_path / "b.bvh", clip)
     assert (tmp_path / "a.bvh").read_bytes() == (tmp_path / "b.bvh").read_bytes()
     assert b"\r" not in (tmp_path / "a.bvh").read_bytes()
+
+
+def test_lafan1s_reader_finds_its_joints_where_ours_are() -> None:
+    """Names, order, channels, unit and rate of its files; FK as its reader does."""
+    made = made_clip(frames=9, fps=30.0, hands=True)
+    bones, step, rows = parse(bvh_text(scaled(as_lafan1(made.clip), 100.0)))
+    joints = [bone for bone in bones if bone.channels]
+    assert [bone.name for bone in joints] == list(JOINTS)
+    assert [len(bone.channels) for bone in joints] == [6] + [3] * 21
+    assert joints[1].channels == ["Zrotation", "Yrotation", "Xrotation"]
+    assert step == pytest.approx(1 / 30)
+    for t in (0, 8):
+        found = positions_of(bones, rows[t])
+        for name, ours in JOINTS.items():
+            place = made.clip.joints[t, made.clip.joint_names.index(ours)]
+            np.testing.assert_allclose(found[name], 100 * place, atol=1e-3)
+
+
+def test_lafan1s_axes_lie_along_the_bones() -> None:
+    """Of a body in T pose that looks along +z: what retargeters take from the joints' axes."""
+    clip = made_clip().clip
+    still = replace(clip, R_local=np.tile(np.eye(3), (*clip.R_local.shape[:2], 1, 1)))
+    robot = as_lafan1(still)
+    world = np.zeros((22, 3, 3))
+    for j, parent in enumerate(robot.parents):
+        world[j] = robot.R_local[0, j] if parent < 0 else world[parent] @ robot.R_local[0, j]
+    axes = dict(zip(robot.joint_names, np.swapaxes(world, 1, 2), strict=True))  # rows x, y, z
+    left, up, ahead = np.eye(3)
+    for name, x, z in (
+        ("Hips", up, left), ("Spine2", up, left), ("LeftUpLeg", -up, -left),
+        ("RightLeg", -up, -left), ("LeftToe", ahead, -left), ("LeftArm", left, up),
+        ("RightForeArm", -left, -up),
+    ):  # fmt: skip
+        assert axes[name][0] @ x > 0.95, name
+        assert axes[name][2] @ z > 0.95, name
+    offsets = dict(zip(robot.joint_names, robot.offsets, strict=True))
+    for name in ("LeftLeg", "RightFoot", "LeftToe", "RightForeArm", "LeftHand"):
+        np.testing.assert_allclose(offsets[name][1:], 0, atol=1e-12)
+        assert offsets[name][0] > 0
+
+
+def test_lafan1_is_30_frames_a_second() -> None:
+    clip = made_clip(frames=13, fps=60.0).clip
+    slow = as_lafan1(clip)
+    assert len(slow.R_local) == 7
+    np.testing.assert_allclose(slow.pelvis, clip.pelvis[::2], atol=1e-12)
+    np.testing.assert_allclose(slow.joints[3, 0], clip.joints[6, 0], atol=1e-9)
+    np.testing.assert_allclose(slow.joints[3, -1], clip.joints[6, 21], atol=1e-6)

@@ -11,6 +11,9 @@ import torch
 
 from imocap_core.body import load_free_body
 from imocap_core.io.detectors.guess import guess_detections
+from imocap_core.io.detectors.keypoints_npz import read_keypoints_npz
+from imocap_core.io.detectors.mediapipe import read_mediapipe
+from imocap_core.io.detectors.openpose import read_openpose
 
 
 def _write(folder: Path, people: list[np.ndarray]) -> Path:
@@ -54,7 +57,10 @@ def test_the_number_of_points_tells_coco(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("people", "message"),
     [
-        ([np.ones((25, 3))], "fit both about equally; give --layout"),
+        (
+            [np.ones((25, 3))],
+            "fit both about equally; say which with `format` and `layout` in action.yaml",
+        ),
         ([np.ones((16, 3))], "18 \\(coco18\\), 25 \\(body25 or body25b\\), 26 \\(halpe26\\)"),
         ([np.ones((18, 3)), np.ones((25, 3))], "got 18, 25; keep one detector's output"),
         ([np.zeros((0, 3))], "nobody was detected"),
@@ -89,3 +95,47 @@ def test_files_that_are_something_else(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="alphapose, but the file does not tell the layout"):
         guess_detections(results)
     assert guess_detections(results, layout="halpe26") == ("alphapose", "halpe26")
+
+
+def test_what_macos_and_windows_add_is_passed_over(tmp_path: Path) -> None:
+    """`._NAME` of macOS, a mark at the beginning of UTF-8, and PowerShell's UTF-16."""
+    folder = _write(tmp_path / "v1", [np.ones((18, 3))] * 3)
+    first, second, third = sorted(folder.glob("*.json"))
+    (folder / f"._{first.name}").write_bytes(b"\x00\x05\x16\x07")
+    text = second.read_text()
+    second.write_text(text, encoding="utf-8-sig")
+    third.write_text(text, encoding="utf-16")
+    assert guess_detections(folder) == ("openpose", "coco18")
+    assert len(read_openpose(folder, "coco18").frames) == 3
+
+
+def test_world_landmarks_alone_are_named(tmp_path: Path) -> None:
+    file = tmp_path / "world.json"
+    landmarks = [{"x": 0.1, "y": 0.2, "z": 0.3}] * 33
+    file.write_text(json.dumps([{"pose_world_landmarks": [landmarks]}]))
+    np.savez(tmp_path / "world.npz", pose_world_landmarks=np.ones((4, 33, 4)))
+    for path in (file, tmp_path / "world.npz"):
+        assert guess_detections(path) == ("mediapipe", "mediapipe33")
+        with pytest.raises(ValueError, match="world landmarks, in metres, and no places in the"):
+            read_mediapipe(path, "mediapipe33", (640, 360))
+
+
+def test_freemocap_of_one_camera_and_of_several(tmp_path: Path) -> None:
+    file = tmp_path / "mediapipe2dData_numCams_numFrames_numTrackedPoints_pixelXY.npy"
+    points = np.random.default_rng(0).uniform(0, 300, (3, 5, 553, 2))
+    points[1, 2, 4] = np.nan
+    np.save(file, points)
+    assert guess_detections(file) == ("npz", "mediapipe33")
+    with pytest.raises(ValueError, match=r"those of 3 \(FreeMoCap's 2D data\); save each camera"):
+        read_keypoints_npz(file, "mediapipe33")
+    np.save(file, points[1])
+    read = read_keypoints_npz(file, "mediapipe33")
+    assert np.array_equal(np.concatenate(read.people)[..., :2], points[1, :, :33], equal_nan=True)
+    assert read.people[2][0, 4, 2] == 0.0
+
+
+def test_an_unknown_file_is_told_what_can_be_read(tmp_path: Path) -> None:
+    file = tmp_path / "points.json"
+    file.write_text('[{"joints": 3}]')
+    with pytest.raises(ValueError, match=r"formats\.md lists .*`format` and `layout` in action"):
+        guess_detections(file)

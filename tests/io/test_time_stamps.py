@@ -1,11 +1,15 @@
 """Time stamps of a file: none for a constant rate, exact ones for a variable rate."""
 
+from fractions import Fraction
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from imocap_core.io.time_stamps import variable_times_s
 from imocap_core.io.video import probe, read_gray, write_h264
 from tests.io.made_times import write_timed
+from tests.io.made_videos import write_video
 
 
 def times_of(path):
@@ -60,3 +64,37 @@ def test_a_video_with_a_broken_end_keeps_its_times(tmp_path):
     with pytest.raises(ValueError, match="decoding failed after 68 frames"):
         list(read_gray(file))
     np.testing.assert_allclose(times_of(file), switching_s(), atol=1e-4)
+
+
+SLOW = {"com.android.capture.fps": "240.000000"}
+KEYS = {"movflags": "use_metadata_tags"}
+
+
+@pytest.mark.parametrize("stamped", [30, Fraction(15, 2)])
+def test_a_slow_motion_film_of_a_phone_has_the_rate_of_its_camera(
+    tmp_path: Path, stamped: Fraction
+) -> None:
+    path = write_video(tmp_path / "a.mp4", rate=stamped, metadata=SLOW, options=KEYS)
+    info = probe(path)
+    assert info.fps == pytest.approx(240)
+    assert info.slowed == pytest.approx(float(240 / Fraction(stamped)))
+    assert variable_times_s(path, info) is None
+
+
+def test_a_rate_that_only_varies_and_a_film_with_sound_are_as_stamped(tmp_path: Path) -> None:
+    near = {"com.android.capture.fps": "30.0"}
+    assert probe(write_video(tmp_path / "a.mp4", metadata=near, options=KEYS)).fps == 25
+    loud = write_video(tmp_path / "b.mp4", metadata=SLOW, options=KEYS, audio="aac")
+    assert probe(loud).fps == 25
+    for text in ("nan", "fast", "0", "1e9"):
+        odd = {"com.android.capture.fps": text}
+        assert probe(write_video(tmp_path / "c.mp4", metadata=odd, options=KEYS)).fps == 25
+
+
+def test_uneven_stamps_of_slow_motion_are_times_of_the_action(tmp_path: Path) -> None:
+    times = np.r_[np.arange(20), np.arange(22, 40)] / 30
+    write_timed(tmp_path / "a.mp4", times, (64, 48))
+    info = probe(tmp_path / "a.mp4")
+    taken = variable_times_s(tmp_path / "a.mp4", info.taken_at(8 * info.fps))
+    assert taken is not None
+    assert np.allclose(taken, times / 8, atol=1e-4)

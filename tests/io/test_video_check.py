@@ -1,9 +1,12 @@
 """What is no video, or has no motion, is named with what it is."""
 
+from pathlib import Path
+
 import av
 import numpy as np
 import pytest
 
+from imocap_core.io.video import open_video
 from imocap_core.io.video_check import check_video
 from tests.io.made_times import write_timed
 from tests.io.made_videos import write_video
@@ -74,3 +77,28 @@ def test_stamps_that_are_all_the_same(tmp_path):
     path = tmp_path / "a.mp4"
     write_timed(path, np.zeros(40), ticks=15360)
     assert "frames a second; convert it" in refused(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("a.m3u8", "#EXTM3U\n#EXT-X-TARGETDURATION:9\n#EXTINF:1,\nfile://{0}\n#EXT-X-ENDLIST\n"),
+        ("a.mp4", "#EXTM3U\n#EXT-X-TARGETDURATION:9\n#EXTINF:1,\nfile://{0}\n#EXT-X-ENDLIST\n"),
+        ("a.ffconcat", "ffconcat version 1.0\nfile secret.mp4\n"),
+        ("a.mpd", '<?xml version="1.0"?><MPD><Period><AdaptationSet><Representation>'
+                  "<BaseURL>{0}</BaseURL></Representation></AdaptationSet></Period></MPD>"),
+    ],
+)  # fmt: skip
+def test_a_file_that_names_others_is_not_opened(tmp_path, name, content):
+    secret = write_video(tmp_path / "secret.mp4")
+    (tmp_path / name).write_text(content.format(secret))
+    with pytest.raises(ValueError, match=r"a playlist or another file without a video|readable"):
+        open_video(tmp_path / name)
+    assert refused(tmp_path / name) == "expected a video, got text"
+
+
+def test_a_name_that_looks_like_a_protocol(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_video(Path("a.mp4"))
+    write_video(Path("b.mp4")).rename("concat:a.mp4|a.mp4")
+    assert check_video(Path("concat:a.mp4|a.mp4")).frame_count == 10

@@ -313,3 +313,31 @@ def test_an_archive_is_unpacked_below_its_folder_only(tmp_path: Path) -> None:
 @pytest.mark.parametrize("path", ["v1.mp4", "a/b/c.json", "Übung (2).mp4", "keypoints/", "a/.x"])
 def test_ordinary_paths_are_inside(path: str) -> None:
     assert must_be_inside(path) == path
+
+
+def test_a_pulled_memory_that_is_nested_without_end_is_as_none(
+    toy: Toy,  # noqa: F811
+    store: str,
+    elsewhere: Path,
+) -> None:
+    imocap.push("toy", store=store, root=toy.root)
+    imocap.pull("toy", store=store, root=elsewhere)
+    (elsewhere / "actions/toy/.pulled.json").write_text(100_000 * "[")
+    (toy.action / "v1.txt").write_text("7")
+    imocap.push("toy", store=store, root=toy.root, replace=True)
+    with pytest.raises(WorkFailed, match="it stays as it is"):
+        imocap.pull("toy", store=store, root=elsewhere)
+
+
+def test_a_playlist_is_no_video_of_an_action(
+    toy: Toy,  # noqa: F811
+    store: str,
+    elsewhere: Path,
+) -> None:
+    (toy.action / "v1.m3u8").write_text("#EXTM3U\n#EXTINF:1,\nfile:///etc/hostname\n")
+    text = (toy.action / "action.yaml").read_text()
+    (toy.action / "action.yaml").write_text(text.replace("id: v1,", "id: v1, video: v1.m3u8,"))
+    imocap.push("toy", store=store, root=toy.root)
+    with pytest.raises(WorkFailed, match=r"cannot be used: .*v1.m3u8: "):
+        imocap.pull("toy", store=store, root=elsewhere)
+    assert not (elsewhere / "actions/toy").exists()

@@ -131,6 +131,21 @@ def test_nonsense_is_answered_with_a_sentence(asker: Asker, body: bytes) -> None
     assert asker.file.read_bytes() == before
 
 
+def test_a_length_without_end_and_a_short_body(asker: Asker) -> None:
+    answer, content = asker.ask("edit", b"{}", Content_Length=5000 * "9")
+    assert (answer.status, b"Traceback" in content) == (413, False)
+    head = (
+        f"POST /{asker.token}/edit HTTP/1.1\r\nHost: {asker.host}\r\nOrigin: http://{asker.host}\r\n"
+        "Content-Type: application/json\r\nContent-Length: 50\r\n\r\n{"
+    )
+    with socket.create_connection(("127.0.0.1", asker.port), timeout=30) as connection:
+        connection.sendall(head.encode())
+        connection.shutdown(socket.SHUT_WR)
+        answered = b"".join(iter(lambda: connection.recv(4096), b""))
+    assert b"422" in answered.partition(b"\r\n")[0]
+    assert b"the request broke off: 1 of its 50 bytes came" in answered
+
+
 def test_requests_that_are_no_http_break_nothing(asker: Asker) -> None:
     for text in (b"", b"\x16\x03\x01\x00", b"GET\r\n\r\n", b"GET / HTTP/9.9\r\n\r\n"):
         answer = asker.raw(text)

@@ -51,8 +51,9 @@ def choose(monkeypatch: pytest.MonkeyPatch) -> Any:
 def loop_sync_of(made: Made) -> LoopSync:
     """Without hints; all videos at normal speed."""
     return LoopSync(
-        made.keypoints, made.initial, Params().sync, Hints(), np.ones(3), by_pictures=True,
-        event=False, sound_start_s=None, declared=[None] * 3, rng=lambda: np.random.default_rng(0),
+        made.keypoints, made.camera_motion, made.initial, Params().sync, Hints(), np.ones(3),
+        by_pictures=True, event=False, sound_start_s=None, declared=[None] * 3,
+        rng=lambda: np.random.default_rng(0),
     )  # fmt: skip
 
 

@@ -34,12 +34,10 @@ def test_the_strongest_shape_prior_of_the_layouts_is_used() -> None:
 
 
 def test_a_single_view_without_joints_keeps_the_shape_near_the_mean() -> None:
-    keypoints, params = keypoints_of("body25", "coco17"), FitParams(shape_prior=10.0)
-    joints = {"body25": np.zeros((2, 24, 3))}
-    assert fit_of_single_views(keypoints, params, joints, 90.0).shape_prior == 90.0
-    both = joints | {"coco17": np.zeros((2, 24, 3))}
-    assert fit_of_single_views(keypoints, params, both, 90.0).shape_prior == 10.0
-    assert fit_of_single_views(keypoints, params, {}, 5.0).shape_prior == 10.0
+    keypoints, params = keypoints_of("body25"), FitParams(shape_prior=10.0)
+    assert fit_of_single_views(keypoints, params, False, 90.0).shape_prior == 90.0
+    assert fit_of_single_views(keypoints, params, True, 90.0).shape_prior == 10.0
+    assert fit_of_single_views(keypoints, params, False, 5.0).shape_prior == 10.0
 
 
 def test_a_layout_that_there_is_not_is_named() -> None:

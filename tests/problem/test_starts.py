@@ -15,7 +15,8 @@ from imocap_core.motion.kinematics import Body
 from imocap_core.motion.monocular.library import make_library
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import load_pose_prior
-from imocap_core.problem.starts import evidence_of, lifted_joints, starts_of_lifted
+from imocap_core.params import InitialSmplParams
+from imocap_core.problem.starts import evidence_of, lifted_joints, starts
 from tests.made_keypoints import made_keypoints
 from tests.pipeline.test_people import figure
 
@@ -45,11 +46,10 @@ def test_the_starts_are_where_the_lifter_says_and_where_the_person_is_seen() -> 
     body, prior = Body.of(load_free_body(), "coco17"), load_pose_prior()
     library = make_library(body, prior, np.random.default_rng(0), poses=800, directions=2)
     observation = Observation(video.xy_px, video.confidence, camera.K, 30.0, noise_share=0.01)
-    starts = starts_of_lifted(body, library, observation, lifted)
-    assert len(starts) == 2
-    posed = body.model.shape(starts[0].trans.new_zeros(1, 10)).pose(
-        starts[0].R_local, starts[0].trans
-    )
+    options = InitialSmplParams(starts=1)
+    found = starts(body, library, observation, None, lifted, lifted.joints[::-1].copy(), options)
+    assert len(found) == 4  # the lifter's motion and its alternative, the detector's, the library's
+    posed = body.model.shape(found[0].trans.new_zeros(1, 10)).pose(found[0].R_local, found[0].trans)
     pair = (
         root_relative(x, SMPL_JOINTS, EVAL_12)
         for x in (posed.keypoints(body.joints).numpy(), lifted.joints)

@@ -113,6 +113,39 @@ def test_two_mirrored_videos_have_to_be_clearer_than_one(
     assert (two.mirrored, two.symmetric) == (both, not both)
 
 
+def lastingly_wrong(video: ScreenedVideo, share: float, seed: int) -> ScreenedVideo:
+    """The video as a detector sees it whose error at each joint lasts, a share of the spread."""
+    k, rng = video.keypoints, np.random.default_rng([7, seed])
+    error = rng.normal(0, share * k.xy_px.std(axis=1).mean(), (1, *k.xy_px.shape[1:]))
+    return ScreenedVideo(video.motion, Keypoints2D(k.xy_px + error, k.weight))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_symmetric_action_is_never_mirrored_however_precise_or_wrong_its_videos(
+    seed: int,
+) -> None:
+    half = motion_of(4 + seed)
+    videos = videos_of(0.5 * (half + mirrored_poses(half, TWINS)))
+    for share in (0.02, 0.06):
+        wrong = [lastingly_wrong(v, share, 10 * seed + k) for k, v in enumerate(videos)]
+        wrong[1] = lastingly_wrong(wrong[1], 0.15, seed)
+        result = decided(wrong)
+        assert (result.mirrored, result.outliers, result.symmetric) == ((), (), True)
+
+
+def test_a_slower_performance_with_a_bad_stretch_and_a_lasting_error_takes_part() -> None:
+    videos = videos_of(motion_of(1))
+    slow = lastingly_wrong(videos[2], 0.4, 1)
+    rows, rng = np.repeat(np.arange(60), 2), np.random.default_rng(2)
+    xy_px = slow.keypoints.xy_px[rows]
+    xy_px[50:70] += rng.normal(0, 2 * xy_px.std(axis=1).mean(), xy_px[50:70].shape)
+    videos[2] = ScreenedVideo(
+        depth_reversed(slow).motion[rows], Keypoints2D(xy_px, slow.keypoints.weight[rows])
+    )
+    result = decided(videos)
+    assert (result.outliers, result.mirrored) == ((), ())
+
+
 def test_what_the_user_states_is_not_decided_again() -> None:
     videos = videos_of(motion_of(1))
     videos[2] = videos[2].mirrored(TWINS)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from imocap_core.sync.screening.best_camera import registered
+from imocap_core.sync.screening.best_camera import explained_change, registered
 from imocap_core.sync.screening.registration import (
     Keypoints2D,
+    best_warp,
     camera_directions,
+    centred_plane,
     reflected_keypoints,
     registration_residual,
     unbiased_directions,
@@ -71,6 +73,34 @@ def test_registration_finds_the_camera_the_warp_and_less_than_any_static_pose() 
     np.testing.assert_allclose(view.frames, np.arange(0, FRAMES, 2), atol=2)
     truth = np.array([[np.cos(0.9), 0.0, np.sin(0.9)], [0.0, 1.0, 0.0]])
     assert (np.sum(view.axes * truth, axis=1) > np.cos(np.deg2rad(10.0))).all()
+
+
+@pytest.mark.parametrize("speed", [0.4, 0.5, 1.0, 2.0, 2.5])
+def test_another_speed_costs_next_to_nothing_and_standing_still_does(speed: float) -> None:
+    positions = np.arange(0, FRAMES - 1, speed)
+    distance = np.abs(positions[:, None] - np.arange(FRAMES)) / 10
+    cost, frames = best_warp(distance)
+    assert (cost - distance[np.arange(len(frames)), frames].sum()) / len(frames) <= 0.021
+    np.testing.assert_allclose(frames, positions, atol=1.0)
+    still = best_warp(np.repeat(distance[:1], 40, axis=0))[0]
+    assert still / 40 > 0.04
+
+
+def test_explained_change_is_that_of_the_motion_whatever_is_wrong_throughout() -> None:
+    film, rng = filmed(motion_of(1), 0.0), np.random.default_rng(1)
+    plane, axes = centred_plane(film), np.eye(3)[:2]
+    lasting = rng.normal(0, 0.5, (JOINTS, 3))
+
+    def explained(motion: np.ndarray) -> float:
+        return explained_change(motion @ axes.T, plane, film.weight)
+
+    assert explained(motion_of(1)) > 0.98
+    assert explained(motion_of(1) + lasting) > 0.8
+    assert abs(explained(motion_of(1)[[0] * FRAMES])) < 0.05
+    assert explained(motion_of(2)) < 0.3
+    garbled = motion_of(1)
+    garbled[20:30] += rng.normal(0, 3.0, (10, JOINTS, 3))
+    assert explained(garbled) > 0.7
 
 
 def test_reflecting_keypoints_twice_changes_nothing() -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imocap_core.sync.repeated_motion import DISTINCT, next_repetition
+from imocap_core.sync.repeated_motion import DISTINCT, next_repetition, repeats
 
 FPS = 30.0
 FRAMES = np.arange(120.0)
@@ -54,3 +54,14 @@ def test_nothing_matched_and_nothing_known() -> None:
     assert evidence(cycle(30.0), np.full(120, np.nan)) == 0.0
     unknown = np.full((120, 120), np.nan)
     assert next_repetition(unknown, FRAMES, np.ones(120, dtype=bool), FPS) is None
+
+
+def test_only_what_a_video_shows_twice_repeats() -> None:
+    points = cycle(40.0)
+    assert repeats(squares(points, points, 0.05), 41.0, 3.0)
+    assert not repeats(squares(points, points, 0.05), 25.0, 3.0)
+    once = np.concatenate([np.zeros((40, 2)), points[:40] - points[0], np.zeros((40, 2))])
+    for period in range(10, 61, 5):  # a movement with a rest before and after it
+        assert not repeats(squares(once, once), period, 3.0)
+    assert not repeats(squares(points[:70], points[:70]), 40.0, 3.0)  # less than two cycles
+    assert not repeats(np.full((50, 50), np.nan), 10.0, 2.0)

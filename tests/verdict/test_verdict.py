@@ -34,6 +34,7 @@ from imocap_core.verdict.findings import SENTENCES, Finding, Verdict, listed
 from imocap_core.verdict.further_view import further_view, side_of
 from imocap_core.verdict.limbs import LIMBS
 from imocap_core.verdict.summary import distrust, without_consequences
+from imocap_core.verdict.take_findings import said_first
 from imocap_core.verdict.verdict_file import read_verdict, verdict_document, verdict_text
 from tests.report.made import FPS, Made
 from tests.verdict.test_same_take import performance
@@ -332,7 +333,13 @@ def test_one_recording_twice_is_said_first(made: Made) -> None:
     keypoints = Keypoints(videos=[longer.keypoints.videos[0], again])
     verdict = judged(longer, keypoints=keypoints)
     assert verdict.findings[0].kind == "same take"
-    assert "v2 (the same recording as v1)" in verdict.summary[1]
+    assert verdict.summary[0].startswith("v2 is the same recording as v1: 2 videos are one view")
+    assert not any("Nothing was found" in sentence for sentence in verdict.summary)
+    assert not any("v2 (the same recording" in sentence for sentence in verdict.summary)
+    timing = "The timing is doubtful."
+    assert said_first(timing, verdict.findings, 4) == (
+        "v2 is the same recording as v1, so 4 videos are 3 views; the timing is doubtful."
+    )
     assert not any(f.kind == "same take" for f in judged(longer).findings)
 
 

@@ -16,6 +16,7 @@ from imocap_core.lifter.points import COMMON, columns_of
 from lifter.window_errors import draw_errors, outlier_jumps, persistent_noise, with_offsets
 
 STATURE_M = 1.7
+HIDDEN = 0.12  # share of windows in which an arm or a leg is hidden, for up to all of it
 LAYOUTS = ("body25", "body25b", "coco17", "coco18", "halpe26", "h36m17", "mediapipe33", "coco18")
 FACE = tuple(k for k, n in enumerate(COMMON) if n in
              ("nose", "left_eye", "right_eye", "left_ear", "right_ear", "head_top"))  # fmt: skip
@@ -129,12 +130,12 @@ def _available(count: int, frames: int, rng: np.random.Generator) -> np.ndarray:
     time = np.arange(frames)
     for limb in LIMBS[:2]:
         for side in (0, 1):
-            rows = np.flatnonzero(rng.random(count) < 0.06)
+            rows = np.flatnonzero(rng.random(count) < HIDDEN)
             for row in rows:
                 begin = rng.integers(-6, frames)
                 some = [pair[side] for pair in limb][rng.integers(0, 3) :]
                 available[row][
-                    np.ix_((time >= begin) & (time < begin + rng.integers(3, 20)), some)
+                    np.ix_((time >= begin) & (time < begin + rng.integers(3, frames)), some)
                 ] = False
     first = np.where(rng.random(count) < 0.15, rng.integers(0, frames - 4, count), 0)
     last = np.where(rng.random(count) < 0.15, rng.integers(4, frames + 1, count), frames)

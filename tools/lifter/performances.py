@@ -1,4 +1,4 @@
-"""Windows of motion for the lifter's training: captured, recombined, or drawn from the prior.
+"""Windows of motion for the lifter's training: captured, made, recombined, drawn from the prior.
 
 All windows are drawn with one generator and applied to bodies of random shapes.
 """
@@ -20,7 +20,7 @@ from imocap_core.rotations import exp, log
 from lifter.motions import FittedClip, mirrored_clip
 
 STEPS = (1, 2, 2, 2, 3)  # frames of 1/30 s between those of a window: slow, original, fast
-RECOMBINED, DRAWN = 0.25, 0.2  # shares of windows
+MADE, RECOMBINED, DRAWN = 0.65, 0.2, 0.05  # shares of windows; the others are captured
 ARMS = [k for k, n in enumerate(SMPL_JOINTS)
         if any(p in n for p in ("collar", "shoulder", "elbow", "wrist", "hand"))]  # fmt: skip
 PRIOR_POOL, PRIOR_SPREAD = 20000, 1.15
@@ -32,36 +32,39 @@ SHAPE_SPREAD = 1.2
 @dataclass(frozen=True)
 class Motions:
     """All frames of all clips in a row: R_local (N, 24, 3, 3), trans (N, 3), and the frames at
-    which a window of each step may begin."""
+    which a window of each step may begin, in captured and in made motions."""
 
     R_local: Tensor
     trans: Tensor
-    begins: dict[int, np.ndarray]
+    begins: dict[int, tuple[np.ndarray, np.ndarray]]
     prior: Tensor  # (PRIOR_POOL, 69) poses within joint limits
 
 
-def motions_of(clips: list[FittedClip], rng: np.random.Generator) -> Motions:
-    """The clips and their mirror images."""
-    both = [c for clip in clips for c in (clip, mirrored_clip(clip))]
-    begins: dict[int, list[np.ndarray]] = {step: [] for step in set(STEPS)}
+def motions_of(
+    captured: list[FittedClip], made: list[FittedClip], rng: np.random.Generator
+) -> Motions:
+    """The captured clips and their mirror images, and the made ones."""
+    clips = [c for clip in captured for c in (clip, mirrored_clip(clip))] + made
+    begins: dict[int, tuple[list[np.ndarray], ...]] = {step: ([], []) for step in set(STEPS)}
     start = 0
-    for theta, _ in both:
+    for row, (theta, _) in enumerate(clips):
         for step, starts in begins.items():
-            starts.append(start + np.arange(max(0, len(theta) - step * (WINDOW - 1))))
+            first = start + np.arange(max(0, len(theta) - step * (WINDOW - 1)))
+            starts[row >= 2 * len(captured)].append(first)
         start += len(theta)
-    theta = torch.as_tensor(np.concatenate([t for t, _ in both]), dtype=torch.float32)
-    trans = torch.as_tensor(np.concatenate([p for _, p in both]), dtype=torch.float32)
+    theta = torch.as_tensor(np.concatenate([t for t, _ in clips]), dtype=torch.float32)
+    trans = torch.as_tensor(np.concatenate([p for _, p in clips]), dtype=torch.float32)
     poses = torch.as_tensor(load_pose_prior().sample(PRIOR_POOL, rng, PRIOR_SPREAD)).float()
-    return Motions(exp(theta), trans, {s: np.concatenate(b) for s, b in begins.items()},
-                   _within_limits(poses))  # fmt: skip
+    rows = {s: (np.concatenate(a), np.concatenate(b)) for s, (a, b) in begins.items()}
+    return Motions(exp(theta), trans, rows, _within_limits(poses))
 
 
 def windows(motions: Motions, count: int, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
     """R_local (B, L, 24, 3, 3), z up, and root paths (B, L, 3)."""
     kind = rng.random(count)
-    R, trans = _captured(motions, count, rng)
+    R, trans = _shown(motions, count, rng)
     mixed = np.flatnonzero(kind < RECOMBINED)
-    other, _ = _captured(motions, len(mixed), rng)
+    other, _ = _shown(motions, len(mixed), rng)
     R[mixed[:, None, None], np.arange(WINDOW)[None, :, None], np.array(ARMS)[None, None]] = other[
         :, :, ARMS
     ]
@@ -76,9 +79,10 @@ def windows(motions: Motions, count: int, rng: np.random.Generator) -> tuple[Ten
     return R, torch.einsum("bij,blj->bli", turn, trans - middle)
 
 
-def _captured(motions: Motions, count: int, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
-    step = rng.choice(STEPS, count)
-    first = np.array([motions.begins[s][rng.integers(len(motions.begins[s]))] for s in step], int)
+def _shown(motions: Motions, count: int, rng: np.random.Generator) -> tuple[Tensor, Tensor]:
+    step, made = rng.choice(STEPS, count), rng.random(count) < MADE
+    rows = [motions.begins[s][int(m)] for s, m in zip(step, made, strict=True)]
+    first = np.array([r[rng.integers(len(r))] for r in rows], int)
     rows = first[:, None] + step[:, None] * np.arange(WINDOW)
     back = rng.random(count) < 0.1  # films run backwards are motions too
     rows[back] = rows[back][:, ::-1]

@@ -39,7 +39,10 @@ class VideoKeypoints(Value):
     """
 
     OPTIONAL: ClassVar[frozenset[str]] = frozenset(
-        {"hands", "damaged", "moments", "corrected", "performer", "distortion"}
+        {
+            *("hands", "damaged", "moments", "corrected", "performer", "distortion"),
+            *("joints_m", "mirrored"),
+        }
     )
 
     id: Id
@@ -63,6 +66,10 @@ class VideoKeypoints(Value):
     corrected: CorrectedMarks | None = None  # None where the keypoints are as detected
     performer: Id | None = None  # as declared; None: the action has one
     distortion: tuple[float, ...] | None = None  # declared: OpenCV's k1, k2, p1, p2, k3
+    # SMPL's joints by the detector itself, relative to the body, in axes of each frame's camera;
+    # NaN where it has none. None: it estimates no 3D.
+    joints_m: Annotated[Floats, Shape("T", 24, 3)] | None = None
+    mirrored: bool | None = None  # True: the file has players show it in a mirror
 
     @model_validator(mode="after")
     def _every_frame_has_a_moment(self) -> VideoKeypoints:

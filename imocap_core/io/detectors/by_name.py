@@ -9,6 +9,7 @@ from imocap_core.io.detectors.alphapose import read_alphapose
 from imocap_core.io.detectors.coco import read_coco
 from imocap_core.io.detectors.cpn_npz import read_cpn_npz
 from imocap_core.io.detectors.deeplabcut import read_deeplabcut
+from imocap_core.io.detectors.easymocap import read_easymocap
 from imocap_core.io.detectors.guess import guess_detections
 from imocap_core.io.detectors.keypoints_npz import read_keypoints_npz
 from imocap_core.io.detectors.mediapipe import read_mediapipe
@@ -18,12 +19,15 @@ from imocap_core.io.detectors.people import DetectedPeople
 from imocap_core.io.detectors.sam3d_body import LAYOUT as SAM3D_LAYOUT
 from imocap_core.io.detectors.sam3d_body import read_sam3d_keypoints
 from imocap_core.io.detectors.sleap import read_sleap
+from imocap_core.io.detectors.ultralytics import read_ultralytics
 
 READERS: dict[str, Callable[[Path, str], DetectedPeople]] = {
     "openpose": read_openpose,
     "alphapose": read_alphapose,
     "mmpose": read_mmpose,
     "coco": read_coco,
+    "easymocap": read_easymocap,
+    "ultralytics": read_ultralytics,
     "npz": read_keypoints_npz,
     "deeplabcut": read_deeplabcut,
     "sleap": read_sleap,

@@ -10,6 +10,8 @@ lacks are ignored, and points without a body part are missing.
 from __future__ import annotations
 
 import csv
+import io
+import re
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +28,9 @@ from imocap_core.io.detectors.people import (
 )
 from imocap_core.io.hdf5 import is_hdf5
 
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
+
 
 def read_deeplabcut(path: Path, layout: str) -> DetectedPeople:
     """All individuals of all frames. ValueError names file, row, expected and got."""
@@ -41,16 +46,30 @@ def body_parts(path: Path) -> list[str]:
 
 
 def read_csv(path: Path) -> list[list[str]]:
-    """The non-empty rows of a CSV file. ValueError when it cannot be read or is empty."""
+    """The non-empty rows of a CSV file, also with semicolons or tabs and decimal commas, as
+    spreadsheets write them. ValueError when it cannot be read or is empty."""
     must_be_file(path)
     try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            rows = [row for row in csv.reader(stream) if any(cell.strip() for cell in row)]
+        content = path.read_bytes()
+        text = content.decode("utf-16" if content.startswith(UTF_16) else "utf-8-sig")
+        heading = text.partition("\n")[0]
+        between = max(",;\t", key=heading.count)
+        rows = [
+            row
+            for row in csv.reader(io.StringIO(text, newline=""), delimiter=between)
+            if any(map(str.strip, row))
+        ]
+        if between != ",":
+            rows = [[_with_point(cell) for cell in row] for row in rows]
     except (csv.Error, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: is not a CSV file ({error}); export it again") from None
     if not rows:
         raise ValueError(f"{path}: expected a CSV file with headings, got an empty file")
     return rows
+
+
+def _with_point(cell: str) -> str:
+    return cell.replace(",", ".") if DECIMAL_COMMA.fullmatch(cell.strip()) else cell
 
 
 def _of_csv(path: Path) -> DeepLabCutTable:

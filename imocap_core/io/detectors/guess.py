@@ -10,12 +10,14 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.body.layouts import layout_names
-from imocap_core.io.detectors.guess_file import guess_file
+from imocap_core.io.detectors.frame_files import frame_files
+from imocap_core.io.detectors.guess_file import Guess, guess_file, guess_frames, guess_labels
 from imocap_core.io.detectors.people import cleaned, read_json
 
 Person = Float[np.ndarray, "K 3"]  # x, y (pixels), confidence
 
 FILES_LOOKED_AT = 60
+TELL = "say which with `format` and `layout` in action.yaml (imocap sync: --format and --layout)"
 MIN_MISFIT_RATIO = 2.0  # of the second best layout to the best, to accept the best
 COUNTS = {
     17: ("coco17",),
@@ -45,13 +47,27 @@ def guess_detections(path: Path, *, layout: str | None = None) -> tuple[str, str
         ValueError: the format is unknown, or more than one layout fits; the message says which
             options to give.
     """
-    if not path.is_dir():
+    if path.is_dir():
+        kind, file_layout, people = _guess_folder(path)
+    else:
         kind, file_layout, people = guess_file(path)
-        if kind is None or not (layout or file_layout or people):
-            what = "unknown" if kind is None else f"{kind}, but the file does not tell the layout"
-            raise ValueError(f"{path}: the format is {what}; give --format and --layout")
-        return kind, layout or file_layout or layout_of(path, people)
-    files = sorted(path.glob("*.json"))
+    if kind is None:
+        raise ValueError(
+            f"{path}: the format is unknown: docs/formats.md lists those that are read; {TELL}, or "
+            f"save the points as an npz with keypoints (frames, people, points, 3)"
+        )
+    if not (layout or file_layout or people or path.is_dir()):
+        raise ValueError(
+            f"{path}: the format is {kind}, but the file does not tell the layout; {TELL}"
+        )
+    return kind, layout or file_layout or layout_of(path, people)
+
+
+def _guess_folder(path: Path) -> Guess:
+    files = frame_files(path)
+    labels = frame_files(path, ".txt")
+    if not files and labels:
+        return guess_labels(labels[:: max(1, len(labels) // FILES_LOOKED_AT)])
     if not files:
         raise ValueError(
             f"{path}: expected a folder with one JSON file per frame, as OpenPose writes it, found "
@@ -59,12 +75,15 @@ def guess_detections(path: Path, *, layout: str | None = None) -> tuple[str, str
         )
     step = max(1, len(files) // FILES_LOOKED_AT)
     contents = [read_json(file) for file in files[::step]]
-    if not all(isinstance(c, dict) and isinstance(c.get("people"), list) for c in contents):
+    if all(isinstance(c, dict) and isinstance(c.get("people"), list) for c in contents):
+        return "openpose", None, list(_people(contents))
+    guess = guess_frames(path, contents)
+    if guess[0] is None:
         raise ValueError(
             f"{path}: expected OpenPose's JSON (a list `people` in every file), got something "
-            "else; give --format and --layout"
+            f"else; {TELL}"
         )
-    return "openpose", layout or layout_of(path, list(_people(contents)))
+    return guess
 
 
 def layout_of(path: Path, people: Sequence[Person]) -> str:
@@ -76,13 +95,13 @@ def layout_of(path: Path, people: Sequence[Person]) -> str:
     if not counts:
         raise ValueError(
             f"{path}: nobody was detected in the {FILES_LOOKED_AT} frames read, so the layout is "
-            "unknown; give --layout"
+            f"unknown; {TELL}"
         )
     if len(counts) > 1 or counts[0] not in COUNTS:
         expected = ", ".join(f"{n} ({' or '.join(ls)})" for n, ls in COUNTS.items())
         raise ValueError(
             f"{path}: expected {expected} points per person, got {', '.join(map(str, counts))}; "
-            "keep one detector's output per folder, and give --format and --layout"
+            f"keep one detector's output per folder; {TELL}"
         )
     fitting = COUNTS[counts[0]]
     if len(fitting) == 1:
@@ -92,7 +111,7 @@ def layout_of(path: Path, people: Sequence[Person]) -> str:
     if not misfits[best] * MIN_MISFIT_RATIO < misfits[second]:
         raise ValueError(
             f"{path}: 25 points per person are BODY_25 or BODY_25B, and the detections fit both "
-            "about equally; give --layout body25 or --layout body25b"
+            f"about equally; {TELL}"
         )
     return best
 

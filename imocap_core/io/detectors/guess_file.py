@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from imocap_core.io.detectors.alphapose import PERSON_FIELDS
 from imocap_core.io.detectors.deeplabcut import body_parts, read_csv
-from imocap_core.io.detectors.mediapipe import PICTURE
+from imocap_core.io.detectors.keypoints_npz import WITH_HANDS
+from imocap_core.io.detectors.mediapipe import PICTURE, WORLD
+from imocap_core.io.detectors.mediapipe_csv import is_long, landmark_columns
 from imocap_core.io.detectors.part_names import best_layout
-from imocap_core.io.detectors.people import read_json
+from imocap_core.io.detectors.people import LAYOUT_OF_COUNT, read_json
 from imocap_core.io.detectors.sam3d_body import LAYOUT as SAM3D_LAYOUT
 from imocap_core.io.detectors.sam3d_body import is_sam3d
 from imocap_core.io.detectors.sleap import FRAME, nodes
 from imocap_core.io.detectors.sleap_h5 import h5_nodes
+from imocap_core.io.detectors.ultralytics import is_person, people_of, points_in, rows_of
 from imocap_core.io.hdf5 import is_hdf5
 from imocap_core.io.npz import array_names, load_arrays
 from imocap_core.io.object_npz import read_object
@@ -34,6 +38,8 @@ def guess_file(path: Path) -> Guess:
     suffix = path.suffix.lower()
     if suffix == ".npz":
         return _guess_npz(path)
+    if suffix == ".npy":
+        return _guess_npy(path)
     if suffix == ".csv":
         return _guess_csv(path)
     if is_hdf5(path):
@@ -51,10 +57,14 @@ def _guess_json(path: Path) -> Guess:
         )
     if isinstance(content, dict) and "instance_info" in content:
         return "mmpose", None, list(_mmpose(content["instance_info"]))
+    if isinstance(content, dict) and (people := _by_picture(content)):
+        return "alphapose", None, people
     listed = content
     if isinstance(content, dict):
         listed = content.get("frames", content.get("annotations"))
     first = next((e for e in listed if isinstance(e, dict)), {}) if isinstance(listed, list) else {}
+    if isinstance(listed, list) and (kind := _of_lists(listed)):
+        return kind
     if is_sam3d(listed):
         return "sam3d_body", SAM3D_LAYOUT, []
     if "image_id" in first:
@@ -63,9 +73,64 @@ def _guess_json(path: Path) -> Guess:
         return "alphapose" if alphapose else "coco", layout, list(_coco(listed))
     if "instances" in first:
         return "mmpose", None, list(_mmpose(listed))
-    if any(name in first for name in PICTURE):
+    if any(name in first for name in (*PICTURE, *WORLD)):
         return "mediapipe", "mediapipe33", []
     return None, None, []
+
+
+def guess_frames(path: Path, contents: Sequence[Any]) -> Guess:
+    """The same of some of the JSON files of a folder, one a frame."""
+    if all(isinstance(c, dict) and isinstance(c.get("annots"), list) for c in contents):
+        people = [q for c in contents for q in _listed(c["annots"], "keypoints")]
+        return "easymocap", None, people
+    if all(isinstance(c, dict) and isinstance(c.get("bodies"), list) for c in contents):
+        return "alphapose", None, [q for c in contents for q in _listed(c["bodies"], "joints")]
+    if all(isinstance(c, list) for c in contents) and (kind := _of_lists(contents)):
+        if kind[0] == "mmpose":
+            return kind
+        raise ValueError(f"{path}: put the frames' lists into one JSON list, in their order")
+    return None, None, []
+
+
+def guess_labels(files: Sequence[Path]) -> Guess:
+    """The same of some of Ultralytics' label files."""
+    for row, _ in (row for file in files for row in rows_of(file)):
+        for count in (17, 26, 133):
+            person = points_in(row, count)
+            if person is not None:
+                return "ultralytics", None, [person]
+    return None, None, []
+
+
+def _of_lists(frames: Sequence[Any]) -> Guess | None:
+    """Of frames that are lists of people: MMPose's or Ultralytics' results as they are."""
+    entries = [people_of(entry) for entry in frames[:PEOPLE_LOOKED_AT]]
+    people = [person for entry in entries if isinstance(entry, list) for person in entry]
+    if any(is_person(person) for person in people):
+        tables = [p["keypoints"] for p in people if is_person(p)]
+        lengths = {len(t["x"]) for t in tables if isinstance(t["x"], list)}
+        return "ultralytics", None, [np.ones((n, 3)) for n in lengths]
+    if any(isinstance(p, dict) and "keypoint_scores" in p for p in people):
+        return "mmpose", None, list(_mmpose([{"instances": people}]))
+    return None
+
+
+def _by_picture(content: dict[str, Any]) -> list[Person]:
+    """People of AlphaPose's forms by picture name; none where it is another file."""
+    of_frames = [c for c in list(content.values())[:PEOPLE_LOOKED_AT] if isinstance(c, dict)]
+    return [
+        person
+        for frame in of_frames
+        for name, field in PERSON_FIELDS.items()
+        for person in _listed(frame.get(name), field)
+    ]
+
+
+def _listed(people: Any, field: str) -> Iterator[Person]:
+    for person in people if isinstance(people, list) else []:
+        values = person.get(field) if isinstance(person, dict) else None
+        if isinstance(values, list) and values:
+            yield from _detected(values)
 
 
 def _coco(entries: list[Any]) -> Iterator[Person]:
@@ -104,15 +169,29 @@ def _guess_npz(path: Path) -> Guess:
         table = load_arrays(path)["keypoints"]
         count = table.shape[-2] if table.ndim in (3, 4) else 0
         return "npz", None, [np.ones((count, 3))] if count else []
-    return ("mediapipe", "mediapipe33", []) if names & set(PICTURE) else (None, None, [])
+    if names & {*PICTURE, *WORLD}:
+        return "mediapipe", "mediapipe33", []
+    return None, None, []
+
+
+def _guess_npy(path: Path) -> Guess:
+    table = load_arrays(path)["keypoints"]
+    if table.ndim not in (3, 4):
+        return None, None, []
+    count = table.shape[-2]
+    if count not in LAYOUT_OF_COUNT and count >= WITH_HANDS:
+        return "npz", "mediapipe33", []
+    return "npz", None, [np.ones((count, 3))]
 
 
 def _guess_csv(path: Path) -> Guess:
     heading = read_csv(path)[0]
     if heading[0].strip().lower() == "scorer":
         return "deeplabcut", best_layout(body_parts(path)), []
-    if FRAME in heading:
+    if FRAME in heading and any(cell.endswith(".x") for cell in heading):
         return "sleap", best_layout(nodes(path)), []
+    if is_long(heading) or landmark_columns(heading) is not None:
+        return "mediapipe", "mediapipe33", []
     return None, None, []
 
 

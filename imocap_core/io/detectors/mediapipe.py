@@ -6,7 +6,7 @@ list) with one entry per frame, in the names of its results: ``pose_landmarks`` 
 list of 33 {x, y, z, visibility}, or a list of people with such a list each (as its newer tasks
 return); ``frame`` is the frame number, without which frames count from 0. Or an npz with arrays
 of these names (T, 33, 3 to 5: x, y, z, visibility), of several people (T, P, 33, 3 to 5), and,
-optionally, ``frames`` (T,).
+optionally, ``frames`` (T,). Or a CSV of the picture's landmarks (`mediapipe_csv`).
 
 As its guide says, landmarks are shares of the picture's width and height (numbers well above 1 are
 taken as pixels), world landmarks are metres from the middle of the hips, x to the right, y down, z
@@ -23,6 +23,7 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.body.layouts import layout_names
+from imocap_core.io.detectors.mediapipe_csv import landmarks_of_csv
 from imocap_core.io.detectors.people import (
     LARGEST,
     DetectedPeople,
@@ -42,6 +43,10 @@ Landmarks = Float[np.ndarray, "33 4"]  # x, y, z, visibility
 LAYOUT, HEAVY_LAYOUT = "mediapipe33", "blazepose33"  # the same points, marked at other places
 PICTURE = ("pose_landmarks", "landmarks", "poseLandmarks")
 WORLD = ("pose_world_landmarks", "world_landmarks", "poseWorldLandmarks", "worldLandmarks")
+ONLY_WORLD = (
+    "has MediaPipe's world landmarks, in metres, and no places in the picture: save pose_landmarks "
+    "beside them (the same file may then be `initial`, with initial_format: mediapipe_world)"
+)
 POINTS = 33
 NORMALISED = 3.0  # shares of the picture stay below this, even for people half outside it
 
@@ -105,6 +110,12 @@ def _frames(path: Path, names: tuple[str, ...]) -> Iterator[tuple[int, list[Land
     if path.suffix == ".npz":
         yield from _frames_of_npz(path, names)
         return
+    if path.suffix.lower() == ".csv":
+        if names is WORLD:
+            raise ValueError(f"{path}: expected JSON or npz with {WORLD[0]}, got a CSV")
+        for number, landmarks in landmarks_of_csv(path).items():
+            yield number, [landmarks] if np.isfinite(landmarks[:, :2]).any() else []
+        return
     content = read_json(path)
     listed = content.get("frames") if isinstance(content, dict) else content
     if not isinstance(listed, list) or not listed:
@@ -118,6 +129,8 @@ def _frames(path: Path, names: tuple[str, ...]) -> Iterator[tuple[int, list[Land
             raise ValueError(f"{where}: expected one frame's fields, got {type_name(entry)}")
         number = next((entry[n] for n in ("frame", "frame_id", "frame_index") if n in entry), i)
         name = next((n for n in names if n in entry), None)
+        if name is None and names is PICTURE and set(WORLD) & set(entry):
+            raise ValueError(f"{where}: {ONLY_WORLD}")
         if name is None:
             have = ", ".join(map(str, entry)) or "nothing"
             raise ValueError(f"{where}: expected {names[0]}, it is missing; has: {have:.60}")
@@ -159,6 +172,8 @@ def _person(landmarks: list[Any], where: str) -> Landmarks:
 def _frames_of_npz(path: Path, names: tuple[str, ...]) -> Iterator[tuple[int, list[Landmarks]]]:
     arrays = load_arrays(path)
     name = next((n for n in names if n in arrays), names[0])
+    if names is PICTURE and name not in arrays and set(WORLD) & set(arrays):
+        raise ValueError(f"{path}: {ONLY_WORLD}")
     several = name in arrays and arrays[name].ndim == 4
     dims = ("T", "P", POINTS, "3 to 5") if several else ("T", POINTS, "3 to 5")
     table = numbers(arrays, name, dims, path)

@@ -4,6 +4,9 @@ Its demos write ``meta_info`` and ``instance_info``; its inferencer writes the l
 has one entry per frame: ``frame_id`` and ``instances``, each with ``keypoints`` [[x, y], ...] in
 pixels and ``keypoint_scores``. The demos count frames from 1, the inferencer from 0: a list that
 starts at frame 1 and skips none counts from 1. Boxes and their scores are not used.
+
+What the inferencer returns, saved as it is, is a list of frames that are lists of people; of a
+folder of pictures it writes one such list a file.
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from imocap_core.io.detectors.frame_files import numbered_contents
 from imocap_core.io.detectors.people import (
     DetectedPeople,
     detections,
@@ -32,10 +36,15 @@ def read_mmpose(path: Path, layout: str) -> DetectedPeople:
     """All people of all frames of a predictions file. ValueError names file, field,
     expected and got."""
     must_have_layout(LAYOUTS, layout, "MMPose", path)
-    listed = frames_of(read_json(path), path)
+    if path.is_dir():
+        contents = numbered_contents(path, "MMPose")
+        listed: list[Any] = [{"frame_id": n, "instances": people} for n, people, _ in contents]
+    else:
+        listed = frames_of(read_json(path), path)
     people: dict[int, list[Float[np.ndarray, "K 3"]]] = {}
     for i, entry in enumerate(listed):
         where = f"{path}: [{i}]"
+        entry = {"instances": entry} if isinstance(entry, list) else entry
         instances = entry.get("instances") if isinstance(entry, dict) else None
         if not isinstance(instances, list):
             raise ValueError(
@@ -45,7 +54,7 @@ def read_mmpose(path: Path, layout: str) -> DetectedPeople:
         people[frame] = people.get(frame, []) + [
             _person(person, layout, f"{where}.instances[{n}]") for n, person in enumerate(instances)
         ]
-    if sorted(people) == list(range(1, len(people) + 1)):
+    if not path.is_dir() and sorted(people) == list(range(1, len(people) + 1)):
         people = {frame - 1: in_frame for frame, in_frame in people.items()}
     return detections(people, layout, path)
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
+from imocap_core.io.detectors.frame_files import numbered_files
 from imocap_core.io.detectors.people import DetectedPeople, read_json, type_name
 
 POINTS = {"body25": 25, "body25b": 25, "coco18": 18}  # points of each layout of OpenPose,
@@ -30,7 +30,7 @@ def read_openpose(folder: Path, layout: str) -> DetectedPeople:
             f"{folder}: expected a folder with one OpenPose JSON file per frame, found none; "
             "check `keypoints` in action.yaml"
         )
-    files = _numbered_files(folder)
+    files = numbered_files(folder)
     people, faults = {}, []
     for number, file in sorted(files.items()):
         try:
@@ -42,30 +42,6 @@ def read_openpose(folder: Path, layout: str) -> DetectedPeople:
         shown = faults[:_FAULTS_SHOWN] + ([f"and {more} more such files"] if more > 0 else [])
         raise ValueError("\n".join(shown))
     return DetectedPeople(np.array(sorted(people), dtype=np.int64), tuple(people.values()))
-
-
-def _numbered_files(folder: Path) -> dict[int, Path]:
-    """Frame number -> file."""
-    files: dict[int, Path] = {}
-    for file in sorted(folder.glob("*.json")):
-        numbers = re.findall(r"\d+", file.stem)
-        if not numbers:
-            raise ValueError(
-                f"{file}: expected a frame number in the file name, got none; "
-                "name the files like clip_000000000012_keypoints.json"
-            )
-        number = int(numbers[-1])
-        if number in files:
-            raise ValueError(
-                f"{folder}: frame {number} has two files, {files[number].name} and {file.name}; "
-                "keep one clip per folder"
-            )
-        files[number] = file
-    if not files:
-        raise ValueError(
-            f"{folder}: expected one OpenPose JSON file per frame, found no .json file"
-        )
-    return files
 
 
 def _read_frame(file: Path, layout: str) -> Float[np.ndarray, "P K 3"]:

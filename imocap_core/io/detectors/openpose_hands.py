@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from imocap_core.io.detectors.frame_files import numbered_files
 from imocap_core.io.detectors.people import read_json
 
 FIELDS = ("hand_left_keypoints_2d", "hand_right_keypoints_2d")
@@ -31,7 +31,7 @@ def read_openpose_hands(
     Raises:
         ValueError: file, field, expected, got.
     """
-    files = {int(re.findall(r"\d+", file.stem)[-1]): file for file in folder.glob("*.json")}
+    files = numbered_files(folder)
     hands = np.full((len(frames), 2, POINTS, 3), (np.nan, np.nan, 0.0))
     for t, frame in enumerate(frames.tolist()):
         if frame not in files or not np.isfinite(body_xy_px[t]).any():

@@ -43,11 +43,12 @@ class DetectedPeople:
 
 
 def read_json(path: Path) -> Any:
-    """The content of a JSON file. ValueError when it is missing or not JSON."""
+    """The content of a JSON file, in UTF-8 or 16, with or without a mark at its beginning.
+    ValueError when it is missing or not JSON."""
     must_be_file(path)
     must_be_small_enough(path)
     try:
-        return json.loads(path.read_text(encoding="utf-8"), parse_int=_integer)
+        return json.loads(path.read_bytes(), parse_int=_integer)
     except (ValueError, RecursionError) as error:  # ValueError: JSON's and UTF-8's
         raise ValueError(f"{path}: is not JSON ({error}); run the detector again") from None
 

@@ -4,6 +4,7 @@
 `gender`, `mocap_framerate`. `<id>_stageii.npz` is one of SMPL-X, as of 2021: `poses` (T, 165),
 jaw and eyes between body and hands, `mocap_frame_rate`, `mocap_time_length`, `surface_model_type`,
 and the parts of `poses` by name. Either has the other's names too, as far as they mean the same.
+`<id>_smpl.npz` is of plain SMPL, as programs for robots read it: `poses` (T, 72), `betas` (10,).
 
 Readers put `betas` on whatever body they load and look at no model's name. Ours are of another
 body, so `betas` are 0, the reader's mean shape, and ours are `imocap_betas`. Mahmood et al., ICCV
@@ -21,7 +22,7 @@ from jaxtyping import Float
 from imocap_core.io.writers.export_npz import ExportedVideo
 
 BODY, FACE, HANDS = 66, 9, 90  # numbers of 22 joints of the body, jaw and eyes, 2 x 15 fingers
-BETAS, DMPLS = 16, 8
+BETAS, SMPL_BETAS, DMPLS = 16, 10, 8
 BETAS_NOTE = (
     "0, the mean shape of the body that a reader loads; imocap_betas are those of imocap_model and "
     "mean other shapes on any other body"
@@ -30,7 +31,7 @@ BETAS_NOTE = (
 
 def write_amass(folder: Path, video: ExportedVideo) -> list[Path]:
     """Write folder/<id>_poses.npz (SMPL+H) and folder/<id>_stageii.npz (SMPL-X), the archive's
-    kinds of names, and return their paths."""
+    kinds of names, and folder/<id>_smpl.npz; return their paths."""
     smplh = smplh_poses(video)
     body, hands = smplh[:, :BODY], smplh[:, BODY:]
     face = np.zeros((len(smplh), FACE))
@@ -55,8 +56,16 @@ def write_amass(folder: Path, video: ExportedVideo) -> list[Path]:
         "pose_eye": face[:, 3:],
         "surface_model_type": np.array("smplx"),
     }
+    of_smpl = {
+        "poses": video.poses,
+        "pose_body": video.poses[:, 3:],
+        "pose_hand": video.poses[:, BODY:],
+        "betas": np.zeros(SMPL_BETAS),
+        "num_betas": np.int64(SMPL_BETAS),
+        "surface_model_type": np.array("smpl"),
+    }
     files = []
-    for ending, arrays in (("poses", of_smplh), ("stageii", of_smplx)):
+    for ending, arrays in (("poses", of_smplh), ("stageii", of_smplx), ("smpl", of_smpl)):
         files.append(folder / f"{video.id}_{ending}.npz")
         np.savez(files[-1], **(common | arrays))
     return files

@@ -14,6 +14,11 @@ from imocap_core.sync.pairwise.pose_change import pose_change
 from imocap_core.sync.pairwise.poses import body_scales, joint_weights_of, stack
 from imocap_core.sync.pairwise.procrustes import procrustes_distances
 from imocap_core.sync.pairwise.velocity import with_velocity
+from imocap_core.sync.pairwise.vertical_motion import (
+    of_one_amplitude,
+    squared_differences,
+    vertical_motion,
+)
 
 # pairs of frames of two videos that are all compared at first; of longer videos every n-th frame is
 ALL_COMPARED = 1 << 22
@@ -21,15 +26,17 @@ ALL_COMPARED = 1 << 22
 
 @dataclass(frozen=True)
 class ComparedPoints:
-    """What distances are computed from: the joints, or joints and velocities.
+    """What distances are computed from: the joints, or joints and velocities, and heights.
 
     Attributes:
-        factor: of the squared distances.
+        factor: of the squared distances of points.
+        vertical: per video, its vertical motion.
     """
 
     points: Sequence[Float[np.ndarray, "_T P 3"]]
     weights: Sequence[Float[np.ndarray, "_T P"]]
     factor: float
+    vertical: Sequence[Float[np.ndarray, "_T"]]
 
     def squares(self, i: int, j: int, rows: slice, columns: slice) -> Float[np.ndarray, "n m"]:
         """Squared distances of frames of video i to frames of video j."""
@@ -39,7 +46,8 @@ class ComparedPoints:
             self.weights[i][rows],
             self.weights[j][columns],
         )
-        return np.asarray(self.factor * distances**2)
+        lifted = squared_differences(self.vertical[i][rows], self.vertical[j][columns])
+        return np.asarray(self.factor * distances**2 + lifted)
 
 
 @dataclass(frozen=True)
@@ -48,6 +56,7 @@ class DistanceMatrix:
 
     Attributes:
         poses, weights: per video, at the common body scale.
+        vertical: per video, its vertical motion (`vertical_motion`), part of all distances.
         blocks: the videos' places among the N_a frames.
         squares: [i, j] with i < j: squared distances of every n-th frame of video i to every n-th
             of video j; NaN where unknown. n is 1 unless the videos are long.
@@ -61,6 +70,7 @@ class DistanceMatrix:
 
     poses: list[Float[np.ndarray, "_T J 3"]]
     weights: list[Float[np.ndarray, "_T J"]]
+    vertical: list[Float[np.ndarray, "_T"]]
     blocks: Blocks
     squares: dict[tuple[int, int], Float[np.ndarray, "_N_i _N_j"]]
     every: dict[tuple[int, int], int]
@@ -100,6 +110,7 @@ def distance_matrix(
     fps: Sequence[float],
     params: SyncParams,
     *,
+    heights: Sequence[Float[np.ndarray, "_T"]] | None = None,
     whole: bool = False,
 ) -> DistanceMatrix:
     """Compare the frames of every video with those of the others.
@@ -111,7 +122,11 @@ def distance_matrix(
     least = params.least_difference_m**2
     scaled, blocks = stack(poses, scales)
     per_video = [scaled[blocks.rows(v)] for v in range(len(poses))]
-    compared = _compared_points(per_video, weights, fps, params.velocity_weight_s)
+    vertical = [np.full(len(x), np.nan) for x in poses]
+    if heights is not None:
+        moving = [vertical_motion(h / s, f) for h, s, f in zip(heights, scales, fps, strict=True)]
+        vertical = of_one_amplitude(moving, params.least_difference_m)
+    compared = _compared_points(per_video, weights, vertical, fps, params.velocity_weight_s)
     every = {pair: 1 if whole else _stride(*pair, blocks) for pair in blocks.pairs()}
     squares = {
         (i, j): compared.squares(i, j, slice(None, None, n), slice(None, None, n))
@@ -128,24 +143,26 @@ def distance_matrix(
     matched = max(float(np.mean(nearest)), least, 1e-6 * unrelated, 1e-12) if nearest else 1.0
     change = [pose_change(x, w, f) for x, w, f in zip(per_video, weights, fps, strict=True)]
     return DistanceMatrix(
-        per_video, weights, blocks, squares, every, compared, matched, unrelated, least, change
-    )
+        per_video, weights, vertical, blocks, squares, every, compared, matched, unrelated, least,
+        change,
+    )  # fmt: skip
 
 
 def _compared_points(
     poses: Sequence[np.ndarray],
     weights: Sequence[np.ndarray],
+    vertical: Sequence[np.ndarray],
     fps: Sequence[float],
     velocity_weight_s: float,
 ) -> ComparedPoints:
     if velocity_weight_s == 0:
-        return ComparedPoints(poses, weights, 1.0)
+        return ComparedPoints(poses, weights, 1.0, vertical)
     both = [
         with_velocity(x, w, f, velocity_weight_s)
         for x, w, f in zip(poses, weights, fps, strict=True)
     ]
     # a mean over twice as many points, of which half are poses
-    return ComparedPoints([p for p, _ in both], [w for _, w in both], 2.0)
+    return ComparedPoints([p for p, _ in both], [w for _, w in both], 2.0, vertical)
 
 
 def _stride(i: int, j: int, blocks: Blocks) -> int:

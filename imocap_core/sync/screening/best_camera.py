@@ -11,14 +11,15 @@ from jaxtyping import Complex, Float, Int
 from imocap_core.camera.rotation_search import refined_rotation
 from imocap_core.sync.screening.registration import (
     Keypoints2D,
+    best_warp,
     centred_plane,
     pose_residuals,
     residual_share,
     warp_costs,
-    warp_path,
 )
 
 SWAPPED = 0.1  # residual that a frame costs whose left and right are taken as swapped
+FITTING_SHARE = 0.8  # of the frames, in which change is compared
 TURNS_DEG = (10.0, 5.0, 2.5)  # of the best direction's refinement
 
 
@@ -29,12 +30,15 @@ class Registration:
     Attributes:
         residual: mean a frame, costs of the warp included, 0 (explained) to 1.
         static_residual: the same of the motion's best single pose, held throughout.
+        explained_change: of the keypoints, over time (`explained_change`); about 0 where chance
+            alone matches them, 1 where the motion explains them all.
         axes: image axes (right, down) in the motion's axes.
         frames: (T,) of the motion.
     """
 
     residual: float
     static_residual: float
+    explained_change: float
     axes: Float[np.ndarray, "2 3"]
     frames: Int[np.ndarray, " T"]
 
@@ -48,7 +52,7 @@ def registered(
     plane, weight = centred_plane(keypoints), keypoints.weight
     residuals = pose_residuals(motion, keypoints, directions)
     best = int(warp_costs(residuals).argmin())
-    frames = warp_path(residuals[best])
+    frames = best_warp(residuals[best])[1]
     poses = np.nan_to_num(motion)[frames]
     start = np.concatenate([directions[best], np.cross(*directions[best])[None]])
     R, _ = refined_rotation(
@@ -56,9 +60,45 @@ def registered(
     )
     axes = R[:2]
     refined = pose_residuals(motion, keypoints, axes[None])
-    cost = float(warp_costs(refined)[0] / len(frames))
-    frames = warp_path(refined[0])
-    return Registration(cost, float(residuals.mean(axis=1).min()), axes, frames)
+    cost, frames = best_warp(refined[0])
+    change = explained_change(np.nan_to_num(motion)[frames] @ axes.T, plane, weight)
+    static = float(residuals.mean(axis=1).min())
+    return Registration(cost / len(frames), static, change, axes, frames)
+
+
+def explained_change(
+    projected: Float[np.ndarray, "T J 2"],
+    plane: Complex[np.ndarray, "T J"],
+    weight: Float[np.ndarray, "T J"],
+) -> float:
+    """Coefficient of determination of the keypoints' change over time, at most 1.
+
+    Keypoints and projected poses are scaled and placed alike in every frame and taken about each
+    joint's mean over time, so what a motion has wrong throughout, such as its depth, costs nothing.
+    Of both the frames that lie farthest out do not count: stretches that are detected badly, or
+    that only this video shows.
+
+    Args:
+        plane: the keypoints about each frame's mean (`centred_plane`).
+    """
+    seen = weight.sum(axis=1) > 0
+    x, w = plane[seen], weight[seen]
+    total = w.sum(axis=1, keepdims=True)
+    pose = projected[seen, :, 0] + 1j * projected[seen, :, 1]
+    pose = pose - (w * pose).sum(1, keepdims=True) / total
+    spread = np.maximum((w * np.abs(pose) ** 2).sum(1, keepdims=True), 1e-12)
+    scale = np.maximum((w * (x.conj() * pose).real).sum(1, keepdims=True), 0.0) / spread
+    size = np.sqrt(np.maximum((w * np.abs(x) ** 2).sum(1, keepdims=True) / total, 1e-12))
+    if not len(x):
+        return 0.0
+    return 1.0 - _change((x - scale * pose) / size, w) / max(_change(x / size, w), 1e-12)
+
+
+def _change(values: Complex[np.ndarray, "T J"], weight: Float[np.ndarray, "T J"]) -> float:
+    """Mean square about each joint's mean over time, of the FITTING_SHARE of frames next to it."""
+    mean = (weight * values).sum(axis=0) / np.maximum(weight.sum(axis=0), 1e-12)
+    square = (weight * np.abs(values - mean) ** 2).sum(axis=1) / weight.sum(axis=1)
+    return float(np.sort(square)[: max(1, round(FITTING_SHARE * len(square)))].mean())
 
 
 def sides_corrected(
@@ -76,7 +116,7 @@ def sides_corrected(
     as_given, other_sides = (pose_residuals(motion, k, directions) for k in (keypoints, other))
     least = np.minimum(as_given, other_sides + SWAPPED)
     best = int(warp_costs(least).argmin())
-    frames = warp_path(least[best])
+    frames = best_warp(least[best])[1]
     rows = np.arange(len(frames))
     swapped = (other_sides[best] + SWAPPED < as_given[best])[rows, frames]
     corrected = Keypoints2D(

@@ -85,7 +85,7 @@ def _parts(
     """What each video adds to the normal equations, the reference's prior included."""
     joints = np.nan_to_num(motions[reference])
     motion = joints - joints.mean(axis=1, keepdims=True)
-    own_view = Registration(0.0, 1.0, IMAGE_AXES, np.arange(len(motion)))
+    own_view = Registration(0.0, 1.0, 1.0, IMAGE_AXES, np.arange(len(motion)))
     eye = np.broadcast_to(PRIOR * np.eye(3), (*motion.shape[:2], 3, 3))
     fixed = NormalMatrices(eye, PRIOR * motion)
     fixed += _normal_matrices(motion, keypoints[reference], own_view, 1.0)

@@ -2,13 +2,15 @@
 
 A video's monocular poses may be wrong; its keypoints are what the joint solve has to explain. So
 each video is left out in turn, the others' keypoints are triangulated (`common_motion`), and the
-video's keypoints registered with that motion. Two ratios of residuals tell all:
+video's keypoints registered with that motion, at its own speed. Three measures tell all:
 
-* to those of the reflected keypoints: a mirrored video has more as it is. Where the action is its
-  own mirror image both are equal, and nothing can be decided. A walk is that half a cycle later, so
-  for this the motion is repeated and may begin anywhere;
-* to those of one static pose of the same motion: a video of the action follows the motion and has
-  clearly less; another action fits no better than a pose that stands still.
+* the residual beside that of the reflected keypoints: a mirrored video has more as it is. Where the
+  action is its own mirror image both are equal but for noise, and nothing can be decided. A walk is
+  that half a cycle later, so for this the motion is repeated and may begin anywhere;
+* the residual beside that of one static pose of the same motion: another action fits no better than
+  a pose that stands still;
+* how much of the keypoints' change over time the motion explains: nothing of another action's, and
+  much of the action's, also where the poses are wrong in a lasting way, as a monocular depth is.
 """
 
 from __future__ import annotations
@@ -60,13 +62,18 @@ class Explanations:
     Attributes:
         residual: as it is, 0 to 1.
         reflected: residual as it is over residual reflected; negative is usual.
+        asymmetry: root of the difference of their squares, with the sign of `reflected`: how far
+            the action is from its mirror image, in shares of the keypoints' spread.
         static: residual over that of one static pose; negative is usual, 0 for another action.
+        change: share of the keypoints' change that is explained (`explained_change`).
         videos: as they were explained; motions: the others' common motion, for each.
     """
 
     residual: Float[np.ndarray, " M"]
     reflected: Float[np.ndarray, " M"]
+    asymmetry: Float[np.ndarray, " M"]
     static: Float[np.ndarray, " M"]
+    change: Float[np.ndarray, " M"]
     videos: Sequence[ScreenedVideo]
     motions: Sequence[Float[np.ndarray, "_ J 3"]]
 
@@ -158,25 +165,33 @@ def explanations(
             registered(again, k, directions).residual
             for k in (video.keypoints, reflected_keypoints(video.keypoints, twins))
         )
-        ratio_to_static = _ratio(as_it_is.residual, as_it_is.static_residual)
-        rows.append((as_it_is.residual, _ratio(begun, begun_mirrored), ratio_to_static))
-    residual, reflected, static = np.array(rows).T
-    return Explanations(residual, reflected, static, upright, common)
+        squares = begun**2 - begun_mirrored**2
+        rows.append(
+            (
+                as_it_is.residual,
+                _ratio(begun, begun_mirrored),
+                np.sign(squares) * np.sqrt(abs(squares)),
+                _ratio(as_it_is.residual, as_it_is.static_residual),
+                as_it_is.explained_change,
+            )
+        )
+    return Explanations(*np.array(rows).T, upright, common)
 
 
 def with_sides_corrected(
     explained: Explanations, video: int, twins: Sequence[int]
-) -> tuple[float, float]:
-    """`residual` and `static` of a video whose left and right may be swapped at times.
+) -> tuple[float, float, float]:
+    """`residual`, `static` and `change` of a video whose left and right may be swapped at times.
 
     The static pose is held against the keypoints as they are.
     """
     motion, directions = explained.motions[video], unbiased_directions()
     keypoints = explained.videos[video].keypoints
     corrected, cost = sides_corrected(motion, keypoints, directions, twins)
-    residual = registered(motion, corrected, directions).residual + cost
+    view = registered(motion, corrected, directions)
+    residual = view.residual + cost
     gain = _ratio(residual, float(explained.residual[video]))
-    return residual, float(explained.static[video]) + gain
+    return residual, float(explained.static[video]) + gain, view.explained_change
 
 
 def _ratio(first: float, second: float) -> float:

@@ -1,11 +1,13 @@
 """Which videos are mirrored, and which show another action, from the joint explanations.
 
 A video is mirrored where the others' common motion explains its keypoints clearly better reflected,
-and most videos clearly better as they are taken; where most do not, the action is nearly its own
-mirror image, and nothing is decided. Of several at once each has to be so many times as clear. A
-video shows another action where the others' motion explains it no better than a static pose would,
-and much worse than they explain each other without it. One is decided at a time, the clearest
-first, and the rest is explained anew. What is not clear is undecided: reported, never acted on.
+and most videos clearly better as they are taken; where most do not, or by no more than detectors
+err, the action is nearly its own mirror image, and nothing is decided. Of several at once each has
+to be so many times as clear. A video shows another action where the others' motion explains it no
+better than a static pose would, much worse than they explain each other without it, and less than
+half as much of its change over time as of theirs: who moves as they do, slower, seen from another
+side or badly in places, takes part. One is decided at a time, the clearest first, and the rest is
+explained anew. What is not clear is undecided: reported, never acted on.
 """
 
 from __future__ import annotations
@@ -34,11 +36,14 @@ CLEAR_REFLECTION = 0.3  # from which a video is mirrored
 DECIDABLE_REFLECTION = (
     0.33  # of the median video, from which an action differs from its mirror image
 )
+LEAST_ASYMMETRY = 0.13  # share of the spread, of a video and of three quarters of all
 ANOTHER_ACTION = 0.18  # score from which a video shows another action
 EXCESS_WEIGHT = 0.5  # of the residual over the others', beside that over a static pose
 REFLECTION_WEIGHT = 0.5  # of a clear answer to whether it is mirrored, which a stranger has not
 SUSPICIOUS, DOUBTFUL = 0.05, 0.14  # first score worth a second look; last score worth a remark
-EXPLAINED_OTHERS = 0.0  # the others' median excess over a static pose must lie below
+FOLLOWED = 0.5  # of the others' explained change: more is the same action
+LEAST_CHANGE = 0.05  # explained, below which nobody is compared
+EXPLAINED_OTHERS = -0.1  # the others' median excess over a static pose must lie below
 SIGN_ROUNDS = 3
 FEWEST = 3  # videos of which one can be called another action
 
@@ -96,7 +101,7 @@ def decide_by_keypoints(
         clearly_mirrored=mirrored,
         outliers=tuple(sorted(outliers)),
         undecided=doubtful,
-        symmetric=look_mirrored and not _is_decidable(members.explained.reflected),
+        symmetric=look_mirrored and not _is_decidable(members.explained),
         margin=margin,
         score=LARGEST_SCORE * np.exp(score - ANOTHER_ACTION),
     )
@@ -119,8 +124,8 @@ def _explained(
             break
         signs = better
         explained = explanations(members, twins, among, signs)
-    flips = -explained.reflected[signs < 0]
-    if len(flips) and not (_is_decidable(explained.reflected) and _are_clear_together(flips)):
+    flips = signs < 0
+    if flips.any() and not (_is_decidable(explained) and _are_clear_together(explained, flips)):
         signs = np.ones_like(signs)
         explained = explanations(members, twins, among, signs)
     return _Members(list(left), signs, explained)
@@ -135,45 +140,74 @@ def _clear_signs(
     return np.where(kept_mirrored, as_given, 1)
 
 
-def _is_decidable(reflected: Float[np.ndarray, " L"]) -> bool:
-    """Whether most videos fit clearly better with their signs than in a mirror."""
-    return bool(np.median(-reflected) >= DECIDABLE_REFLECTION)
+def _is_decidable(explained: Explanations) -> bool:
+    """Whether most videos fit clearly better with their signs than in a mirror: by a ratio, which
+    noise limits, and by an amount, which a symmetric action does not reach in nearly all videos,
+    however precise they are."""
+    return bool(
+        np.median(-explained.reflected) >= DECIDABLE_REFLECTION
+        and np.quantile(-explained.asymmetry, 0.25) >= LEAST_ASYMMETRY
+    )
 
 
-def _are_clear_together(flips: Float[np.ndarray, " n"]) -> bool:
+def _are_clear_together(explained: Explanations, flips: Bool[np.ndarray, " L"]) -> bool:
     """Whether videos that fit better reflected are clear as a group: several of them are rare, and
     a walk half a cycle later looks like its mirror image."""
-    return bool((flips >= CLEAR_REFLECTION * len(flips)).all())
+    ratio, amount = -explained.reflected[flips], -explained.asymmetry[flips]
+    return bool(
+        (ratio >= CLEAR_REFLECTION * flips.sum()).all() and (amount >= LEAST_ASYMMETRY).all()
+    )
 
 
 def _scores(explained: Explanations) -> Float[np.ndarray, " L"]:
     """Each video's score, the others explained with it."""
-    residual = explained.residual
-    others = [float(np.median(np.delete(residual, v))) for v in range(len(residual))]
-    rows = zip(residual, explained.static, explained.reflected, others, strict=True)
-    return np.array([_score(*row) for row in rows])
+    scores = []
+    for v in range(len(explained.residual)):
+        others = np.delete(explained.residual, v), np.delete(explained.change, v)
+        scores.append(_score(explained, v, _measures(explained, v), others))
+    return np.array(scores)
 
 
 def _score_without(
     explained: Explanations, video: int, rest: Explanations, twins: Sequence[int]
 ) -> float:
-    """The score of a video, the others explained without it; undecided if these are not.
+    """The score of a video, the others explained without it; undecided if these are not clearly.
 
     Where it would be another action, its left and right may have been swapped by the detector.
     """
-    others, reflected = float(np.median(rest.residual)), float(explained.reflected[video])
-    score = _score(explained.residual[video], explained.static[video], reflected, others)
+    others = rest.residual, rest.change
+    score = _score(explained, video, _measures(explained, video), others)
     if score > ANOTHER_ACTION:
-        residual, static = with_sides_corrected(explained, video, twins)
-        score = min(score, _score(residual, static, reflected, others))
+        corrected = with_sides_corrected(explained, video, twins)
+        score = min(score, _score(explained, video, corrected, others))
     are_explained = np.median(rest.static) <= EXPLAINED_OTHERS
     return score if are_explained else min(score, ANOTHER_ACTION)
 
 
-def _score(residual: float, static: float, reflected: float, others: float) -> float:
-    """How little the others' motion explains a video.
+def _measures(explained: Explanations, video: int) -> tuple[float, float, float]:
+    """A video's residual, the same over a static pose's, and its explained change."""
+    return tuple(float(x[video]) for x in (explained.residual, explained.static, explained.change))
 
-    Its residual over a static pose's and over the others', less what tells whether it is mirrored.
+
+def _score(
+    explained: Explanations,
+    video: int,
+    measures: tuple[float, float, float],
+    others: tuple[np.ndarray, np.ndarray],
+) -> float:
+    """How little the others' motion explains a video, by its poses and by its change over time,
+    whichever is less.
+
+    By its poses: its residual over a static pose's and over the others', less what tells whether it
+    is mirrored.
+
+    Args:
+        measures: as of `_measures`; others: residuals and explained change of the others.
     """
-    excess = np.log(max(residual, LEAST_RESIDUAL) / max(others, LEAST_RESIDUAL))
-    return float(static + EXCESS_WEIGHT * excess - REFLECTION_WEIGHT * abs(reflected))
+    residual, static, change = measures
+    median_residual, median_change = (float(np.median(x)) for x in others)
+    excess = np.log(max(residual, LEAST_RESIDUAL) / max(median_residual, LEAST_RESIDUAL))
+    mirrored = REFLECTION_WEIGHT * abs(float(explained.reflected[video]))
+    followed = max(change, 0.0) / max(median_change, LEAST_CHANGE)
+    by_poses = static + EXCESS_WEIGHT * excess - mirrored
+    return float(min(by_poses, ANOTHER_ACTION + FOLLOWED - followed))

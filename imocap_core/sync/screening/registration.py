@@ -21,6 +21,7 @@ UNBIASED_DIRECTIONS = 48  # with as many reflected ones
 REFLECTED_AXES = np.array([[1.0, -1.0, -1.0], [-1.0, 1.0, 1.0]])  # S R S of right and down
 MAX_STEP = 4  # positions that a warp may go on from one frame to the next
 HOLD_COST, SKIP_COST = 0.1, 0.02  # of staying at a position, of each position skipped beyond two
+SLOWED = 2  # times that a position is shown to a video that plays or performs more slowly
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,8 @@ def registration_residual(
     if not len(motion) or not keypoints.weight.any():
         return 1.0
     residual = pose_residuals(motion, keypoints, directions)
-    return float(warp_costs(residual).min() / len(keypoints.weight))
+    best = residual[int(warp_costs(residual).argmin())]
+    return best_warp(best)[0] / len(keypoints.weight)
 
 
 def reflected_keypoints(keypoints: Keypoints2D, twins: Sequence[int]) -> Keypoints2D:
@@ -129,6 +131,18 @@ def warp_costs(residual: Float[np.ndarray, "D T N"]) -> Float[np.ndarray, " D"]:
             best[:, step:] = np.minimum(best[:, step:], before)
         total = best + residual[:, frame]
     return total.min(axis=1)
+
+
+def best_warp(residual: Float[np.ndarray, "T N"]) -> tuple[float, Int[np.ndarray, " T"]]:
+    """Cost and positions of the best warp of one direction, at the motion's speed or at half of it.
+
+    From 0.4 to 2.5 times the speed a warp then costs at most 0.02 a frame.
+    """
+    slowed = np.repeat(residual, SLOWED, axis=1)
+    costs = [float(warp_costs(x[None])[0]) for x in (residual, slowed)]
+    if costs[0] <= costs[1]:
+        return costs[0], warp_path(residual)
+    return costs[1], warp_path(slowed) // SLOWED
 
 
 def warp_path(residual: Float[np.ndarray, "T N"]) -> Int[np.ndarray, " T"]:

@@ -16,6 +16,11 @@ from jaxtyping import Float
 from imocap_core.sync.pairwise.banded import Band, BandedMap
 from imocap_core.sync.pairwise.procrustes import procrustes_distances
 from imocap_core.sync.pairwise.rigid_alignment import centred
+from imocap_core.sync.pairwise.vertical_motion import (
+    mean_of_known,
+    spread_over,
+    squared_differences,
+)
 from imocap_core.sync.pairwise.view_distance import align_with_template, squared_view_distances
 from imocap_core.sync.pairwise.whitening import whitening
 from imocap_core.sync.warp.nearby_squares import NearbySquares
@@ -37,6 +42,7 @@ def squared_distances_to_others(
     reference: int,
     per_frame: int,
     windows: Sequence[float] | None,
+    vertical: Sequence[Float[np.ndarray, "_T"]],
 ) -> Iterator[tuple[int, NearbySquares]]:
     """Of every video but the reference, one after another: squared distances of its frames to the
     template made of all other videos.
@@ -48,6 +54,7 @@ def squared_distances_to_others(
         per_frame: positions per frame of the reference.
         windows: frames over which each video's orientation changes. With them, poses are compared
             in each video's camera axes and whitened joints; without, by their Procrustes distance.
+        vertical: per video, its vertical motion.
     """
     axes = ISOTROPIC if windows is None else VIEW_PRECISION
     base = poses_of_reference(poses[reference], weights[reference], per_frame, axes)
@@ -55,6 +62,7 @@ def squared_distances_to_others(
         base if p is None else poses_of_video(x, w, p, base, axes, windows[v] if windows else 0.0)
         for v, (x, w, p) in enumerate(zip(poses, weights, soft_maps, strict=True))
     ]
+    lifted = [spread_over(h, p, per_frame) for h, p in zip(vertical, soft_maps, strict=True)]
     for v, soft_map in enumerate(soft_maps):
         if soft_map is None:
             continue
@@ -63,7 +71,21 @@ def squared_distances_to_others(
             squares = _procrustes_squares(poses[v], weights[v], others)
         else:
             squares = _squares_of_features(poses[v], weights[v], others, soft_map, windows[v])
+        height = mean_of_known([h for u, h in enumerate(lifted) if u != v])
+        squares = _with_heights(squares, vertical[v], height)
         yield v, NearbySquares.computed(soft_map.shape, nearby[v], squares)
+
+
+def _with_heights(
+    squares: Callable[[slice, slice], np.ndarray], vertical: np.ndarray, others: np.ndarray
+) -> Callable[[slice, slice], np.ndarray]:
+    """Squared distances of poses and of heights, of frames and positions."""
+
+    def both(frames: slice, positions: slice) -> np.ndarray:
+        lifted = squared_differences(vertical[frames], others[positions])
+        return np.asarray(squares(frames, positions) + lifted)
+
+    return both
 
 
 def _procrustes_squares(

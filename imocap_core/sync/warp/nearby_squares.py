@@ -60,6 +60,14 @@ class NearbySquares:
                     least[frames] = np.fmin(least[frames], least_of_rows(values[-1]))
         return cls(BandedMap(shape, bands, values), least)
 
+    def plus(self, further: Callable[[slice, slice], Float[np.ndarray, "_n _s"]]) -> NearbySquares:
+        """With further squared distances; each frame's smallest one is of the nearby positions."""
+        both = self.nearby.mapped(lambda rows, columns, x: x + further(rows, columns))
+        least = np.full(len(self.least), np.nan)
+        for rows, _, values in both:
+            least[rows] = least_of_rows(values)
+        return NearbySquares(both, least)
+
     def divided(self, by: Float[np.ndarray, " N"]) -> NearbySquares:
         """Every frame's in units of its number."""
         return replace(self, nearby=self.nearby.scaled(1.0 / by), least=self.least / by)

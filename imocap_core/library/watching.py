@@ -1,0 +1,158 @@
+"""A folder that fills: an action of its videos, run again whenever clips have come or gone."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from imocap_core.errors import ImocapError
+from imocap_core.library.new_action import action_of_videos, free_labels
+from imocap_core.library.result import Result, load
+from imocap_core.library.video_files import files_below, video_files
+from imocap_core.pipeline.action import DETECT, FILE_NAME, read_action
+from imocap_core.pipeline.declared_paths import declared_path
+from imocap_core.pipeline.edited_yaml import edited_text
+from imocap_core.whole_files import write_whole
+
+POLL_S = 2.0
+HISTORY = "history.md"
+HEAD = "| videos | new | gone | moved, mm | expected error, mm | before | verdict |\n"
+HEAD += "|---|---|---|---:|---:|---:|---|\n"
+Listing = list[tuple[Path, int, int]]
+
+
+@dataclass(frozen=True)
+class Update:
+    """What a change of the folder did to the action: the ids that came and went."""
+
+    action: str
+    new: list[str]
+    gone: list[str]
+
+
+def settled_changes(folder: Path, wait: Callable[[float], object] = time.sleep) -> Iterator[None]:
+    """Yields whenever the folder's files are other than at the last yield, and none has grown
+    for a moment: a clip that is still being copied is waited for."""
+    told: Listing = []
+    before: Listing = []
+    while True:
+        now = _listing(folder)
+        if now == before and now != told:
+            told = now
+            yield
+        before = now
+        wait(POLL_S)
+
+
+def _listing(folder: Path) -> Listing:
+    files = []
+    for file in files_below(folder):
+        try:
+            status = file.stat()
+        except OSError:
+            continue  # it has gone meanwhile
+        files.append((file, status.st_size, status.st_mtime_ns))
+    return files
+
+
+def bring_up_to_date(root: Path, folder: Path, name: str | None) -> Update:
+    """Make the action of a folder's videos, or add to it those that are new and remove those that
+    are gone; all else in action.yaml stays. WrongUse while there is no video."""
+    files, _ = video_files([folder])
+    if name is None or not (root / "actions" / name / FILE_NAME).is_file():
+        made, _ = action_of_videos(root, name, [folder])
+        return Update(made, [video.id for video in read_action(root / "actions" / made).videos], [])
+    place = root / "actions" / name
+    declared = {v.id: v.video for v in read_action(place).videos}
+    there = {file.resolve(): file for file in files}
+    known = {i: (place / v).resolve() for i, v in declared.items() if v is not None}
+    gone = [i for i, path in known.items() if not path.is_file()]
+    fresh = [file for path, file in there.items() if path not in known.values()]
+    ids = free_labels(fresh, [i for i in declared if i not in gone])
+    entries = [
+        {"id": i, "video": declared_path(file, place), "keypoints": DETECT}
+        for i, file in zip(ids, fresh, strict=True)
+    ]
+
+    def change(content: Any) -> None:
+        for n in reversed(range(len(content["videos"]))):
+            if content["videos"][n]["id"] in gone:
+                del content["videos"][n]
+        content["videos"].extend(entries)
+
+    if gone or entries:
+        text = (place / FILE_NAME).read_text(encoding="utf-8")
+        write_whole(place / FILE_NAME, edited_text(text, change))
+    return Update(name, ids, gone)
+
+
+def last_result(root: Path, action: str) -> Result | None:
+    """The result of the action's last run."""
+    try:
+        return load(root / "artifacts" / action)
+    except ImocapError:
+        return None
+
+
+def compared(update: Update, before: Result | None, after: Result) -> str:
+    """A sentence on what the change was worth: how far the motion of the videos that were there
+    before has moved, and the expected errors."""
+    came = ", ".join(f"+{i}" for i in update.new) + "".join(f" -{i}" for i in update.gone)
+    moved, errors = moved_mm(before, after), [expected_error_mm(r) for r in (before, after)]
+    parts = [f"{len(after.ids)} video{'s' * (len(after.ids) != 1)} ({came.strip()})"]
+    if moved is not None:
+        parts.append(f"the motion of the others moved by {moved:.0f} mm")
+    if errors[1] is not None:
+        was = "" if errors[0] is None else f" ({errors[0]:.0f} before)"
+        parts.append(f"expected error {errors[1]:.0f} mm{was}")
+    return "; ".join(parts) + "."
+
+
+def moved_mm(before: Result | None, after: Result) -> float | None:
+    """Mean distance of root-relative joints of the videos in both results, in camera axes."""
+    if before is None:
+        return None
+    distances = []
+    for video in after:
+        if video.id not in before.ids or before[video.id].joints.shape != video.joints.shape:
+            continue
+        own = [_in_camera(each) for each in (before[video.id], video)]
+        distances.append(np.linalg.norm(own[0] - own[1], axis=-1).mean())
+    return 1000 * float(np.mean(distances)) if distances else None
+
+
+def _in_camera(video: Any) -> np.ndarray:
+    relative = video.joints - video.joints[:, :1]
+    return np.asarray(np.einsum("tij,tkj->tki", video.camera.R_per_frame, relative))
+
+
+def expected_error_mm(result: Result | None) -> float | None:
+    """Mean standard deviation of all joints; None before the stage uncertainty has run."""
+    if result is None:
+        return None
+    known = [video.uncertainty for video in result if video.uncertainty is not None]
+    return float(np.mean([np.nanmean(sd) for sd in known])) if known else None
+
+
+def record(root: Path, update: Update, before: Result | None, after: Result) -> Path:
+    """Add a row to artifacts/ACTION/history.md; its path."""
+    file = root / "artifacts" / update.action / HISTORY
+    text = file.read_text(encoding="utf-8") if file.is_file() else HEAD
+    verdict = "" if after.verdict is None else after.verdict.summary[0]
+    row: Sequence[str] = (
+        str(len(after.ids)),
+        ", ".join(update.new),
+        ", ".join(update.gone),
+        *(
+            "" if x is None else f"{x:.0f}"
+            for x in (moved_mm(before, after), expected_error_mm(after), expected_error_mm(before))
+        ),
+        verdict.replace("|", " "),
+    )
+    write_whole(file, text + "| " + " | ".join(row) + " |\n")
+    return file

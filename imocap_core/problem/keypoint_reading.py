@@ -1,0 +1,324 @@
+"""Keypoints beside the video that they are of: their pixels, frame numbers and rate.
+
+A detector may have run on another version of the video: a smaller copy, stored pixels that are not
+square, pictures numbered from 1, every second frame. Numbers and reach say what is possible, and
+the pictures which of it is so: points move as the picture does there. What fits one simple
+explanation is read that way, and said; the rest is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from imocap_core.body.layouts import layout_names
+from imocap_core.conventions import mirror_indices
+from imocap_core.io.detectors.people import DetectedPeople
+from imocap_core.io.display import UPRIGHT, Display
+from imocap_core.io.video import GrayPicture, VideoInfo, read_gray
+from imocap_core.people.moving_points import Agreement
+from imocap_core.problem.people_between import between_people
+
+RATES = tuple(Fraction(*r) for r in (
+    (2, 1), (3, 1), (4, 1), (5, 1), (8, 1), (3, 2), (4, 3), (5, 4), (6, 5), (5, 3), (5, 2), (12, 5),
+))  # fmt: skip
+SCALES = tuple(Fraction(*r) for r in (
+    (4, 3), (3, 2), (2, 1), (9, 4), (8, 3), (3, 1), (4, 1), (9, 2), (6, 1),
+))  # fmt: skip
+INSIDE, OUTSIDE_SHARE = 0.02, 0.05  # of the picture; of the points
+LITTLE_REACH = 0.75  # of a picture: what reaches less may be of a smaller copy
+SHARES = 1.5  # points that reach no further are shares of the picture
+CORNER = 0.5
+PAIRS, STEP, LOOKED_AT, LARGER_PX = 40, 2, 600, 480
+LEAST, CLEARLY = 0.2, 0.1  # agreement with the pictures, and its lead over another reading
+SEEN = 0.3  # confidence of points that are compared
+OFF_END = 2  # frames that detectors and decoders may differ by
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Which keypoints belong to which frames and pixels of the video.
+
+    Attributes:
+        first: number of the keypoints of the video's frame 0.
+        rate: numbers of keypoints a frame.
+        linear, shift: shown pixels = linear @ pixels of the file + shift.
+        words: how they are read, empty for as they are.
+    """
+
+    first: int = 0
+    rate: Fraction = Fraction(1)
+    linear: tuple[tuple[float, float], tuple[float, float]] = ((1.0, 0.0), (0.0, 1.0))
+    shift: tuple[float, float] = (0.0, 0.0)
+    words: tuple[str, ...] = ()
+
+    def places(self, file_px: Float[np.ndarray, "*any 2"]) -> Float[np.ndarray, "*any 2"]:
+        """Pixels of the shown picture."""
+        return np.asarray(file_px @ np.array(self.linear).T + np.array(self.shift))
+
+    def in_file(self, shown_px: Float[np.ndarray, "*any 2"]) -> Float[np.ndarray, "*any 2"]:
+        """The inverse of `places`."""
+        back = np.linalg.inv(np.array(self.linear))
+        return np.asarray((shown_px - np.array(self.shift)) @ back.T)
+
+    def number(self, frames: Int[np.ndarray, " T"]) -> Float[np.ndarray, " T"]:
+        """(Fractional) numbers of the keypoints of frames."""
+        return np.asarray(self.first + float(self.rate) * frames)
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether the keypoints are of the mirror image of the shown picture."""
+        return bool(np.linalg.det(np.array(self.linear)) < 0)
+
+    def read(self, given: DetectedPeople, count: int, layout: str) -> DetectedPeople:
+        """The people of the video's frames 0 to count - 1, where there are any."""
+        if not self.words:
+            return given
+        people = dict(zip(given.frames.tolist(), given.people, strict=True))
+        nobody = given.people[0][:0]
+        frames = np.arange(count)
+        found = [between_people(people, n, nobody) for n in self.number(frames).tolist()]
+        placed = [np.concatenate([self.places(p[..., :2]), p[..., 2:]], axis=-1) for p in found]
+        if self.mirrored:
+            twins = list(mirror_indices(layout_names(layout)))
+            placed = [p[:, twins] for p in placed]
+        return DetectedPeople(frames, tuple(placed))
+
+
+def reading_of(
+    given: DetectedPeople,
+    info: VideoInfo,
+    video: Path,
+    where: Path,
+    *,
+    used: tuple[int, int] | None = None,
+    placed: bool = False,
+) -> Reading:
+    """How the keypoints of a file are those of a video.
+
+    Args:
+        where: the keypoints, for messages.
+        used: first and one past the last used frame, where declared.
+        placed: the points are in pixels of the shown picture for sure.
+
+    ValueError when they are of another video, or of no version of it that is known.
+    """
+    times = _timings(given.frames, info.frame_count, where, used)
+    places = [Reading()] if placed else _placings(given, info)
+    options = [
+        replace(place, first=time.first, rate=time.rate, words=(*time.words, *place.words))
+        for time in times
+        for place in places
+    ]
+    if len(options) == 1:
+        return options[0]
+    scores = _agreements(options, given, info, video)
+    best = int(np.argmax(np.nan_to_num(scores, nan=-1.0)))
+    if best and scores[best] >= LEAST and not scores[best] - scores[0] < CLEARLY:
+        return options[best]
+    reach = _reach(options[0].places(_points(given)), info.size)
+    if np.isfinite(scores[0]) and scores[0] < CLEARLY and reach < CORNER:
+        raise ValueError(
+            f"{where}: its points lie in a corner of the picture of {info.size[0]} x "
+            f"{info.size[1]} and do not move with it; run the detector on this very video"
+        )
+    return options[0]
+
+
+def _timings(
+    numbers: Int[np.ndarray, " N"], count: int, where: Path, used: tuple[int, int] | None
+) -> list[Reading]:
+    """Readings of the frame numbers, the first one without evidence from the pictures."""
+    first, last = int(numbers[0]), int(numbers[-1])
+    span = last - first + 1
+    if (first == 1 and last <= count) or first >= 1 == last - count + 1:
+        base = Reading(first=1, words=("the keypoints are numbered from 1",))
+    elif first > 1 and last >= count and abs(span - count) <= OFF_END:
+        base = Reading(first=first, words=(f"the keypoints are numbered from {first}",))
+    elif first >= count or (first > 1 and last >= count + OFF_END):
+        raise ValueError(
+            f"{where}: its frames are numbered {first} to {last}, and the video has {count} "
+            f"(0 to {count - 1}); run the detector on this very video, or number them from 0"
+        )
+    else:
+        base = Reading()
+    zero = base.first if base.words else min(first, 1)
+    total = last + 1 - zero
+    rates = [r for q in RATES for r in (q, 1 / q) if abs(total - r * count) <= max(1, r)]
+    others = [_at_rate(r, zero, total, count) for r in rates if abs(total - count) > OFF_END]
+    if total > count + OFF_END:
+        if not others:
+            raise ValueError(
+                f"{where}: keypoints of {total} frames, and the video has {count}; they are of "
+                f"another version of it: run the detector on this very video"
+            )
+        longer = f"the keypoints go on after the video's last frame, to frame {total - 1}"
+        return [*others, replace(base, words=(*base.words, longer))]
+    is_dense = len(numbers) == span
+    if used is not None and used[0] > 0 and first <= 1 and span == used[1] - used[0]:
+        others.append(
+            Reading(first - used[0], words=(f"the keypoints are numbered from frame {used[0]} on",))
+        )
+    return [*others, base] if others and is_dense and total < 0.6 * count else [base, *others]
+
+
+def _at_rate(rate: Fraction, first: int, total: int, count: int) -> Reading:
+    words = f"the keypoints are of {total} frames and the video has {count}: read at {rate} a frame"
+    return Reading(first=first, rate=rate, words=(words,))
+
+
+def _placings(given: DetectedPeople, info: VideoInfo) -> list[Reading]:
+    """Readings of the points' places, the first one without evidence from the pictures."""
+    points, size = _points(given), info.size
+    if not len(points):
+        return [Reading()]
+    if _are_shares(points, size):
+        return _shares(points, size)
+    bases = _displays(info)
+    fitting = [base for base in bases if _fits(base.places(points), size)]
+    options = list(fitting)
+    for base in bases:
+        reach = _reach(base.places(points), size)
+        if base in fitting and reach > LITTLE_REACH:
+            continue
+        scales = SCALES if base in fitting else tuple(1 / s for s in SCALES)
+        for scale in scales:
+            scaled = _scaled(base, scale)
+            if _fits(scaled.places(points), size) and scale * reach >= 0.3:
+                options.append(scaled)
+    if not fitting:  # `check_fits_picture` refuses it unless the pictures speak for another
+        return [bases[0], *options]
+    return options
+
+
+def reading_without_video(given: DetectedPeople, size: tuple[int, int]) -> Reading:
+    """How keypoints alone are read, of pictures of a declared size."""
+    points = _points(given)
+    return _shares(points, size)[0] if _are_shares(points, size) else Reading()
+
+
+def _are_shares(points: Float[np.ndarray, "N 2"], size: tuple[int, int]) -> bool:
+    return bool(len(points) and np.abs(points).max() <= SHARES and max(size) > 20 * SHARES)
+
+
+def _shares(points: Float[np.ndarray, "N 2"], size: tuple[int, int]) -> list[Reading]:
+    """Points as shares of the picture, from 0 or from -1 to 1."""
+    width, height = map(float, size)
+    from_0 = Reading(
+        linear=((width, 0.0), (0.0, height)),
+        words=("the keypoints are shares of the picture, from 0 to 1",),
+    )
+    from_minus_1 = Reading(
+        linear=((width / 2, 0.0), (0.0, height / 2)),
+        shift=(width / 2, height / 2),
+        words=("the keypoints are shares of the picture, from -1 to 1",),
+    )
+    if points.min() < -0.1:
+        return [from_minus_1]
+    return [from_0] if np.median(points) < 0.2 else [from_0, from_minus_1]
+
+
+def _displays(info: VideoInfo) -> list[Reading]:
+    """The picture as detectors see it: most read it through OpenCV, which turns it but leaves its
+    pixels as they are; the others as it is shown, or as it is stored."""
+    shown = info.display
+    if shown is None or (shown.aspect == 1.0 and shown.axes == UPRIGHT):
+        return [Reading()]
+    turned = Display(shown.stored, 1.0, shown.axes)
+    kinds: dict[Display, str] = {}
+    for seen, what in (
+        (turned, "pixels of the file, which are not square"),
+        (shown, ""),
+        (Display(shown.stored), "pixels of the file as it is stored, not as it is shown"),
+        (Display(shown.stored, 1.0, ((-1, 0), (0, -1))), "pixels of the file, turned by 180"),
+    ):
+        kinds.setdefault(seen, what if seen != shown else "")
+    if not shown.mirrored:
+        kinds.pop(Display(shown.stored, 1.0, ((-1, 0), (0, -1))), None)
+        kinds.setdefault(shown, "")
+    return [_between(seen, shown, what) for seen, what in kinds.items()]
+
+
+def _between(seen: Display, shown: Display, what: str) -> Reading:
+    """From the picture that a detector saw to the one that is shown."""
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    a, b = seen.shown_points(corners), shown.shown_points(corners)
+    linear = (b[1:] - b[0]).T @ np.linalg.inv((a[1:] - a[0]).T)
+    shift = b[0] - linear @ a[0]
+    return Reading(
+        linear=((linear[0, 0], linear[0, 1]), (linear[1, 0], linear[1, 1])),
+        shift=(shift[0], shift[1]),
+        words=(f"the keypoints are in {what}",) if what else (),
+    )
+
+
+def _scaled(base: Reading, scale: Fraction) -> Reading:
+    """The same of a copy of the video that is `scale` times smaller."""
+    (a, b), (c, d) = base.linear
+    s = float(scale)
+    words = f"the keypoints are of a copy of {float(1 / scale):.3g} times the size"
+    return replace(base, linear=((s * a, s * b), (s * c, s * d)), words=(*base.words, words))
+
+
+def _points(given: DetectedPeople) -> Float[np.ndarray, "N 2"]:
+    """All points that were detected with some confidence."""
+    every = np.concatenate([p.reshape(-1, 3) for p in given.people])
+    return every[every[:, 2] > SEEN, :2] if (every[:, 2] > SEEN).any() else every[:0, :2]
+
+
+def _fits(points: Float[np.ndarray, "N 2"], size: tuple[int, int]) -> bool:
+    share = points / np.array(size)
+    outside = ((share < -INSIDE) | (share > 1 + INSIDE)).any(axis=-1)
+    return bool(outside.mean() <= OUTSIDE_SHARE)
+
+
+def _reach(points: Float[np.ndarray, "N 2"], size: tuple[int, int]) -> float:
+    """Larger share of the picture's width and height that (nearly) all points reach."""
+    return float(np.quantile(points / np.array(size), 0.99, axis=0).max()) if len(points) else 0.0
+
+
+def _agreements(
+    options: Sequence[Reading], given: DetectedPeople, info: VideoInfo, video: Path
+) -> list[float]:
+    """How well the points move with the pictures, in each reading; NaN where none can be told."""
+    people = dict(zip(given.frames.tolist(), given.people, strict=True))
+    scale, nobody = min(1.0, LARGER_PX / max(info.size)), given.people[0][:0]
+    agreement = Agreement(len(options))
+    for t, before, after in _pairs(video, min(info.frame_count, LOOKED_AT), scale):
+        points = []
+        for option in options:
+            numbers = option.number(np.array([t, t + STEP])).tolist()
+            ends = _same_points(*(between_people(people, n, nobody) for n in numbers))
+            points.append((scale * option.places(ends[0]), scale * option.places(ends[1])))
+        agreement.add(before, after, points)
+    return agreement.values()
+
+
+def _pairs(video: Path, count: int, scale: float) -> Iterator[tuple[int, GrayPicture, GrayPicture]]:
+    """(frame, its picture, a little later one)."""
+    starts = np.unique(np.linspace(0, max(count - 1 - STEP, 0), PAIRS).astype(int)).tolist()
+    wanted, kept = {*starts, *(t + STEP for t in starts)}, {}
+    for number, picture in read_gray(video, 0, max(wanted) + 1, scale=scale):
+        if number in wanted:
+            kept[number] = picture
+        if number - STEP in starts:
+            yield number - STEP, kept[number - STEP], picture
+
+
+def _same_points(
+    people: Float[np.ndarray, "P K 3"], later: Float[np.ndarray, "Q K 3"]
+) -> tuple[Float[np.ndarray, "N 2"], Float[np.ndarray, "N 2"]]:
+    """Points that are seen in both frames, of the first person; of several the nearest later."""
+    if not len(people) or not len(later):
+        return np.zeros((0, 2)), np.zeros((0, 2))
+    seen = (people[0, :, 2] > SEEN) & (later[..., 2] > SEEN)
+    away = np.where(seen, np.linalg.norm(later[..., :2] - people[0, :, :2], axis=-1), np.nan)
+    if not np.isfinite(away).any():
+        return np.zeros((0, 2)), np.zeros((0, 2))
+    other = int(np.nanargmin(np.nanmin(np.where(seen.any(axis=1)[:, None], away, np.inf), axis=1)))
+    return people[0, seen[other], :2], later[other, seen[other], :2]

@@ -1,0 +1,120 @@
+"""Vertical motion of the trunk: what the root-relative comparison of poses leaves out.
+
+In a jump the pose hardly changes, the height does. Where the camera stands is unknown and it may
+drift, so only fast changes of the height count. The distance of two poses with it is that of bodies
+that may be shifted sideways and turned, but not lifted: the squared difference of heights is added
+to the mean squared distance of the joints. It vanishes where nobody leaves the ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+from scipy.ndimage import gaussian_filter1d
+
+from imocap_core.sync.pairwise.banded import BandedMap
+
+TREND_S = 0.25  # heights count relative to their mean over this time (standard deviation)
+SIZE_S = 1.0  # over which the size of a person in the picture changes
+LEAST_WEIGHT = 1e-3  # of frames at a position, below which nothing is known there
+LEAST_JOINTS = 3  # that give a person's size
+AMPLITUDE = 95.0  # percentile of the absolute vertical motion
+
+
+def picture_heights(
+    xy_px: Float[np.ndarray, "T J 2"],
+    weight: Float[np.ndarray, "T J"],
+    poses: Float[np.ndarray, "T J 3"],
+    trunk: Sequence[int],
+    fps: float,
+) -> Float[np.ndarray, " T"]:
+    """Height of the trunk in the picture, in the unit of the poses; NaN unknown, from any origin.
+
+    Args:
+        xy_px: keypoints, y down; weight: 0 where unknown.
+        poses: of the same joints in the camera's axes, which give the unit.
+        trunk: joints whose mean is the trunk's place.
+    """
+    visible = (weight > 0) & np.isfinite(poses).all(axis=-1)
+    size = _spread(xy_px, visible) / np.maximum(_spread(poses[..., :2], visible), 1e-9)
+    measured = (visible.sum(axis=1) >= LEAST_JOINTS) & (size > 0)
+    usual = _smoothed(np.where(measured, size, np.nan), SIZE_S * fps)
+    w = weight[:, trunk]
+    known = (w > 0).all(axis=1)
+    if not (known & np.isfinite(usual)).any():
+        return np.full(len(poses), np.nan)
+    y = (w * np.nan_to_num(xy_px[:, trunk, 1])).sum(axis=1) / np.maximum(w.sum(axis=1), 1e-9)
+    return np.where(known, (np.median(y[known]) - y) / usual, np.nan)
+
+
+def vertical_motion(heights: Float[np.ndarray, " T"], fps: float) -> Float[np.ndarray, " T"]:
+    """Heights about their mean over `TREND_S`; fps: of the action. NaN unknown."""
+    return np.asarray(heights - _smoothed(heights, TREND_S * fps))
+
+
+def of_one_amplitude(
+    motions: Sequence[Float[np.ndarray, "_T"]], least_m: float
+) -> list[Float[np.ndarray, "_T"]]:
+    """Vertical motions of all videos with the smallest amplitude of any of them.
+
+    Performers jump to different heights, and from the front a push-up fills more of the picture. An
+    amplitude of up to `least_m` fades out.
+    """
+    amplitudes = [_amplitude(m) for m in motions]
+    least = min(amplitudes)
+    share = least**2 / max(least**2 + least_m**2, 1e-18)
+    return [
+        np.sqrt(share) * least / max(a, 1e-9) * m for m, a in zip(motions, amplitudes, strict=True)
+    ]
+
+
+def squared_differences(
+    a: Float[np.ndarray, " n"], b: Float[np.ndarray, " m"]
+) -> Float[np.ndarray, "n m"]:
+    """Of all pairs; 0 where unknown."""
+    return np.nan_to_num((a[:, None] - b) ** 2)
+
+
+def spread_over(
+    motion: Float[np.ndarray, " T"], soft_map: BandedMap | None, per_frame: int
+) -> Float[np.ndarray, " S"]:
+    """Vertical motion at the reference's positions, by a soft map; of the reference itself (None)
+    between its frames. NaN unknown."""
+    if soft_map is None:
+        S = (len(motion) - 1) * per_frame + 1
+        return np.interp(np.arange(S) / per_frame, np.arange(len(motion)), motion)
+    known = np.isfinite(motion)
+    columns = np.column_stack([np.where(known, motion, 0.0), known])
+    total, weight = soft_map.spread(columns).T
+    return np.where(weight > LEAST_WEIGHT, total / np.maximum(weight, LEAST_WEIGHT), np.nan)
+
+
+def mean_of_known(motions: Sequence[Float[np.ndarray, " S"]]) -> Float[np.ndarray, " S"]:
+    """Mean at each position; NaN where none is known."""
+    known = np.isfinite(motions)
+    total = np.where(known, motions, 0.0).sum(axis=0)
+    return np.where(known.any(axis=0), total / np.maximum(known.sum(axis=0), 1), np.nan)
+
+
+def _amplitude(motion: np.ndarray) -> float:
+    known = np.isfinite(motion)
+    return float(np.percentile(np.abs(motion[known]), AMPLITUDE)) if known.any() else 0.0
+
+
+def _spread(points: np.ndarray, visible: np.ndarray) -> np.ndarray:
+    """Root of the summed variance (T,) of visible points (T, J, D)."""
+    w = visible[..., None].astype(float)
+    x = np.where(w > 0, points, 0.0)
+    total = np.maximum(w.sum(axis=1, keepdims=True), 1.0)
+    about = np.where(w > 0, x - x.sum(axis=1, keepdims=True) / total, 0.0)
+    return np.asarray(np.sqrt((about**2).sum(axis=(1, 2)) / total[:, 0, 0]))
+
+
+def _smoothed(values: np.ndarray, sigma: float) -> np.ndarray:
+    """Gaussian mean (T,) of the known ones."""
+    known = np.isfinite(values).astype(float)
+    total = gaussian_filter1d(np.nan_to_num(values), sigma, mode="constant")
+    share = gaussian_filter1d(known, sigma, mode="constant")
+    return np.where(share > 1e-6, total / np.maximum(share, 1e-6), np.nan)

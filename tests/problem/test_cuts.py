@@ -1,0 +1,56 @@
+"""Little of another shot at a clip's end is left out; more of it is advised against."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from imocap_core.io.video import write_h264
+from imocap_core.params import KeypointsParams
+from imocap_core.pipeline.action import Declaration
+from imocap_core.problem.cuts import shot_inside
+from imocap_core.problem.tracked_video import tracked_video
+from tests.io import made_keypoints as made
+
+COUNT = 40
+
+
+@pytest.mark.parametrize(
+    ("cuts", "expected"),
+    [
+        ([], (10, 110)),
+        ([109], (10, 109)),
+        ([11], (11, 110)),
+        ([13, 100], (13, 100)),
+        ([12, 14, 60], (14, 110)),
+        ([60], (10, 110)),
+        ([25], (10, 110)),
+    ],
+)
+def test_the_shot_inside(cuts: list[int], expected: tuple[int, int]) -> None:
+    assert shot_inside(cuts, np.arange(10, 110), 30.0) == expected
+
+
+@pytest.mark.parametrize(("first", "stop"), [(0, 39), (0, 37), (1, 40), (2, 39), (0, 40)])
+def test_frames_of_another_shot_are_not_used(tmp_path: Path, first: int, stop: int) -> None:
+    rng = np.random.default_rng(0)
+    scenes = rng.integers(0, 255, (3, 24, 32, 3), dtype=np.uint8).repeat(8, 1).repeat(8, 2)
+    shots = [scenes[0 if t < first else 1 if t < stop else 2] for t in range(COUNT)]
+    write_h264(tmp_path / "a.mp4", shots, 25)
+    person = made.people("coco17", frames=1, persons=1)[0][0] * (0.6, 0.5, 1)
+    moved = {t: [person + (0.3 * t, 0, 0)] for t in range(COUNT)}
+    file = made.write_npz(tmp_path, moved)
+    declared = Declaration(
+        id="v1", video="a.mp4", keypoints="rtmlib.npz", format="npz", layout="coco17"
+    )
+    video = tracked_video(
+        declared, file, tmp_path / "a.mp4", tmp_path / "action.yaml", KeypointsParams()
+    )
+    assert video.people.frames.tolist() == list(range(first, stop))
+    assert len(video.people.people) == stop - first
+    assert video.survey is not None
+    assert video.survey.cuts == []
+    said = [r for r in video.remarks if r.endswith("of another shot: left out")]
+    assert len(said) == (stop - first < COUNT)
