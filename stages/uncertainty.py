@@ -1,4 +1,5 @@
-"""uncertainty: standard deviations of joints and joint angles, and what the videos leave open."""
+"""uncertainty: standard deviations of joints and joint angles, what the videos leave open, and how
+well each video is predicted by the others."""
 
 from __future__ import annotations
 
@@ -30,6 +31,7 @@ from imocap_core.problem.uncertainty import (
     GroupPosterior,
     anatomical_rotations,
     lasting_errors_m,
+    leave_one_out_of,
     uncertainty_of,
 )
 from imocap_core.process import release_if_large
@@ -56,7 +58,10 @@ def run(ctx: Context, inputs: Inputs, params: Params) -> Uncertainty:
         posteriors.append(
             posterior_of(group, params.uncertainty, progress, one_motion=one_motion and k == 0)
         )
-    return uncertainty_of(posteriors, keypoints, refined, params.uncertainty)
+    ctx.progress(0.9, "each video predicted by the others")
+    release_if_large()
+    left_out = leave_one_out_of(groups)
+    return uncertainty_of(posteriors, keypoints, refined, left_out, params.uncertainty)
 
 
 def _begin(ctx: Context, done: float, videos: str, what: str) -> None:

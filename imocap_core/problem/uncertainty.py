@@ -13,6 +13,7 @@ from torch import Tensor
 from imocap_core.artifacts.schemas import (
     Keypoints,
     NearPair,
+    PredictedVideo,
     RefineSync,
     Uncertainty,
     VideoKeypoints,
@@ -28,12 +29,18 @@ from imocap_core.biomechanics.rotation_jacobian import (
 from imocap_core.body import Model
 from imocap_core.conventions import EVAL_14, SMPL_JOINTS
 from imocap_core.metrics.calibration import along_and_across, total_sigma
+from imocap_core.motion.multiview.leave_one_out import (
+    Prediction,
+    predicted_by_others,
+    predicted_limbs,
+)
 from imocap_core.motion.posterior.observability import ViewpointReport, weak_spans
 from imocap_core.motion.posterior.viewpoints import AZIMUTHS_DEG
 from imocap_core.motion.state import MotionState
 from imocap_core.params import UncertaintyParams
 from imocap_core.problem.mirroring import Participants
 from imocap_core.problem.observations import check_layouts
+from imocap_core.problem.solved_groups import SolvedGroup
 
 REPORTED = [SMPL_JOINTS.index(name) for name in EVAL_14]  # hands, toes, collars: hardly observed
 MM2_PER_M2 = 1e6
@@ -71,10 +78,37 @@ def lasting_errors_m(keypoints: Keypoints, params: UncertaintyParams) -> list[fl
     return [table.get(video.layout, 0.0) / 1000 for video in keypoints.videos]
 
 
+def leave_one_out_of(groups: Sequence[SolvedGroup]) -> list[PredictedVideo]:
+    """How well each video is predicted without it, in the order of the groups; excluded videos by
+    their own monocular fits alone. None of an action of one video."""
+    rows: list[PredictedVideo] = []
+    if len(groups) == 1 and len(groups[0].ids) == 1:
+        return rows
+    for group in groups:
+        problem, solution = group.problem, group.solution
+        by_others: list[Prediction | None] = [None] * len(group.ids)
+        if solution.common is not None:
+            scene = problem.scene_of(solution)
+            by_others = [*predicted_by_others(scene, solution, problem.options)]
+        limbs = predicted_limbs(problem.scene, problem.start)
+        for video, others, own in zip(group.ids, by_others, limbs, strict=True):
+            rows.append(
+                PredictedVideo(
+                    id=video,
+                    error_share=float("nan") if others is None else others.median,
+                    near_share=float("nan") if others is None else others.near_share,
+                    monocular_error_share=own.median,
+                    frames=0 if others is None else others.frames,
+                )
+            )
+    return rows
+
+
 def uncertainty_of(
     posteriors: Sequence[GroupPosterior],
     keypoints: Keypoints,
     refined: RefineSync,
+    left_out: Sequence[PredictedVideo],
     params: UncertaintyParams,
 ) -> Uncertainty:
     """The artifact: the groups' posteriors as filmed, and ill-determined joints and phases.
@@ -97,7 +131,8 @@ def uncertainty_of(
             by_id[video.id] = _video(
                 motions[video.id], MM2_PER_M2 * covariance, rotations, azimuth, rotation_deg
             )
-    videos = [by_id[v.id] for v in keypoints.videos]
+    order = [v.id for v in keypoints.videos]
+    videos = [by_id[i] for i in order]
     every = np.concatenate([v.sigma_mm[:, REPORTED].ravel() for v in videos])
     unknown = [v.id for v in videos if not np.isfinite(v.sigma_mm).all()]
     median = float(np.nanmedian(every)) if np.isfinite(every).any() else float("nan")
@@ -124,6 +159,7 @@ def uncertainty_of(
         ],
         azimuth_from="performer" if whole.by_performer else "camera",
         status=_status(median, unknown),
+        leave_one_out=sorted(left_out, key=lambda row: order.index(row.id)),
     )
 
 

@@ -22,7 +22,7 @@ from imocap_core.report.observability_text import observability_table
 from imocap_core.report.second_look_table import second_look_tables
 from imocap_core.report.tables import long_table, metric_tables, round_table, video_table
 from imocap_core.report.trust_tables import trust_tables
-from imocap_core.report.uncertainty_tables import uncertainty_tables
+from imocap_core.report.uncertainty_tables import leave_one_out_tables, uncertainty_tables
 
 
 def evaluation_tables(
@@ -48,6 +48,7 @@ def evaluation_tables(
         *event_tables(refined),
         *trust_tables(refined.sync),
         observability_table(claimed, refined.sync),
+        *leave_one_out_tables(claimed),
         *uncertainty_tables(claimed, refined.motion.videos, truth, every),
     ]
 

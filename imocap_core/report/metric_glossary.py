@@ -95,6 +95,12 @@ GLOSSARY = {
     "repetition_s": "How much later in the reference the video fits nearly as well, where the "
     "action repeats.",
     "repetition_ratio": "Squared distances of the poses there, over those of the match.",
+    "error_pct_height": "Median distance of a video's keypoints from where the other videos' "
+    "motion puts them, in % of the person's height in the picture; the video's camera is resected "
+    "from other stretches of time.",
+    "share_10": "Share of the keypoints that are predicted within 10 % of the height.",
+    "monocular_error_pct_height": "The same median for limbs, one at a time hidden from the "
+    "video's own monocular fit.",
     "residual_frames": "Distance of a frame's end from its start after a round trip over these "
     "videos.",
     "residual_s": "The same in seconds.",

@@ -61,7 +61,7 @@ PLANS = (
         "Observability",
         "What the videos determine poorly, from the covariances of the result; needs no truth.",
         (),
-        (SENTENCES,),
+        (SENTENCES, "leave_one_out"),
     ),
     Plan(
         "Synchronisation",

@@ -42,6 +42,36 @@ def uncertainty_tables(
     return tables
 
 
+def leave_one_out_tables(claimed: Uncertainty) -> list[Table]:
+    """How well each video is predicted without it; no table of a single video."""
+    if not claimed.leave_one_out:
+        return []
+    cells: list[list[Cell]] = [
+        [
+            v.id,
+            _finite(100 * v.error_share),
+            _finite(v.near_share),
+            _finite(100 * v.monocular_error_share),
+            v.frames,
+        ]
+        for v in claimed.leave_one_out
+    ]
+    return [
+        Table(
+            name="leave_one_out",
+            title="Each video predicted by the others (needs no truth)",
+            columns=[
+                "video",
+                "error_pct_height",
+                "share_10",
+                "monocular_error_pct_height",
+                "frames",
+            ],
+            rows=cells,
+        )
+    ]
+
+
 def _by_video(claimed: Uncertainty, rows: Sequence[ScoreRow]) -> Table:
     value = {(r.video, r.metric): r.value for r in rows}
     cells: list[list[Cell]] = [

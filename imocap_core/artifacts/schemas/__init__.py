@@ -42,6 +42,7 @@ from imocap_core.artifacts.schemas.sync import (
 )
 from imocap_core.artifacts.schemas.uncertainty import (
     NearPair,
+    PredictedVideo,
     Uncertainty,
     VideoUncertainty,
     Viewpoint,
@@ -72,6 +73,7 @@ __all__ = [
     "LensDistortion",
     "NearPair",
     "PathUnit",
+    "PredictedVideo",
     "Redetect",
     "RedetectedVideo",
     "RefineSync",

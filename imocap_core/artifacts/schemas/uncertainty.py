@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+from pydantic import Field
+
 from imocap_core.artifacts.schemas.base import Artifact, Floats, Floats32, Ints, Shape, Value
 from imocap_core.identifiers import Id
 
@@ -51,6 +53,19 @@ class Viewpoint(Value):
     reduction: float  # share of the common motion's summed joint variance
 
 
+class PredictedVideo(Value):
+    """How well a video's keypoints are predicted without it, in the held-out stretches of time.
+
+    Medians, as shares of the person's height in the picture; NaN where nothing is predicted.
+    """
+
+    id: Id
+    error_share: float  # by the other videos' motion, its camera resected; NaN: excluded
+    near_share: float  # share of the keypoints whose error is below 0.1
+    monocular_error_share: float  # of limbs, each hidden from the video's own monocular fit
+    frames: int  # that the other videos predict
+
+
 class Uncertainty(Artifact):
     """Standard deviations of every joint and the observability report."""
 
@@ -63,3 +78,4 @@ class Uncertainty(Artifact):
     viewpoints: list[Viewpoint]
     azimuth_from: Literal["performer", "camera"]  # what azimuth 0 faces; 90 is the performer's left
     status: str
+    leave_one_out: list[PredictedVideo] = Field(default_factory=list)  # none of a single video

@@ -1,0 +1,245 @@
+"""Leave-one-out prediction: keypoints of a video from the other videos' motion.
+
+It needs no truth. The common motion is solved again without the video, which keeps its timing; its
+camera is resected from its own keypoints in every second stretch of time, and the other stretches
+are predicted. Errors are shares of the person's height in the picture. What all views share, depth
+above all, shows only as far as another view's motion depends on it: read it beside observability.
+
+The yardstick beside it is the video's own monocular fit, which predicts one limb at a time that is
+hidden from it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from imocap_core.body import PointSet
+from imocap_core.camera.pnp import pnp_over_frames
+from imocap_core.camera.projection import project_camera
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.motion.kinematics import Body
+from imocap_core.motion.monocular.fit import monocular_terms, regularisers
+from imocap_core.motion.multiview.cameras import Cameras
+from imocap_core.motion.multiview.common_keypoints import common_keypoints
+from imocap_core.motion.multiview.common_motion import estimate_terms, fit_common_motion
+from imocap_core.motion.multiview.deviation import with_keypoint_spread
+from imocap_core.motion.multiview.focal_lengths import free_focal_lengths
+from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion, Scene, solve
+from imocap_core.motion.multiview.swapped_sides import point_shares
+from imocap_core.motion.multiview.timeline import sample
+from imocap_core.motion.observations import Observation, from_one_place
+from imocap_core.motion.state import MotionState
+from imocap_core.params import MotionParams
+
+STEPS = 3  # Gauss-Newton steps from the solution with all videos, or with all limbs
+STRETCH_S = 0.5
+LEAST_STRETCHES = 4  # of a short video, whose stretches are shorter
+NEAR = 0.1  # error, as a share of the height, below which a keypoint is predicted
+CAMERA_SCALE = 0.05  # Geman-McClure scale of the resection, as a share of the height
+# Hidden in this order, a stretch each, so that a limb is seen before and after
+LIMBS = ("left_shoulder", "right_hip", "right_shoulder", "left_hip")
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Errors of predicted keypoints of one video.
+
+    Attributes:
+        error: (T, K) distance over the person's height in the picture, NaN where not predicted.
+        weight: (T, K) of each keypoint, 0 where not predicted.
+    """
+
+    error: Float[np.ndarray, "T K"]
+    weight: Float[np.ndarray, "T K"]
+
+    @property
+    def median(self) -> float:
+        """Weighted median of the errors; NaN without any."""
+        counted = self.weight > 0
+        if not counted.any():
+            return float("nan")
+        error, weight = self.error[counted], self.weight[counted]
+        order = np.argsort(error)
+        total = np.cumsum(weight[order])
+        return float(error[order][np.searchsorted(total, total[-1] / 2)])
+
+    @property
+    def near_share(self) -> float:
+        """Share of the keypoints within `NEAR`; NaN without any."""
+        total = float(self.weight.sum())
+        near = float(self.weight[np.nan_to_num(self.error, nan=np.inf) < NEAR].sum())
+        return near / total if total > 0 else float("nan")
+
+    @property
+    def frames(self) -> int:
+        """Number of frames with a prediction."""
+        return int((self.weight > 0).any(1).sum())
+
+
+def predicted_by_others(
+    scene: Scene, motion: JointMotion, options: MotionParams
+) -> list[Prediction]:
+    """Each video's keypoints from the motion of the other videos.
+
+    Args:
+        scene: two videos or more, with sides and intrinsics as solved; motion: its solution.
+    """
+    assert motion.common is not None
+    assert motion.spread is not None
+    common, spread = motion.common, motion.spread
+    predictions = []
+    for v in range(len(scene.observations)):
+        others = motion_of_others(scene, common, motion.cameras, spread, v, options)
+        xyz_m = points_at_video_frames(scene, others, v)
+        predictions.append(resected_prediction(scene, xyz_m, motion.cameras, v))
+    return predictions
+
+
+def motion_of_others(
+    scene: Scene,
+    common: MotionState,
+    cameras: Cameras,
+    spread: DeviationSpread,
+    v: int,
+    options: MotionParams,
+) -> MotionState:
+    """The common motion without video ``v``; its shape and the others' cameras are free.
+
+    Args:
+        common: with all videos (batch of 1, world axes), the start.
+    """
+    others = without_video(scene, v)
+    keypoints = common_keypoints(others.observations, others.timeline)
+    keypoints = replace(keypoints, offset_sd=spread.offset_sd)
+    keypoints = with_keypoint_spread(scene.body, keypoints, spread.keypoints_m, common, cameras)
+    rest = [u for u in range(len(scene.observations)) if u != v]
+    fixed = scene.reference if v != scene.reference else rest[0]  # fixes the world's axes
+    terms = [*regularisers(scene.body, scene.prior, scene.fit, scene.fps)]
+    terms += estimate_terms(others, common, options)
+    return fit_common_motion(
+        scene.body,
+        common,
+        keypoints,
+        cameras,
+        [u for u in rest if u != fixed],
+        terms,
+        STEPS,
+        robust_scale=scene.fit.robust_scale_sigma,
+        focal=free_focal_lengths(scene),
+    )[0]
+
+
+def without_video(scene: Scene, v: int) -> Scene:
+    """The scene with nothing matched to video ``v``."""
+    confidence = scene.timeline.confidence.copy()
+    confidence[v] = 0.0
+    return replace(scene, timeline=replace(scene.timeline, confidence=confidence))
+
+
+def points_at_video_frames(scene: Scene, others: MotionState, v: int) -> Float[np.ndarray, "T K 3"]:
+    """The keypoints' points of a motion at a video's frames, world axes, metres; NaN where no other
+    video shows the moment."""
+    body_state = others.of_performer(scene.observations[v].performer)
+    xyz = scene.body.positions(scene.body.keypoints, body_state).xyz[0]
+    position = scene.timeline.to_reference[v]
+    points = sample(xyz, position).cpu().numpy()
+    shown = without_video(scene, v).timeline.confidence.max(axis=0) > 0
+    nearest = np.clip(np.nan_to_num(position).round().astype(int), 0, len(shown) - 1)
+    return np.where((np.isfinite(position) & shown[nearest])[:, None, None], points, np.nan)
+
+
+def resected_prediction(
+    scene: Scene, xyz_m: Float[np.ndarray, "T K 3"], cameras: Cameras, v: int
+) -> Prediction:
+    """Keypoints of a video predicted from points in the world, its camera resected.
+
+    Args:
+        xyz_m: at the video's frames, NaN where unknown; cameras: where the resection starts.
+    """
+    R, t, K = (x[v].cpu().numpy() for x in (cameras.R, cameras.t, cameras.K))
+    observation, _ = from_one_place(scene.observations[v], xyz_m @ R.T + t)
+    weight = observation.confidence * point_shares(scene.body.keypoints.names)
+    return prediction_of(observation, xyz_m, weight, K, R)
+
+
+def prediction_of(
+    observation: Observation,
+    xyz_m: Float[np.ndarray, "T K 3"],
+    weight: Float[np.ndarray, "T K"],
+    K: Float[np.ndarray, "3 3"],
+    R_start: Float[np.ndarray, "3 3"],
+) -> Prediction:
+    """Errors of points in the world in every second stretch, the camera resected from the rest.
+
+    Args:
+        observation: of a camera on one spot; xyz_m: NaN where unknown; weight: of each keypoint.
+        R_start: rotation, camera from world, where the resection starts.
+    """
+    height_px = observation.size_px
+    known = np.isfinite(xyz_m).all(-1) & np.isfinite(observation.xy_px).all(-1)
+    weight = np.where(known, weight, 0.0)
+    tested = stretches(len(height_px), observation.fps) % 2 == 1
+    scale_px = CAMERA_SCALE * float(np.median(height_px))
+    seen = np.where(tested[:, None], 0.0, weight)
+    camera = pnp_over_frames(
+        xyz_m, observation.xy_px, seen, K, R_start, scale_px=scale_px, inlier_px=2 * scale_px
+    )
+    if not camera.ok:
+        return Prediction(np.full(weight.shape, np.nan), np.zeros_like(weight))
+    xy_px = project_camera(xyz_m @ camera.R.T + camera.t, K)
+    return _compared(observation, xy_px, np.where(tested[:, None], weight, 0.0))
+
+
+def predicted_limbs(scene: Scene, state: MotionState) -> list[Prediction]:
+    """Each video's limbs, hidden one at a time, from its own monocular fit.
+
+    Args:
+        scene: as the monocular fits saw it; state: these fits, each in its own camera's axes.
+    """
+    shares = point_shares(scene.body.keypoints.names)
+    limbs = [stretches(len(o.xy_px), o.fps) % len(LIMBS) for o in scene.observations]
+    rows = list(zip(scene.observations, limbs, strict=True))
+    seen = [_without(scene.body, o, limb) for o, limb in rows]
+    terms = monocular_terms(scene.body, scene.prior, seen, state.trans, scene.fit, 1.0)
+    solved = solve(terms, state, STEPS).state
+    xyz = scene.body.positions(scene.body.keypoints, solved).xyz.cpu().numpy()
+    predictions = []
+    for (o, limb), points in zip(rows, xyz, strict=True):
+        place = np.zeros(3) if o.centre_m is None else o.centre_m[:, None]
+        xy_px = project_camera(points[: len(o.xy_px)] - place, o.K)
+        known = hidden_points(scene.body.keypoints, limb) & np.isfinite(o.xy_px).all(-1)
+        predictions.append(_compared(o, xy_px, np.where(known, o.confidence * shares, 0.0)))
+    return predictions
+
+
+def stretches(frames: int, fps: float) -> Int[np.ndarray, " T"]:
+    """Number of the stretch of time that each frame is in."""
+    length = max(1, min(round(STRETCH_S * fps), frames // LEAST_STRETCHES))
+    return np.arange(frames) // length
+
+
+def hidden_points(points: PointSet, limb: Int[np.ndarray, " T"]) -> Bool[np.ndarray, "T K"]:
+    """Which points turn with each frame's limb (an index into `LIMBS`)."""
+    roots = [SMPL_JOINTS.index(name) for name in LIMBS]
+    return np.asarray(points.moved_by.cpu().numpy()[:, roots].T[limb])
+
+
+def _without(body: Body, o: Observation, limb: Int[np.ndarray, " T"]) -> Observation:
+    """An observation without the keypoints and the estimated joints of each frame's limb."""
+    confidence = np.where(hidden_points(body.keypoints, limb), 0.0, o.confidence)
+    if o.joints is None:
+        return replace(o, confidence=confidence)
+    is_hidden = hidden_points(body.joints, limb)[..., None]
+    return replace(o, confidence=confidence, joints=np.where(is_hidden, np.nan, o.joints))
+
+
+def _compared(
+    o: Observation, xy_px: Float[np.ndarray, "T K 2"], weight: Float[np.ndarray, "T K"]
+) -> Prediction:
+    """Errors of predicted keypoints, each of some weight."""
+    error = np.linalg.norm(xy_px - o.xy_px, axis=-1) / o.size_px[:, None]
+    weight = np.where(np.isfinite(error), weight, 0.0)
+    return Prediction(np.where(weight > 0, error, np.nan), weight)

@@ -1,0 +1,101 @@
+"""Leave-one-out prediction of keypoints."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from imocap_core.motion.multiview.leave_one_out import (
+    LIMBS,
+    Prediction,
+    hidden_points,
+    points_at_video_frames,
+    predicted_by_others,
+    predicted_limbs,
+    resected_prediction,
+    stretches,
+)
+from imocap_core.motion.multiview.scene import DeviationSpread, JointMotion, Scene
+from imocap_core.params import MotionParams
+from tests.motion.made import Made, scene
+from tests.motion.test_smpl_ba import FRAMES, TURNS_DEG, in_own_axes, whole
+
+VIDEO = 1
+
+
+@pytest.fixture(scope="module")
+def made() -> Made:
+    return scene(FRAMES, TURNS_DEG, np.random.default_rng(5))
+
+
+def solution(made: Made, plain: Scene) -> JointMotion:
+    """The truth, as the solver would return it."""
+    shape = (len(TURNS_DEG), FRAMES, len(made.body.keypoints.names))
+    spread = DeviationSpread(np.full(shape, 0.01), np.full((len(TURNS_DEG), 6), 0.01))
+    return JointMotion(
+        in_own_axes(made), made.cameras(), made.state, spread, [], "made", 0.0, plain.swapped
+    )
+
+
+def with_other_arm(plain: Scene, made: Made, video: int) -> Scene:
+    """A video in which the left hand is seen half a person's height away."""
+    observations = list(plain.observations)
+    o = observations[video]
+    xy = o.xy_px.copy()
+    wrist = made.body.keypoints.names.index("left_wrist")
+    xy[:, wrist, 0] += 0.5 * o.size_px
+    observations[video] = replace(o, xy_px=xy)
+    return replace(plain, observations=observations)
+
+
+def test_one_motion_is_predicted_by_the_other_views(made: Made) -> None:
+    plain = whole(made)
+    for prediction in predicted_by_others(plain, solution(made, plain), MotionParams()):
+        assert 0.001 < prediction.median < 0.02  # noise of one pixel, a person of some 250
+        assert prediction.near_share > 0.98
+        assert prediction.frames == FRAMES // 2
+
+
+def test_what_a_video_shows_alone_is_not_predicted(made: Made) -> None:
+    plain = with_other_arm(whole(made), made, VIDEO)
+    wrist = made.body.keypoints.names.index("left_wrist")
+    errors = predicted_by_others(plain, solution(made, plain), MotionParams())[VIDEO].error
+    assert np.nanmedian(errors[:, wrist]) == pytest.approx(0.5, abs=0.05)
+    others = [k for k in range(errors.shape[1]) if k != wrist]
+    assert np.nanmedian(errors[:, others]) < 0.03
+
+
+def test_another_time_is_predicted_worse(made: Made) -> None:
+    plain = whole(made)
+    xyz_m = points_at_video_frames(plain, made.state, VIDEO)
+    rolled = np.roll(xyz_m, FRAMES // 3, axis=0)
+    right, wrong = (
+        resected_prediction(plain, x, made.cameras(), VIDEO).median for x in (xyz_m, rolled)
+    )
+    assert wrong > 3 * right
+
+
+def test_a_limb_that_is_hidden_is_compared_and_nothing_else(made: Made) -> None:
+    plain = whole(made)
+    limb = stretches(FRAMES, 30.0) % len(LIMBS)
+    for prediction in predicted_limbs(plain, in_own_axes(made)):
+        assert ((prediction.weight > 0) == hidden_points(made.body.keypoints, limb)).all()
+        assert 0.0 < prediction.median < 0.15
+    names = np.array(made.body.keypoints.names)
+    hidden = hidden_points(made.body.keypoints, np.array([0]))[0]
+    assert {"left_elbow", "left_wrist"} == set(names[hidden])
+
+
+def test_median_and_share_are_weighted() -> None:
+    prediction = Prediction(np.array([[0.01, 0.05, 0.2, np.nan]]), np.array([[1.0, 1, 3, 0]]))
+    assert prediction.median == 0.2
+    assert prediction.near_share == 0.4
+    empty = Prediction(np.full((3, 2), np.nan), np.zeros((3, 2)))
+    assert np.isnan(empty.median)
+    assert np.isnan(empty.near_share)
+    assert empty.frames == 0
+
+
+def test_short_videos_have_stretches_to_predict() -> None:
+    assert stretches(8, 30.0).tolist() == [0, 0, 1, 1, 2, 2, 3, 3]
+    assert len(set(stretches(60, 30.0))) == 4
