@@ -10,7 +10,7 @@ import pytest
 
 from imocap_core.io.video import VideoInfo
 from imocap_core.pipeline.action import Declaration
-from imocap_core.problem.declarations import check_declared, check_fits_picture
+from imocap_core.problem.declarations import at_declared_rate, check_declared, check_fits_picture
 from imocap_core.problem.detected_people import _used_frames
 
 FILE = Path("action.yaml")
@@ -53,6 +53,17 @@ def test_true_declarations_and_none_are_fine() -> None:
 def test_frame_rates_that_no_camera_has(fps: float) -> None:
     with pytest.raises(ValueError, match="fps"):
         declared(video=None, size=(640, 360), fps=fps)
+
+
+def test_slow_motion_and_a_time_lapse_have_the_declared_rate() -> None:
+    for fps in (240.0, 2.0):
+        check_declared(declared(fps=fps), VIDEO, FILE)
+        taken = at_declared_rate(declared(fps=fps), VIDEO)
+        assert (taken.fps, taken.slowed) == pytest.approx((fps, fps / 29.97))
+    assert at_declared_rate(declared(fps=30.0), VIDEO) == VIDEO
+    slow = VIDEO.taken_at(240.0)  # as a phone's file says
+    assert at_declared_rate(declared(fps=29.97), slow).slowed == pytest.approx(1.0)
+    assert at_declared_rate(declared(), slow) == slow
 
 
 def test_pixels_of_another_picture() -> None:

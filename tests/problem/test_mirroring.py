@@ -11,6 +11,7 @@ from imocap_core.artifacts.schemas import Camera
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.problem.mirroring import (
     Participants,
+    known_mirrors,
     mirrored_camera,
     mirrored_detections,
     mirrored_keypoints,
@@ -28,6 +29,16 @@ def made() -> Made:
 def participants(made: Made, **decided: list[str]) -> Participants:
     sync = made.sync.model_copy(update=decided)
     return participants_of(made.keypoints, made.camera_motion, made.initial, sync, made.model)
+
+
+def test_a_file_that_is_shown_in_a_mirror_is_mirrored_unless_declared(made: Made) -> None:
+    first, *others = made.keypoints.videos
+    shown = first.model_copy(update={"mirrored": True})
+    keypoints = made.keypoints.model_copy(update={"videos": [shown, *others]})
+    nothing = {video.id: None for video in keypoints.videos}
+    assert known_mirrors(nothing, keypoints) == [True, None, None, None]
+    declared = {**nothing, first.id: False, others[0].id: True}
+    assert known_mirrors(declared, keypoints) == [False, True, None, None]
 
 
 def test_without_anything_to_do_nothing_is_done(made: Made) -> None:
