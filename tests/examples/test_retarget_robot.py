@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
+import importlib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,20 +17,14 @@ from tests.io.made_clips import made_clip
 
 mujoco: Any = pytest.importorskip("mujoco", reason="mujoco is not installed")
 pytest.importorskip("mink", reason="mink is not installed")
-EXAMPLE = Path(__file__).parents[2] / "examples" / "retarget_robot.py"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
-def example() -> Any:
-    spec = importlib.util.spec_from_file_location("retarget_robot", EXAMPLE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_a_body_that_stands_still_is_a_robot_that_stands(tmp_path: Path) -> None:
-    robot = example()
+def test_a_body_that_stands_still_is_a_robot_that_stands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(EXAMPLES)
+    robot = importlib.import_module("retarget_robot")
     clip = made_clip(frames=4).clip
     still = replace(
         clip,
