@@ -26,7 +26,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-THIGH, SHANK, ANKLE, UPPER_ARM, FOREARM = 0.34, 0.34, 0.06, 0.24, 0.24  # metres
+THIGH, SHANK, ANKLE, UPPER_ARM, FOREARM, HAND = 0.34, 0.34, 0.06, 0.24, 0.24, 0.04  # metres
 SOLE_X, SOLE_Y = (-0.05, 0.13), (-0.04, 0.04)
 NEAR_M, AT_LIMIT_RAD = 0.02, 0.01
 STEPS, DT = 8, 0.1  # of inverse kinematics in a frame
@@ -151,11 +151,12 @@ def humanoid() -> str:
         {hinge(f"{side}_shoulder_yaw", "0 0 1", -1.6, 1.6)}{limb(0.035, UPPER_ARM)}
         <body name="{side}_forearm" pos="0 0 {-UPPER_ARM}">
           {hinge(f"{side}_elbow", "0 1 0", -2.4, 0)}{limb(0.03, FOREARM)}
-          <body name="{side}_hand" pos="0 0 {-FOREARM}"><geom type="sphere" size="0.04"/>
+          <body name="{side}_hand" pos="0 0 {-FOREARM}"><geom type="sphere" size="{HAND}"/>
       </body></body></body>"""
     return f"""<mujoco model="humanoid">
-  <compiler angle="radian"/><visual><global offwidth="1600" offheight="400"/></visual>
-  <asset><texture name="t" type="2d" builtin="checker" rgb1=".8 .8 .8" rgb2=".7 .7 .7" width="64"
+  <compiler angle="radian"/><visual><headlight ambient=".45 .45 .45"/></visual>
+  <asset><texture type="skybox" builtin="flat" rgb1="1 1 1" rgb2="1 1 1" width="64" height="64"/>
+  <texture name="t" type="2d" builtin="checker" rgb1=".8 .8 .8" rgb2=".7 .7 .7" width="64"
     height="64"/><material name="floor" texture="t" texrepeat="8 8"/></asset>
   <default><geom contype="0" conaffinity="0" density="900" rgba=".25 .45 .7 1"/></default>
   <worldbody>
@@ -251,6 +252,18 @@ def soles(model: mujoco.MjModel, qpos: np.ndarray) -> np.ndarray:
     return np.array(corners)
 
 
+def lowest_hand(model: mujoco.MjModel, qpos: np.ndarray) -> np.ndarray:
+    """Height (T,) of the lower hand's underside, metres."""
+    data = mujoco.MjData(model)
+    ids = [model.body(f"{side}_hand").id for side in ("left", "right")]
+    heights = []
+    for q in qpos:
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        heights.append(data.xpos[ids, 2].min() - HAND)
+    return np.array(heights)
+
+
 def on_floor(model: mujoco.MjModel, qpos: np.ndarray) -> np.ndarray:
     """The same at the height at which the lower sole is on the floor in the median frame."""
     lowest = soles(model, qpos)[..., 2].min(axis=(1, 2))
@@ -261,7 +274,7 @@ def on_floor(model: mujoco.MjModel, qpos: np.ndarray) -> np.ndarray:
 
 def measure(model: mujoco.MjModel, qpos: np.ndarray, fps: float) -> dict[str, float]:
     """What a controller would have to mend, by the table's columns."""
-    corners = soles(model, qpos)
+    corners, hands = soles(model, qpos), lowest_hand(model, qpos)
     depth = np.maximum(-corners[..., 2].min(axis=(1, 2)), 0)
     middle = corners.mean(axis=2)
     low = corners[..., 2].mean(axis=2) < NEAR_M
@@ -271,10 +284,11 @@ def measure(model: mujoco.MjModel, qpos: np.ndarray, fps: float) -> dict[str, fl
     at_limit = (angles < ranges[:, 0] + AT_LIMIT_RAD) | (angles > ranges[:, 1] - AT_LIMIT_RAD)
     jerk = np.diff(angles, 3, axis=0) * fps**3
     return {
-        "penetration, mean mm": 1000 * depth.mean(),
+        "soles below the floor, mean mm": 1000 * depth.mean(),
         "largest, mm": 1000 * depth.max(),
+        "hands below, mean mm": 1000 * np.maximum(-hands, 0).mean(),
         "planted feet, mm/s": 1000 * speed[planted].mean() if planted.any() else np.nan,
-        "frames planted": 100 * low.any(axis=1).mean(),
+        "frames planted, %": 100 * low.any(axis=1).mean(),
         "at a limit, % of angles": 100 * at_limit.mean(),
         "jerk, rad/s^3": np.sqrt((jerk**2).mean()),
     }

@@ -120,7 +120,7 @@ def action_of_videos(root: Path, name: str | None, paths: Sequence[Path]) -> tup
     WrongUse when a file cannot be used, or another action has the name.
     """
     files, remarks = video_files(paths)
-    name = _name_of(paths, files) if name is None else _valid(name)
+    name = name_of(paths, files) if name is None else _valid(name)
     folder = root / "actions" / name
     if not (folder / FILE_NAME).is_file():
         _write_action(name, folder, files)
@@ -151,7 +151,7 @@ def _is_action(root: Path, word: str) -> bool:
     return word in BUILT_IN or Path(word).name == FILE_NAME or any(p.is_file() for p in places)
 
 
-def _name_of(paths: Sequence[Path], files: Sequence[Path]) -> str:
+def name_of(paths: Sequence[Path], files: Sequence[Path]) -> str:
     """A folder's name; of files their common beginning, and letters that differ for others."""
     from imocap_core.standalone_sync.action import default_name
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from imocap_core.errors import ImocapError
-from imocap_core.library.new_action import action_of_videos, free_labels
+from imocap_core.library.new_action import action_of_videos, free_labels, name_of
 from imocap_core.library.result import Result, load
 from imocap_core.library.video_files import files_below, video_files
 from imocap_core.pipeline.action import DETECT, FILE_NAME, read_action
@@ -64,9 +64,10 @@ def bring_up_to_date(root: Path, folder: Path, name: str | None) -> Update:
     """Make the action of a folder's videos, or add to it those that are new and remove those that
     are gone; all else in action.yaml stays. WrongUse while there is no video."""
     files, _ = video_files([folder])
-    if name is None or not (root / "actions" / name / FILE_NAME).is_file():
-        made, _ = action_of_videos(root, name, [folder])
-        return Update(made, [video.id for video in read_action(root / "actions" / made).videos], [])
+    name = name_of([folder], files) if name is None else name
+    if not (root / "actions" / name / FILE_NAME).is_file():
+        name, _ = action_of_videos(root, name, [folder])
+        return Update(name, [video.id for video in read_action(root / "actions" / name).videos], [])
     place = root / "actions" / name
     declared = {v.id: v.video for v in read_action(place).videos}
     there = {file.resolve(): file for file in files}

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
+import subprocess
+import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import pytest
 
 from imocap_core.cli import hoisted
+from imocap_core.export.formats import WRITERS
+from imocap_core.io.detectors.by_name import FORMATS
 from imocap_core.library.new_action import action_of_words
 from imocap_core.pipeline.action import read_action
+from imocap_core.pipeline.format_names import InitialFormat
+from imocap_core.standalone_sync.sources import ascii_name
 from tests.io.made_videos import write_video
 
 if TYPE_CHECKING:
@@ -131,6 +138,64 @@ def test_videos_of_one_name_get_numbers(toy: Toy, tmp_path: Path) -> None:
     assert toy.imocap(["init", "mine", *map(str, clips)]) == 0
     action = read_action(toy.root / "actions" / "mine")
     assert [v.id for v in action.videos] == ["v1", "v2"]
+
+
+def test_names_in_other_scripts_and_with_spaces(toy: Toy, capsys: Capture, tmp_path: Path) -> None:
+    """Ids are plain; which video is which file is said. What `init` was given, `run` takes too."""
+    names = [ascii_name(n) for n in ("Élan 2", "深蹲", "深蹲 1", "приседание", "__", "a-b.c")]
+    assert names == ["Elan_2", "", "", "", "", "a-b.c"]
+    folder = tmp_path / "clips"
+    (folder / "side").mkdir(parents=True)
+    write_video(folder / "深蹲.mp4")
+    write_video(folder / "side" / "serve.mp4")
+    assert toy.imocap(["init", "my serve", str(folder)]) == 0
+    shown = capsys.readouterr().out
+    assert "v1 is serve.mp4, v2 is 深蹲.mp4" in shown
+    assert "of 2 videos. Next: imocap run my_serve." in shown
+    assert [v.id for v in read_action(toy.root / "actions" / "my_serve").videos] == ["v1", "v2"]
+    assert action_of_words(toy.root, ["my serve"], None) == ("my_serve", [])
+    assert toy.imocap(["init", "深蹲", str(folder)]) == 2
+    assert "letters from A to Z" in capsys.readouterr().err
+
+
+def test_a_terminal_without_the_characters_gets_others(toy: Toy, tmp_path: Path) -> None:
+    clip = write_video(tmp_path / "深蹲.mp4")
+    words = ["--root", str(toy.root), "init", "squat", str(clip)]
+    done = subprocess.run(
+        [sys.executable, "-c", "from imocap_core.cli import main; main()", *words],
+        env=os.environ | {"PYTHONIOENCODING": "cp1252", "PYTHONPATH": os.pathsep.join(sys.path)},
+        capture_output=True,
+        check=True,
+    )
+    assert b"v1 is ??.mp4" in done.stdout
+    assert done.stderr == b""
+
+
+def test_many_files_that_are_no_videos_take_one_line(
+    toy: Toy, capsys: Capture, tmp_path: Path
+) -> None:
+    write_video(tmp_path / "a.mp4")
+    (tmp_path / "broken.mp4").write_bytes(b"nothing")
+    for n in range(5):
+        (tmp_path / f"{n}.txt").write_text("hello")
+    assert toy.imocap(["init", "mine", str(tmp_path)]) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if "left out" in line]
+    assert len(lines) == 2
+    assert "broken.mp4: expected a video" in lines[0]
+    assert lines[1] == "left out, as no videos: 0.txt, 1.txt, 2.txt and 2 more"
+
+
+def test_formats_are_listed(toy: Toy, capsys: Capture) -> None:
+    assert toy.imocap(["formats"]) == 0
+    shown = capsys.readouterr().out
+    for name in (*FORMATS, *get_args(InitialFormat), *WRITERS):
+        lines = [row for row in shown.splitlines() if row.split()[:1] == [name]]
+        assert lines, name
+        assert all(len(line.split()) > 3 for line in lines), name
+    assert toy.imocap(["formats", "export", "--json"]) == 0
+    listed = json.loads(capsys.readouterr().out)["formats"]
+    assert [each["name"] for each in listed] == list(WRITERS)
+    assert toy.imocap(["formats", "films"]) == 2
 
 
 def test_init_names_every_file_that_is_no_video(toy: Toy, capsys: Capture, tmp_path: Path) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -21,6 +24,49 @@ def test_a_run_reports_every_stage(small_run: SmallRun) -> None:
     made = [stage for stage, share, what in small_run.reports if (share, what) == (1.0, "made")]
     assert made[:7] == stages
     assert all(0 <= share <= 1 for _, share, _ in small_run.reports)
+
+
+SCRIPT = """
+import sys
+import imocap
+
+print("begun")
+result = imocap.run("serve", root=sys.argv[1])
+(end,) = imocap.run_all(["serve"], root=sys.argv[1], executor=imocap.ExecutorChoice(workers=1))
+print(*result.ids, end.state)
+"""
+
+
+def test_a_script_without_a_guard_ends_with_the_result(small_run: SmallRun, tmp_path: Path) -> None:
+    """As a file, from the standard input and as an argument, all at once."""
+    (tmp_path / "script.py").write_text(SCRIPT)
+    started = [
+        subprocess.Popen(
+            [sys.executable, *words, str(small_run.root)],
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            cwd=tmp_path,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for words in (["script.py"], ["-"], ["-c", SCRIPT])
+    ]
+    for process in started:
+        out, err = process.communicate(SCRIPT, timeout=500)
+        assert out.splitlines() == ["begun", "v1 v2 done"], err
+        assert "Traceback" not in err
+
+
+def test_progress_is_shown_as_by_the_command_unless_it_is_not_wanted(
+    small_run: SmallRun, capsys: pytest.CaptureFixture[str]
+) -> None:
+    imocap.run("serve", root=small_run.root, until="smpl_ba", progress=None)
+    assert capsys.readouterr() == ("", "")
+    imocap.run("serve", root=small_run.root, until="smpl_ba", params={"seed": 5})
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert "smpl_ba" in shown.err
 
 
 def test_load_gives_what_run_gave(small_run: SmallRun) -> None:

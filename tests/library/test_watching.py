@@ -47,6 +47,10 @@ def test_an_action_takes_new_clips_and_keeps_what_it_has(tmp_path: Path) -> None
     assert (update.new, update.gone) == (["v1", "v2"], ["b"])
     assert [v.id for v in read_action(file.parent).videos] == ["a", "v1", "v2"]
     assert "event: true  # one performance" in file.read_text()
+    assert watching.bring_up_to_date(tmp_path, clips, None).action == "clips"
+    write_video(clips / "c.mp4")
+    assert watching.bring_up_to_date(tmp_path, clips, None).new == ["c"]  # watched again
+    assert watching.bring_up_to_date(tmp_path, clips, "serve").new == ["c"]
     unchanged = file.read_bytes()
     assert watching.bring_up_to_date(tmp_path, clips, "serve").new == []
     assert file.read_bytes() == unchanged

@@ -26,6 +26,7 @@ VERDICT = Verdict(
     ("Three videos are synchronised.", "Do not trust v1 <here>."),
     (Finding("feet", "v1", "the foot slides", "sliding", "", 3, 9),),
 )
+SOURCES = "Files: v1 is side & front.mp4."
 NOT_METRICS = {"ms_per_frame", "seconds", "cost"}
 
 
@@ -53,8 +54,8 @@ def _page(tmp_path: Path) -> tuple[str, str]:
         _table("metrics", "result", "value"),
     ]
     parts = sections(tables, pictures)
-    page = html_page(tmp_path, contents, VERDICT, parts, ["viewer.html"], "abc123")
-    return page, markdown_page(contents, VERDICT, parts)
+    page = html_page(tmp_path, contents, VERDICT, parts, ["viewer.html"], "abc123", SOURCES)
+    return page, markdown_page(contents, VERDICT, parts, SOURCES)
 
 
 def test_the_page_holds_its_pictures_and_names_no_other_file(tmp_path: Path) -> None:
@@ -64,6 +65,7 @@ def test_the_page_holds_its_pictures_and_names_no_other_file(tmp_path: Path) -> 
     assert all(source.startswith("data:image/") for source in sources)
     assert re.findall(r'href="(?!#)([^"]*)"', page) == ["viewer.html"]
     assert "waving &lt;b&gt;" in page
+    assert "Files: v1 is side &amp; front.mp4." in page
     assert "abc123" in page[:400]
 
 
