@@ -11,6 +11,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
+from unittest.mock import patch
 
 from imocap_core.errors import WorkFailed
 from imocap_core.executors.perform import perform
@@ -18,7 +19,6 @@ from imocap_core.executors.processes import THREADS, worker_processes
 from imocap_core.executors.serial import Serial
 from imocap_core.executors.task import Report, Task
 from imocap_core.pipeline.runner import Display, Outcome
-from imocap_core.workers import environment
 
 Result = TypeVar("Result")
 
@@ -143,7 +143,7 @@ def in_process(work: Callable[..., Result], arguments: tuple[Any, ...], threads:
     """`work(*arguments)` in a process of its own, whose linear algebra has `threads` threads."""
     context = multiprocessing.get_context("spawn")
     with (
-        environment(dict.fromkeys(THREADS, str(threads))),
+        patch.dict(os.environ, dict.fromkeys(THREADS, str(threads))),
         ProcessPoolExecutor(1, mp_context=context) as pool,
     ):
         try:

@@ -88,7 +88,7 @@ class ShownFrame:
 
 def display_of(frame: av.VideoFrame, aspect: float | None) -> Display:
     """How a file's frames are shown; ``aspect``: of a stored pixel, None where it is not said."""
-    stored, matrix = (frame.width, frame.height), frame.side_data.get(SideData.DISPLAYMATRIX)
+    stored, matrix = (frame.width, frame.height), frame.side_data.get("DISPLAYMATRIX")
     axes = UPRIGHT
     if matrix is not None:
         axes = axes_of(np.frombuffer(bytes(matrix), np.int32, 9).reshape(3, 3))

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from imocap_core.library.door import plain_errors
 from imocap_core.library.one_off import Params, one_off
 from imocap_core.library.person_summary import VideoPeople
 from imocap_core.library.progress import Progress, displaying
 from imocap_core.workspace import Workspace
+
+if TYPE_CHECKING:
+    from imocap_core.detect.detectors import Detector
 
 
 @plain_errors

@@ -149,7 +149,8 @@ def _timings(
         base = Reading()
     zero = base.first if base.words else min(first, 1)
     total = last + 1 - zero
-    rates = [r for q in RATES for r in (q, 1 / q) if abs(total - r * count) <= max(1, r)]
+    every: list[Fraction] = [r for q in RATES for r in (q, 1 / q)]
+    rates = [r for r in every if abs(total - r * count) <= max(Fraction(1), r)]
     others = [_at_rate(r, zero, total, count) for r in rates if abs(total - count) > OFF_END]
     if total > count + OFF_END:
         if not others:
@@ -316,7 +317,7 @@ def _same_points(
     """Points that are seen in both frames, of the first person; of several the nearest later."""
     if not len(people) or not len(later):
         return np.zeros((0, 2)), np.zeros((0, 2))
-    seen = (people[0, :, 2] > SEEN) & (later[..., 2] > SEEN)
+    seen = np.asarray((people[0, :, 2] > SEEN) & (later[..., 2] > SEEN))
     away = np.where(seen, np.linalg.norm(later[..., :2] - people[0, :, :2], axis=-1), np.nan)
     if not np.isfinite(away).any():
         return np.zeros((0, 2)), np.zeros((0, 2))

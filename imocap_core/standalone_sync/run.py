@@ -160,6 +160,7 @@ def _about(
     """The synchronisation with another reference than the one that is chosen."""
     from imocap_core.problem.first_sync import synchronise_monocular
     from imocap_core.problem.hints import hints_of
+    from imocap_core.problem.mirroring import known_mirrors
     from imocap_core.problem.sound import with_sound
 
     keypoints = artifacts.get(Keypoints)

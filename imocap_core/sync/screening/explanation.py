@@ -175,7 +175,8 @@ def explanations(
                 as_it_is.explained_change,
             )
         )
-    return Explanations(*np.array(rows).T, upright, common)
+    residual, reflected, asymmetry, static, change = np.array(rows).T
+    return Explanations(residual, reflected, asymmetry, static, change, upright, common)
 
 
 def with_sides_corrected(
