@@ -186,7 +186,8 @@ def _score_without(
 
 def _measures(explained: Explanations, video: int) -> tuple[float, float, float]:
     """A video's residual, the same over a static pose's, and its explained change."""
-    return tuple(float(x[video]) for x in (explained.residual, explained.static, explained.change))
+    residual, static = float(explained.residual[video]), float(explained.static[video])
+    return residual, static, float(explained.change[video])
 
 
 def _score(
