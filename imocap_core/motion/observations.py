@@ -26,7 +26,6 @@ class Observation:
         xy_px: (T, K, 2), NaN where missing; confidence: (T, K), 0 where missing.
         K: (3, 3) intrinsics; fps: frames a second.
         joints: (T, 24, 3) a monocular estimator's joints in metres, NaN where not given, or None.
-        joints_sd_m: (T, 24) standard deviations of these along each axis, or None: not given.
         noise_share: detector noise (one standard deviation) as a share of the person's size.
         focal_spread: standard deviation of the logarithm of K's focal length; 0: it is known.
         R_mean_from_first: (3, 3) mean rotation of the turning camera relative to its first frame.
@@ -44,7 +43,6 @@ class Observation:
     K: Float[np.ndarray, "3 3"]
     fps: float
     joints: Float[np.ndarray, "T 24 3"] | None = None
-    joints_sd_m: Float[np.ndarray, "T 24"] | None = None
     noise_share: float = field(kw_only=True)
     focal_spread: float = 0.0
     R_mean_from_first: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
@@ -73,15 +71,14 @@ class Observation:
 
 def every(observation: Observation, stride: int) -> Observation:
     """Every ``stride``-th frame of a video, as a video of a lower frame rate."""
-    joints, joints_sd = observation.joints, observation.joints_sd_m
-    centre, sd, swapped = observation.centre_m, observation.place_sd_m, observation.swapped
+    joints, centre, sd = observation.joints, observation.centre_m, observation.place_sd_m
+    swapped = observation.swapped
     return replace(
         observation,
         xy_px=observation.xy_px[::stride],
         confidence=observation.confidence[::stride],
         fps=observation.fps / stride,
         joints=None if joints is None else joints[::stride],
-        joints_sd_m=None if joints_sd is None else joints_sd[::stride],
         centre_m=None if centre is None else centre[::stride],
         place_sd_m=None if sd is None else sd[::stride],
         swapped=None if swapped is None else swapped[::stride],

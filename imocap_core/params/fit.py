@@ -95,13 +95,6 @@ class FitParams:
         "Standard deviation of the 3D joints of a monocular estimator, where the action names one.",
         unit="mm",
     )
-    evidence_s: Positive = param(
-        2.0,
-        "Time over which errors of those joints, and of the monocular fits' where they had 3D "
-        "joints of the lifter or the detector, persist: as long as a view does. In the fit of all "
-        "videos they count once per this time.",
-        unit="s",
-    )
     balance: NonNegative = param(
         16.0,
         "Weight of the squared horizontal distance, in standard deviations, of the centre of mass "

@@ -23,8 +23,6 @@ from imocap_core.motion.kinematics import Body
 from imocap_core.motion.observations import Observation
 from imocap_core.params import FitParams
 
-LIFTER = "lifter"  # origin of a fit with joints of the lifter or the detector
-EVIDENCE = (LIFTER, *JOINTS)  # origins of fits that had 3D joints
 UNKNOWN_PATH_M = 0.3  # of the performer's place, where a camera moves along an unknown path
 
 
@@ -153,6 +151,5 @@ def check_layouts(field: str, table: Mapping[str, float]) -> None:
 
 
 def estimated_joints(initial: InitialSmpl) -> dict[str, Float[np.ndarray, "_ 24 3"]]:
-    """Monocular 3D joints that stay evidence in SMPL-BA, by video: those of fits that had joints of
-    an estimator, the detector or the lifter."""
-    return {v.id: v.joints for v in initial.videos if initial.source.get(v.id, "") in EVIDENCE}
+    """Monocular 3D joints that stay evidence in SMPL-BA: those of an estimator, by video."""
+    return {v.id: v.joints for v in initial.videos if initial.source.get(v.id, "") in JOINTS}

@@ -7,7 +7,7 @@ so that every action that has the video finds the fit again.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -34,7 +34,6 @@ from imocap_core.problem.estimates import Estimate
 from imocap_core.problem.ground import grounds_of
 from imocap_core.problem.motions import alternatives_of, motions_of, starts_of
 from imocap_core.problem.observations import (
-    LIFTER,
     body_for,
     fit_of_single_views,
     observations_of,
@@ -42,7 +41,6 @@ from imocap_core.problem.observations import (
 from imocap_core.problem.path_units import path_units
 from imocap_core.problem.starts import (
     KEYPOINTS_ALONE,
-    evidence_of,
     lifted_joints,
     starts,
 )
@@ -98,7 +96,7 @@ class SingleProblem:
     """What all fits of one video share.
 
     Attributes:
-        lifted: the lifter's joints where there is no estimate, or None.
+        lifted: the lifter's joints where there is no estimate, or None: a start, no evidence.
         weights: of the objective; options: of the starts.
     """
 
@@ -128,27 +126,22 @@ class SingleProblem:
         if options.lifter == "auto" and single.estimate is None:
             (video,), (camera,) = single.keypoints.videos, single.cameras.videos
             lifted = lifted_joints(video, camera, device)
-        known = lifted is not None or isinstance(single.estimate, np.ndarray)
+        known = isinstance(single.estimate, np.ndarray)
         weights = fit_of_single_views(single.keypoints, fit, known, options.shape_prior)
         return cls(single, body, library, lifted, weights, options)
 
     @property
     def source(self) -> str:
         """Origin of the motions."""
-        if self.single.estimate is not None:
-            return self.single.keypoints.videos[0].initial_format or ""
-        return KEYPOINTS_ALONE if self.lifted is None else LIFTER
+        given = self.single.estimate is not None
+        return self.single.keypoints.videos[0].initial_format or "" if given else KEYPOINTS_ALONE
 
     def observed(self, units: Sequence[PathUnit] = ()) -> list[Observation]:
-        """What the fits work on, with the 3D joints of an estimate or of the lifter."""
-        estimate, sd_m = self.single.estimate, None
-        joints = estimate if isinstance(estimate, np.ndarray) else None
-        if self.lifted is not None:
-            joints, sd_m = evidence_of(self.lifted), self.lifted.sigma_m / 3**0.5
-        given = {} if joints is None else {ANY: joints}
+        """What the fits work on, with the 3D joints of an estimate, if any, as evidence."""
+        estimate = self.single.estimate
+        joints = {ANY: estimate} if isinstance(estimate, np.ndarray) else {}
         keypoints, cameras = self.single.keypoints, self.single.cameras
-        rows = observations_of(self.body, keypoints, cameras, self.weights, given, units)
-        return [replace(row, joints_sd_m=sd_m) for row in rows]
+        return observations_of(self.body, keypoints, cameras, self.weights, joints, units)
 
     def starts(self, observation: Observation) -> list[Start]:
         """Starting points of the fit to an observation."""

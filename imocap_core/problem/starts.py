@@ -1,4 +1,4 @@
-"""Where the monocular fits begin, and which 3D joints are their evidence."""
+"""Where the monocular fits begin."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from imocap_core.motion.observations import Observation
 from imocap_core.params import InitialSmplParams
 from imocap_core.problem.estimates import Estimate
 
-KEYPOINTS_ALONE = "monocular"  # origin of a fit that had no 3D joints
+KEYPOINTS_ALONE = "monocular"  # origin of a fit without an estimate
 
 
 def starts(
@@ -47,16 +47,13 @@ def starts(
     if estimate is not None:
         R_local = fit_rotations_to_joints(body, library, estimate)
         return [start_at_joints(body, R_local, observation)]
-    joints = [] if lifted is None else [lifted.joints, lifted.alternative]
-    joints += [] if detected is None else [detected]
+    joints = [] if detected is None else [detected]
+    if lifted is not None:
+        unseen = ~lifted.visible[:, None, None]
+        joints += [np.where(unseen, np.nan, x) for x in (lifted.joints, lifted.alternative)]
     rotations = [fit_rotations_to_joints(body, library, x) for x in joints]
     of_joints = [start_at_joints(body, R_local, observation) for R_local in rotations]
     return [*of_joints, *lifted_starts(body, library, observation, options)]
-
-
-def evidence_of(lifted: Lifted) -> Float[np.ndarray, "T 24 3"]:
-    """The lifter's joints as evidence of a fit, NaN in frames without any visible point."""
-    return np.where(lifted.visible[:, None, None], lifted.joints, np.nan)
 
 
 def lifted_joints(

@@ -17,7 +17,6 @@ from imocap_core.motion.prior import PosePrior
 from imocap_core.params import FitParams, InitialSmplParams
 from imocap_core.problem.hypotheses import FIRST, candidates_of
 from imocap_core.problem.motions import alternatives_of
-from imocap_core.problem.observations import LIFTER
 from imocap_core.problem.single_video import SingleProblem, SingleVideo, least_cost
 from imocap_core.problem.starts import KEYPOINTS_ALONE
 from imocap_core.sync.hypotheses.messages import SWAPPED
@@ -42,7 +41,7 @@ def refits_of_swapped(
     states = swapped_by_others([candidates_of(m, [], v) for m, v in rows], SMPL_JOINTS)
     refits = []
     for v, motion in enumerate(result.videos):
-        if result.source[motion.id] not in (KEYPOINTS_ALONE, LIFTER) or not states[v].any():
+        if result.source[motion.id] != KEYPOINTS_ALONE or not states[v].any():
             continue
         starts = [start for start in result.starts if start.video == motion.id]
         least = least_cost(starts, singles[v].frames, singles[v].stride(options))
@@ -74,7 +73,7 @@ def fits_with_sides(
     """
     problem = SingleProblem.of(swapped_video(single, states), prior, rng, fit, options)
     body, stride = problem.body, single.stride(options)
-    observed = replace(problem, single=single).observed()  # with what the lifter says of the sides
+    observed = replace(problem, single=single).observed()
     observation = with_sides(observed[0], states, body.keypoints.names, stride)
     fits = from_starts(
         body, prior, problem.library, observation, problem.starts(observation), stride,

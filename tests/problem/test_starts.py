@@ -16,7 +16,7 @@ from imocap_core.motion.monocular.library import make_library
 from imocap_core.motion.observations import Observation
 from imocap_core.motion.prior import load_pose_prior
 from imocap_core.params import InitialSmplParams
-from imocap_core.problem.starts import evidence_of, lifted_joints, starts
+from imocap_core.problem.starts import lifted_joints, starts
 from tests.made_keypoints import made_keypoints
 from tests.pipeline.test_people import figure
 
@@ -58,14 +58,6 @@ def test_the_starts_are_where_the_lifter_says_and_where_the_person_is_seen() -> 
     points = posed.keypoints(body.keypoints).numpy() @ camera.K.T
     away = np.linalg.norm(points[..., :2] / points[..., 2:] - video.xy_px, axis=-1)
     assert np.nanmedian(away) < 0.15 * 420
-
-
-def test_evidence_is_only_where_somebody_is_seen() -> None:
-    lifted = lifted_joints(*seen())
-    assert lifted is not None
-    evidence = evidence_of(lifted)
-    assert np.isnan(evidence[20:24]).all()
-    np.testing.assert_array_equal(evidence[:20], lifted.joints[:20])
 
 
 def test_nobody_and_hands_alone_are_not_lifted() -> None:

@@ -129,14 +129,14 @@ def evidence_term(
     """The estimators' joints as a term, if any video has them; template: dtype and device."""
     if all(o.joints is None for o in observations):
         return []
-    joints, precision, least_m = [], [], weights.evidence_mm / 1000
+    joints, given = [], []
     for o in observations:
         x = np.full((len(o.xy_px), 24, 3), np.nan) if o.joints is None else o.joints
         finite = np.asarray(np.isfinite(x).all(axis=-1))
         joints.append(np.where(finite[..., None], x, 0.0))
-        sd_m = least_m if o.joints_sd_m is None else np.maximum(o.joints_sd_m, least_m)
-        precision.append(finite / sd_m**2)
-    weight = padded(precision, template)
+        given.append(finite.astype(float))
+    sigma2_m2 = (weights.evidence_mm / 1000) ** 2
+    weight = padded(given, template) / sigma2_m2
     return [JointEvidence(body, padded(joints, template), weight, ESTIMATE_SIGMAS)]
 
 

@@ -34,6 +34,7 @@ from imocap_core.motion.multiview.offset_spread import estimate_offset_sd, initi
 from imocap_core.motion.multiview.scene import (
     DeviationSpread,
     Scene,
+    correlation_frames,
     solve,
 )
 from imocap_core.motion.solver.gauss_newton import Solution
@@ -90,7 +91,7 @@ def fit_in_stages(
         first = initial_offset_sd(len(scene.observations), options)
         keypoints = replace(keypoints, offset_sd=first)
     terms = [*regularisers(scene.body, scene.prior, scene.fit, scene.fps)]
-    terms += estimate_terms(scene, start)
+    terms += estimate_terms(scene, start, options)
     focal = NO_FREE_FOCAL_LENGTHS if cameras_known else free_focal_lengths(scene)
     motion, costs, status = start, list[float](), ""
     spread_m, starts = np.zeros(keypoints.weight.shape), [start]
@@ -137,9 +138,9 @@ def _wide_fit(
     )[0]
 
 
-def estimate_terms(scene: Scene, motion: MotionState) -> list[Term]:
-    """Monocular motions as evidence, counted once per time over which their errors persist."""
-    sd_mm = scene.fit.evidence_mm * max(1.0, scene.fit.evidence_s * scene.fps) ** 0.5
+def estimate_terms(scene: Scene, motion: MotionState, options: MotionParams) -> list[Term]:
+    """Monocular estimates as evidence, counted once per correlation time."""
+    sd_mm = scene.fit.evidence_mm * correlation_frames(options, scene.fps) ** 0.5
     return common_estimates(
         scene.body, scene.observations, scene.timeline, motion.trans, evidence_mm=sd_mm
     )

@@ -118,7 +118,7 @@ def with_common_motion(scene: Scene, result: JointMotion, options: MotionParams)
     terms = [*regularisers(scene.body, scene.prior, scene.fit, scene.fps)]
     motion, cameras, _ = fit_common_motion(
         scene.body, start, replace(keypoints, offset_sd=first), result.cameras, (),
-        [*terms, *estimate_terms(scene, start)], FIT_STEPS,
+        [*terms, *estimate_terms(scene, start, options)], FIT_STEPS,
         robust_scale=scene.fit.robust_scale_sigma,
     )  # fmt: skip
     spread = estimate_spread(scene, motion, cameras, options)
@@ -138,7 +138,7 @@ def common_evidence(scene: Scene, result: JointMotion, options: MotionParams) ->
     weighted = with_keypoint_spread(
         scene.body, keypoints, result.spread.keypoints_m, result.common, result.cameras
     )
-    estimates = estimate_terms(scene, result.common)
+    estimates = estimate_terms(scene, result.common, options)
     return CommonEvidence(result.common, result.cameras, weighted, result.spread, estimates)
 
 

@@ -30,8 +30,7 @@ class Registration:
     Attributes:
         residual: mean a frame, costs of the warp included, 0 (explained) to 1.
         static_residual: the same of the motion's best single pose, held throughout.
-        explained_change: of the keypoints, over time (`explained_change`); about 0 where chance
-            alone matches them, 1 where the motion explains them all.
+        explained_change: of the keypoints over time; about 0 where chance alone matches them.
         axes: image axes (right, down) in the motion's axes.
         frames: (T,) of the motion.
     """

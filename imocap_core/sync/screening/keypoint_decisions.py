@@ -4,10 +4,10 @@ A video is mirrored where the others' common motion explains its keypoints clear
 and most videos clearly better as they are taken; where most do not, or by no more than detectors
 err, the action is nearly its own mirror image, and nothing is decided. Of several at once each has
 to be so many times as clear. A video shows another action where the others' motion explains it no
-better than a static pose would, much worse than they explain each other without it, and less than
-half as much of its change over time as of theirs: who moves as they do, slower, seen from another
-side or badly in places, takes part. One is decided at a time, the clearest first, and the rest is
-explained anew. What is not clear is undecided: reported, never acted on.
+better than a static pose would, much worse than they explain each other without it, and much less
+of its change over time than of theirs: who moves as they do, slower, seen from another side or
+badly in places, takes part. One is decided at a time, the clearest first, and the rest is explained
+anew. What is not clear is undecided: reported, never acted on.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ ANOTHER_ACTION = 0.18  # score from which a video shows another action
 EXCESS_WEIGHT = 0.5  # of the residual over the others', beside that over a static pose
 REFLECTION_WEIGHT = 0.5  # of a clear answer to whether it is mirrored, which a stranger has not
 SUSPICIOUS, DOUBTFUL = 0.05, 0.14  # first score worth a second look; last score worth a remark
-FOLLOWED = 0.5  # of the others' explained change: more is the same action
+FOLLOWED = 0.4  # of the others' explained change: more is the same action
 LEAST_CHANGE = 0.05  # explained, below which nobody is compared
 EXPLAINED_OTHERS = -0.1  # the others' median excess over a static pose must lie below
 SIGN_ROUNDS = 3
@@ -186,8 +186,8 @@ def _score_without(
 
 def _measures(explained: Explanations, video: int) -> tuple[float, float, float]:
     """A video's residual, the same over a static pose's, and its explained change."""
-    residual, static, change = explained.residual, explained.static, explained.change
-    return float(residual[video]), float(static[video]), float(change[video])
+    residual, static = float(explained.residual[video]), float(explained.static[video])
+    return residual, static, float(explained.change[video])
 
 
 def _score(
