@@ -48,7 +48,9 @@ class Agreement:
         with np.errstate(invalid="ignore", divide="ignore"):
             value = together / np.maximum(np.sqrt(moved * flowed), 1e-9)
         moves = moved > np.maximum(self._count, 1) * LEAST_PX**2
-        return np.where(moves, value, np.nan).tolist()
+        return [
+            float(v) if moving else float("nan") for v, moving in zip(value, moves, strict=True)
+        ]
 
 
 def _flow(before: Picture, after: Picture, points: Points) -> Points:
