@@ -174,11 +174,13 @@ def test_a_terminal_without_the_characters_gets_others(toy: Toy, tmp_path: Path)
 def test_many_files_that_are_no_videos_take_one_line(
     toy: Toy, capsys: Capture, tmp_path: Path
 ) -> None:
-    write_video(tmp_path / "a.mp4")
-    (tmp_path / "broken.mp4").write_bytes(b"nothing")
+    folder = tmp_path / "clips"
+    folder.mkdir()
+    write_video(folder / "a.mp4")
+    (folder / "broken.mp4").write_bytes(b"nothing")
     for n in range(5):
-        (tmp_path / f"{n}.txt").write_text("hello")
-    assert toy.imocap(["init", "mine", str(tmp_path)]) == 0
+        (folder / f"{n}.txt").write_text("hello")
+    assert toy.imocap(["init", "mine", str(folder)]) == 0
     lines = [line for line in capsys.readouterr().out.splitlines() if "left out" in line]
     assert len(lines) == 2
     assert "broken.mp4: expected a video" in lines[0]
