@@ -7,6 +7,7 @@ from pathlib import Path
 
 from imocap_core.body.layouts import layout_names
 from imocap_core.collect.choice import decide
+from imocap_core.collect.cycles import cycles_of, in_whole_cycles
 from imocap_core.collect.film_tracks import FilmTracks, film_tracks
 from imocap_core.collect.films import LongFilm, look_through
 from imocap_core.collect.further_examples import (
@@ -31,7 +32,7 @@ from imocap_core.collect.movement import (
     example_movement,
     repeated_movement,
 )
-from imocap_core.collect.occurrences import Occurrence, occurrence_of
+from imocap_core.collect.occurrences import Occurrence, occurrence_of, shows_same
 from imocap_core.collect.same_takes import showings
 from imocap_core.conventions import mirror_indices
 from imocap_core.detect.detectors import detector_of
@@ -67,7 +68,12 @@ def collect_films(
     display.progress(0.95, "looking for more like what was found")
     every = by_further_examples(people, by_example, params.collect)
     least = threshold(every, params.collect)
-    matches = [m for of_track in every for m in of_track if m.score >= least]
+    matches = [
+        match
+        for of_track, track in zip(every, people.tracks, strict=True)
+        if of_track and of_track[0].score >= least
+        for match in in_whole_cycles(of_track, cycles_of(track), least)
+    ]
     if not matches:
         raise WorkFailed(
             f"nothing in {', '.join(f.name for f in files)} is like "
@@ -75,6 +81,7 @@ def collect_films(
             "with --like VIDEO --from S --to S, or a smaller --set collect.least_contrast"
         )
     occurrences = [_occurrence(m, films, people, params.collect) for m in matches]
+    matches, occurrences = _each_once(matches, occurrences)
     same_takes = showings(
         occurrences,
         [people.tracks[m.track] for m in matches],
@@ -96,6 +103,18 @@ def collect_films(
     )
     alone = {n: o.alone for n, o, d in zip(names, occurrences, decisions, strict=True) if d.chosen}
     return collected, alone
+
+
+def _each_once(
+    matches: Sequence[Match], occurrences: Sequence[Occurrence]
+) -> tuple[list[Match], list[Occurrence]]:
+    """Without those that show the same person at the same time, followed twice: the best stays."""
+    order = sorted(range(len(matches)), key=lambda i: -occurrences[i].quality)
+    kept: list[int] = []
+    for i in order:
+        if not any(shows_same(occurrences[i], occurrences[k]) for k in kept):
+            kept.append(i)
+    return [matches[i] for i in sorted(kept)], [occurrences[i] for i in sorted(kept)]
 
 
 def _looked_through(

@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from imocap_core.body.layouts import layout_names
+from imocap_core.collect.cycles import cycle_around, cycles_of
 from imocap_core.collect.dominant import dominant_template
 from imocap_core.collect.features import RATE_HZ, at_rate, part_of, samples_of
 from imocap_core.collect.film_tracks import FilmTracks
@@ -63,10 +64,15 @@ def repeated_movement(
             "--to S"
         )
     template, index, start = best
-    track = people.tracks[index]
-    frame = at_rate(people.samples[index], 1.0).frame
-    last = min(start + len(template.background), len(frame)) - 1
-    frames = (track.first + int(frame[start]), track.first + int(frame[last]) + 1)
+    track, samples = people.tracks[index], at_rate(people.samples[index], 1.0)
+    last = min(start + len(template.background), len(samples.frame)) - 1
+    first, stop = int(samples.frame[start]), int(samples.frame[last]) + 1
+    whole = cycle_around(first, stop, cycles_of(track))
+    if whole is not None:
+        first, stop = whole
+        inside = (samples.frame >= first) & (samples.frame < stop)
+        template = template_of(part_of(samples, inside), people.pool())
+    frames = (track.first + first, track.first + stop)
     return SoughtMovement(template, films[track.film].path, frames, track.fps, given=False)
 
 

@@ -12,6 +12,9 @@ from imocap_core.collect.shots import Shot
 from imocap_core.collect.tracks import ShotTrack
 from imocap_core.conventions import SMPL_JOINTS
 
+Box = tuple[float, float, float, float]  # left, top, right, bottom
+
+SAME = 0.5  # of the shorter in time, and of both boxes: two tracks of one person
 SIZE_PX = 150.0  # a person of this size counts half as much as one of any size
 SIDES = ("front", "left side", "back", "right side")
 ACROSS = [
@@ -43,7 +46,7 @@ class Occurrence:
     height_px: float
     visible: float
     confidence: float
-    box_px: tuple[float, float, float, float]
+    box_px: Box
     box_frame: int
     alone: bool
 
@@ -102,6 +105,23 @@ def _azimuth_deg(joints: Float[np.ndarray, "T 24 3"]) -> float:
     flat = flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-6)
     x, z = flat.mean(axis=0)
     return float(np.degrees(np.arctan2(-z, x)) % 360)
+
+
+def shows_same(a: Occurrence, b: Occurrence) -> bool:
+    """Whether two tracks of one shot show the same person at the same time."""
+    if (a.film, a.shot) != (b.film, b.shot) or a.track == b.track:
+        return False
+    shared = min(a.stop, b.stop) - max(a.first, b.first)
+    together = shared > SAME * min(a.stop - a.first, b.stop - b.first)
+    return together and _box_overlap(a.box_px, b.box_px) > SAME
+
+
+def _box_overlap(a: Box, b: Box) -> float:
+    """Intersection over union."""
+    sides = [min(a[k + 2], b[k + 2]) - max(a[k], b[k]) for k in (0, 1)]
+    both = max(sides[0], 0.0) * max(sides[1], 0.0)
+    areas = [(x[2] - x[0]) * (x[3] - x[1]) for x in (a, b)]
+    return both / max(sum(areas) - both, 1e-9)
 
 
 def view_difference_deg(a: Occurrence, b: Occurrence) -> float:

@@ -34,6 +34,7 @@ SHARP_ROUNDS = 2  # the last refinements, against a template that errs less than
 SHARPNESS = 3.0  # factor of their evidence
 REPROJECTION_ROUNDS = 2  # in the second, outliers are those at the moments of the first
 SEARCH_S = 2.0  # beyond what a map does not rule out, a refinement looks this far
+LEAST_UNIT_M2 = 1e-6  # of squared differences of heights
 DISTINCT = 1e-9  # frames, between two that would lie at one place
 KEYPOINTS_PER_S = 60.0  # a detector's errors persist far less than those of poses
 
@@ -225,7 +226,7 @@ def _squared_heights(
     )
     matched = np.rint(median_positions(maps[v], per_frame) * per_frame).astype(np.int64)
     known = np.nan_to_num((own - others[matched]) ** 2)
-    unit = max(float(np.mean(known)), distances.least_square)
+    unit = max(float(np.median(known)), distances.least_square, LEAST_UNIT_M2)
     return lambda t, s: squared_differences(own[t], others[s]) / unit
 
 
