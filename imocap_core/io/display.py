@@ -88,7 +88,8 @@ class ShownFrame:
 
 def display_of(frame: av.VideoFrame, aspect: float | None) -> Display:
     """How a file's frames are shown; ``aspect``: of a stored pixel, None where it is not said."""
-    stored, matrix = (frame.width, frame.height), frame.side_data.get("DISPLAYMATRIX")
+    stored = (frame.width, frame.height)
+    matrix = next((x for x in frame.side_data if x.type == SideData.DISPLAYMATRIX), None)
     axes = UPRIGHT
     if matrix is not None:
         axes = axes_of(np.frombuffer(bytes(matrix), np.int32, 9).reshape(3, 3))

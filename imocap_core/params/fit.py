@@ -37,7 +37,7 @@ class FitParams:
         "limbs, hips, shoulders, trunk.",
     )
     shape_prior_of: dict[str, Positive] = param(
-        {"mediapipe33": 100.0, "blazepose33": 100.0},
+        {"mediapipe33": 100.0, "blazepose33": 30.0},
         "The same by keypoint layout, for detectors whose points are off at the same places in "
         "every frame: such errors look like another body.",
     )

@@ -45,7 +45,7 @@ class InitialSmplParams:
     )
     lifter: Literal["auto", "never"] = param(
         "auto",
-        "`auto`: the learned lifter's joints (lifter.md) are starts of the fits of videos without an "
-        "`initial` estimate, beside the library's poses and the detector's own 3D joints.",
+        "`auto`: the learned lifter's joints (lifter.md) are starts of the fits of videos without "
+        "an `initial` estimate, beside the library's poses and the detector's own 3D joints.",
     )
     max_steps: Count = param(12, "Most Gauss-Newton steps of the last fit of each video.")

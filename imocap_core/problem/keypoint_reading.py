@@ -318,7 +318,8 @@ def _same_points(
     if not len(people) or not len(later):
         return np.zeros((0, 2)), np.zeros((0, 2))
     seen = np.asarray((people[0, :, 2] > SEEN) & (later[..., 2] > SEEN))
-    away = np.where(seen, np.linalg.norm(later[..., :2] - people[0, :, :2], axis=-1), np.nan)
+    apart = np.linalg.norm(later[..., :2] - people[0, :, :2], axis=-1)
+    away: Float[np.ndarray, "Q K"] = np.where(seen, apart, np.nan)
     if not np.isfinite(away).any():
         return np.zeros((0, 2)), np.zeros((0, 2))
     other = int(np.nanargmin(np.nanmin(np.where(seen.any(axis=1)[:, None], away, np.inf), axis=1)))
