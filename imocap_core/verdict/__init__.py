@@ -11,6 +11,8 @@ Reading order:
     decisions       what was left out or mirrored, and how to overrule it
     detections      missing people, cuts, other people, swapped sides, moving cameras
     weak_joints     ill-determined joints
+    view_findings, physical_findings, prediction_findings
+                    what no video shows, what bodies do not do, what the others do not predict
     further_view    what to film next
     summary         the three sentences
     limbs, take_findings, collapse_findings, body_findings, swapped_findings

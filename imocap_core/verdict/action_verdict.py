@@ -15,6 +15,7 @@ from imocap_core.verdict.further_view import further_view
 from imocap_core.verdict.left_out_findings import damage_findings, left_out_findings
 from imocap_core.verdict.performer_findings import performer_findings
 from imocap_core.verdict.physical_findings import floor_findings, speed_findings, up_findings
+from imocap_core.verdict.prediction_findings import prediction_findings
 from imocap_core.verdict.repetition_findings import repetition_findings
 from imocap_core.verdict.summary import summary_of
 from imocap_core.verdict.swapped_findings import swapped_findings
@@ -53,6 +54,7 @@ def verdict_of(
         *timing_findings(sync, keypoints.videos),
         *repetition_findings(sync),
         *performer_findings(keypoints, camera_motion, refined),
+        *([] if claimed is None else prediction_findings(claimed.leave_one_out)),
         *floor_findings(motion, sync),
         *behind_findings(motion, videos),
         *speed_findings(motion.videos, videos),

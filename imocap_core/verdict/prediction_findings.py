@@ -3,41 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+from imocap_core.artifacts.schemas import PredictedVideo
 from imocap_core.verdict.findings import Finding
 
-FAR_PCT = 10.0  # of the height: an error as long as a hand
-WORSE = 2.0  # times the error of the video's own monocular fit, which the picture itself bounds
+FAR = 0.1  # median error, of the height: as long as a hand
+WORSE = 2.0  # times the error of limbs hidden from the video's own monocular fit
 
 
-@dataclass(frozen=True)
-class Prediction:
-    """How the others' motion, its warp and one resected camera fit a video's keypoints.
-
-    Attributes:
-        error_pct_height: median distance in % of the person's height in the picture; NaN unknown.
-        share_10: share of the keypoints within 10 %; monocular: the error of the video's own fit.
-    """
-
-    video: str
-    error_pct_height: float
-    share_10: float
-    monocular: float
-
-
-def prediction_findings(predictions: Sequence[Prediction]) -> list[Finding]:
+def prediction_findings(predicted: Sequence[PredictedVideo]) -> list[Finding]:
     """One finding per video that is predicted badly, the worst first."""
-    bad = [p for p in predictions if p.error_pct_height > max(FAR_PCT, WORSE * p.monocular)]
+    bad = [p for p in predicted if p.error_share > _limit(p)]
     return [
         Finding(
             "body",
-            p.video,
-            f"the other videos predict its keypoints to {p.error_pct_height:.0f} % of the height "
-            f"only, {p.share_10:.0%} of them within 10 % (its own fit: {p.monocular:.0f} %): the "
-            "timing, the pose in depth or the action differs",
+            p.id,
+            f"the other videos' motion predicts its keypoints to {p.error_share:.0%} of the height "
+            f"only, {p.near_share:.0%} of them within 10 %: the timing, the pose in depth or the "
+            "action differs",
             "the others do not predict it",
             "compare them with `imocap view`",
         )
-        for p in sorted(bad, key=lambda p: -p.error_pct_height)
+        for p in sorted(bad, key=lambda p: -p.error_share)
     ]
+
+
+def _limit(predicted: PredictedVideo) -> float:
+    """Python's max keeps the first of two where the second is NaN."""
+    return max(FAR, WORSE * predicted.monocular_error_share)

@@ -47,7 +47,7 @@ def without_consequences(findings: Sequence[Finding]) -> list[Finding]:
 
 def _within(finding: Finding, cause: Finding) -> bool:
     """Whether half of the finding's frames lie within the cause's."""
-    if finding.video != cause.video:
+    if finding.video != cause.video or finding.subject:
         return False
     if cause.first_frame is None or cause.last_frame is None:
         return True

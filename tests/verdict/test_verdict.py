@@ -298,10 +298,11 @@ def test_one_cause_is_named_once(made: Made) -> None:
 
 def test_places_of_one_fault_are_named_together() -> None:
     slides = [Finding("feet", v, "slides", "slides", "", 3, 9) for v in ("v1", "v2")]
+    up = Finding("up", "", "doubtful", "rolled", subject="which way is up")
     hand = Finding("hidden", "", "unseen", "no video shows it", subject="the left hand")
-    assert distrust([*slides, hand]) == (
-        "Do not trust v1 frames 3-9 and v2 frames 3-9 (slides) and the left hand (no video shows "
-        "it)."
+    assert distrust([up, *slides, hand]) == (
+        "Do not trust which way is up (rolled), v1 frames 3-9 and v2 frames 3-9 (slides) and the "
+        "left hand (no video shows it)."
     )
 
 
