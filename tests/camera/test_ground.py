@@ -44,7 +44,7 @@ def test_the_ground_is_under_the_planted_feet(seed: int) -> None:
 def test_the_ground_is_under_the_parts_that_carry(posture: str) -> None:
     joints = turned(posed(POSTURES[posture]), Rotation.from_euler("y", 90, degrees=True))
     ground = estimate_ground([FilmedBody(joints, FPS, LEVEL_CAMERA)], PRIOR)
-    assert abs(ground.height_m(joints[0, 0]) - joints[0, 0, 1]) < 0.1
+    assert abs(ground.height_m(joints[0, 0]) - joints[0, 0, 1]) < 0.15  # the length of a hand
 
 
 def test_soles_below_the_ground_are_measured() -> None:
