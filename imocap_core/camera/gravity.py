@@ -9,29 +9,34 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.camera.tilt_evidence import (
+    LEAN_AHEAD,
     LevelPrior,
     Support,
     balance_cost,
     camera_angles_deg,
     camera_cost,
-    depth_cost,
-    falling_cost,
+    carried_cost,
+    hanging_cost,
     perpendicular,
     plane_cost,
     support_of,
     trunk_cost,
 )
 
-MOMENTS = 100  # of a video that are looked at
+MOMENTS = 40  # of a video that are looked at
 CORRELATION_S = 0.5  # errors of a pose persist: so long a time counts as one observation
 MOST_OBSERVATIONS = 5.0  # and a video's common error remains, however long it is
 JUDGED_AHEAD = 0.1  # error along the line of sight of a pose that is judged (`implausibility`)
 WRONG_SHARE = 0.02  # of motions that lean to or from the camera as a whole
-ROLLS_DEG, PITCHES_DEG = np.arange(-180.0, 181.0, 5.0), np.arange(-60.0, 61.0, 6.0)
+ROLLS_DEG, PITCHES_DEG = np.arange(-180.0, 181.0, 5.0), np.arange(-60.0, 61.0, 10.0)
+OTHER_SHARE, HANGING_SHARE = 0.05, 0.01  # of videos in which other parts than feet carry the body
+STANDING_COST = 4.5  # of balance and trunk for who stands: densities of a narrow and a wide support
+BY_WHAT = (1 - OTHER_SHARE - HANGING_SHARE, OTHER_SHARE, HANGING_SHARE)
 TRUNK_SHARE = 0.3  # of the evidence of balance, which speaks of nearly the same
 SPHERE = 1000  # directions that are compared first, 7 degrees apart
 REFINEMENTS, GRID, REACH_SD = 3, 17, 4.0
 FIRST_REACH_DEG, LEAST_REACH_DEG, MOST_REACH_DEG = 12.0, 2.0, 30.0
+APART_DEG, MOST_MODES, HOPELESS = 25.0, 3, 12.0  # of proposals: angle, number, cost above the least
 CHUNK = 100  # directions evaluated together, so that their arrays stay in the processor's cache
 
 
@@ -71,7 +76,7 @@ def estimate_up(bodies: Sequence[FilmedBody], prior: LevelPrior) -> UpEstimate:
             total += stance.cost(up)
         return total
 
-    return _searched(cost)[0]
+    return _searched(cost, [b.R_cam_from_world for b in bodies], prior)[0]
 
 
 def implausibility(filmed: FilmedBody, level: LevelPrior) -> float:
@@ -90,33 +95,74 @@ def implausibility(filmed: FilmedBody, level: LevelPrior) -> float:
     sight = filmed.R_cam_from_world[2]
 
     def cost(up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
-        body = falling_cost(up, support, sight, JUDGED_AHEAD)
-        body += plane_cost(up, support) + depth_cost(up, support)
-        return camera_cost(up, filmed.R_cam_from_world, level) + count * body
+        carried = count * carried_cost(up, support, sight, JUDGED_AHEAD)
+        hanging = count * hanging_cost(up, support, sight, JUDGED_AHEAD) - 2 * np.log(HANGING_SHARE)
+        return camera_cost(up, filmed.R_cam_from_world, level) + np.minimum(carried, hanging)
 
-    return _searched(_in_chunks(cost))[1]
+    return _searched(_in_chunks(cost), [filmed.R_cam_from_world], level)[1]
 
 
 Cost = Callable[[Float[np.ndarray, "U 3"]], Float[np.ndarray, " U"]]
 
 
-def _searched(cost: Cost) -> tuple[UpEstimate, float]:
-    """Mean and spread of a posterior over directions, and the least cost that was met."""
-    sphere = _fibonacci_sphere(SPHERE)
+def _searched(
+    cost: Cost, cameras: Sequence[Float[np.ndarray, "3 3"]], prior: LevelPrior
+) -> tuple[UpEstimate, float]:
+    """The likeliest of few ups, its standard deviation and the least cost that was met.
+
+    Proposed are cameras that are held level and the least costs on the sphere. The proposal with
+    the most posterior around it is chosen, not their mean; how likely it is one of the others
+    shows in the standard deviation.
+    """
+    level = _up_of_angles(np.zeros(1), np.array([prior.pitch_down_deg]))
+    sphere = np.concatenate([*(level @ R for R in cameras), _fibonacci_sphere(SPHERE)])
     costs = cost(sphere)
-    mean, least, reach, sd = sphere[costs.argmin()], costs.min(), FIRST_REACH_DEG, 0.0
-    for _ in range(REFINEMENTS):
-        around = _grid(mean, reach)
-        costs = cost(around)
-        weight = np.exp(-0.5 * (costs - costs.min()))
-        weight /= weight.sum()
-        mean = weight @ around
-        mean /= np.linalg.norm(mean)
-        angle = np.degrees(np.arccos(np.clip(around @ mean, -1.0, 1.0)))
-        sd = float(np.sqrt(weight @ angle**2 / 2))
-        reach = float(np.clip(REACH_SD * sd, LEAST_REACH_DEG, MOST_REACH_DEG))
-        least = min(least, costs.min())
-    return UpEstimate(mean, sd), float(least)
+    modes: list[_Mode] = []
+    for k in costs.argsort():
+        apart = [_angles_deg(sphere[k], m.start).item() for m in modes]
+        if costs[k] > costs.min() + HOPELESS or len(modes) == MOST_MODES:
+            break
+        if min(apart, default=180.0) > APART_DEG:
+            modes.append(_Mode.around(cost, sphere[k]))
+    best = min(modes, key=lambda m: m.cost)
+    share = np.exp(-0.5 * np.array([m.cost - best.cost for m in modes]))
+    share /= share.sum()
+    apart_deg = np.array([_angles_deg(best.mean, m.mean).item() for m in modes])
+    spread = np.array([m.sd_deg for m in modes]) ** 2 + apart_deg**2 / 2
+    least = min(m.least for m in modes)
+    return UpEstimate(best.mean, float(np.sqrt(share @ spread))), least
+
+
+@dataclass(frozen=True)
+class _Mode:
+    """The posterior around one direction: its mean, spread, -2 log of its integral, least cost."""
+
+    start: Float[np.ndarray, "3"]
+    mean: Float[np.ndarray, "3"]
+    sd_deg: float
+    cost: float
+    least: float
+
+    @classmethod
+    def around(cls, cost: Cost, start: Float[np.ndarray, "3"]) -> _Mode:
+        """Sums over a grid that closes in on the mean."""
+        mean, reach, sd, whole, least = start, FIRST_REACH_DEG, 0.0, 0.0, np.inf
+        for _ in range(REFINEMENTS):
+            around = _grid(mean, reach)
+            costs = cost(around)
+            weight = np.exp(-0.5 * (costs - costs.min()))
+            whole = float(costs.min() - 2 * np.log(weight.sum() * reach**2))
+            weight /= weight.sum()
+            mean = weight @ around
+            mean /= np.linalg.norm(mean)
+            sd = float(np.sqrt(weight @ _angles_deg(mean, around) ** 2 / 2))
+            reach = float(np.clip(REACH_SD * sd, LEAST_REACH_DEG, MOST_REACH_DEG))
+            least = min(least, float(costs.min()))
+        return cls(start, mean, sd, whole, least)
+
+
+def _angles_deg(a: Float[np.ndarray, "3"], b: Float[np.ndarray, "*U 3"]) -> Float[np.ndarray, "*U"]:
+    return np.asarray(np.degrees(np.arccos(np.clip(b @ a, -1.0, 1.0))))
 
 
 def _in_chunks(cost: Cost) -> Cost:
@@ -152,10 +198,14 @@ class _Stance:
         return replace(stance, of_roll=costs.reshape(roll.shape).min(axis=1))
 
     def if_right(self, up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
-        """Balance, trunk and planted feet, as if the pose were right."""
-        posture = balance_cost(up, self.support, self.R_cam_from_world[2])
-        posture += TRUNK_SHARE * trunk_cost(up, self.support)
-        return self.count * (posture + plane_cost(up, self.support))
+        """As if the pose were right: the body stands on its feet, upright more often than not; or,
+        throughout a video, other parts carry it, and nothing is known of its trunk."""
+        sight = self.R_cam_from_world[2]
+        feet = balance_cost(up, self.support, sight) + plane_cost(up, self.support)
+        feet += TRUNK_SHARE * trunk_cost(up, self.support) - STANDING_COST
+        others = carried_cost(up, self.support, sight, LEAN_AHEAD)
+        hands = hanging_cost(up, self.support, sight, LEAN_AHEAD)
+        return _mixed(self.count * np.stack([feet, others, hands]), BY_WHAT)
 
     def cost(self, up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
         """The same when the whole motion may lean in depth, which a view shows least: then it tells
@@ -163,11 +213,13 @@ class _Stance:
         roll, _ = camera_angles_deg(up, self.R_cam_from_world)
         wrong = np.interp(roll, ROLLS_DEG, self.of_roll)
         right = _in_chunks(self.if_right)(up)
-        least = self.of_roll.min()
-        likelihood = (1 - WRONG_SHARE) * np.exp(-0.5 * (right - least))
-        return np.asarray(
-            -2 * np.log(likelihood + WRONG_SHARE * np.exp(-0.5 * (wrong - least)) + 1e-300)
-        )
+        return _mixed(np.stack([right, wrong]), (1 - WRONG_SHARE, WRONG_SHARE))
+
+
+def _mixed(costs: Float[np.ndarray, "C U"], shares: Sequence[float]) -> Float[np.ndarray, " U"]:
+    """Cost of a mixture of cases that have these shares."""
+    least = costs.min(axis=0)
+    return np.asarray(least - 2 * np.log(np.asarray(shares) @ np.exp(-0.5 * (costs - least))))
 
 
 def _up_of_angles(

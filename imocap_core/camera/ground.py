@@ -11,8 +11,11 @@ from imocap_core.camera.gravity import FilmedBody, estimate_up
 from imocap_core.camera.ground_plane import Ground
 from imocap_core.camera.tilt_evidence import (
     BALLS,
+    PART_RADII_M,
+    PARTS,
     LevelPrior,
     planted_feet,
+    planted_weight,
     weighted_quantile,
 )
 from imocap_core.camera.world import GroundAlignment
@@ -21,6 +24,7 @@ BALL_ABOVE_SOLE_M = 0.027  # SMPL's foot joint above the sole, in the free body 
 HEIGHT_ROUNDS, HEIGHT_SCALE_M = 5, 0.05
 LEAST_HEIGHT_SD_M = 0.01
 PLANTED_QUANTILE = 0.4  # of slow feet: the others may be held still above the ground
+FEET_CARRY_M = 0.15  # above the lowest part: higher feet do not tell the floor
 LEAST_SIDEWAYS = 0.1  # length of a camera's horizontal direction below which it looks up or down
 Z_UP_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
@@ -32,13 +36,15 @@ def estimate_ground(bodies: Sequence[FilmedBody], prior: LevelPrior) -> Ground:
     """
     estimate = estimate_up(bodies, prior)
     whole = [b.joints[np.isfinite(b.joints).all(axis=(1, 2))] for b in bodies]
-    rows = [planted_feet(x, b.fps) for x, b in zip(whole, bodies, strict=True) if len(x)]
+    rows = [
+        _standing_on(x, b.fps, estimate.up) for x, b in zip(whole, bodies, strict=True) if len(x)
+    ]
     if not rows:
         return Ground(estimate.up, np.zeros(3), estimate.sd_deg, float("nan"))
-    feet, planted = (np.concatenate(parts) for parts in zip(*rows, strict=True))
-    height, height_sd_m = _height(feet @ estimate.up, planted, len(rows))
+    soles, planted = (np.concatenate(parts) for parts in zip(*rows, strict=True))
+    height, height_sd_m = _height(soles, planted, len(rows))
     middle = np.concatenate(whole)[:, 0].mean(axis=0)
-    origin = middle + (height - BALL_ABOVE_SOLE_M - middle @ estimate.up) * estimate.up
+    origin = middle + (height - middle @ estimate.up) * estimate.up
     return Ground(estimate.up, origin, estimate.sd_deg, 1000 * height_sd_m)
 
 
@@ -74,6 +80,25 @@ def sole_depths_mm(joints: Float[np.ndarray, "T 24 3"], ground: Ground) -> Float
 def sole_heights_m(joints: Float[np.ndarray, "T 24 3"], ground: Ground) -> Float[np.ndarray, " T"]:
     """Height of the lower sole above the ground."""
     return np.asarray((ground.height_m(joints[:, BALLS]) - BALL_ABOVE_SOLE_M).min(axis=1))
+
+
+def _standing_on(
+    joints: Float[np.ndarray, "T 24 3"], fps: float, up: Float[np.ndarray, "3"]
+) -> tuple[Float[np.ndarray, " N"], Float[np.ndarray, " N"]]:
+    """Heights of planted soles, and their weights; of the lowest part where no foot is as low."""
+    parts = joints[:, PARTS] @ up - PART_RADII_M
+    lowest = parts.argmin(axis=1)
+    soles = (joints[:, BALLS] @ up).min(axis=1) - BALL_ABOVE_SOLE_M
+    on_feet = soles < parts.min(axis=1) + FEET_CARRY_M
+    heights, weights = [parts.min(axis=1)[~on_feet]], []
+    steps = np.diff(joints[:, PARTS], axis=0, append=joints[-1:, PARTS])
+    speed = fps * np.linalg.norm(steps, axis=-1)
+    weights.append(planted_weight(speed[np.arange(len(joints)), lowest])[~on_feet])
+    if on_feet.any():
+        feet, planted = planted_feet(joints[on_feet], fps)
+        heights.append(feet @ up - BALL_ABOVE_SOLE_M)
+        weights.append(planted)
+    return np.concatenate(heights), np.concatenate(weights)
 
 
 def _height(

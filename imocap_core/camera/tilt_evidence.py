@@ -29,22 +29,32 @@ LEAN_ACROSS, LEAN_AHEAD = 0.04, 0.25  # errors of the pose as shares of the heig
 # camera's line of sight and along it
 DYNAMIC_S = 0.2  # and as a time at its speed: who moves need not balance
 TRUNK_DEG = 8.0
+HANGING_M = 0.4  # hands above the centre of mass of who hangs
 PLANE_M = 0.08  # deviation of a planted foot's height, with its error of depth
 PLANTED_M_S = 0.2  # speed at which a foot counts a quarter as planted
 LEAST_PLANTED = 0.1  # feet that count less are left out
 PLANE_QUANTILE = 0.5
-DEPTH_M = 0.08  # of a limb below the floor, with its error of depth
 
+SIDES = ("left", "right")
 PELVIS, NECK = SMPL_JOINTS.index("pelvis"), SMPL_JOINTS.index("neck")
-BALLS = [SMPL_JOINTS.index(f"{side}_foot") for side in ("left", "right")]
-ANKLES = [SMPL_JOINTS.index(f"{side}_ankle") for side in ("left", "right")]
+BALLS = [SMPL_JOINTS.index(f"{side}_foot") for side in SIDES]
+ANKLES = [SMPL_JOINTS.index(f"{side}_ankle") for side in SIDES]
 HANDS_AND_KNEES = [
-    SMPL_JOINTS.index(f"{side}_{part}") for part in ("wrist", "knee") for side in ("left", "right")
+    SMPL_JOINTS.index(f"{side}_{part}") for part in ("wrist", "knee") for side in SIDES
 ]
 LIMB_SHARES = np.concatenate(
     [0.5 * (np.eye(24)[ANKLES] + np.eye(24)[BALLS]), np.eye(24)[HANDS_AND_KNEES]]
 )
 """(6, 24) weights of SMPL's joints whose mean is a limb that may support: feet, wrists, knees."""
+PARTS = [
+    *(BALLS + ANKLES + HANDS_AND_KNEES),
+    *(SMPL_JOINTS.index(name) for name in ("left_hip", "right_hip", "head")),
+    *(SMPL_JOINTS.index(f"{side}_{part}") for part in ("shoulder", "elbow") for side in SIDES),
+]
+PART_RADII_M = np.repeat([0.03, 0.06, 0.05, 0.06, 0.1, 0.1, 0.08, 0.04], [2, 2, 2, 2, 2, 1, 2, 2])
+"""Joints of parts that may carry a body which lies, kneels or stands on its hands, and their
+depths below the skin, of the free body."""
+WRISTS = slice(4, 6)
 
 
 @dataclass(frozen=True)
@@ -64,6 +74,7 @@ class Support:
         centre: (N, 3) centre of mass; speed_m_s: (N,) its speed.
         limbs: (N, 6, 3) feet, wrists, knees; trunk: (N, 3) unit vectors from pelvis to neck.
         feet: (M, 3) balls of slow feet; planted: (M,) their weights.
+        parts: (N, P, 3) those of PARTS; parts_m_s: (N, P) their speeds.
     """
 
     centre: Float[np.ndarray, "N 3"]
@@ -72,12 +83,17 @@ class Support:
     trunk: Float[np.ndarray, "N 3"]
     feet: Float[np.ndarray, "M 3"]
     planted: Float[np.ndarray, " M"]
+    parts: Float[np.ndarray, "N P 3"]
+    parts_m_s: Float[np.ndarray, "N P"]
 
 
 def support_of(joints: Float[np.ndarray, "T 24 3"], fps: float, moments: int) -> Support:
     """Support at up to `moments` moments of a motion without gaps."""
     centre = centre_of_mass(joints)
-    step = np.gradient(centre, axis=0) if len(joints) > 1 else np.zeros_like(centre)
+    parts = joints[:, PARTS]
+    step, parts_step = (
+        np.gradient(x, axis=0) if len(joints) > 1 else np.zeros_like(x) for x in (centre, parts)
+    )
     index = np.unique(np.linspace(0, len(joints) - 1, moments).round().astype(np.int64))
     chosen = joints[index]
     trunk = chosen[:, NECK] - chosen[:, PELVIS]
@@ -90,6 +106,8 @@ def support_of(joints: Float[np.ndarray, "T 24 3"], fps: float, moments: int) ->
         trunk=trunk / np.maximum(np.linalg.norm(trunk, axis=-1, keepdims=True), 1e-9),
         feet=feet[some],
         planted=planted[some],
+        parts=parts[index],
+        parts_m_s=fps * np.linalg.norm(parts_step[index], axis=-1),
     )
 
 
@@ -102,9 +120,14 @@ def planted_feet(
         return feet[0], np.ones(len(BALLS))
     middle = (0.5 * (feet[1:] + feet[:-1])).reshape(-1, 3)
     speed = fps * np.linalg.norm(feet[1:] - feet[:-1], axis=-1).ravel()
-    weight = 1.0 / (1.0 + (speed / PLANTED_M_S) ** 2) ** 2
+    weight = planted_weight(speed)
     slow = weight >= min(LEAST_PLANTED, weight.max())
     return middle[slow], weight[slow]
+
+
+def planted_weight(speed_m_s: Float[np.ndarray, "*S"]) -> Float[np.ndarray, "*S"]:
+    """1 for what stands still, a quarter at PLANTED_M_S."""
+    return 1.0 / (1.0 + (speed_m_s / PLANTED_M_S) ** 2) ** 2
 
 
 def camera_cost(
@@ -140,14 +163,6 @@ def plane_cost(up: Float[np.ndarray, "U 3"], support: Support) -> Float[np.ndarr
     return np.asarray(cost @ support.planted / support.planted.sum())
 
 
-def depth_cost(up: Float[np.ndarray, "U 3"], support: Support) -> Float[np.ndarray, " U"]:
-    """No limb is below the height of planted feet; the mean over moments."""
-    floor = weighted_quantile(up @ support.feet.T, support.planted, PLANE_QUANTILE)
-    lowest = np.einsum("nsc,uc->usn", support.limbs, up).min(axis=1)
-    depth = np.maximum(floor[:, None] - lowest, 0.0)
-    return np.asarray(_student(depth / DEPTH_M, PLANE_DOF).mean(axis=1))
-
-
 def balance_cost(
     up: Float[np.ndarray, "U 3"], support: Support, sight: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, " U"]:
@@ -160,34 +175,75 @@ def balance_cost(
     return np.asarray((cost + np.log(determinant / SWAY_M**4)).mean(axis=1))
 
 
-def falling_cost(
+def carried_cost(
     up: Float[np.ndarray, "U 3"], support: Support, sight: Float[np.ndarray, "3"], ahead: float
 ) -> Float[np.ndarray, " U"]:
-    """How far the centre of mass is off its support, whichever that is; the mean over moments.
+    """The centre of mass is above the lowest parts, whichever they are, and these are on one height
+    while they stand still; nothing is below it. The mean over moments.
 
     ahead: error of the pose along the line of sight, as a share of the centre's height.
     """
-    squared, _ = _off_support(up, support, sight, ahead)
-    return np.asarray(_student(np.sqrt(squared), BALANCE_DOF, dimensions=2).mean(axis=1))
+    height = np.einsum("npc,uc->upn", support.parts, up) - PART_RADII_M[:, None]
+    share = _by_height(height)
+    squared, _ = _off_middle(up, support, support.parts, share, (sight, ahead))
+    cost = _student(np.sqrt(squared), BALANCE_DOF, dimensions=2)
+    return np.asarray(cost.mean(axis=1)) + _floor_cost(height, share, support.parts_m_s)
+
+
+def _floor_cost(
+    height: Float[np.ndarray, "U P N"],
+    share: Float[np.ndarray, "U P N"],
+    speed_m_s: Float[np.ndarray, "N P"],
+) -> Float[np.ndarray, " U"]:
+    """The lowest part is on one height while it stands still, and never below it."""
+    lowest = height.min(axis=1)
+    slow = (share * planted_weight(speed_m_s.T)).sum(axis=1)
+    off = lowest - weighted_quantile(lowest, slow, PLANE_QUANTILE)[:, None]
+    cost = _student(off / PLANE_M, PLANE_DOF)
+    return np.asarray((cost * np.where(off < 0, 1.0, slow)).mean(axis=1))
+
+
+def hanging_cost(
+    up: Float[np.ndarray, "U 3"], support: Support, sight: Float[np.ndarray, "3"], ahead: float
+) -> Float[np.ndarray, " U"]:
+    """The centre of mass is well below the hands, and under them; the mean over moments."""
+    wrists = support.parts[:, WRISTS]
+    squared, _ = _off_middle(up, support, wrists, np.full((1, 2, 1), 0.5), (sight, ahead))
+    below = (wrists.mean(axis=1) - support.centre) @ up.T
+    cost = _student(np.sqrt(squared), BALANCE_DOF, dimensions=2)
+    cost += _student(np.minimum(below.T - HANGING_M, 0.0) / PLANE_M, PLANE_DOF)
+    return np.asarray(cost.mean(axis=1))
 
 
 def _off_support(
     up: Float[np.ndarray, "U 3"], support: Support, sight: Float[np.ndarray, "3"], ahead: float
 ) -> tuple[Float[np.ndarray, "U N"], Float[np.ndarray, "U N"]]:
-    """Squared horizontal distance of the centre of mass from its support's middle in standard
-    deviations, and the determinant of their covariance, m^4.
+    """`_off_middle` of feet, hands and knees by their heights."""
+    share = _shares(np.einsum("nsc,uc->usn", support.limbs, up))
+    return _off_middle(up, support, support.limbs, share, (sight, ahead))
 
-    Limbs as low as the lowest one are the support. The distance is compared with their extent, the
-    body's sway and the pose's errors.
+
+def _off_middle(
+    up: Float[np.ndarray, "U 3"],
+    support: Support,
+    points: Float[np.ndarray, "N S 3"],
+    share: Float[np.ndarray, "U S N"],
+    error: tuple[Float[np.ndarray, "3"], float],
+) -> tuple[Float[np.ndarray, "U N"], Float[np.ndarray, "U N"]]:
+    """Squared horizontal distance of the centre of mass from the middle of points that carry it, in
+    standard deviations, and the determinant of their covariance, m^4.
+
+    The distance is compared with the points' extent, the body's sway and the pose's errors: along
+    the line of sight their size is a share of the centre's height.
     """
+    sight, ahead = error
     axes = np.stack([up, *perpendicular(up)])  # (3, U, 3): up, and two horizontal directions
-    moments, count, _ = support.limbs.shape
-    limbs = axes @ support.limbs.swapaxes(0, 1).reshape(-1, 3).T
-    limbs = limbs.reshape(3, len(up), count, moments)  # along each axis
-    share = _shares(limbs[0])
-    middle = (share * limbs).sum(axis=2)
+    moments, count, _ = points.shape
+    placed = axes @ points.swapaxes(0, 1).reshape(-1, 3).T
+    placed = placed.reshape(3, len(up), count, moments)  # along each axis
+    middle = (share * placed).sum(axis=2)
     height, x, y = axes @ support.centre.T - middle  # (U, N) each
-    apart_x, apart_y = limbs[1:] - middle[1:, :, None]
+    apart_x, apart_y = placed[1:] - middle[1:, :, None]
     free = SWAY_M**2 + (LEAN_ACROSS * height) ** 2 + (DYNAMIC_S * support.speed_m_s) ** 2
     along = (ahead**2 - LEAN_ACROSS**2) * height**2
     ahead_x, ahead_y = (axes[1:] @ sight)[..., None]
@@ -200,11 +256,12 @@ def _off_support(
 
 
 def weighted_quantile(
-    values: Float[np.ndarray, "U M"], weights: Float[np.ndarray, " M"], share: float
+    values: Float[np.ndarray, "U M"], weights: Float[np.ndarray, "*U M"], share: float
 ) -> Float[np.ndarray, " U"]:
-    """Quantile of each row."""
+    """Quantile of each row; weights of all rows, or of each."""
     order = np.argsort(values, axis=1)
-    cumulated = np.cumsum(weights[order], axis=1)
+    weights = np.take_along_axis(np.broadcast_to(weights, values.shape), order, axis=1)
+    cumulated = np.cumsum(weights, axis=1)
     place = (cumulated >= share * cumulated[:, -1:]).argmax(axis=1)
     return np.asarray(np.take_along_axis(values, order, axis=1)[np.arange(len(values)), place])
 
@@ -226,9 +283,16 @@ def support_shares(up: Float[np.ndarray, "U 3"], support: Support) -> Float[np.n
 
 def _shares(height: Float[np.ndarray, "*any 6 N"]) -> Float[np.ndarray, "*any 6 N"]:
     """The same of limbs at some heights."""
+    readily = np.where(np.arange(height.shape[-2]) < len(BALLS), 1.0, HAND_SHARE)
+    return _by_height(height, readily[:, None])
+
+
+def _by_height(
+    height: Float[np.ndarray, "*any S N"], readily: float | Float[np.ndarray, "S 1"] = 1.0
+) -> Float[np.ndarray, "*any S N"]:
+    """Shares of points in the support by their height above the lowest one."""
     above = height - height.min(axis=-2, keepdims=True)
-    share = np.where(np.arange(height.shape[-2]) < len(BALLS), 1.0, HAND_SHARE)[:, None]
-    share = share * np.exp(-0.5 * (above / SUPPORT_HEIGHT_M) ** 2)
+    share = readily * np.exp(-0.5 * (above / SUPPORT_HEIGHT_M) ** 2)
     return np.asarray(share / share.sum(axis=-2, keepdims=True))
 
 

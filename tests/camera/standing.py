@@ -55,6 +55,15 @@ PUSH_UP = {
 }
 
 
+POSTURES: dict[str, dict[str, tuple[float, float, float]]] = {
+    "push-up": PUSH_UP,
+    "lying": {"pelvis": (-90.0, 0.0, 0.0)},
+    "kneeling": {"knee": (90.0, 0.0, 0.0), "ankle": (40.0, 0.0, 0.0)},
+    "handstand": {"pelvis": (180.0, 0.0, 0.0), "shoulder": (0.0, 0.0, 120.0)},
+    "hanging": {"shoulder": (0.0, 0.0, 110.0), "hip": (-80.0, 0.0, 0.0)},
+}
+
+
 @cache
 def standing(frames: int = 100) -> Array:
     """SMPL joints of a body that stands and lowers its arms; y up, the floor at 0."""

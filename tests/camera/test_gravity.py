@@ -24,6 +24,7 @@ from imocap_core.conventions import SMPL_JOINTS
 from tests.camera.standing import (
     FPS,
     LEVEL_CAMERA,
+    POSTURES,
     PRIOR,
     PUSH_UP,
     SQUAT,
@@ -78,6 +79,25 @@ def test_a_motion_that_leans_in_the_picture_shows_the_roll_of_its_camera(roll_de
     camera = Rotation.from_euler("z", roll_deg, degrees=True).as_matrix() @ LEVEL_CAMERA
     estimate = estimate_up([FilmedBody(standing(), FPS, camera)], PRIOR)
     assert angle_deg(estimate.up, Y_UP) < 5.0
+
+
+@pytest.mark.parametrize("posture", POSTURES)
+@pytest.mark.parametrize(("facing_deg", "down_deg", "roll_deg"), [(90, 5, 0), (30, 12, 4)])
+def test_who_lies_kneels_hangs_or_stands_on_the_hands_is_level(
+    posture: str, facing_deg: int, down_deg: int, roll_deg: int
+) -> None:
+    joints = turned(posed(POSTURES[posture]), Rotation.from_euler("y", facing_deg, degrees=True))
+    held = Rotation.from_euler("xz", (down_deg, roll_deg), degrees=True).as_matrix()
+    estimate = estimate_up([FilmedBody(joints, FPS, held @ LEVEL_CAMERA)], PRIOR)
+    assert angle_deg(estimate.up, Y_UP) < 12.0
+
+
+def test_an_up_on_which_the_witnesses_disagree_is_doubtful() -> None:
+    """A push-up towards a level camera, or a man who stands below one that looks down steeply."""
+    held = Rotation.from_euler("x", 5, degrees=True).as_matrix() @ LEVEL_CAMERA
+    doubtful = estimate_up([FilmedBody(posed(PUSH_UP), FPS, held)], PRIOR)
+    sure = estimate_up([FilmedBody(standing(), FPS, LEVEL_CAMERA)], PRIOR)
+    assert doubtful.sd_deg > 10.0 > 2 * sure.sd_deg
 
 
 def implausible(joints, camera=LEVEL_CAMERA) -> float:

@@ -14,7 +14,17 @@ from imocap_core.camera.ground import (
     upright_alignment,
 )
 from imocap_core.camera.ground_plane import Ground
-from tests.camera.standing import FPS, LEVEL_CAMERA, PRIOR, angle_deg, filmed, walking
+from tests.camera.standing import (
+    FPS,
+    LEVEL_CAMERA,
+    POSTURES,
+    PRIOR,
+    angle_deg,
+    filmed,
+    posed,
+    turned,
+    walking,
+)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -28,6 +38,13 @@ def test_the_ground_is_under_the_planted_feet(seed: int) -> None:
     beside = rotation.inv().apply(ground.origin) - walking()[:, 0].mean(axis=0)
     assert np.linalg.norm(beside[[0, 2]]) < 0.06
     assert 5 < ground.height_sd_mm < 40
+
+
+@pytest.mark.parametrize("posture", ["push-up", "lying", "kneeling", "handstand"])
+def test_the_ground_is_under_the_parts_that_carry(posture: str) -> None:
+    joints = turned(posed(POSTURES[posture]), Rotation.from_euler("y", 90, degrees=True))
+    ground = estimate_ground([FilmedBody(joints, FPS, LEVEL_CAMERA)], PRIOR)
+    assert abs(ground.height_m(joints[0, 0]) - joints[0, 0, 1]) < 0.15  # the length of a hand
 
 
 def test_soles_below_the_ground_are_measured() -> None:
