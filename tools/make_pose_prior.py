@@ -25,8 +25,8 @@ from imocap_core.synthetic.retargeting import fit_to_trunk_and_joints, trunk_and
 
 TARGET = Path(__file__).parents[1] / "imocap_core" / "motion" / "data" / "pose_prior.npz"
 # Components for legs that are: straight below a straight trunk, straight and folded, soft, deep
-# (squat, seat), folded behind (kneeling, bridges), apart.
-COMPONENTS = (10, 3, 6, 4, 3, 4)
+# (squat, seat), folded behind (kneeling, bridges), apart with the left or the right one up.
+COMPONENTS = (10, 3, 6, 4, 3, 3, 3)
 ITERATIONS, RESTARTS = 30, 4  # of k-means
 FLOOR_RAD = 0.08  # spread added to every direction of every component
 # One performer's skeleton was captured, and people's trunks differ: standard deviations of lumbar
@@ -109,8 +109,11 @@ def legs_of(x: np.ndarray) -> np.ndarray:
     )
     knee, hip = knees.max(1), hips.max(1)
     apart = (np.ptp(knees, 1) > 30) | (np.ptp(hips, 1) > 40)
-    found = [apart & (knee > 12), (knee < 12) & (hip < 30), knee < 35, knee < 65, hip < 50]
-    return np.select(found, [5, 0, np.where(hip < 40, 2, 1), 2, 4], 3)
+    left_more = np.subtract(*(knees + hips).T) > 0
+    apart &= knee > 12
+    straight = (knee < 12) & (hip < 30)
+    found = [apart & left_more, apart, straight, knee < 35, knee < 65, hip < 50]
+    return np.select(found, [5, 6, 0, np.where(hip < 40, 2, 1), 2, 4], 3)
 
 
 def sorted_out(x: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:

@@ -28,6 +28,16 @@ def test_samples_are_those_drawn_one_by_one() -> None:
     assert len(set(component)) > 2
 
 
+def test_the_best_component_is_the_likeliest() -> None:
+    prior = load_pose_prior()
+    theta = torch.as_tensor(prior.sample(20, np.random.default_rng(1)))
+    offset = theta[:, None] - prior.mean
+    costs = torch.einsum("scn,cnm,scm->sc", offset, prior.precision, offset) + prior.constant
+    smallest, component = prior.best(theta)
+    torch.testing.assert_close(smallest, costs.min(1).values)
+    assert bool((component == costs.argmin(1)).all())
+
+
 def test_standing_people_stand_straight() -> None:
     prior = load_pose_prior()
     drawn = prior.sample(4000, np.random.default_rng(0))
