@@ -93,11 +93,15 @@ class CapturedVideo:
         return {f"{video}/{name}": value for name, value in parts.items()}
 
 
+def data_base(root: Path) -> Path:
+    """The folder that holds all data."""
+    configured = os.environ.get(DATA_VARIABLE)
+    return Path(configured) if configured else root.resolve().parent / "shared" / "data"
+
+
 def data_folder(root: Path, kind: str) -> Path:
     """The folder of captured motion `kind` (protocol, trials); WorkFailed when it has no files."""
-    configured = os.environ.get(DATA_VARIABLE)
-    base = Path(configured) if configured else root.resolve().parent / "shared" / "data"
-    folder = base / kind
+    folder = data_base(root) / kind
     if not any(folder.glob("*.npz")):
         raise WorkFailed(
             f"the benchmark {kind} needs captured motion, and {folder} holds no .npz file; put the "

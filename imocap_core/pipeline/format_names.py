@@ -27,6 +27,7 @@ Layout = Literal[
     "halpe136",
     "wholebody133",
     "h36m17",
+    "penn13",
     "mediapipe33",
     "blazepose33",
 ]

@@ -27,6 +27,7 @@ COUNTS = {
     "wholebody133": 133,
     "halpe136": 136,
     "h36m17": 17,
+    "penn13": 13,
     "mediapipe33": 33,
     "blazepose33": 33,
     "body33": 33,

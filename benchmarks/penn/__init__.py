@@ -1,0 +1,1 @@
+"""Real clips with hand-made labels (Penn Action): evaluation alone."""
