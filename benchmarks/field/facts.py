@@ -62,7 +62,7 @@ def check_facts(
 
 def fact_value(fact: Mapping[str, Any], result: ActionResult, ground: Ground) -> float:
     """The measured quantity, by the fact's statistic over its frames."""
-    measure, video = fact["measure"], fact.get("video")
+    measure, video = fact["measure"], str(fact.get("video"))
     if measure in ("roll_deg", "pitch_down_deg", "sole_depth_mm"):
         return ground[video][measure]
     if measure == "camera_yaw_apart_deg":

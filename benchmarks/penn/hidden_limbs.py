@@ -52,14 +52,14 @@ def _near(clip: Clip, limb: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
     frames = np.arange(len(clip.xy_px))
     hidden = frames[len(frames) // 3 : 2 * len(frames) // 3]
     seen = clip.visible.copy()
-    seen[np.ix_(hidden, limb)] = False
+    seen[np.ix_(hidden, np.asarray(limb))] = False
     torso_px = np.linalg.norm(_middle(clip, "shoulder") - _middle(clip, "hip"), axis=-1)
-    known = clip.visible[np.ix_(hidden, limb)]
+    known = clip.visible[np.ix_(hidden, np.asarray(limb))]
     answers = (
-        lifted_px(clip, seen)[np.ix_(hidden, limb)],
+        lifted_px(clip, seen)[np.ix_(hidden, np.asarray(limb))],
         straight_px(clip.xy_px, seen, limb)[hidden],
     )
-    truth = clip.xy_px[np.ix_(hidden, limb)]
+    truth = clip.xy_px[np.ix_(hidden, np.asarray(limb))]
     lifted, straight = (
         np.nan_to_num(np.linalg.norm(x - truth, axis=-1), nan=np.inf)[known]
         < NEAR * np.median(torso_px)

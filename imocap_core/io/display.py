@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import av
 import numpy as np
@@ -89,7 +90,8 @@ class ShownFrame:
 def display_of(frame: av.VideoFrame, aspect: float | None) -> Display:
     """How a file's frames are shown; ``aspect``: of a stored pixel, None where it is not said."""
     stored = (frame.width, frame.height)
-    matrix = next((x for x in frame.side_data if x.type == SideData.DISPLAYMATRIX), None)
+    side_data: Any = frame.side_data  # its types say less than it takes
+    matrix = side_data.get(SideData.DISPLAYMATRIX)
     axes = UPRIGHT
     if matrix is not None:
         axes = axes_of(np.frombuffer(bytes(matrix), np.int32, 9).reshape(3, 3))

@@ -317,7 +317,7 @@ def _same_points(
     """Points that are seen in both frames, of the first person; of several the nearest later."""
     if not len(people) or not len(later):
         return np.zeros((0, 2)), np.zeros((0, 2))
-    seen = np.asarray((people[0, :, 2] > SEEN) & (later[..., 2] > SEEN))
+    seen = np.logical_and(people[0, :, 2] > SEEN, later[..., 2] > SEEN).reshape(later.shape[:2])
     apart = np.linalg.norm(later[..., :2] - people[0, :, :2], axis=-1)
     away: Float[np.ndarray, "Q K"] = np.where(seen, apart, np.nan)
     if not np.isfinite(away).any():
