@@ -45,5 +45,5 @@ def set_errors(done: Mapping[str, Stored]) -> SetErrors:
 
 
 def _median(values: list[float]) -> float:
-    known = [value for value in values if np.isfinite(value)]
-    return float(np.median(known)) if known else float("nan")
+    finite = [value for value in values if np.isfinite(value)]
+    return float(np.median(finite)) if finite else float("nan")

@@ -112,8 +112,8 @@ def legs_of(x: np.ndarray) -> np.ndarray:
     left_more = np.subtract(*(knees + hips).T) > 0
     apart &= knee > 12
     straight = (knee < 12) & (hip < 30)
-    found = [apart & left_more, apart, straight, knee < 35, knee < 65, hip < 50]
-    return np.select(found, [5, 6, 0, np.where(hip < 40, 2, 1), 2, 4], 3)
+    matches = [apart & left_more, apart, straight, knee < 35, knee < 65, hip < 50]
+    return np.select(matches, [5, 6, 0, np.where(hip < 40, 2, 1), 2, 4], 3)
 
 
 def sorted_out(x: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:

@@ -163,8 +163,8 @@ def main() -> None:
     network, averaged = Lifter().to(arguments.device), Lifter().to(arguments.device)
     if arguments.resume:
         checkpoint = arguments.work / "checkpoint.pt"
-        known = torch.load(checkpoint) if checkpoint.exists() else load_lifter().state_dict()
-        network.load_state_dict(known)
+        is_known = torch.load(checkpoint) if checkpoint.exists() else load_lifter().state_dict()
+        network.load_state_dict(is_known)
     averaged.load_state_dict(network.state_dict())
     print(f"{count_weights(network)} weights, held out: {', '.join(held_out)}", flush=True)
     print({"step": 0, **errors_mm(averaged, batches)}, flush=True)

@@ -96,9 +96,11 @@ def sync_errors_frames(truth: Mapping[str, Any], result: ActionResult) -> Curve:
     for events in truth.get("cyclic_events", NO_FACTS).values():
         right = np.atleast_1d(events.get(reference, []))
         for v in others if len(right) else ():
-            at = np.array([matched[v](f) for f in np.atleast_1d(events.get(v, []))])
-            at = at[(at >= right[0] - CYCLE_MARGIN) & (at <= right[-1] + CYCLE_MARGIN)]
-            errors += np.abs(at[:, None] - right).min(axis=1).tolist()
+            position = np.array([matched[v](f) for f in np.atleast_1d(events.get(v, []))])
+            position = position[
+                (position >= right[0] - CYCLE_MARGIN) & (position <= right[-1] + CYCLE_MARGIN)
+            ]
+            errors += np.abs(position[:, None] - right).min(axis=1).tolist()
     return np.array(errors)
 
 
@@ -109,8 +111,8 @@ def _matches(result: ActionResult, video: str) -> tuple[Curve, Curve]:
     """Frames of a video that are matched, and the reference's frames at these moments."""
     matches = result.sync.matches(video, result.reference)
     frames = np.asarray(result[video].frames, dtype=float)
-    known = np.isfinite(matches.frame)
-    return frames[known], matches.frame[known]
+    finite = np.isfinite(matches.frame)
+    return frames[finite], matches.frame[finite]
 
 
 def _matched_frame(result: ActionResult, video: str) -> Callable[[float], float]:

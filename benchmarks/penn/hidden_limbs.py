@@ -51,30 +51,30 @@ def _near(clip: Clip, limb: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
     """Of each hidden label, whether the lifter's and the interpolated place are near it."""
     frames = np.arange(len(clip.xy_px))
     hidden = frames[len(frames) // 3 : 2 * len(frames) // 3]
-    seen = clip.visible.copy()
-    seen[np.ix_(hidden, np.asarray(limb))] = False
+    visible_mask = clip.visible.copy()
+    visible_mask[np.ix_(hidden, np.asarray(limb))] = False
     torso_px = np.linalg.norm(_middle(clip, "shoulder") - _middle(clip, "hip"), axis=-1)
-    known = clip.visible[np.ix_(hidden, np.asarray(limb))]
+    is_known = clip.visible[np.ix_(hidden, np.asarray(limb))]
     answers = (
-        lifted_px(clip, seen)[np.ix_(hidden, np.asarray(limb))],
-        straight_px(clip.xy_px, seen, limb)[hidden],
+        lifted_px(clip, visible_mask)[np.ix_(hidden, np.asarray(limb))],
+        straight_px(clip.xy_px, visible_mask, limb)[hidden],
     )
     truth = clip.xy_px[np.ix_(hidden, np.asarray(limb))]
     lifted, straight = (
-        np.nan_to_num(np.linalg.norm(x - truth, axis=-1), nan=np.inf)[known]
+        np.nan_to_num(np.linalg.norm(x - truth, axis=-1), nan=np.inf)[is_known]
         < NEAR * np.median(torso_px)
         for x in answers
     )
     return lifted, straight
 
 
-def lifted_px(clip: Clip, seen: np.ndarray) -> Float[np.ndarray, "T 13 2"]:
+def lifted_px(clip: Clip, visible_mask: np.ndarray) -> Float[np.ndarray, "T 13 2"]:
     """The lifter's joints in the picture; NaN where too few joints are seen, and of the head."""
     K = intrinsics(float(max(clip.size)), clip.size)
     rays = (clip.xy_px - K[:2, 2]) / K[0, 0]
-    points, confidence = to_common(rays, seen.astype(float), LAYOUT)
+    points, confidence = to_common(rays, visible_mask.astype(float), LAYOUT)
     pose = lift(load_lifter(), points, confidence, FPS).joints[:, IN_SMPL, :2]
-    weight = seen[:, BODY].astype(float)[..., None]
+    weight = visible_mask[:, BODY].astype(float)[..., None]
     total = np.maximum(weight.sum(1, keepdims=True), 1.0)
     centre, middle = (
         (weight * x).sum(1, keepdims=True) / total for x in (pose, clip.xy_px[:, BODY])
@@ -88,13 +88,13 @@ def lifted_px(clip: Clip, seen: np.ndarray) -> Float[np.ndarray, "T 13 2"]:
 
 
 def straight_px(
-    xy_px: Float[np.ndarray, "T 13 2"], seen: np.ndarray, limb: Sequence[int]
+    xy_px: Float[np.ndarray, "T 13 2"], visible_mask: np.ndarray, limb: Sequence[int]
 ) -> Float[np.ndarray, "T L 2"]:
     """Each joint on a straight line between the frames that show it; NaN where none does."""
     frames = np.arange(len(xy_px))
     out = np.full((len(xy_px), len(limb), 2), np.nan)
     for n, joint in enumerate(limb):
-        shown: Int[np.ndarray, " _"] = np.flatnonzero(seen[:, joint])
+        shown: Int[np.ndarray, " _"] = np.flatnonzero(visible_mask[:, joint])
         if len(shown):
             for axis in range(2):
                 out[:, n, axis] = np.interp(frames, shown, xy_px[shown, joint, axis])

@@ -110,11 +110,13 @@ def _each_once(
 ) -> tuple[list[Match], list[Occurrence]]:
     """Without those that show the same person at the same time, followed twice: the best stays."""
     order = sorted(range(len(matches)), key=lambda i: -occurrences[i].quality)
-    kept: list[int] = []
+    chosen_windows: list[int] = []
     for i in order:
-        if not any(shows_same(occurrences[i], occurrences[k]) for k in kept):
-            kept.append(i)
-    return [matches[i] for i in sorted(kept)], [occurrences[i] for i in sorted(kept)]
+        if not any(shows_same(occurrences[i], occurrences[k]) for k in chosen_windows):
+            chosen_windows.append(i)
+    return [matches[i] for i in sorted(chosen_windows)], [
+        occurrences[i] for i in sorted(chosen_windows)
+    ]
 
 
 def _looked_through(

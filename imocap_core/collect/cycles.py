@@ -45,18 +45,22 @@ def in_whole_cycles(matches: Sequence[Match], cycles: Sequence[Span], least: flo
     """
     if not matches or matches[0].score < least:
         return []
-    found: list[Match] = []
+    cycles_taken: list[Match] = []
     taken: set[Span] = set()
     for match in matches:
         cycle = cycle_around(match.first, match.stop, cycles)
         if cycle is None:
             if match.score >= least:
-                found.append(match)
+                cycles_taken.append(match)
         elif cycle not in taken:
             taken.add(cycle)
             rate = match.rate * (match.stop - match.first) / (cycle[1] - cycle[0])
-            found.append(replace(match, first=cycle[0], stop=cycle[1], rate=rate))
-    return [m for k, m in enumerate(found) if not any(_same(m, other) for other in found[:k])]
+            cycles_taken.append(replace(match, first=cycle[0], stop=cycle[1], rate=rate))
+    return [
+        m
+        for k, m in enumerate(cycles_taken)
+        if not any(_same(m, other) for other in cycles_taken[:k])
+    ]
 
 
 def _same(a: Match, b: Match) -> bool:

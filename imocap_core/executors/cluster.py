@@ -112,9 +112,9 @@ def dask_cluster(
         raise WorkFailed(MISSING) from None
     has_dashboard = importlib.util.find_spec("bokeh") is not None
     local = _local_cluster(workers, memory_bytes) if address is None else nullcontext(address)
-    with local as at:
+    with local as address:
         try:
-            client = Client(at, timeout=CONNECT_S)
+            client = Client(address, timeout=CONNECT_S)
         except (OSError, ValueError) as error:
             raise WorkFailed(
                 f"no Dask scheduler answers at {address}: {error}; start one with `dask scheduler`"

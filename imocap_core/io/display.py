@@ -22,7 +22,7 @@ UPRIGHT = ((1, 0), (0, 1))
 
 
 @dataclass(frozen=True)
-class Display:
+class PictureDisplay:
     """Attributes:
     stored: width and height of the pictures in the file, pixels.
     aspect: width of a stored pixel over its height.
@@ -71,7 +71,7 @@ class ShownFrame:
     """A decoded frame and how it is shown."""
 
     frame: av.VideoFrame
-    display: Display
+    display: PictureDisplay
 
     def rgb(self) -> UInt8[np.ndarray, "height width 3"]:
         """The picture in its full size."""
@@ -87,7 +87,7 @@ class ShownFrame:
         return self.display.shown(np.asarray(small.to_ndarray(), np.uint8))
 
 
-def display_of(frame: av.VideoFrame, aspect: float | None) -> Display:
+def display_of(frame: av.VideoFrame, aspect: float | None) -> PictureDisplay:
     """How a file's frames are shown; ``aspect``: of a stored pixel, None where it is not said."""
     stored = (frame.width, frame.height)
     side_data: Any = frame.side_data  # its types say less than it takes
@@ -95,7 +95,7 @@ def display_of(frame: av.VideoFrame, aspect: float | None) -> Display:
     axes = UPRIGHT
     if matrix is not None:
         axes = axes_of(np.frombuffer(bytes(matrix), np.int32, 9).reshape(3, 3))
-    return Display(stored, _aspect(aspect), axes)
+    return PictureDisplay(stored, _aspect(aspect), axes)
 
 
 def axes_of(

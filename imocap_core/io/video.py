@@ -20,7 +20,7 @@ from av.stream import Disposition
 from av.video.stream import VideoStream
 from jaxtyping import UInt8
 
-from imocap_core.io.display import Display, ShownFrame, display_of
+from imocap_core.io.display import PictureDisplay, ShownFrame, display_of
 from imocap_core.limits import MAX_FPS, MAX_PIXELS, MAX_SIDE_PX, MIN_FPS
 from imocap_core.whole_files import draft_of
 
@@ -56,7 +56,7 @@ class VideoInfo:
     size: tuple[int, int]
     frame_count: int
     slowed: float = 1.0
-    display: Display | None = None
+    display: PictureDisplay | None = None
 
     def taken_at(self, fps: float) -> VideoInfo:
         """The same with another rate of the camera."""

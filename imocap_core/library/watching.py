@@ -38,12 +38,12 @@ class Update:
 def settled_changes(folder: Path, wait: Callable[[float], object] = time.sleep) -> Iterator[None]:
     """Yields whenever the folder's files are other than at the last yield, and none has grown
     for a moment: a clip that is still being copied is waited for."""
-    told: Listing = []
+    announced: Listing = []
     before: Listing = []
     while True:
         now = _listing(folder)
-        if now == before and now != told:
-            told = now
+        if now == before and now != announced:
+            announced = now
             yield
         before = now
         wait(POLL_S)
@@ -71,9 +71,9 @@ def bring_up_to_date(root: Path, folder: Path, name: str | None) -> Update:
     place = root / "actions" / name
     declared = {v.id: v.video for v in read_action(place).videos}
     there = {file.resolve(): file for file in files}
-    known = {i: (place / v).resolve() for i, v in declared.items() if v is not None}
-    gone = [i for i, path in known.items() if not path.is_file()]
-    fresh = [file for path, file in there.items() if path not in known.values()]
+    declared_paths = {i: (place / v).resolve() for i, v in declared.items() if v is not None}
+    gone = [i for i, path in declared_paths.items() if not path.is_file()]
+    fresh = [file for path, file in there.items() if path not in declared_paths.values()]
     ids = free_labels(fresh, [i for i in declared if i not in gone])
     entries = [
         {"id": i, "video": declared_path(file, place), "keypoints": DETECT}
@@ -122,8 +122,8 @@ def moved_mm(before: Result | None, after: Result) -> float | None:
     for video in after:
         if video.id not in before.ids or before[video.id].joints.shape != video.joints.shape:
             continue
-        own = [_in_camera(each) for each in (before[video.id], video)]
-        distances.append(np.linalg.norm(own[0] - own[1], axis=-1).mean())
+        joints_m = [_in_camera(each) for each in (before[video.id], video)]
+        distances.append(np.linalg.norm(joints_m[0] - joints_m[1], axis=-1).mean())
     return 1000 * float(np.mean(distances)) if distances else None
 
 
@@ -136,8 +136,8 @@ def expected_error_mm(result: Result | None) -> float | None:
     """Mean standard deviation of all joints; None before the stage uncertainty has run."""
     if result is None:
         return None
-    known = [video.uncertainty for video in result if video.uncertainty is not None]
-    return float(np.mean([np.nanmean(sd) for sd in known])) if known else None
+    sds = [video.uncertainty for video in result if video.uncertainty is not None]
+    return float(np.mean([np.nanmean(sd) for sd in sds])) if sds else None
 
 
 def record(root: Path, update: Update, before: Result | None, after: Result) -> Path:

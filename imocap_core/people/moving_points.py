@@ -58,11 +58,11 @@ def _flow(before: Picture, after: Picture, points: Points) -> Points:
     if not len(points):
         return np.zeros((0, 2))
     start = points.astype(np.float32)[:, None]
-    end, found, _ = cv2.calcOpticalFlowPyrLK(
+    end, status, _ = cv2.calcOpticalFlowPyrLK(
         before, after, start, start.copy(), winSize=(WINDOW_PX, WINDOW_PX), maxLevel=LEVELS
     )
     inside = ((points >= 0) & (points <= np.array(before.shape[::-1]) - 1)).all(axis=1)
-    followed = (found[:, 0].astype(bool) & inside)[:, None]
+    followed = (status[:, 0].astype(bool) & inside)[:, None]
     return np.where(followed, (end - start)[:, 0], 0.0)
 
 

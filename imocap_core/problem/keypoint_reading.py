@@ -14,12 +14,12 @@ from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from imocap_core.body.layouts import layout_names
 from imocap_core.conventions import mirror_indices
 from imocap_core.io.detectors.people import DetectedPeople
-from imocap_core.io.display import UPRIGHT, Display
+from imocap_core.io.display import UPRIGHT, PictureDisplay
 from imocap_core.io.video import GrayPicture, VideoInfo, read_gray
 from imocap_core.people.moving_points import Agreement
 from imocap_core.problem.people_between import between_people
@@ -82,8 +82,8 @@ class Reading:
         people = dict(zip(given.frames.tolist(), given.people, strict=True))
         nobody = given.people[0][:0]
         frames = np.arange(count)
-        found = [between_people(people, n, nobody) for n in self.number(frames).tolist()]
-        placed = [np.concatenate([self.places(p[..., :2]), p[..., 2:]], axis=-1) for p in found]
+        readings = [between_people(people, n, nobody) for n in self.number(frames).tolist()]
+        placed = [np.concatenate([self.places(p[..., :2]), p[..., 2:]], axis=-1) for p in readings]
         if self.mirrored:
             twins = list(mirror_indices(layout_names(layout)))
             placed = [p[:, twins] for p in placed]
@@ -230,25 +230,28 @@ def _displays(info: VideoInfo) -> list[Reading]:
     shown = info.display
     if shown is None or (shown.aspect == 1.0 and shown.axes == UPRIGHT):
         return [Reading()]
-    turned = Display(shown.stored, 1.0, shown.axes)
-    kinds: dict[Display, str] = {}
-    for seen, what in (
+    turned = PictureDisplay(shown.stored, 1.0, shown.axes)
+    kinds: dict[PictureDisplay, str] = {}
+    for visible, what in (
         (turned, "pixels of the file, which are not square"),
         (shown, ""),
-        (Display(shown.stored), "pixels of the file as it is stored, not as it is shown"),
-        (Display(shown.stored, 1.0, ((-1, 0), (0, -1))), "pixels of the file, turned by 180"),
+        (PictureDisplay(shown.stored), "pixels of the file as it is stored, not as it is shown"),
+        (
+            PictureDisplay(shown.stored, 1.0, ((-1, 0), (0, -1))),
+            "pixels of the file, turned by 180",
+        ),
     ):
-        kinds.setdefault(seen, what if seen != shown else "")
+        kinds.setdefault(visible, what if visible != shown else "")
     if not shown.mirrored:
-        kinds.pop(Display(shown.stored, 1.0, ((-1, 0), (0, -1))), None)
+        kinds.pop(PictureDisplay(shown.stored, 1.0, ((-1, 0), (0, -1))), None)
         kinds.setdefault(shown, "")
-    return [_between(seen, shown, what) for seen, what in kinds.items()]
+    return [_between(visible, shown, what) for visible, what in kinds.items()]
 
 
-def _between(seen: Display, shown: Display, what: str) -> Reading:
+def _between(visible: PictureDisplay, shown: PictureDisplay, what: str) -> Reading:
     """From the picture that a detector saw to the one that is shown."""
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    a, b = seen.shown_points(corners), shown.shown_points(corners)
+    a, b = visible.shown_points(corners), shown.shown_points(corners)
     linear = (b[1:] - b[0]).T @ np.linalg.inv((a[1:] - a[0]).T)
     shift = b[0] - linear @ a[0]
     return Reading(
@@ -303,12 +306,12 @@ def _agreements(
 def _pairs(video: Path, count: int, scale: float) -> Iterator[tuple[int, GrayPicture, GrayPicture]]:
     """(frame, its picture, a little later one)."""
     starts = np.unique(np.linspace(0, max(count - 1 - STEP, 0), PAIRS).astype(int)).tolist()
-    wanted, kept = {*starts, *(t + STEP for t in starts)}, {}
+    wanted, chosen = {*starts, *(t + STEP for t in starts)}, {}
     for number, picture in read_gray(video, 0, max(wanted) + 1, scale=scale):
         if number in wanted:
-            kept[number] = picture
+            chosen[number] = picture
         if number - STEP in starts:
-            yield number - STEP, kept[number - STEP], picture
+            yield number - STEP, chosen[number - STEP], picture
 
 
 def _same_points(
@@ -317,10 +320,9 @@ def _same_points(
     """Points that are seen in both frames, of the first person; of several the nearest later."""
     if not len(people) or not len(later):
         return np.zeros((0, 2)), np.zeros((0, 2))
-    seen = np.logical_and(people[0, :, 2] > SEEN, later[..., 2] > SEEN).reshape(later.shape[:2])
-    apart = np.linalg.norm(later[..., :2] - people[0, :, :2], axis=-1)
-    away: Float[np.ndarray, "Q K"] = np.where(seen, apart, np.nan)
+    visible: Bool[np.ndarray, "Q K"] = (people[:1, :, 2] > SEEN) & (later[..., 2] > SEEN)
+    away = np.where(visible, np.linalg.norm(later[..., :2] - people[0, :, :2], axis=-1), np.inf)
     if not np.isfinite(away).any():
         return np.zeros((0, 2)), np.zeros((0, 2))
-    other = int(np.nanargmin(np.nanmin(np.where(seen.any(axis=1)[:, None], away, np.inf), axis=1)))
-    return people[0, seen[other], :2], later[other, seen[other], :2]
+    other = int(away.min(axis=1).argmin())
+    return people[0, visible[other], :2], later[other, visible[other], :2]

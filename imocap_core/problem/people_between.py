@@ -30,13 +30,13 @@ def between_people(people: Mapping[int, People], number: float, nobody: People) 
 
 def _mixed(person: Float[np.ndarray, "K 3"], others: People, weight: float) -> np.ndarray:
     """A person moved towards the one of `others` who is nearest, within their own size."""
-    seen = person[:, 2] > 0
-    if not len(others) or not seen.any():
+    visible = person[:, 2] > 0
+    if not len(others) or not visible.any():
         return person
     away = np.linalg.norm(others[..., :2] - person[:, :2], axis=-1)
-    both = seen & (others[..., 2] > 0)
+    both = visible & (others[..., 2] > 0)
     mean = np.array([a[b].mean() if b.any() else np.inf for a, b in zip(away, both, strict=True)])
-    extent = np.ptp(person[seen, :2], axis=0).max()
+    extent = np.ptp(person[visible, :2], axis=0).max()
     k = int(np.argmin(mean))
     if not mean[k] < extent:
         return person

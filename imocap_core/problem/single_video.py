@@ -126,8 +126,8 @@ class SingleProblem:
         if options.lifter == "auto" and single.estimate is None:
             (video,), (camera,) = single.keypoints.videos, single.cameras.videos
             lifted = lifted_joints(video, camera, device)
-        known = isinstance(single.estimate, np.ndarray)
-        weights = fit_of_single_views(single.keypoints, fit, known, options.shape_prior)
+        joints_given = isinstance(single.estimate, np.ndarray)
+        weights = fit_of_single_views(single.keypoints, fit, joints_given, options.shape_prior)
         return cls(single, body, library, lifted, weights, options)
 
     @property

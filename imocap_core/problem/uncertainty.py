@@ -91,13 +91,13 @@ def leave_one_out_of(groups: Sequence[SolvedGroup]) -> list[PredictedVideo]:
             scene = problem.scene_of(solution)
             by_others = [*predicted_by_others(scene, solution, problem.options)]
         limbs = predicted_limbs(problem.scene, problem.start)
-        for video, others, own in zip(group.ids, by_others, limbs, strict=True):
+        for video, others, per_video in zip(group.ids, by_others, limbs, strict=True):
             rows.append(
                 PredictedVideo(
                     id=video,
                     error_share=float("nan") if others is None else others.median,
                     near_share=float("nan") if others is None else others.near_share,
-                    monocular_error_share=own.median,
+                    monocular_error_share=per_video.median,
                     frames=0 if others is None else others.frames,
                 )
             )

@@ -216,7 +216,7 @@ def _squared_heights(
 ) -> Callable[[slice, slice], Float[np.ndarray, "_t _s"]]:
     """Squared differences of video v's heights to the others' mean, in units of those of matches
     (`maps`): a function of frames and positions."""
-    own = distances.vertical[v]
+    per_video = distances.vertical[v]
     others = mean_of_known(
         [
             spread_over(h, None if u == reference else m, per_frame)
@@ -225,9 +225,9 @@ def _squared_heights(
         ]
     )
     matched = np.rint(median_positions(maps[v], per_frame) * per_frame).astype(np.int64)
-    known = np.nan_to_num((own - others[matched]) ** 2)
-    unit = max(float(np.median(known)), distances.least_square, LEAST_UNIT_M2)
-    return lambda t, s: squared_differences(own[t], others[s]) / unit
+    has_height = np.nan_to_num((per_video - others[matched]) ** 2)
+    unit = max(float(np.median(has_height)), distances.least_square, LEAST_UNIT_M2)
+    return lambda t, s: squared_differences(per_video[t], others[s]) / unit
 
 
 def increasing(positions: Float[np.ndarray, " N"]) -> Float[np.ndarray, " N"]:

@@ -114,8 +114,8 @@ def behind_trunk_m(joints: Float[np.ndarray, "T 24 3"], joint: int) -> Float[np.
     """How far a joint lies behind the trunk's plane along its line of sight (camera axes); 0 where
     it is beside the trunk in the picture, or the trunk is seen from its edge."""
     corners, point = joints[:, TRUNK], joints[:, joint]
-    flat, at = corners[..., :2] / corners[..., 2:], point[:, :2] / point[:, 2:]
-    edge, off = np.roll(flat, -1, axis=1) - flat, at[:, None] - flat
+    flat, position = corners[..., :2] / corners[..., 2:], point[:, :2] / point[:, 2:]
+    edge, off = np.roll(flat, -1, axis=1) - flat, position[:, None] - flat
     turn = edge[..., 0] * off[..., 1] - edge[..., 1] * off[..., 0]
     inside = (turn > 0).all(axis=1) | (turn < 0).all(axis=1)
     normal = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])

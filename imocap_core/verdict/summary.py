@@ -66,10 +66,12 @@ def next_step(serious: Sequence[Finding], further: str) -> str:
     return f"Next: {'; then '.join(steps)}." if steps else ""
 
 
-def _nothing_found(least_certain: str, told: bool) -> str:
+def _nothing_found(least_certain: str, has_first: bool) -> str:
     end = f"; {least_certain}" if least_certain else ""
     none = (
-        "No other fault was found" if told else "Nothing was found that speaks against the result"
+        "No other fault was found"
+        if has_first
+        else "Nothing was found that speaks against the result"
     )
     return f"{none}{end}."
 

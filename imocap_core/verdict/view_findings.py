@@ -117,8 +117,8 @@ def hidden_limbs(
         other = sync_map.id in sync.mirrored
         for k, joints in enumerate(LIMBS.values()):
             for into, joint in zip((end, trunk), joints, strict=True):
-                seen = _confidence(video, _other_side(joint) if other else joint)
-                into[k] = np.maximum(into[k], _at_reference(seen, position, count))
+                visible = _confidence(video, _other_side(joint) if other else joint)
+                into[k] = np.maximum(into[k], _at_reference(visible, position, count))
     return np.asarray(((end < HIDDEN) & (trunk >= HIDDEN)).T)
 
 

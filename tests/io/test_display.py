@@ -9,7 +9,7 @@ import av
 import numpy as np
 import pytest
 
-from imocap_core.io.display import Display, axes_of, display_of
+from imocap_core.io.display import PictureDisplay, axes_of, display_of
 from imocap_core.io.frame_access import all_frames
 from imocap_core.io.video import probe, read_gray, read_rgb
 from tests.io.made_videos import write_video
@@ -54,12 +54,12 @@ def test_all_eight_orientations(tmp_path: Path, linear: tuple[int, int, int, int
 
 def test_points_go_where_their_pixels_go() -> None:
     for linear in ORIENTATIONS:
-        display = Display((96, 64), 1.0, axes_of(np.reshape(matrix(*linear), (3, 3))))
+        display = PictureDisplay((96, 64), 1.0, axes_of(np.reshape(matrix(*linear), (3, 3))))
         picture = np.zeros((64, 96), np.uint8)
         picture[5, 70] = 255
         y, x = np.argwhere(display.shown(picture))[0]
         assert display.shown_points(np.array([70.0, 5.0])) == pytest.approx([x, y])
-    wide = Display((96, 64), 2.0)
+    wide = PictureDisplay((96, 64), 2.0)
     assert wide.size == (192, 64)
     assert wide.shown_points(np.array([[47.5, 31.5], [0.0, 0.0]])) == pytest.approx(
         np.array([[95.5, 31.5], [0.5, 0.0]])
@@ -93,7 +93,7 @@ def test_a_damaged_matrix_and_pictures_of_another_size() -> None:
     assert axes_of(np.zeros((3, 3), int)) == ((1, 0), (0, 1))
     frame = av.VideoFrame.from_ndarray(np.zeros((64, 96, 3), np.uint8), format="rgb24")
     display = display_of(frame, None)
-    assert display == Display((96, 64))
+    assert display == PictureDisplay((96, 64))
     from imocap_core.io.display import ShownFrame
 
     half = av.VideoFrame.from_ndarray(np.zeros((32, 48, 3), np.uint8), format="rgb24")

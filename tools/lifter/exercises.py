@@ -367,14 +367,14 @@ def strike(d: Draw) -> Keys:
     a, b = any_of(d, (one_object, anywhere, guard)), any_of(d, (one_object, anywhere))
     both = d.some(0.5)
     wind, follow = mixed(both, one_object(d), anywhere(d)), mixed(both, one_object(d), anywhere(d))
-    at = mixed(both, one_object(d), b)
+    place = mixed(both, one_object(d), b)
     ready = stand(d, mixed(both, one_object(d), a), (0.05, 0.4))
     feet = ready.feet + d.n(0, 0.12, 2, 3) * (0.4, 0, 1)
     ready = ready.but(
         feet=feet, least_knee=d.u(4, 35), lean=d.u(0, 40), foot_yaw=d.both(-10, 40, 0.3)
     )
     turn, keys = d.u(15, 60), [ready]
-    for arms, way in ((wind, -1.0), (at, d.u(0.0, 0.6)), (follow, d.u(0.5, 1.2))):
+    for arms, way in ((wind, -1.0), (place, d.u(0.0, 0.6)), (follow, d.u(0.5, 1.2))):
         spine = np.stack([d.n(6, 10), way * turn * 0.6, d.n(0, 10)], 1)
         keys.append(ready.but(
             **arms, yaw=way * turn * 0.5, spine=spine, share=np.clip(0.5 + 0.35 * way, 0.1, 0.9),

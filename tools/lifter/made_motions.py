@@ -33,7 +33,7 @@ for _name, _k in J.items():
 
 
 @dataclass(frozen=True)
-class Performances:
+class MadePerformances:
     """N performances of T frames: theta (N, T, 24, 3) axis-angle, trans (N, T, 3) metres; z up."""
 
     theta: np.ndarray
@@ -42,7 +42,7 @@ class Performances:
 
 def performances(
     count: int, seed: int = 0, frames: int = FRAMES, rate_hz: float = RATE_HZ
-) -> dict[str, Performances]:
+) -> dict[str, MadePerformances]:
     """About `count` performances, by recipe, in proportion to their shares."""
     total = sum(share for _, share in RECIPES.values())
     made = {}
@@ -52,7 +52,7 @@ def performances(
         wanted = round(count * share / total)
         while sum(len(p.theta) for p in parts) < wanted:
             parts.append(perform(name, min(200, 2 * wanted), rng, frames, rate_hz))
-        made[name] = Performances(
+        made[name] = MadePerformances(
             np.concatenate([p.theta for p in parts])[:wanted],
             np.concatenate([p.trans for p in parts])[:wanted],
         )
@@ -61,7 +61,7 @@ def performances(
 
 def perform(
     name: str, count: int, rng: np.random.Generator, frames: int = FRAMES, rate_hz: float = RATE_HZ
-) -> Performances:
+) -> MadePerformances:
     """The plausible ones of `count` performances of a recipe."""
     d = Draw(rng, count)
     keys = RECIPES[name][0](d)
@@ -82,7 +82,7 @@ def perform(
     flip = rng.random(len(theta)) < 0.5
     theta[flip] = mirror_image(theta[flip])
     trans[flip] *= (-1.0, 1.0, 1.0)
-    return Performances(theta.astype(np.float32), trans.astype(np.float32))
+    return MadePerformances(theta.astype(np.float32), trans.astype(np.float32))
 
 
 def mirror_image(theta: np.ndarray) -> np.ndarray:

@@ -31,15 +31,15 @@ _AXIS_LAST = re.compile(rf"(.*?)[_ .]({_AXIS})")
 
 def landmark_columns(heading: Sequence[str]) -> dict[tuple[int, int], int] | None:
     """(landmark, axis) -> column, of a heading with one row a frame; None for another heading."""
-    found: list[tuple[str, int, int]] = []
+    matches: list[tuple[str, int, int]] = []
     for column, cell in enumerate(heading):
         cell = cell.strip().lower()
         if match := _AXIS_FIRST.fullmatch(cell):
-            found.append((match[2], AXES[match[1]], column))
+            matches.append((match[2], AXES[match[1]], column))
         elif match := _AXIS_LAST.fullmatch(cell):
-            found.append((match[1], AXES[match[2]], column))
-    places = _landmarks([name for name, _, _ in found])
-    columns = {(places[n], axis): column for n, axis, column in found if n in places}
+            matches.append((match[1], AXES[match[2]], column))
+    places = _landmarks([name for name, _, _ in matches])
+    columns = {(places[n], axis): column for n, axis, column in matches if n in places}
     both = [k for k in range(POINTS) if (k, 0) in columns and (k, 1) in columns]
     return columns if len(both) >= POINTS // 2 else None
 
@@ -77,12 +77,14 @@ def landmarks_of_csv(path: Path) -> dict[int, Float[np.ndarray, "33 4"]]:
 def _long(
     rows: list[list[str]], heading: list[str], path: Path
 ) -> dict[int, Float[np.ndarray, "33 4"]]:
-    at = {name: heading.index(name) for name in heading}
-    frame, landmark = (next(at[n] for n in names if n in at) for names in (FRAME, LANDMARK))
+    position = {name: heading.index(name) for name in heading}
+    frame, landmark = (
+        next(position[n] for n in names if n in position) for names in (FRAME, LANDMARK)
+    )
     places = _landmarks(
         list(dict.fromkeys(row[landmark] for row in rows[1:] if len(row) > landmark))
     )
-    axes = [(axis, at[name]) for name, axis in AXES.items() if name in at]
+    axes = [(axis, position[name]) for name, axis in AXES.items() if name in position]
     frames: dict[int, Float[np.ndarray, "33 4"]] = {}
     for n, row in enumerate(rows[1:], start=2):
         where = f"{path}: row {n}"

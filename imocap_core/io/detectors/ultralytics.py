@@ -110,8 +110,8 @@ def points_in(row: list[float], count: int) -> Float[np.ndarray, "K 3"] | None:
         after = len(row) - BEFORE - width * count
         if 0 <= after <= AFTER:
             table = np.array(row[BEFORE : BEFORE + width * count]).reshape(count, width)
-            seen = table[:, 2] if width == 3 else (table != 0).any(axis=1)
-            return cleaned(np.column_stack([table[:, :2], seen]))
+            visible = table[:, 2] if width == 3 else (table != 0).any(axis=1)
+            return cleaned(np.column_stack([table[:, :2], visible]))
     return None
 
 

@@ -38,8 +38,8 @@ def as_lafan1(clip: MotionClip) -> MotionClip:
     The world must have y up.
     """
     turned = with_rest(clip, np.swapaxes(joint_axes(clip), -1, -2))
-    kept = [clip.joint_names.index(joint) for joint in JOINTS.values()]
-    place = {joint: n for n, joint in enumerate(kept)}
+    chosen = [clip.joint_names.index(joint) for joint in JOINTS.values()]
+    place = {joint: n for n, joint in enumerate(chosen)}
     offsets = turned.offsets
     tips = dict(turned.tips)
     for joint, parent in enumerate(clip.parents):
@@ -48,10 +48,10 @@ def as_lafan1(clip: MotionClip) -> MotionClip:
     subset = replace(
         turned,
         joint_names=tuple(JOINTS),
-        parents=tuple(place.get(clip.parents[joint], -1) for joint in kept),
-        rest=turned.rest[kept],
+        parents=tuple(place.get(clip.parents[joint], -1) for joint in chosen),
+        rest=turned.rest[chosen],
         tips={place[joint]: tip for joint, tip in tips.items() if joint in place},
-        R_local=turned.R_local[:, kept],
+        R_local=turned.R_local[:, chosen],
     )
     return at_rate(subset, FPS)
 

@@ -179,13 +179,13 @@ def prediction_of(
         R_start: rotation, camera from world, where the resection starts.
     """
     height_px = observation.size_px
-    known = np.isfinite(xyz_m).all(-1) & np.isfinite(observation.xy_px).all(-1)
-    weight = np.where(known, weight, 0.0)
+    is_known = np.isfinite(xyz_m).all(-1) & np.isfinite(observation.xy_px).all(-1)
+    weight = np.where(is_known, weight, 0.0)
     tested = stretches(len(height_px), observation.fps) % 2 == 1
     scale_px = CAMERA_SCALE * float(np.median(height_px))
-    seen = np.where(tested[:, None], 0.0, weight)
+    visible = np.where(tested[:, None], 0.0, weight)
     camera = pnp_over_frames(
-        xyz_m, observation.xy_px, seen, K, R_start, scale_px=scale_px, inlier_px=2 * scale_px
+        xyz_m, observation.xy_px, visible, K, R_start, scale_px=scale_px, inlier_px=2 * scale_px
     )
     if not camera.ok:
         return Prediction(np.full(weight.shape, np.nan), np.zeros_like(weight))
@@ -202,16 +202,16 @@ def predicted_limbs(scene: Scene, state: MotionState) -> list[Prediction]:
     shares = point_shares(scene.body.keypoints.names)
     limbs = [stretches(len(o.xy_px), o.fps) % len(LIMBS) for o in scene.observations]
     rows = list(zip(scene.observations, limbs, strict=True))
-    seen = [_without(scene.body, o, limb) for o, limb in rows]
-    terms = monocular_terms(scene.body, scene.prior, seen, state.trans, scene.fit, 1.0)
+    hidden = [_without(scene.body, o, limb) for o, limb in rows]
+    terms = monocular_terms(scene.body, scene.prior, hidden, state.trans, scene.fit, 1.0)
     solved = solve(terms, state, STEPS).state
     xyz = scene.body.positions(scene.body.keypoints, solved).xyz.cpu().numpy()
     predictions = []
     for (o, limb), points in zip(rows, xyz, strict=True):
         place = np.zeros(3) if o.centre_m is None else o.centre_m[:, None]
         xy_px = project_camera(points[: len(o.xy_px)] - place, o.K)
-        known = hidden_points(scene.body.keypoints, limb) & np.isfinite(o.xy_px).all(-1)
-        predictions.append(_compared(o, xy_px, np.where(known, o.confidence * shares, 0.0)))
+        is_known = hidden_points(scene.body.keypoints, limb) & np.isfinite(o.xy_px).all(-1)
+        predictions.append(_compared(o, xy_px, np.where(is_known, o.confidence * shares, 0.0)))
     return predictions
 
 

@@ -42,11 +42,11 @@ def picture_heights(
     measured = (visible.sum(axis=1) >= LEAST_JOINTS) & (size > 0)
     usual = _smoothed(np.where(measured, size, np.nan), SIZE_S * fps)
     w = weight[:, trunk]
-    known = (w > 0).all(axis=1)
-    if not (known & np.isfinite(usual)).any():
+    has_height = (w > 0).all(axis=1)
+    if not (has_height & np.isfinite(usual)).any():
         return np.full(len(poses), np.nan)
     y = (w * np.nan_to_num(xy_px[:, trunk, 1])).sum(axis=1) / np.maximum(w.sum(axis=1), 1e-9)
-    return np.where(known, (np.median(y[known]) - y) / usual, np.nan)
+    return np.where(has_height, (np.median(y[has_height]) - y) / usual, np.nan)
 
 
 def vertical_motion(heights: Float[np.ndarray, " T"], fps: float) -> Float[np.ndarray, " T"]:
@@ -85,22 +85,22 @@ def spread_over(
     if soft_map is None:
         S = (len(motion) - 1) * per_frame + 1
         return np.interp(np.arange(S) / per_frame, np.arange(len(motion)), motion)
-    known = np.isfinite(motion)
-    columns = np.column_stack([np.where(known, motion, 0.0), known])
+    has_height = np.isfinite(motion)
+    columns = np.column_stack([np.where(has_height, motion, 0.0), has_height])
     total, weight = soft_map.spread(columns).T
     return np.where(weight > LEAST_WEIGHT, total / np.maximum(weight, LEAST_WEIGHT), np.nan)
 
 
 def mean_of_known(motions: Sequence[Float[np.ndarray, " S"]]) -> Float[np.ndarray, " S"]:
     """Mean at each position; NaN where none is known."""
-    known = np.isfinite(motions)
-    total = np.where(known, motions, 0.0).sum(axis=0)
-    return np.where(known.any(axis=0), total / np.maximum(known.sum(axis=0), 1), np.nan)
+    has_height = np.isfinite(motions)
+    total = np.where(has_height, motions, 0.0).sum(axis=0)
+    return np.where(has_height.any(axis=0), total / np.maximum(has_height.sum(axis=0), 1), np.nan)
 
 
 def _amplitude(motion: np.ndarray) -> float:
-    known = np.isfinite(motion)
-    return float(np.percentile(np.abs(motion[known]), AMPLITUDE)) if known.any() else 0.0
+    has_height = np.isfinite(motion)
+    return float(np.percentile(np.abs(motion[has_height]), AMPLITUDE)) if has_height.any() else 0.0
 
 
 def _spread(points: np.ndarray, visible: np.ndarray) -> np.ndarray:
@@ -114,7 +114,7 @@ def _spread(points: np.ndarray, visible: np.ndarray) -> np.ndarray:
 
 def _smoothed(values: np.ndarray, sigma: float) -> np.ndarray:
     """Gaussian mean (T,) of the known ones."""
-    known = np.isfinite(values).astype(float)
+    has_height = np.isfinite(values).astype(float)
     total = gaussian_filter1d(np.nan_to_num(values), sigma, mode="constant")
-    share = gaussian_filter1d(known, sigma, mode="constant")
+    share = gaussian_filter1d(has_height, sigma, mode="constant")
     return np.where(share > 1e-6, total / np.maximum(share, 1e-6), np.nan)

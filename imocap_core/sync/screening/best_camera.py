@@ -80,10 +80,10 @@ def explained_change(
     Args:
         plane: the keypoints about each frame's mean (`centred_plane`).
     """
-    seen = weight.sum(axis=1) > 0
-    x, w = plane[seen], weight[seen]
+    visible = weight.sum(axis=1) > 0
+    x, w = plane[visible], weight[visible]
     total = w.sum(axis=1, keepdims=True)
-    pose = projected[seen, :, 0] + 1j * projected[seen, :, 1]
+    pose = projected[visible, :, 0] + 1j * projected[visible, :, 1]
     pose = pose - (w * pose).sum(1, keepdims=True) / total
     spread = np.maximum((w * np.abs(pose) ** 2).sum(1, keepdims=True), 1e-12)
     scale = np.maximum((w * (x.conj() * pose).real).sum(1, keepdims=True), 0.0) / spread
