@@ -87,8 +87,12 @@ def markdown(rows: Sequence[PennRow]) -> str:
 def _cells(
     name: str, groups: Sequence[SetErrors], clips: int, limbs: HiddenLimbs | None
 ) -> list[str]:
-    columns = [[g.error_pct, g.share_10, g.monocular_pct] for g in groups] or [[np.nan] * 3]
-    medians = [cell(float(x), 2) for x in np.nanmedian(columns, axis=0)]
+    columns = [[g.error_pct, g.share_10, g.monocular_pct] for g in groups]
+    medians = (
+        [cell(float(x), 2) for x in np.nanmedian(columns, axis=0)]
+        if groups
+        else [cell(None, 2)] * 3
+    )
     shares = (None, None) if limbs is None else (limbs.lifter_pct, limbs.straight_pct)
     return [name, str(len(groups)), *medians, str(clips), *(cell(x, 1) for x in shares)]
 
