@@ -58,8 +58,10 @@ def remarks(video: VideoKeypoints) -> list[str]:
     """The parts of a video's note on cuts, given tracks, swapped sides, a variable rate, and on how
     its file and keypoints were read."""
     parts = video.note.split("; ")
-    of_detections = ("a new shot", "track ", "left and right", "the frame rate", "the time stamps")
-    kinds = (*of_detections, "the pixels", "the picture", "the keypoints")
+    kinds = (
+        *("a new shot", "track ", "left and right", "the frame rate", "the time stamps"),
+        *("the pixels", "the picture", "the keypoints"),
+    )
     return [part for part in parts if part.startswith(kinds)]
 
 
