@@ -85,17 +85,6 @@ def test_every_command_that_a_page_names_exists() -> None:
     assert missing == set()
 
 
-def test_where_modules_went_is_true() -> None:
-    table = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").split("| before | now |")[1]
-    rows = table.split("\n\n")[0].splitlines()[2:]
-    now = {name for row in rows for name in re.findall(r"`([\w.]+)`", row.split(" | ")[1])}
-    now.remove("benchmarks")  # beside imocap_core
-    places = {name: ROOT / "imocap_core" / name.replace(".", "/") for name in now}
-    assert {
-        n for n, p in places.items() if not p.is_dir() and not Path(f"{p}.py").is_file()
-    } == set()
-
-
 def test_every_public_name_is_on_the_page_of_the_library() -> None:
     page = (DOCS / "library.md").read_text(encoding="utf-8")
     named = set(re.findall(r"(?:^::: |`)imocap\.(\w+)", page, flags=re.M))
