@@ -26,9 +26,8 @@ from imocap_core.camera.tilt_evidence import (
 MOMENTS = 40  # of a video that are looked at
 CORRELATION_S = 0.5  # errors of a pose persist: so long a time counts as one observation
 MOST_OBSERVATIONS = 5.0  # and a video's common error remains, however long it is
-JUDGED_AHEAD = 0.1  # error along the line of sight of a pose that is judged (`implausibility`)
 WRONG_SHARE = 0.02  # of motions that lean to or from the camera as a whole
-ROLLS_DEG, PITCHES_DEG = np.arange(-180.0, 181.0, 5.0), np.arange(-60.0, 61.0, 10.0)
+ROLLS_DEG, PITCHES_DEG = np.arange(-180.0, 181.0, 5.0), np.arange(-60.0, 61.0, 6.0)
 OTHER_SHARE, HANGING_SHARE = 0.05, 0.01  # of videos in which other parts than feet carry the body
 STANDING_COST = 4.5  # of balance and trunk for who stands: densities of a narrow and a wide support
 BY_WHAT = (1 - OTHER_SHARE - HANGING_SHARE, OTHER_SHARE, HANGING_SHARE)
@@ -76,30 +75,7 @@ def estimate_up(bodies: Sequence[FilmedBody], prior: LevelPrior) -> UpEstimate:
             total += stance.cost(up)
         return total
 
-    return _searched(cost, [b.R_cam_from_world for b in bodies], prior)[0]
-
-
-def implausibility(filmed: FilmedBody, level: LevelPrior) -> float:
-    """What physics says against one video's motion: twice a negative log likelihood, 0 at best.
-
-    Under the up that explains it best: a camera that is not held level, a centre of mass beside
-    what carries it, planted feet that are not on one height, limbs below the floor. 0.5 s count as
-    one observation, so it adds to the cost of the keypoints of the same frames. Without a frame
-    that has all joints: 0.
-    """
-    whole = np.isfinite(filmed.joints).all(axis=(1, 2))
-    if not whole.any():
-        return 0.0
-    support = support_of(filmed.joints[whole], filmed.fps, MOMENTS)
-    count = float(whole.sum()) / filmed.fps / CORRELATION_S
-    sight = filmed.R_cam_from_world[2]
-
-    def cost(up: Float[np.ndarray, "U 3"]) -> Float[np.ndarray, " U"]:
-        carried = count * carried_cost(up, support, sight, JUDGED_AHEAD)
-        hanging = count * hanging_cost(up, support, sight, JUDGED_AHEAD) - 2 * np.log(HANGING_SHARE)
-        return camera_cost(up, filmed.R_cam_from_world, level) + np.minimum(carried, hanging)
-
-    return _searched(_in_chunks(cost), [filmed.R_cam_from_world], level)[1]
+    return _searched(cost, [b.R_cam_from_world for b in bodies], prior)
 
 
 Cost = Callable[[Float[np.ndarray, "U 3"]], Float[np.ndarray, " U"]]
@@ -107,8 +83,8 @@ Cost = Callable[[Float[np.ndarray, "U 3"]], Float[np.ndarray, " U"]]
 
 def _searched(
     cost: Cost, cameras: Sequence[Float[np.ndarray, "3 3"]], prior: LevelPrior
-) -> tuple[UpEstimate, float]:
-    """The likeliest of few ups, its standard deviation and the least cost that was met.
+) -> UpEstimate:
+    """The likeliest of few ups, and its standard deviation.
 
     Proposed are cameras that are held level and the least costs on the sphere. The proposal with
     the most posterior around it is chosen, not their mean; how likely it is one of the others
@@ -129,24 +105,22 @@ def _searched(
     share /= share.sum()
     apart_deg = np.array([_angles_deg(best.mean, m.mean).item() for m in modes])
     spread = np.array([m.sd_deg for m in modes]) ** 2 + apart_deg**2 / 2
-    least = min(m.least for m in modes)
-    return UpEstimate(best.mean, float(np.sqrt(share @ spread))), least
+    return UpEstimate(best.mean, float(np.sqrt(share @ spread)))
 
 
 @dataclass(frozen=True)
 class _Mode:
-    """The posterior around one direction: its mean, spread, -2 log of its integral, least cost."""
+    """The posterior around one direction: its mean, spread, -2 log of its integral."""
 
     start: Float[np.ndarray, "3"]
     mean: Float[np.ndarray, "3"]
     sd_deg: float
     cost: float
-    least: float
 
     @classmethod
     def around(cls, cost: Cost, start: Float[np.ndarray, "3"]) -> _Mode:
         """Sums over a grid that closes in on the mean."""
-        mean, reach, sd, whole, least = start, FIRST_REACH_DEG, 0.0, 0.0, np.inf
+        mean, reach, sd, whole = start, FIRST_REACH_DEG, 0.0, 0.0
         for _ in range(REFINEMENTS):
             around = _grid(mean, reach)
             costs = cost(around)
@@ -157,8 +131,7 @@ class _Mode:
             mean /= np.linalg.norm(mean)
             sd = float(np.sqrt(weight @ _angles_deg(mean, around) ** 2 / 2))
             reach = float(np.clip(REACH_SD * sd, LEAST_REACH_DEG, MOST_REACH_DEG))
-            least = min(least, float(costs.min()))
-        return cls(start, mean, sd, whole, least)
+        return cls(start, mean, sd, whole)
 
 
 def _angles_deg(a: Float[np.ndarray, "3"], b: Float[np.ndarray, "*U 3"]) -> Float[np.ndarray, "*U"]:

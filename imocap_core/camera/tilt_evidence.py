@@ -208,7 +208,8 @@ def hanging_cost(
 ) -> Float[np.ndarray, " U"]:
     """The centre of mass is well below the hands, and under them; the mean over moments."""
     wrists = support.parts[:, WRISTS]
-    squared, _ = _off_middle(up, support, wrists, np.full((1, 2, 1), 0.5), (sight, ahead))
+    share = np.full((len(up), wrists.shape[1], len(wrists)), 0.5)
+    squared, _ = _off_middle(up, support, wrists, share, (sight, ahead))
     below = (wrists.mean(axis=1) - support.centre) @ up.T
     cost = _student(np.sqrt(squared), BALANCE_DOF, dimensions=2)
     cost += _student(np.minimum(below.T - HANGING_M, 0.0) / PLANE_M, PLANE_DOF)

@@ -19,10 +19,10 @@ from imocap_core.sync.repetition.template_matching import Span
 WITHIN = 0.7  # of a stretch lies in the cycle that it is a part of
 
 
-def cycles_of(track: ShotTrack) -> tuple[Span, ...]:
+def cycles_of(track: ShotTrack, params: RepetitionParams) -> tuple[Span, ...]:
     """Frames of the track's cycles, from each one's first to one past its last; none where it shows
     fewer than two."""
-    spans = find_repetitions(track.joints, track.fps, RepetitionParams()).spans
+    spans = find_repetitions(track.joints, track.fps, params).spans
     return spans if len(spans) > 1 else ()
 
 

@@ -19,7 +19,7 @@ from imocap_core.collect.shots import Shot
 from imocap_core.collect.tracks import shot_tracks
 from imocap_core.conventions import mirror_indices
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.params import CollectParams, KeypointsParams
+from imocap_core.params import CollectParams, KeypointsParams, RepetitionParams
 
 LEAST_S = 0.3  # of an example
 
@@ -48,7 +48,10 @@ class SoughtMovement:
 
 
 def repeated_movement(
-    films: Sequence[LongFilm], people: FilmTracks, params: CollectParams
+    films: Sequence[LongFilm],
+    people: FilmTracks,
+    params: CollectParams,
+    repetitions: RepetitionParams,
 ) -> SoughtMovement:
     """The movement that is repeated most in the films. WorkFailed where none is."""
     twins = mirror_indices(layout_names(films[0].people.layout))
@@ -67,7 +70,7 @@ def repeated_movement(
     track, samples = people.tracks[index], at_rate(people.samples[index], 1.0)
     last = min(start + len(template.background), len(samples.frame)) - 1
     first, stop = int(samples.frame[start]), int(samples.frame[last]) + 1
-    whole = cycle_around(first, stop, cycles_of(track))
+    whole = cycle_around(first, stop, cycles_of(track, repetitions))
     if whole is not None:
         first, stop = whole
         inside = (samples.frame >= first) & (samples.frame < stop)

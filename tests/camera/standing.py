@@ -38,15 +38,6 @@ def posed(bends_deg: dict[str, tuple[float, float, float]], frames: int = 25) ->
     return np.repeat(joints, frames, axis=0)
 
 
-SQUAT = {
-    "pelvis": (45.0, 0.0, 0.0),
-    "hip": (-120.0, 0.0, 0.0),
-    "knee": (105.0, 0.0, 0.0),
-    "ankle": (-30.0, 0.0, 0.0),
-    "shoulder": (0.0, 0.0, 40.0),
-    "elbow": (0.0, 0.0, 130.0),
-}
-"""Hands behind the head."""
 PUSH_UP = {
     "pelvis": (72.0, 0.0, 0.0),
     "foot": (-30.0, 0.0, 0.0),

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from imocap_core.body.mass import JOINT_MASS_SHARES, centre_of_mass
-from imocap_core.camera.gravity import FilmedBody, estimate_up, implausibility
+from imocap_core.camera.gravity import FilmedBody, estimate_up
 from imocap_core.camera.tilt_evidence import (
     BALANCE_DOF,
     DYNAMIC_S,
@@ -20,14 +20,12 @@ from imocap_core.camera.tilt_evidence import (
     support_of,
     support_under,
 )
-from imocap_core.conventions import SMPL_JOINTS
 from tests.camera.standing import (
     FPS,
     LEVEL_CAMERA,
     POSTURES,
     PRIOR,
     PUSH_UP,
-    SQUAT,
     angle_deg,
     filmed,
     posed,
@@ -98,46 +96,6 @@ def test_an_up_on_which_the_witnesses_disagree_is_doubtful() -> None:
     doubtful = estimate_up([FilmedBody(posed(PUSH_UP), FPS, held)], PRIOR)
     sure = estimate_up([FilmedBody(standing(), FPS, LEVEL_CAMERA)], PRIOR)
     assert doubtful.sd_deg > 10.0 > 2 * sure.sd_deg
-
-
-def implausible(joints, camera=LEVEL_CAMERA) -> float:
-    return implausibility(FilmedBody(joints, FPS, camera), PRIOR)
-
-
-@pytest.mark.parametrize("facing_deg", [0, 40, 90, 180])
-@pytest.mark.parametrize("lean_deg", [-50, 50])
-def test_a_squat_that_falls_over_is_less_plausible(facing_deg: int, lean_deg: int) -> None:
-    """Not only tilted: with its feet where the picture has them, as a dive is fitted."""
-    facing = Rotation.from_euler("y", facing_deg, degrees=True)
-    squat = turned(posed(SQUAT), facing)
-    tilted = turned(squat, Rotation.from_euler("x", lean_deg, degrees=True))
-    assert implausible(tilted) > implausible(squat) + 4.0
-    feet = [SMPL_JOINTS.index(f"{s}_{p}") for s in ("left", "right") for p in ("ankle", "foot")]
-    dive = tilted - tilted[:, feet].mean(axis=1)[:, None] + squat[:, feet].mean(axis=1)[:, None]
-    dive[:, feet] = squat[:, feet]
-    assert implausible(dive) > implausible(squat) + 4.0
-    assert implausible(squat) < 4.0
-
-
-def test_feet_that_sink_while_they_stand_are_less_plausible() -> None:
-    stands = standing()
-    sinks = stands - np.linspace(0, 0.4, len(stands))[:, None, None] * Y_UP
-    assert implausible(sinks) > implausible(stands) + 8.0
-
-
-@pytest.mark.parametrize("facing_deg", [0, 90])
-def test_a_push_up_is_more_plausible_than_a_man_who_stands_before_a_rolled_camera(
-    facing_deg: int,
-) -> None:
-    push_up = turned(posed(PUSH_UP), Rotation.from_euler("y", facing_deg, degrees=True))
-    raised = posed({"shoulder": (0.0, -75.0, 0.0)})
-    rolled = Rotation.from_euler("z", 80, degrees=True).as_matrix() @ LEVEL_CAMERA
-    assert implausible(push_up) + 8.0 < implausible(raised, rolled)
-    assert implausible(raised) < 4.0
-
-
-def test_a_motion_without_a_whole_frame_is_not_judged() -> None:
-    assert implausible(np.full((10, 24, 3), np.nan)) == 0.0
 
 
 def test_frames_without_all_joints_are_left_out() -> None:
