@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import av
 import numpy as np
-from av.sidedata.sidedata import Type as SideData
 from jaxtyping import Float, Int, UInt8
 
 SQUARE = 0.01  # nearer to 1, an aspect ratio is that of square pixels in a rounded size
@@ -88,7 +88,8 @@ class ShownFrame:
 
 def display_of(frame: av.VideoFrame, aspect: float | None) -> Display:
     """How a file's frames are shown; ``aspect``: of a stored pixel, None where it is not said."""
-    stored, matrix = (frame.width, frame.height), frame.side_data.get(SideData.DISPLAYMATRIX)
+    stored = frame.width, frame.height
+    matrix: Any = frame.side_data.get("DISPLAYMATRIX")
     axes = UPRIGHT
     if matrix is not None:
         axes = axes_of(np.frombuffer(bytes(matrix), np.int32, 9).reshape(3, 3))

@@ -149,7 +149,7 @@ def _timings(
         base = Reading()
     zero = base.first if base.words else min(first, 1)
     total = last + 1 - zero
-    rates = [r for q in RATES for r in (q, 1 / q) if abs(total - r * count) <= max(1, r)]
+    rates = [r for q in RATES for r in (q, 1 / q) if abs(total - r * count) <= max(1.0, float(r))]
     others = [_at_rate(r, zero, total, count) for r in rates if abs(total - count) > OFF_END]
     if total > count + OFF_END:
         if not others:
@@ -316,9 +316,9 @@ def _same_points(
     """Points that are seen in both frames, of the first person; of several the nearest later."""
     if not len(people) or not len(later):
         return np.zeros((0, 2)), np.zeros((0, 2))
-    seen = (people[0, :, 2] > SEEN) & (later[..., 2] > SEEN)
+    seen = np.asarray((people[0, :, 2] > SEEN) & (later[..., 2] > SEEN))
     away = np.where(seen, np.linalg.norm(later[..., :2] - people[0, :, :2], axis=-1), np.nan)
     if not np.isfinite(away).any():
         return np.zeros((0, 2)), np.zeros((0, 2))
-    other = int(np.nanargmin(np.nanmin(np.where(seen.any(axis=1)[:, None], away, np.inf), axis=1)))
+    other = int(np.argmin(np.where(seen, away, np.inf).min(axis=1)))
     return people[0, seen[other], :2], later[other, seen[other], :2]
