@@ -121,7 +121,7 @@ def test_whole_body_keypoints_bring_their_hands(folder):
 
 def test_a_format_that_the_files_are_not_is_refused(folder):
     with pytest.raises(ValueError, match="keypoints/v1: expected a file, found a folder"):
-        run(folder, format="alphapose")
+        run(folder, format="coco")
 
 
 def test_frames_beyond_the_clip_are_refused(folder):
