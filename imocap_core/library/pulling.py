@@ -17,7 +17,6 @@ from pathlib import Path
 from imocap_core.artifacts.file_memory import files_below
 from imocap_core.artifacts.shared import SharedFiles
 from imocap_core.errors import WorkFailed
-from imocap_core.io.video import open_video
 from imocap_core.library.action_files import action_files, portable_files
 from imocap_core.library.action_record import ActionRecord, input_name, read_record, record_name
 from imocap_core.library.door import plain_errors
@@ -140,6 +139,8 @@ def _fetch(shared: SharedFiles, path: str, digest: str, draft: Path, fresh: Path
 
 def _must_be_usable(workspace: Workspace, fresh: Path, record: ActionRecord) -> None:
     """WorkFailed unless action.yaml is of this name and names files of its folder only."""
+    from imocap_core.io.video import open_video
+
     try:
         declared = read_action(fresh)
         chosen = settings(workspace.pipeline(), declared.params, declared.file, [])

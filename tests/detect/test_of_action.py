@@ -58,13 +58,13 @@ def place(tmp_path: Path, detector_python: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def test_from_videos_to_keypoints_and_not_twice(place: Place, capsys: Capture) -> None:
-    assert place.run("run", "mine", "--until", "keypoints") == 0
+    assert place.run("run", "mine", "--until", "keypoints", "--verbose") == 0
     assert capsys.readouterr().out.count("has no detections of mediapipe 0.10.21") == 2
     a, b = place.keypoints().videos
     assert (a.layout, len(a.frames), len(b.frames)) == ("mediapipe33", 5, 3)
     assert (a.initial, a.initial_format) == (None, None)
     assert np.abs(a.xy_px[:, 0, 0] - [20, 22, 24, 26, 28]).max() <= 2.5
-    assert place.run("run", "mine", "--until", "keypoints") == 0
+    assert place.run("run", "mine", "--until", "keypoints", "--verbose") == 0
     out = capsys.readouterr().out
     assert "has no detections" not in out
     assert "cached" in out
@@ -85,10 +85,7 @@ def test_what_was_finished_before_a_break_is_kept(
     assert "b.mp4: mediapipe 0.10.21 found no person" in capsys.readouterr().err
     clip(place.folder / "b.mp4", [30, 32, 34])
     assert place.run("detect", "mine") == 0
-    out = capsys.readouterr().out
-    assert "a has no detections" not in out
-    assert "b has no detections" in out
-    assert out.count(".npz") == 2
+    assert capsys.readouterr().out.count(".npz") == 2
 
 
 @pytest.mark.parametrize("first", [["--store"], []])

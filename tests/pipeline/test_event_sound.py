@@ -54,7 +54,9 @@ def run(action: Action, made: Made, reads: list[str]) -> stage.Sync:
     chosen = settings(pipeline, {}, pipeline.file, [])
     videos = [v.model_copy(update={"fps": FPS}) for v in made.keypoints.videos]
     ctx = Context("sync", 7, frozenset(reads), lambda *_: None, Path(), action)  # type: ignore[arg-type]
-    return stage.run(ctx, Given(Keypoints(videos=videos), made.initial), chosen.params)
+    return stage.run(
+        ctx, Given(Keypoints(videos=videos), made.initial, made.camera_motion), chosen.params
+    )
 
 
 def test_the_offset_of_the_sound_is_used_and_said(folder: Path, made: Made) -> None:

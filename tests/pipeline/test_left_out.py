@@ -50,7 +50,7 @@ def run(folder: Path, *videos: Declaration) -> Keypoints:
         ({"focal_px": 1e9}, "action.yaml: videos.v3.focal_px: expected 26 to 6400 pixels"),
         ({"frames": (0, 90)}, "action.yaml: videos.v3.frames: expected at most [0, 60]"),
         ({"person": {"track": 9}}, "action.yaml: videos.v3.person: "),
-        ({"format": "alphapose"}, "v3: expected a file, found a folder"),
+        ({"format": "coco"}, "v3: expected a file, found a folder"),
         ({"video": "v3.mp4", "fps": None, "size": None}, "v3.mp4: broken, decoding failed after"),
     ],
 )

@@ -120,6 +120,6 @@ def test_the_body_is_placed_where_the_keypoints_are() -> None:
     observation = Observation(xy[..., :2], np.ones(xy.shape[:2]), K, 30.0, noise_share=0.01)
     prior = load_pose_prior()
     library = make_library(body, prior, np.random.default_rng(0), poses=2, directions=2)
-    (start,) = starts(body, library, observation, R_local, None, InitialSmplParams())
+    (start,) = starts(body, library, observation, R_local, None, None, InitialSmplParams())
     assert torch.equal(start.R_local, R_local)
     assert float((start.trans - trans).norm(dim=-1).max()) < 0.25  # weak perspective, 4 m away

@@ -1,5 +1,6 @@
 """The demo action on disk: what readers of actions find in it."""
 
+from contextlib import nullcontext
 from itertools import islice
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 import torch
 
 from imocap_core.body.conversions import rotations_from_pose
+from imocap_core.executors.serial import Serial
 from imocap_core.io.detectors.openpose import read_openpose
 from imocap_core.io.truth import read_truth
 from imocap_core.io.video import probe, write_h264
@@ -35,28 +37,7 @@ def _joints_of_pose(true_video, model):
 def quick(clips, shaped, first_pictures, monkeypatch):
     """make_demo without spawned workers, with three pictures a video."""
 
-    class Here:
-        def __init__(self, *_, **__):
-            pass
-
-        def __enter__(self):
-            return self
-
-        def __exit__(self, *_):
-            pass
-
-        def submit(self, function, *args):
-            return Done(function(*args))
-
-    class Done:
-        def __init__(self, value):
-            self.value = value
-
-        def result(self):
-            return self.value
-
-    monkeypatch.setattr(demo, "processes", Here)
-    monkeypatch.setattr(demo, "as_completed", list)
+    monkeypatch.setattr(demo, "worker_processes", lambda _: nullcontext(Serial()))
     monkeypatch.setattr(demo, "make_yoga_clip", lambda seed, index, body: clips[index])
     monkeypatch.setattr(demo, "demo_body", lambda seed: shaped)
     monkeypatch.setattr(demo, "pictures", lambda clip, seed, index, body: first_pictures[index])
