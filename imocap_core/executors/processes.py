@@ -152,6 +152,8 @@ def _leave(worker: Process) -> None:
         assert stream is not None
         with suppress(OSError):
             stream.close()
+    with suppress(subprocess.TimeoutExpired):
+        worker.wait(END_S)
 
 
 def _cause(exitcode: int) -> str:

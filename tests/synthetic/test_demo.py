@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from imocap_core.body.conversions import rotations_from_pose
+from imocap_core.errors import WorkFailed
 from imocap_core.executors.serial import Serial
 from imocap_core.io.detectors.openpose import read_openpose
 from imocap_core.io.truth import read_truth
@@ -103,7 +104,7 @@ def test_a_failing_run_leaves_nothing_behind(quick, tmp_path, monkeypatch):
         raise OSError("disk full")
 
     monkeypatch.setattr(demo, "write_h264", broken)
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(WorkFailed, match="disk full"):
         demo.make_demo("yoga", tmp_path / "yoga", SEED)
     assert list(tmp_path.iterdir()) == []
 

@@ -41,7 +41,7 @@ ANOTHER_ACTION = 0.18  # score from which a video shows another action
 EXCESS_WEIGHT = 0.5  # of the residual over the others', beside that over a static pose
 REFLECTION_WEIGHT = 0.5  # of a clear answer to whether it is mirrored, which a stranger has not
 SUSPICIOUS, DOUBTFUL = 0.05, 0.14  # first score worth a second look; last score worth a remark
-FOLLOWED = 0.5  # of the others' explained change: more is the same action
+FOLLOWED = 0.4  # of the others' explained change: more is the same action
 LEAST_CHANGE = 0.05  # explained, below which nobody is compared
 EXPLAINED_OTHERS = -0.1  # the others' median excess over a static pose must lie below
 SIGN_ROUNDS = 3
@@ -211,4 +211,6 @@ def _score(
     mirrored = REFLECTION_WEIGHT * abs(float(explained.reflected[video]))
     followed = max(change, 0.0) / max(median_change, LEAST_CHANGE)
     by_poses = static + EXCESS_WEIGHT * excess - mirrored
+    if median_change < LEAST_CHANGE:  # too little changes to be compared
+        return float(by_poses)
     return float(min(by_poses, ANOTHER_ACTION + FOLLOWED - followed))
