@@ -76,7 +76,7 @@ class RefineParams:
     evidence: Literal["poses", "pictures"] = param(
         "pictures",
         "What the loop synchronises by: `pictures` compares detections with the other videos' "
-        "projected motion, for videos whose errors are explained by noise; `poses` compares poses "
+        "projected motion, where three videos or more show one motion; `poses` compares poses "
         "alone.",
     )
 

@@ -21,12 +21,6 @@ class SyncParams:
         "Map from pose distances to affinities: `reciprocal` is the paper's, `gaussian` is "
         "sharper.",
     )
-    velocity_weight_s: NonNegative = param(
-        0.0,
-        "Weight of joint velocities beside positions when poses are compared: a difference of "
-        "1 m/s counts as much as this many metres. 0: positions alone.",
-        unit="s",
-    )
     joint_weights: dict[str, NonNegative] = param(
         {},
         "Weights of single joints in every comparison of poses, by SMPL's joint names, as in "

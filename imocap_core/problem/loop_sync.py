@@ -21,7 +21,7 @@ from imocap_core.motion.multiview.scene import JointMotion
 from imocap_core.params import SyncParams
 from imocap_core.problem.event_timing import with_one_offset
 from imocap_core.problem.hypotheses import chosen_motions, explained_keypoints
-from imocap_core.problem.joint import JointProblem
+from imocap_core.problem.joint import JointProblem, shows_one_motion
 from imocap_core.problem.screening_again import decided_again
 from imocap_core.problem.synchronisation import (
     screening_of_motions,
@@ -53,7 +53,9 @@ class LoopSync:
 
     Attributes:
         hints: with those of sound, if any; rates: seconds of the action per second of each video.
-        by_pictures: keypoints are evidence too.
+        by_pictures: keypoints are evidence too, where three videos or more show one motion. Of two
+            performances those moments that look alike in a picture need not belong together, and
+            two videos explain each other too well.
         event: all videos show one performance; sound_start_s: when each began, by its sound.
         declared: per video True or False where the user states whether it is mirrored.
         rng: a generator, the same one whenever it is asked for.
@@ -125,6 +127,8 @@ class LoopSync:
         decided: SyncSummary,
         reference: str | None,
     ) -> Sync:
+        several = len(decided.ids) - len(decided.excluded) > 2
+        pictures = self.by_pictures and several and shows_one_motion(motion)
         sync = synchronise_motions(
             problem.filmed_joints(motion),
             self.keypoints,
@@ -134,7 +138,7 @@ class LoopSync:
             decided=decided,
             hints=self.hints,
             cameras=self.cameras,
-            reprojection=problem.reprojection_evidence(motion) if self.by_pictures else None,
+            reprojection=problem.reprojection_evidence(motion) if pictures else None,
             rates=self.rates,
         )
         return self._placed(sync)

@@ -12,7 +12,6 @@ from imocap_core.sync import refinement, synchronise
 
 PARAMS = SyncParams(
     affinity="reciprocal",
-    velocity_weight_s=0.0,
     method="softmap",
     rounds=2,
     warp="posterior",

@@ -65,7 +65,7 @@ def test_heights_without_size_or_trunk_are_unknown() -> None:
 
 def test_a_drifting_camera_is_no_vertical_motion() -> None:
     time_s = np.arange(300) / FPS
-    drift, jumping = 0.3 * np.sin(2 * np.pi * time_s / 8.0), jumps(300, 0.0)
+    drift, jumping = 0.3 * np.sin(2 * np.pi * time_s / 20.0), jumps(300, 0.0)
     moved = vertical_motion(jumping + drift, FPS)
     inside = slice(15, -15)
     assert np.abs(moved - jumping)[inside].max() < 0.2 * np.abs(jumping).max()

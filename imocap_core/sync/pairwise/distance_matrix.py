@@ -13,7 +13,6 @@ from imocap_core.sync.blocks import Blocks
 from imocap_core.sync.pairwise.pose_change import pose_change
 from imocap_core.sync.pairwise.poses import body_scales, joint_weights_of, stack
 from imocap_core.sync.pairwise.procrustes import procrustes_distances
-from imocap_core.sync.pairwise.velocity import with_velocity
 from imocap_core.sync.pairwise.vertical_motion import (
     of_one_amplitude,
     squared_differences,
@@ -26,16 +25,14 @@ ALL_COMPARED = 1 << 22
 
 @dataclass(frozen=True)
 class ComparedPoints:
-    """What distances are computed from: the joints, or joints and velocities, and heights.
+    """What distances are computed from: joints and heights.
 
     Attributes:
-        factor: of the squared distances of points.
         vertical: per video, its vertical motion.
     """
 
     points: Sequence[Float[np.ndarray, "_T P 3"]]
     weights: Sequence[Float[np.ndarray, "_T P"]]
-    factor: float
     vertical: Sequence[Float[np.ndarray, "_T"]]
 
     def squares(self, i: int, j: int, rows: slice, columns: slice) -> Float[np.ndarray, "n m"]:
@@ -47,7 +44,7 @@ class ComparedPoints:
             self.weights[j][columns],
         )
         lifted = squared_differences(self.vertical[i][rows], self.vertical[j][columns])
-        return np.asarray(self.factor * distances**2 + lifted)
+        return np.asarray(distances**2 + lifted)
 
 
 @dataclass(frozen=True)
@@ -126,7 +123,7 @@ def distance_matrix(
     if heights is not None:
         moving = [vertical_motion(h / s, f) for h, s, f in zip(heights, scales, fps, strict=True)]
         vertical = of_one_amplitude(moving, params.least_difference_m)
-    compared = _compared_points(per_video, weights, vertical, fps, params.velocity_weight_s)
+    compared = ComparedPoints(per_video, weights, vertical)
     every = {pair: 1 if whole else _stride(*pair, blocks) for pair in blocks.pairs()}
     squares = {
         (i, j): compared.squares(i, j, slice(None, None, n), slice(None, None, n))
@@ -146,23 +143,6 @@ def distance_matrix(
         per_video, weights, vertical, blocks, squares, every, compared, matched, unrelated, least,
         change,
     )  # fmt: skip
-
-
-def _compared_points(
-    poses: Sequence[np.ndarray],
-    weights: Sequence[np.ndarray],
-    vertical: Sequence[np.ndarray],
-    fps: Sequence[float],
-    velocity_weight_s: float,
-) -> ComparedPoints:
-    if velocity_weight_s == 0:
-        return ComparedPoints(poses, weights, 1.0, vertical)
-    both = [
-        with_velocity(x, w, f, velocity_weight_s)
-        for x, w, f in zip(poses, weights, fps, strict=True)
-    ]
-    # a mean over twice as many points, of which half are poses
-    return ComparedPoints([p for p, _ in both], [w for _, w in both], 2.0, vertical)
 
 
 def _stride(i: int, j: int, blocks: Blocks) -> int:

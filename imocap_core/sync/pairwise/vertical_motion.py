@@ -1,7 +1,8 @@
 """Vertical motion of the trunk: what the root-relative comparison of poses leaves out.
 
-In a jump the pose hardly changes, the height does. Where the camera stands is unknown and it may
-drift, so only fast changes of the height count. The distance of two poses with it is that of bodies
+In a jump the pose hardly changes, the height does; and of two squats one is deeper, but both are
+lowest where they turn. Where the camera stands is unknown and it may drift, so slow changes of the
+height do not count. The distance of two poses with it is that of bodies
 that may be shifted sideways and turned, but not lifted: the squared difference of heights is added
 to the mean squared distance of the joints. It vanishes where nobody leaves the ground.
 """
@@ -16,7 +17,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from imocap_core.sync.pairwise.banded import BandedMap
 
-TREND_S = 0.25  # heights count relative to their mean over this time (standard deviation)
+TREND_S = 1.0  # heights count relative to their mean over this time (standard deviation)
 SIZE_S = 1.0  # over which the size of a person in the picture changes
 LEAST_WEIGHT = 1e-3  # of frames at a position, below which nothing is known there
 LEAST_JOINTS = 3  # that give a person's size
@@ -113,8 +114,8 @@ def _spread(points: np.ndarray, visible: np.ndarray) -> np.ndarray:
 
 
 def _smoothed(values: np.ndarray, sigma: float) -> np.ndarray:
-    """Gaussian mean (T,) of the known ones."""
+    """Gaussian mean (T,) of the known ones, which go on as they begin and end."""
     has_height = np.isfinite(values).astype(float)
-    total = gaussian_filter1d(np.nan_to_num(values), sigma, mode="constant")
-    share = gaussian_filter1d(has_height, sigma, mode="constant")
+    total = gaussian_filter1d(np.nan_to_num(values), sigma, mode="nearest")
+    share = gaussian_filter1d(has_height, sigma, mode="nearest")
     return np.where(share > 1e-6, total / np.maximum(share, 1e-6), np.nan)

@@ -3,9 +3,10 @@
 DTW gives the one cheapest path. With estimates as noisy as monocular ones the cheapest path follows
 the noise; the mean over all paths, each weighted by its likelihood, does not. That mean is a
 forward-backward pass over a hidden Markov chain whose states are positions in the other video and
-whose steps are never negative. Every usual step forward is equally likely a priori, so during a
-hold (a still pose) the expected positions are evenly spaced, and the spread of a frame's
-distribution shows how certain its match is.
+whose steps are never negative and geometrically distributed about the usual rate. Between two clear
+matches every way to divide the positions is then equally likely, so during a hold (a still pose)
+the expected positions are evenly spaced; before the first and after the last clear match the warp
+goes on at the usual rate. The spread of a frame's distribution shows how certain its match is.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
+from scipy.signal import lfilter
 
 from imocap_core.sync.pairwise.banded import Band, BandedMap, whole_band
 from imocap_core.sync.warp.forward_backward import bounded_likelihoods, moved, normalised
@@ -22,8 +24,8 @@ from imocap_core.sync.warp.forward_backward import bounded_likelihoods, moved, n
 
 @dataclass(frozen=True)
 class StepPrior:
-    """Steps forward between neighbouring frames, in positions: every one up to `usual` is equally
-    likely, every further one up to `largest` less likely by the factor `leap`.
+    """Steps forward between neighbouring frames, in positions: one of k has weight decay^k up to
+    `usual`, and less by the factor `leap` up to `largest`.
 
     The probability of leaps is that of heavy tails: a video that leaves frames out, or plays a
     part many times faster, is followed; noise alone rarely pays for one.
@@ -32,31 +34,43 @@ class StepPrior:
     usual: int
     largest: int
     leap: float
+    decay: float = 1.0
 
     def __post_init__(self) -> None:
-        if not (0 < self.usual <= self.largest and 0 <= self.leap <= 1):
-            raise ValueError(f"expected 0 < usual <= largest, leap in [0, 1], got {self}")
+        if not (0 < self.usual <= self.largest and 0 <= self.leap <= 1 and 0 < self.decay <= 1):
+            raise ValueError(f"expected 0 < usual <= largest, leap and decay in [0, 1], got {self}")
 
     def advanced(self, state: Float[np.ndarray, " S"]) -> Float[np.ndarray, " S"]:
         """Sum (S,) over all states that lead to each, weighted by the step."""
-        total = np.add.accumulate(state)
+        total = self._decaying_sum(state)
         beyond_usual = total[: -self.usual - 1]
         if not len(beyond_usual):
             return total
         weighted = total.copy()
-        weighted[self.usual + 1 :] -= (1.0 - self.leap) * beyond_usual
+        weighted[self.usual + 1 :] -= (
+            (1.0 - self.leap) * self.decay ** (self.usual + 1) * beyond_usual
+        )
         beyond_largest = total[: -self.largest - 1]
         if len(beyond_largest):
-            weighted[self.largest + 1 :] -= self.leap * beyond_largest
+            weighted[self.largest + 1 :] -= (
+                self.leap * self.decay ** (self.largest + 1) * beyond_largest
+            )
         if len(beyond_largest) or self.leap == 0:  # else what is left is at least a leap's share
             np.maximum(weighted, 0.0, out=weighted)
         return weighted
+
+    def _decaying_sum(self, state: Float[np.ndarray, " S"]) -> Float[np.ndarray, " S"]:
+        """Sum (S,) over all states at or before each, weighted by decay^distance."""
+        if self.decay == 1.0:
+            return np.add.accumulate(state)
+        return np.asarray(lfilter(ONE, np.array([1.0, -self.decay]), state))
 
     def led_to(self, state: Float[np.ndarray, " S"]) -> Float[np.ndarray, " S"]:
         """Sum (S,) over all states that each leads to, weighted by the step."""
         return self.advanced(state[::-1])[::-1]
 
 
+ONE = np.ones(1)
 ANY_STEP = StepPrior(2**31, 2**31, 1.0)
 
 

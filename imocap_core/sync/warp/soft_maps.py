@@ -125,9 +125,10 @@ def _with_row_means(squares: np.ndarray, valid: np.ndarray) -> np.ndarray:
 
 
 def step_prior(usual: float, max_rate: float) -> StepPrior:
-    """Steps of up to LARGEST_USUAL times the usual one, and of up to `max_rate` times by leaps."""
+    """Steps about the usual one, of up to LARGEST_USUAL times it, and up to `max_rate` by leaps."""
     largest = int(np.ceil(min(max_rate * usual, 1e9)))
-    return StepPrior(min(int(np.ceil(LARGEST_USUAL * usual)), largest), largest, LEAP)
+    most = min(int(np.ceil(LARGEST_USUAL * usual)), largest)
+    return StepPrior(most, largest, LEAP, decay=usual / (1.0 + usual))
 
 
 def pairwise_soft_map(
