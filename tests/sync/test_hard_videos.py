@@ -88,9 +88,9 @@ def test_a_longer_hold_is_crossed_at_one_pace() -> None:
 
     result = run([estimated(held(80), rng, 0.02), estimated(held(40), rng, 0.02)], reference=0)
     f = result.reference_frame[1]
-    assert np.isfinite(f[1:]).all()  # its first frame may lie before the other's
+    assert np.isfinite(f[1:-1]).all()  # its first and last frame may lie beside the other's
     assert np.abs(f[1:45] - np.arange(1, 45)).mean() < 1.0
-    assert np.abs(f[95:] - np.arange(135, 180)).mean() < 1.0
+    assert np.abs(f[95:-1] - np.arange(135, 179)).mean() < 1.0
     steps = np.diff(f[55:86])
     assert steps.mean() == pytest.approx(2.0, rel=0.25)
     assert steps.max() < 6.0
