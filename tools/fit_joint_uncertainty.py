@@ -30,6 +30,7 @@ from benchmarks.sync.training_scenes import (
     performances,
     training_clip,
 )
+from benchmarks.synthetic.frame_sampling import sample_frames
 from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, RefineSync
 from imocap_core.evaluate.calibration import EVAL_INDICES, joint_errors_mm
 from imocap_core.evaluate.truth import video_truth
@@ -41,7 +42,6 @@ from imocap_core.motion.posterior.noise import Noise
 from imocap_core.params import Params
 from imocap_core.pipeline import runner
 from imocap_core.problem.solved_groups import SolvedGroup, solved_groups
-from imocap_core.synthetic.frame_sampling import sample_frames
 from imocap_core.workspace import Workspace
 
 ROOT = Path(__file__).resolve().parent.parent
