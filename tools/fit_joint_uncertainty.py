@@ -32,7 +32,8 @@ from benchmarks.sync.training_scenes import (
 )
 from benchmarks.synthetic.frame_sampling import sample_frames
 from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, RefineSync
-from imocap_core.evaluate.calibration import EVAL_INDICES, joint_errors_mm
+from imocap_core.conventions import EVAL_INDICES
+from imocap_core.evaluate.calibration import joint_errors_mm
 from imocap_core.evaluate.truth import video_truth
 from imocap_core.io.truth import Truth, read_truth
 from imocap_core.metrics.calibration import coverage_error, probability_content

@@ -35,7 +35,6 @@ class VectorMean:
 
     mean: Float[np.ndarray, " D"]
     weights: Float[np.ndarray, " N"]
-    distances: Float[np.ndarray, " N"]
     status: str
 
 
@@ -124,8 +123,7 @@ def mean_vector(
         raise ValueError(f"x: expected vectors of shape (N, D), got {x.shape}")
     prior, valid = _prior(weights, np.isfinite(x.sum(axis=1)))
     if not valid.any():
-        nowhere = np.full(len(x), np.nan)
-        return VectorMean(np.zeros(x.shape[1]), np.zeros(len(x)), nowhere, "no vector to average")
+        return VectorMean(np.zeros(x.shape[1]), np.zeros(len(x)), "no vector to average")
     used, share = x[valid], prior[valid]
     mean = _weighted_median(used, share)
     width = max(scale, float(np.median(np.linalg.norm(used - mean, axis=1))))
@@ -139,9 +137,9 @@ def mean_vector(
             status = "converged"
             break
         width = max(scale, 0.7 * width)
-    distances, final = np.full(len(x), np.nan), np.zeros(len(x))
-    distances[valid], final[valid] = np.linalg.norm(used - mean, axis=1), robust
-    return VectorMean(mean, final, distances, status)
+    final = np.zeros(len(x))
+    final[valid] = robust
+    return VectorMean(mean, final, status)
 
 
 def _prior(

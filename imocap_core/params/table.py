@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
@@ -25,10 +25,6 @@ class Parameter:
     unit: str
     bounds: str
     doc: str
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain data, as for JSON."""
-        return asdict(self)
 
 
 def parameter_table(group: str | None = None, params: Params | None = None) -> list[Parameter]:

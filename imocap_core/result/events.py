@@ -12,8 +12,7 @@ from imocap_core.biomechanics.events import (
     speed_spreads_m_s,
 )
 from imocap_core.biomechanics.motion_event import MotionEvent
-from imocap_core.biomechanics.segments import SIDES
-from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.conventions import SIDES, SMPL_JOINTS
 from imocap_core.result.video import VideoResult
 from imocap_core.result.video_angles import VideoAngles
 
