@@ -30,8 +30,7 @@ class RotationMean:
 
 @dataclass(frozen=True)
 class VectorMean:
-    """The ``mean``, the final robust ``weights``, and the distance of each vector to ``mean``, NaN
-    where the vector was missing."""
+    """The ``mean`` and the final robust ``weights``, 0 where a vector was missing."""
 
     mean: Float[np.ndarray, " D"]
     weights: Float[np.ndarray, " N"]

@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.io.test_h36m import write_h36m
-from tests.synthetic.test_captured import figure
 
 from benchmarks.actions import h36m
 from benchmarks.actions.choice import Choice
@@ -17,6 +15,8 @@ from benchmarks.synthetic.captured import CAMERA_PLACEMENTS, COCO18, place_camer
 from imocap_core.camera.projection import project
 from imocap_core.conventions import EVAL_12, EVAL_14, EVAL_17
 from imocap_core.errors import WorkFailed, WrongUse
+from tests.benchmarks.test_captured import figure
+from tests.benchmarks.test_h36m_files import write_h36m
 
 FRAMES = 320
 

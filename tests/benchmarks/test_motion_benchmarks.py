@@ -8,7 +8,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from tests.synthetic.test_captured import figure
 
 from benchmarks.actions import captured as inputs
 from benchmarks.actions.action_folder import MADE, action_key, is_made, make_action
@@ -22,6 +21,7 @@ from imocap_core.io.detectors.openpose import read_openpose
 from imocap_core.io.estimators.joints_npz import read_joints_npz
 from imocap_core.pipeline.action import read_action
 from imocap_core.workspace import Workspace
+from tests.benchmarks.test_captured import figure
 
 SWING = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
 

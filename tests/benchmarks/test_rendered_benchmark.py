@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from tests.metrics.test_detections import NAMES, SPREAD, film
 
 from benchmarks.actions.captured import CapturedVideo
 from benchmarks.detector.detection_errors import DetectedClip
@@ -23,6 +22,7 @@ from imocap_core.body import load_free_body
 from imocap_core.errors import WrongUse
 from imocap_core.rotations import exp
 from imocap_core.workspace import Workspace
+from tests.benchmarks.test_detection_errors import NAMES, SPREAD, film
 
 METRICS = ("mpjpe_scaled_mm", "pa_mpjpe_mm", "sync_error_pct", "camera_rotation_error_deg")
 

@@ -16,11 +16,16 @@ import torch
 
 from imocap_core.body import keypoints_with_jacobian, load_body, load_free_body, model_status
 from imocap_core.body.model_pickle import as_array
-from imocap_core.conventions import SMPL_PARENTS, SMPLH_PARENTS, SMPLX_PARENTS
+from imocap_core.conventions import SMPL_PARENTS, SMPLH_PARENTS
 from imocap_core.rotations import exp
 from imocap_core.unpickle import InertObject
 from tests.body.bodies import made_body, rodrigues_naive, skin_naive
 
+SMPLX_PARENTS = (
+    *SMPL_PARENTS[:22],
+    *(15, 15, 15),
+    *(parent if parent < 22 else parent + 3 for parent in SMPLH_PARENTS[22:]),
+)
 TREES = {"smpl": SMPL_PARENTS, "smplh": SMPLH_PARENTS, "smplx": SMPLX_PARENTS}
 SHAPES = {"smpl": 10, "smplh": 16, "smplx": 20}
 
