@@ -63,7 +63,7 @@ def cameras_from_motion(
             share = weight[v] * trust
             if bool((share > 0).any()):
                 average = mean_rotation(relative.cpu().numpy(), share.cpu().numpy())
-                R[v] = torch.as_tensor(average.R).to(R)
+                R[v] = torch.as_tensor(average).to(R)
         R = R @ R[reference].transpose(-1, -2)
         R[reference] = torch.eye(3).to(R)
         in_world = R.transpose(-1, -2)[:, None] @ R_root
@@ -84,7 +84,7 @@ def _translations(aligned: AlignedMotions, R: Tensor, reference: int) -> Tensor:
         usable = share[v].cpu().numpy()
         if not (usable > 0).any():
             usable = np.ones_like(usable)
-        rows.append(mean_vector(shift[v].cpu().numpy(), usable, scale=PATH_SCALE_M).mean)
+        rows.append(mean_vector(shift[v].cpu().numpy(), usable, scale=PATH_SCALE_M))
     t = torch.as_tensor(np.stack(rows)).to(R)
     t[reference] = 0.0
     return t
