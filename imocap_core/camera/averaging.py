@@ -14,6 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from imocap_core.robust import geman_mcclure_weight
 
+ITERATIONS = 50
+
 
 def nearest_rotation(M: Float[np.ndarray, "... 3 3"]) -> Float[np.ndarray, "... 3 3"]:
     """Nearest rotations to any matrices, in the Frobenius norm (Kabsch 1976)."""
@@ -39,7 +41,6 @@ def mean_rotation(
     weights: ArrayLike | None = None,
     *,
     scale_deg: float = 10.0,
-    iterations: int = 50,
 ) -> Float[np.ndarray, "3 3"]:
     """Robust single rotation averaging: Geman-McClure mean of rotations (N, 3, 3).
 
@@ -67,7 +68,7 @@ def mean_rotation(
     used, share = R[valid], prior[valid]
     mean = nearest_rotation(_weighted_median(used, share))
     scale = max(scale_deg, float(np.median(angle_deg(used, mean))))
-    for _ in range(iterations):
+    for _ in range(ITERATIONS):
         robust = share * geman_mcclure_weight(angle_deg(used, mean), scale)
         new = nearest_rotation(np.einsum("n,nij->ij", robust, used))
         moved = float(angle_deg(mean, new))
@@ -79,7 +80,7 @@ def mean_rotation(
 
 
 def mean_vector(
-    x: ArrayLike, weights: ArrayLike | None = None, *, scale: float, iterations: int = 50
+    x: ArrayLike, weights: ArrayLike | None = None, *, scale: float
 ) -> Float[np.ndarray, " D"]:
     """Geman-McClure mean of vectors (N, D).
 
@@ -105,7 +106,7 @@ def mean_vector(
     used, share = x[valid], prior[valid]
     mean = _weighted_median(used, share)
     width = max(scale, float(np.median(np.linalg.norm(used - mean, axis=1))))
-    for _ in range(iterations):
+    for _ in range(ITERATIONS):
         robust = share * geman_mcclure_weight(np.linalg.norm(used - mean, axis=1), width)
         new = (robust @ used) / robust.sum()
         moved = float(np.linalg.norm(new - mean))

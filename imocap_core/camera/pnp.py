@@ -19,6 +19,8 @@ from imocap_core.camera.pose_refinement import PointEvidence, errors_px, refine,
 from imocap_core.camera.projection import normalised
 
 MIN_POINTS = 6
+ITERATIONS = 40
+CANDIDATES = 48  # runs of frames of one length that propose a translation
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,6 @@ def pnp_over_frames(
     *,
     scale_px: float = 10.0,
     max_turn_deg: float = 30.0,
-    iterations: int = 40,
 ) -> CameraPose:
     """Camera pose from 3D joints and their pixels in all frames.
 
@@ -67,15 +68,15 @@ def pnp_over_frames(
         status = f"{count} usable points, at least {MIN_POINTS} are needed"
         return CameraPose(np.array(R_start), np.zeros(3), np.inf, False, status)
     t = _translation(evidence, R_start, scale_px)
-    R_fixed, t_fixed, _ = refine(evidence, R_start, t, scale_px, iterations, turn=False)
-    R, t, converged = refine(evidence, R_fixed, t_fixed, scale_px, iterations, turn=True)
+    R_fixed, t_fixed, _ = refine(evidence, R_start, t, scale_px, ITERATIONS, turn=False)
+    R, t, converged = refine(evidence, R_fixed, t_fixed, scale_px, ITERATIONS, turn=True)
     turn_deg = float(angle_deg(R_fixed, R))
     if turn_deg > max_turn_deg:
         status = (
             f"refinement rotated the camera by {turn_deg:.0f} degrees, so its start is returned"
         )
         return _judge(evidence, R_fixed, t_fixed, status)
-    status = "converged" if converged else f"not converged after {iterations} iterations"
+    status = "converged" if converged else f"not converged after {ITERATIONS} iterations"
     return _judge(evidence, R, t, status)
 
 
@@ -117,7 +118,7 @@ def _linear_translation(
 
 
 def _translation(
-    evidence: PointEvidence, R: Float[np.ndarray, "3 3"], scale_px: float, candidates: int = 48
+    evidence: PointEvidence, R: Float[np.ndarray, "3 3"], scale_px: float
 ) -> Float[np.ndarray, "3"]:
     """Best of linear translations of all frames and of short runs of frames, by robust cost.
 
@@ -127,7 +128,7 @@ def _translation(
     frames = np.unique(evidence.frame)
     groups = [frames]
     for length in sorted({1, min(8, len(frames)), max(1, len(frames) // 4)}):
-        starts = np.linspace(0, len(frames) - length, min(candidates, len(frames)))
+        starts = np.linspace(0, len(frames) - length, min(CANDIDATES, len(frames)))
         groups += [frames[s : s + length] for s in np.unique(starts.astype(int))]
     best_t, best_cost = np.zeros(3), np.inf
     for group in groups:

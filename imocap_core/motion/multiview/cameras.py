@@ -16,6 +16,7 @@ from imocap_core.rotations import geodesic_angle
 from imocap_core.rotations import mean as chordal_mean
 
 CONSENSUS_RAD = 0.35  # angle to the consensus at which a root orientation counts a quarter
+ROUNDS = 4  # of the consensus
 PATH_SCALE_M = 0.15  # Geman-McClure scale of the root paths' distances
 
 
@@ -43,7 +44,7 @@ class Cameras:
 
 
 def cameras_from_motion(
-    aligned: AlignedMotions, K: Float[Tensor, "M 3 3"], reference: int, *, rounds: int = 4
+    aligned: AlignedMotions, K: Float[Tensor, "M 3 3"], reference: int
 ) -> Cameras:
     """Rigid alignment of all videos' motions (section 3.2, "Initialization").
 
@@ -57,7 +58,7 @@ def cameras_from_motion(
     R = torch.eye(3).to(R_root).repeat(videos, 1, 1)
     weight = aligned.weight.clone()
     consensus, trust = R_root[reference], weight[reference]
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         for v in range(videos):
             relative = R_root[v] @ consensus.transpose(-1, -2)
             share = weight[v] * trust
