@@ -12,12 +12,9 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from imocap_core.robust import geman_mcclure
-
 MIN_POINTS = 3
 """Fewer points than this leave a rotation undetermined; such an alignment is all NaN."""
 
-MAD_TO_SIGMA = 1.4826
 """Median absolute deviation to standard deviation, for a normal distribution."""
 
 
@@ -37,23 +34,6 @@ class Alignment:
         x = np.asarray(points, dtype=np.float64)
         rotated = x @ np.swapaxes(self.R_target_from_source, -1, -2)
         return self.scale[..., None, None] * rotated + self.t_target[..., None, :]
-
-
-@dataclass(frozen=True)
-class RobustAlignment:
-    """One transform of a whole motion, with its residuals.
-
-    residual: distance of each aligned point to its target, NaN where missing. weights: final robust
-    weights in [0, 1], 0 where missing. rms: weighted root-mean-square residual. Lengths in the unit
-    of the points.
-    """
-
-    alignment: Alignment
-    residual: Float[np.ndarray, "*points"]
-    weights: Float[np.ndarray, "*points"]
-    rms: float
-    converged: bool
-    status: str
 
 
 def procrustes(
@@ -111,80 +91,6 @@ def similarity(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None =
     return procrustes(source, target, weights, scale=True)
 
 
-def align_motion(
-    source: ArrayLike,
-    target: ArrayLike,
-    weights: ArrayLike | None = None,
-    *,
-    scale: bool = False,
-    sigma: float | None = None,
-    iterations: int = 50,
-    tolerance: float = 1e-9,
-) -> RobustAlignment:
-    """Robust Procrustes alignment: ONE transform for a whole motion (initial cameras, section 3.2).
-
-    Iteratively reweighted least squares. It starts with least absolute residuals, which are robust
-    to a large minority of wrong frames, and ends with the Geman-McClure weights
-    ``(sigma^2 / (sigma^2 + r^2))^2``.
-
-    Args:
-        source, target: (..., 3), of equal shape: root paths (T, 3) or motions (T, J, 3). A path
-            that hardly moves, or moves on a line, does not determine a rotation: pass joints then.
-        weights: (...,) confidence of each point, or None.
-        scale: solve a scale too.
-        sigma: residual, in units of the points, at which a point has a quarter of its weight; None
-            estimates it from the residuals (three robust standard deviations, in every step).
-        iterations: maximum number of steps in each of the two phases.
-        tolerance: convergence when no weight changes by more than this.
-
-    Raises:
-        ValueError: shapes differ, fewer than three usable points, or sigma not positive.
-    """
-    x, y = np.asarray(source, dtype=np.float64), np.asarray(target, dtype=np.float64)
-    if x.shape != y.shape:
-        raise ValueError(f"source and target must have one shape, got {x.shape} and {y.shape}")
-    if sigma is not None and not sigma > 0:
-        raise ValueError(f"sigma must be positive, got {sigma}")
-    shape = x.shape[:-1]
-    flat_weights = None if weights is None else np.broadcast_to(weights, shape).reshape(-1)
-    x, y, trust = _usable(x.reshape(-1, 3), y.reshape(-1, 3), flat_weights)
-    usable = trust > 0
-    if usable.sum() < MIN_POINTS:
-        raise ValueError(
-            f"expected at least {MIN_POINTS} points that both motions have, got {int(usable.sum())}"
-        )
-
-    extent = float(np.ptp(y[usable], axis=0).max())
-    floor = max(1e-9 * extent, 1e-15)
-    robust = np.ones(len(x))
-    for _ in range(iterations):  # least absolute residuals
-        residual = _residual(procrustes(x, y, trust * robust, scale=scale), x, y)
-        least = max(float(np.median(residual[usable])) * 1e-2, floor)
-        last, robust = robust, least / np.maximum(residual, least)
-        if np.abs(robust - last)[usable].max() < tolerance:
-            break
-    moved = np.inf
-    for _ in range(iterations):  # Geman-McClure
-        residual = _residual(procrustes(x, y, trust * robust, scale=scale), x, y)
-        width = sigma or max(3 * MAD_TO_SIGMA * float(np.median(residual[usable])), floor)
-        last, robust = robust, geman_mcclure(residual**2, width)[1]
-        moved = float(np.abs(robust - last)[usable].max())
-        if moved < tolerance:
-            break
-    alignment = procrustes(x, y, trust * robust, scale=scale)
-    residual = _residual(alignment, x, y)
-    total = trust * robust
-    converged = bool(moved < max(tolerance, 1e-3))
-    return RobustAlignment(
-        alignment,
-        np.where(usable, residual, np.nan).reshape(shape),
-        np.where(usable, robust, 0.0).reshape(shape),
-        float(np.sqrt((total * residual**2).sum() / total.sum())),
-        converged,
-        "converged" if converged else f"weights still moved by {moved:.2g} at the last step",
-    )
-
-
 def _usable(
     source: ArrayLike, target: ArrayLike, weights: ArrayLike | None
 ) -> tuple[
@@ -203,9 +109,3 @@ def _usable(
     if (w < 0).any():
         raise ValueError(f"weights must not be negative, got {w.min()}")
     return np.where(usable[..., None], x, 0.0), np.where(usable[..., None], y, 0.0), w
-
-
-def _residual(
-    alignment: Alignment, x: Float[np.ndarray, "N 3"], y: Float[np.ndarray, "N 3"]
-) -> Float[np.ndarray, " N"]:
-    return np.linalg.norm(alignment.apply(x) - y, axis=-1)

@@ -7,6 +7,7 @@ Names are lower snake case and start with ``left_`` or ``right_`` where the body
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 # SMPL's 24 joints, in SMPL's order (Loper et al., SIGGRAPH Asia 2015).
 SMPL_JOINTS: tuple[str, ...] = (
@@ -63,11 +64,6 @@ SMPLX_JOINTS: tuple[str, ...] = (
     "right_eye",
     *SMPLH_JOINTS[22:],
 )
-SMPLX_PARENTS: tuple[int, ...] = (
-    *SMPL_PARENTS[:22],
-    *(15, 15, 15),
-    *(parent if parent < 22 else parent + 3 for parent in SMPLH_PARENTS[22:]),
-)
 
 # The evaluation joints (docs/paper.md): the 12 of the authors' tables, then two common supersets.
 # Each is the name of an SMPL joint, or of a point of `body.Model.points`.
@@ -85,8 +81,13 @@ EVAL_12: tuple[str, ...] = (
     "left_elbow",
     "left_wrist",
 )
+EVAL_INDICES = [SMPL_JOINTS.index(name) for name in EVAL_12]
 EVAL_14: tuple[str, ...] = (*EVAL_12, "neck", "head")
 EVAL_17: tuple[str, ...] = (*EVAL_12, "pelvis", "spine2", "neck", "nose", "head")
+
+Side = Literal["left", "right"]
+SIDES: tuple[Side, ...] = ("left", "right")
+LIMB_BONES = (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
 
 
 def swap_side(name: str) -> str:

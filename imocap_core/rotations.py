@@ -76,23 +76,6 @@ def matrix_to_quaternion(rotation: Float[Tensor, "... 3 3"]) -> Float[Tensor, ".
     return torch.where(quaternion[..., :1] < 0, -quaternion, quaternion)
 
 
-def quaternion_to_matrix(quaternion: Float[Tensor, "... 4"]) -> Float[Tensor, "... 3 3"]:
-    """Quaternions w, x, y, z of any non-zero length to rotation matrices."""
-    w, x, y, z = (quaternion / quaternion.norm(dim=-1, keepdim=True)).unbind(-1)
-    entries = (
-        1 - 2 * (y * y + z * z),
-        2 * (x * y - w * z),
-        2 * (x * z + w * y),
-        2 * (x * y + w * z),
-        1 - 2 * (x * x + z * z),
-        2 * (y * z - w * x),
-        2 * (x * z - w * y),
-        2 * (y * z + w * x),
-        1 - 2 * (x * x + y * y),
-    )
-    return torch.stack(entries, dim=-1).unflatten(-1, (3, 3))
-
-
 def quaternion_to_axis_angle(quaternion: Float[Tensor, "... 4"]) -> Float[Tensor, "... 3"]:
     """Unit quaternions w, x, y, z to axis-angle vectors, radians, at most pi long."""
     quaternion = torch.where(quaternion[..., :1] < 0, -quaternion, quaternion)
@@ -102,19 +85,6 @@ def quaternion_to_axis_angle(quaternion: Float[Tensor, "... 4"]) -> Float[Tensor
     sine = torch.where(small, torch.ones_like(sine2), sine2).sqrt()
     scale = torch.where(small, (2 - 2 * sine2 / (3 * w * w)) / w, 2 * torch.atan2(sine, w) / sine)
     return scale * vector
-
-
-def matrix_to_6d(rotation: Float[Tensor, "... 3 3"]) -> Float[Tensor, "... 6"]:
-    """6D form: the first two COLUMNS of the matrix (Zhou et al., CVPR 2019)."""
-    return torch.cat((rotation[..., :, 0], rotation[..., :, 1]), dim=-1)
-
-
-def matrix_from_6d(sixd: Float[Tensor, "... 6"]) -> Float[Tensor, "... 3 3"]:
-    """Gram-Schmidt: any two linearly independent 3-vectors to rotation matrices."""
-    first = torch.nn.functional.normalize(sixd[..., :3], dim=-1)
-    second = sixd[..., 3:] - (first * sixd[..., 3:]).sum(-1, keepdim=True) * first
-    second = torch.nn.functional.normalize(second, dim=-1)
-    return torch.stack((first, second, torch.linalg.cross(first, second, dim=-1)), dim=-1)
 
 
 def geodesic_angle(

@@ -12,6 +12,7 @@ from tests.shape_check import begin_test, check_annotations
 
 # Rooms whose annotations (types, and shapes of arrays) are checked in the tests.
 CHECKED: tuple[str, ...] = (
+    "benchmarks.synthetic",
     "imocap_core.alignment",
     "imocap_core.body",
     "imocap_core.camera",

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from imocap_core.alignment import align_motion, procrustes, rigid, similarity
+from imocap_core.alignment import procrustes, rigid, similarity
 
 
 @pytest.fixture
@@ -95,45 +95,3 @@ def test_misuse_is_named(rng: np.random.Generator) -> None:
         rigid(x, x[:4])
     with pytest.raises(ValueError, match="negative"):
         rigid(x, x, [1, 1, 1, 1, -1])
-    with pytest.raises(ValueError, match="at least 3 points that both motions have"):
-        align_motion(x, np.full((5, 3), np.nan))
-    with pytest.raises(ValueError, match="sigma"):
-        align_motion(x, x, sigma=0.0)
-
-
-@pytest.mark.parametrize("scale", [False, True])
-def test_motion_alignment_survives_a_third_of_bad_frames(
-    rng: np.random.Generator, scale: bool
-) -> None:
-    source = np.cumsum(rng.normal(scale=0.05, size=(120, 1, 3)), axis=0)
-    source = source + rng.normal(scale=0.4, size=(1, 24, 3))
-    R, t, s = _rotation(rng), rng.normal(size=3), 1.3 if scale else 1.0
-    target = s * source @ R.T + t + rng.normal(scale=0.01, size=source.shape)
-    target[::3] = rng.normal(scale=2.0, size=target[::3].shape) + 3.0
-    target[10:14, 2] = np.nan
-    robust = align_motion(source, target, scale=scale)
-    angle = Rotation.from_matrix(robust.alignment.R_target_from_source @ R.T).magnitude()
-    assert robust.converged, robust.status
-    assert np.degrees(angle) < 0.2
-    assert float(robust.alignment.scale) == pytest.approx(s, abs=0.005)
-    assert np.nanmedian(robust.residual) < 0.03
-    assert np.isnan(robust.residual[10:14, 2]).sum() == np.isnan(target[10:14, 2, 0]).sum()
-
-
-def test_motion_alignment_without_outliers_is_nearly_procrustes(rng: np.random.Generator) -> None:
-    path = np.cumsum(rng.normal(size=(200, 3)), axis=0)
-    R = _rotation(rng)
-    target = path @ R.T + rng.normal(scale=0.01, size=path.shape)
-    plain, robust = rigid(path, target), align_motion(path, target)
-    np.testing.assert_allclose(
-        robust.alignment.R_target_from_source, plain.R_target_from_source, atol=1e-3
-    )
-    assert 0.005 < robust.rms < 0.03
-
-
-def test_motion_alignment_of_equal_motions_is_exact(rng: np.random.Generator) -> None:
-    path = rng.normal(size=(30, 3))
-    robust = align_motion(path, path)
-    np.testing.assert_allclose(robust.alignment.R_target_from_source, np.eye(3), atol=1e-12)
-    assert robust.rms < 1e-9
-    assert robust.converged

@@ -9,7 +9,6 @@ from imocap_core import conventions as c
 TREES = [
     (c.SMPL_JOINTS, c.SMPL_PARENTS, 24),
     (c.SMPLH_JOINTS, c.SMPLH_PARENTS, 52),
-    (c.SMPLX_JOINTS, c.SMPLX_PARENTS, 55),
 ]
 
 
@@ -33,9 +32,6 @@ def test_bodies_share_their_first_22_joints() -> None:
 
 def test_hands_of_smplh_and_smplx_are_the_same() -> None:
     assert c.SMPLX_JOINTS[25:] == c.SMPLH_JOINTS[22:]
-    for joint in range(22, 52):
-        parent = c.SMPLH_PARENTS[joint]
-        assert c.SMPLX_PARENTS[joint + 3] == (parent if parent < 22 else parent + 3)
 
 
 def test_evaluation_joints_grow_and_pair_up() -> None:

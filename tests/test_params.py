@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib.util
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -52,7 +53,7 @@ def test_the_table_shows_one_group_or_the_values_in_force() -> None:
     assert by_name["warp"].bounds == "posterior or dtw"
     assert by_name["joint_weights"].bounds == "name: number ≥ 0"
     assert by_name["confidence_reach_s"].unit == "s"
-    json.dumps([row.as_dict() for row in rows])
+    json.dumps([asdict(row) for row in rows])
     with pytest.raises(ValueError, match=r"no group of parameters 'zync' .*detect, keypoints"):
         parameter_table("zync")
 

@@ -64,15 +64,11 @@ def _generators() -> torch.Tensor:
     return so3.hat(torch.eye(3, dtype=torch.float64)).movedim(0, -1)
 
 
-def test_quaternions_and_6d_round_trip() -> None:
+def test_quaternions_are_scipys() -> None:
     matrix = torch.cat([some_rotations(200), so3.exp(math.pi * axes())])
     quaternion = so3.matrix_to_quaternion(matrix)
     scalar_last = Rotation.from_matrix(matrix.numpy()).as_quat(canonical=True)
-    np.testing.assert_allclose(so3.quaternion_to_matrix(quaternion), matrix, atol=1e-14)
     np.testing.assert_allclose(quaternion[:200], np.roll(scalar_last, 1, axis=1)[:200], atol=1e-14)
-    torch.testing.assert_close(so3.matrix_from_6d(so3.matrix_to_6d(matrix)), matrix)
-    stretched = so3.matrix_to_6d(matrix) * 3.0
-    torch.testing.assert_close(so3.matrix_from_6d(stretched), matrix)
 
 
 @pytest.mark.parametrize("angle", ANGLES_RAD)

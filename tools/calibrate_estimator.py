@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import least_squares
 
+from benchmarks.synthetic.captured import CAMERA_PLACEMENTS, place_camera, to_scene
+from benchmarks.synthetic.estimator import EstimatorErrors, estimate
 from imocap_core.conventions import EVAL_12
 from imocap_core.metrics.position import mpjpe_mm, mpjpe_scaled_mm, pa_mpjpe_mm
-from imocap_core.synthetic.captured import CAMERA_PLACEMENTS, place_camera, to_scene
-from imocap_core.synthetic.estimator import EstimatorErrors, estimate
 
 TARGET_MM = (109.80, 78.26)  # HMMR in the paper's Table 2: MPJPE, P-MPJPE
 SIZE = (1000, 1000)

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from imocap_core.biomechanics.segments import SIDES
+from imocap_core.conventions import SIDES
 
 PROGRAM = """
 import sys

@@ -21,13 +21,13 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
+from benchmarks.synthetic.performers import RetargetedMotion, perform
+from benchmarks.synthetic.rendered import film_motion
 from imocap_core.body import Model, load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.detect.detectors import Detector, detector_of
 from imocap_core.params import DetectParams
 from imocap_core.synthetic.cameras import CameraPlacement
-from imocap_core.synthetic.performers import RetargetedMotion, perform
-from imocap_core.synthetic.rendered import film_motion
 from tools.training_films import SIZE, TrainingClips, detected_landmarks
 
 CLIPS = ("02_09", "02_10", "03_01", "05_07", "05_12", "06_10", "07_11", "10_04",

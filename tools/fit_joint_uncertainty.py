@@ -30,8 +30,10 @@ from benchmarks.sync.training_scenes import (
     performances,
     training_clip,
 )
+from benchmarks.synthetic.frame_sampling import sample_frames
 from imocap_core.artifacts.schemas import CameraMotion, InitialSmpl, Keypoints, RefineSync
-from imocap_core.evaluate.calibration import EVAL_INDICES, joint_errors_mm
+from imocap_core.conventions import EVAL_INDICES
+from imocap_core.evaluate.calibration import joint_errors_mm
 from imocap_core.evaluate.truth import video_truth
 from imocap_core.io.truth import Truth, read_truth
 from imocap_core.metrics.calibration import coverage_error, probability_content
@@ -41,7 +43,6 @@ from imocap_core.motion.posterior.noise import Noise
 from imocap_core.params import Params
 from imocap_core.pipeline import runner
 from imocap_core.problem.solved_groups import SolvedGroup, solved_groups
-from imocap_core.synthetic.frame_sampling import sample_frames
 from imocap_core.workspace import Workspace
 
 ROOT = Path(__file__).resolve().parent.parent

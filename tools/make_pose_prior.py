@@ -1,7 +1,7 @@
 """Fit the pose prior to real motion: ``python tools/make_pose_prior.py DATA/train/cmu_train.npz``.
 
 Every clip is brought onto the free body by the orientations of its segments
-(`imocap_core.synthetic.retargeting`), mirrored to double the data, and described by a Gaussian
+(`benchmarks.synthetic.retargeting`), mirrored to double the data, and described by a Gaussian
 mixture with shrunk covariances. Only the mixture's moments and the per-joint speeds are stored, no
 motion. The motions are the Carnegie Mellon University motion capture database's (mocap.cs.cmu.edu,
 NSF EIA-0196217).
@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from benchmarks.synthetic.captured_stance import captured_skeleton, neutral_stance
+from benchmarks.synthetic.retargeting import fit_to_trunk_and_joints, trunk_and_joints
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.kinematics import Body
 from imocap_core.process import configure_process
 from imocap_core.rotations import exp, log
-from imocap_core.synthetic.captured_stance import captured_skeleton, neutral_stance
-from imocap_core.synthetic.retargeting import fit_to_trunk_and_joints, trunk_and_joints
 
 TARGET = Path(__file__).parents[1] / "imocap_core" / "motion" / "data" / "pose_prior.npz"
 # Components for legs that are: straight below a straight trunk, straight and folded, soft, deep

@@ -19,7 +19,7 @@ import numpy as np
 
 import imocap
 from imocap_core.biomechanics.motion_event import MotionEvent
-from imocap_core.biomechanics.segments import SIDES
+from imocap_core.conventions import SIDES
 from imocap_core.io.truth import VideoTruth, read_truth
 from imocap_core.result.events import video_events
 from imocap_core.result.video import VideoResult

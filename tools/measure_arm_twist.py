@@ -1,6 +1,6 @@
 """How upper arms are turned about themselves: ``python tools/measure_arm_twist.py DATA/train/...``.
 
-The forearm of a bent elbow tells it. The constants of `imocap_core.synthetic.arm_twist` are these
+The forearm of a bent elbow tells it. The constants of `benchmarks.synthetic.arm_twist` are these
 circular means by the arm's elevation, right arms mirrored.
 """
 
@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import circmean, circstd
 
-from imocap_core.synthetic.captured_rotations import rotations_from_stance, shortest_rotations
-from imocap_core.synthetic.captured_stance import (
+from benchmarks.synthetic.captured_rotations import rotations_from_stance, shortest_rotations
+from benchmarks.synthetic.captured_stance import (
     CapturedSkeleton,
     NeutralStance,
     captured_skeleton,

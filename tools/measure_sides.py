@@ -11,9 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.sync.training_scenes import training_clip
-from imocap_core.camera.projection import project
-from imocap_core.people.sides import limbs_of, swap_sides, swapped_frames
-from imocap_core.synthetic.captured import (
+from benchmarks.synthetic.captured import (
     CAMERA_PLACEMENTS,
     COCO18,
     coco18_points,
@@ -21,6 +19,8 @@ from imocap_core.synthetic.captured import (
     place_camera,
     stature_m,
 )
+from imocap_core.camera.projection import project
+from imocap_core.people.sides import limbs_of, swap_sides, swapped_frames
 from imocap_core.synthetic.detector import Detections, DetectorErrors, detect
 
 CLIPS = ("02_05", "02_10", "05_06", "06_12", "12_02", "13_30", "13_01", "02_04", "05_18", "07_04")

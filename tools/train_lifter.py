@@ -25,7 +25,7 @@ from lifter.performances import Motions, TrainingBodies, motions_of, windows
 from torch import Tensor
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 
-from imocap_core.lifter.network import Lifter, LifterOutput, count_weights
+from imocap_core.lifter.network import Lifter, LifterOutput
 from imocap_core.lifter.rays import person_centred_features
 from imocap_core.lifter.weights import load_lifter, write_weights
 
@@ -166,7 +166,10 @@ def main() -> None:
         is_known = torch.load(checkpoint) if checkpoint.exists() else load_lifter().state_dict()
         network.load_state_dict(is_known)
     averaged.load_state_dict(network.state_dict())
-    print(f"{count_weights(network)} weights, held out: {', '.join(held_out)}", flush=True)
+    print(
+        f"{sum(p.numel() for p in network.parameters())} weights, held out: {', '.join(held_out)}",
+        flush=True,
+    )
     print({"step": 0, **errors_mm(averaged, batches)}, flush=True)
     optimiser = torch.optim.AdamW(network.parameters(), weight_decay=WEIGHT_DECAY)
     began, curve = time.monotonic(), []

@@ -10,18 +10,18 @@ import numpy as np
 from jaxtyping import Float
 
 from benchmarks.sync.training_scenes import CAPTURED_FPS
-from imocap_core.body import Shaped
-from imocap_core.detect.detection import detect_video
-from imocap_core.detect.detectors import Detector
-from imocap_core.detect.setup import set_up
-from imocap_core.io.video import write_h264
-from imocap_core.synthetic.captured_stance import (
+from benchmarks.synthetic.captured_stance import (
     CapturedSkeleton,
     NeutralStance,
     captured_skeleton,
     neutral_stance,
 )
-from imocap_core.synthetic.rendered import FilmedMotion, render_frames
+from benchmarks.synthetic.rendered import FilmedMotion, render_frames
+from imocap_core.body import Shaped
+from imocap_core.detect.detection import detect_video
+from imocap_core.detect.detectors import Detector
+from imocap_core.detect.setup import set_up
+from imocap_core.io.video import write_h264
 
 SIZE, CRF = (640, 480), 20
 

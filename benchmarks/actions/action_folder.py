@@ -28,19 +28,19 @@ from benchmarks.actions.captured import (
     RecordedView,
     video_rng,
 )
-from imocap_core.camera.projection import project
-from imocap_core.conventions import EVAL_14
-from imocap_core.metrics.joint_rotations import SEGMENTS
-from imocap_core.synthetic.cameras import CameraPlacement
-from imocap_core.synthetic.captured import (
+from benchmarks.synthetic.captured import (
     coco18_points,
     hip_middle,
     place_camera,
     stature_m,
 )
+from benchmarks.synthetic.detector_presets import detect_person
+from benchmarks.synthetic.estimator import estimate
+from imocap_core.camera.projection import project
+from imocap_core.conventions import EVAL_14
+from imocap_core.metrics.joint_rotations import SEGMENTS
+from imocap_core.synthetic.cameras import CameraPlacement
 from imocap_core.synthetic.detector import Detections
-from imocap_core.synthetic.detector_presets import detect_person
-from imocap_core.synthetic.estimator import estimate
 
 MADE = ".made.json"
 OUTLIER_VIEW = CameraPlacement(80.0, 4.0, 1.3, 0.95)

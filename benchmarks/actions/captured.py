@@ -11,18 +11,18 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
-from imocap_core.conventions import EVAL_14
-from imocap_core.errors import WorkFailed
-from imocap_core.synthetic.captured import CAMERA_PLACEMENTS, FURTHER_PLACEMENTS, to_scene
-from imocap_core.synthetic.captured_rotations import rotations_from_stance, trunk_bone_rotations
-from imocap_core.synthetic.captured_stance import (
+from benchmarks.synthetic.captured import CAMERA_PLACEMENTS, FURTHER_PLACEMENTS, to_scene
+from benchmarks.synthetic.captured_rotations import rotations_from_stance, trunk_bone_rotations
+from benchmarks.synthetic.captured_stance import (
     CapturedSkeleton,
     NeutralStance,
     captured_skeleton,
     neutral_stance,
 )
-from imocap_core.synthetic.frame_sampling import sample_frames
-from imocap_core.synthetic.trials import AlignedTrial, align_trials
+from benchmarks.synthetic.frame_sampling import sample_frames
+from benchmarks.synthetic.trials import AlignedTrial, align_trials
+from imocap_core.conventions import EVAL_14
+from imocap_core.errors import WorkFailed
 
 DATA_VARIABLE = "IMOCAP_DATA"
 SIZE = (1000, 1000)

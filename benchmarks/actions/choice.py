@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.actions.captured import DEFAULT_VIDEOS, MAX_VIDEOS
+from benchmarks.synthetic.detector_presets import DETECTORS
+from benchmarks.synthetic.frame_sampling import SAMPLINGS
 from imocap_core.errors import WrongUse
-from imocap_core.synthetic.detector_presets import DETECTORS
-from imocap_core.synthetic.frame_sampling import SAMPLINGS
 
 NAMES = ("protocol", "trials", "yoga", "h36m")
 MADE_VIEWS = ("protocol", "trials")  # filmed by as many made cameras as are asked for

@@ -15,10 +15,7 @@ from jaxtyping import Float
 
 from benchmarks.actions.captured import CapturedVideo, RecordedView, video_rng
 from benchmarks.actions.choice import Choice
-from imocap_core.camera.resection import Resection, resect
-from imocap_core.conventions import EVAL_12, EVAL_14
-from imocap_core.errors import WorkFailed
-from imocap_core.io.h36m import (
+from benchmarks.actions.h36m_files import (
     FILE_2D,
     FILE_3D,
     FPS,
@@ -27,8 +24,11 @@ from imocap_core.io.h36m import (
     Recording,
     read_h36m,
 )
-from imocap_core.synthetic.captured import COCO18, HIP_OUTWARD
-from imocap_core.synthetic.frame_sampling import sample_frames
+from benchmarks.actions.resection import Resection, resect
+from benchmarks.synthetic.captured import COCO18, HIP_OUTWARD
+from benchmarks.synthetic.frame_sampling import sample_frames
+from imocap_core.conventions import EVAL_12, EVAL_14
+from imocap_core.errors import WorkFailed
 
 SUBJECTS = ("S9", "S11")
 ACTIONS = ("SittingDown", "Sitting", "Smoking", "Photo", "Phoning")  # the paper's

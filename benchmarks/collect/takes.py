@@ -24,14 +24,14 @@ from benchmarks.actions.captured import (
     trial_videos,
 )
 from benchmarks.rendered.action import true_pose
+from benchmarks.synthetic.performers import RetargetedMotion, perform
+from benchmarks.synthetic.rendered import FilmedMotion, film_motion, render_frames
 from imocap_core.body import Shaped, load_free_body
 from imocap_core.body.model import Model
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.truth import model_text
 from imocap_core.io.video import write_h264
 from imocap_core.pipeline.source import closure
-from imocap_core.synthetic.performers import RetargetedMotion, perform
-from imocap_core.synthetic.rendered import FilmedMotion, film_motion, render_frames
 
 SIZE = (480, 360)
 FPS = 30.0

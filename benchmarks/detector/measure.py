@@ -23,7 +23,7 @@ from imocap_core.detect.setup import set_up
 from imocap_core.io.detectors.mediapipe import LAYOUT, read_mediapipe
 from imocap_core.io.video import probe, read_rgb
 from imocap_core.params import DetectParams, KeypointsParams
-from imocap_core.people.performer import choose_performer
+from imocap_core.people.performer import performer_of, ranked_tracks
 from imocap_core.pipeline.runner import Display
 
 SEED = 1
@@ -114,7 +114,8 @@ def detect(
         people = read_mediapipe(file, LAYOUT, size).people
     fps = info.fps * (1 - degradation.dropped)
     least = KeypointsParams().min_confidence
-    performer = choose_performer(people, size, fps, min_confidence=least)
+    ranked = ranked_tracks(people, size, fps, min_confidence=least)
+    performer = performer_of(ranked, 0, people)
     columns = [layout_names(LAYOUT).index(name) for name in LIMBS]
     limbs_px = performer.xy_px[:, columns] / degradation.scale
     count = float(np.mean([len(in_frame) for in_frame in people]))

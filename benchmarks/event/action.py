@@ -17,6 +17,9 @@ from jaxtyping import Float
 
 from benchmarks.actions.action_folder import action_key, is_made, make_filmed
 from benchmarks.actions.captured import SEED, trial_stance, trial_videos, video_rng
+from benchmarks.synthetic.captured import CAMERA_PLACEMENTS
+from benchmarks.synthetic.performers import RetargetedMotion, perform
+from benchmarks.synthetic.rendered import film_motion, render_frames
 from imocap_core.body import Shaped, load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.truth import model_text
@@ -24,9 +27,6 @@ from imocap_core.io.video import write_h264
 from imocap_core.motion.multiview.timeline import sample, sample_rotations
 from imocap_core.pipeline.source import closure
 from imocap_core.synthetic.cameras import CameraPlacement
-from imocap_core.synthetic.captured import CAMERA_PLACEMENTS
-from imocap_core.synthetic.performers import RetargetedMotion, perform
-from imocap_core.synthetic.rendered import film_motion, render_frames
 
 SIZE, CRF = (640, 480), 20
 LATEST_START_S, EARLIEST_END_S = 0.4, 0.4  # after the first camera's, and before the last one's

@@ -10,6 +10,8 @@ import numpy as np
 import yaml
 
 from benchmarks.actions.action_folder import action_key, make_filmed
+from benchmarks.synthetic.moving_yoga import make_moving_clip, moving_pictures
+from benchmarks.synthetic.walking_cameras import CameraWalk
 from imocap_core.io.video import write_h264
 from imocap_core.pipeline.make_demo import (
     clip_truth,
@@ -19,8 +21,6 @@ from imocap_core.pipeline.make_demo import (
     write_keypoints,
 )
 from imocap_core.pipeline.source import closure
-from imocap_core.synthetic.moving_yoga import make_moving_clip, moving_pictures
-from imocap_core.synthetic.walking_cameras import CameraWalk
 from imocap_core.synthetic.yoga_clip import LAYOUT
 
 SIZE = (480, 270)

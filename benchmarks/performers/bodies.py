@@ -8,9 +8,9 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
+from benchmarks.synthetic.captured import hip_middle
 from imocap_core.body.model import Model
 from imocap_core.conventions import EVAL_14, SMPL_JOINTS
-from imocap_core.synthetic.captured import hip_middle
 
 SIDES = ("left", "right")
 LIMB_BONES = {"knee": "hip", "ankle": "knee", "elbow": "shoulder", "wrist": "elbow"}

@@ -17,6 +17,15 @@ import yaml
 
 from benchmarks.actions.action_folder import action_key, make_filmed
 from benchmarks.actions.captured import SEED, CapturedVideo, trial_stance, trial_videos
+from benchmarks.synthetic.captured import CAMERA_PLACEMENTS
+from benchmarks.synthetic.performers import RetargetedMotion, perform
+from benchmarks.synthetic.rendered import (
+    FilmedMotion,
+    film_motion,
+    render_frames,
+    true_points_px,
+    viewed_side,
+)
 from imocap_core.body import Shaped, load_free_body
 from imocap_core.body.conversions import pose_from_rotations
 from imocap_core.conventions import SMPL_JOINTS
@@ -24,15 +33,6 @@ from imocap_core.io.truth import model_text
 from imocap_core.io.video import write_h264
 from imocap_core.pipeline.source import closure
 from imocap_core.synthetic.cameras import stature_px
-from imocap_core.synthetic.captured import CAMERA_PLACEMENTS
-from imocap_core.synthetic.performers import RetargetedMotion, perform
-from imocap_core.synthetic.rendered import (
-    FilmedMotion,
-    film_motion,
-    render_frames,
-    true_points_px,
-    viewed_side,
-)
 
 LAYOUT = "mediapipe33"
 BODY_LAYOUT = "body33"  # the same keypoints at their true places on the body

@@ -7,6 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.detector.detection_errors import (
+    DetectedClip,
+    PointErrors,
+    point_errors,
+    swapped_share,
+)
 from benchmarks.scoring.score_file import RESULTS, ActionScore
 from benchmarks.tables import (
     ALL_JOINTS,
@@ -22,7 +28,6 @@ from benchmarks.tables import (
     missing_sentence,
 )
 from imocap_core.detect.detectors import detector_of
-from imocap_core.metrics.detections import DetectedClip, PointErrors, point_errors, swapped_share
 from imocap_core.params import DetectParams
 
 BODY = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")

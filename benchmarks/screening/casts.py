@@ -16,18 +16,18 @@ from scipy.ndimage import median_filter
 
 from benchmarks.actions.captured import PLACEMENTS, SIZE, video_rng
 from benchmarks.sync.training_scenes import CAPTURED_FPS, performances_of, training_clip
-from imocap_core.camera.projection import project
-from imocap_core.conventions import EVAL_14, mirror_indices
-from imocap_core.synthetic.cameras import CameraPlacement
-from imocap_core.synthetic.captured import (
+from benchmarks.synthetic.captured import (
     COCO18,
     coco18_points,
     hip_middle,
     place_camera,
     stature_m,
 )
+from benchmarks.synthetic.detector_presets import detect_person
+from imocap_core.camera.projection import project
+from imocap_core.conventions import EVAL_14, mirror_indices
+from imocap_core.synthetic.cameras import CameraPlacement
 from imocap_core.synthetic.detector import Detections
-from imocap_core.synthetic.detector_presets import detect_person
 
 FILMS, MIRRORED_FILMS = 9, 2  # of a cast; the first ones are filmed once more, mirrored
 LENGTH_S = (2.4, 3.6)  # of the window

@@ -20,8 +20,8 @@ from benchmarks.actions.captured import (
     protocol_videos,
     trial_videos,
 )
-from imocap_core.synthetic.captured import CAMERA_PLACEMENTS, place_camera
-from imocap_core.synthetic.estimator import estimate
+from benchmarks.synthetic.captured import CAMERA_PLACEMENTS, place_camera
+from benchmarks.synthetic.estimator import estimate
 
 SEED = 11
 

@@ -17,7 +17,7 @@ from scipy.interpolate import CubicSpline
 
 from benchmarks.actions.captured import trial_videos
 from benchmarks.sync.scenes import SyncScene, filmed_scene
-from benchmarks.sync.training_scenes import CAPTURED_FPS, PERFORMED, performances
+from benchmarks.sync.training_scenes import CAPTURED_FPS
 from imocap_core.metrics.sync import matched_share, sync_errors
 from imocap_core.params import SyncParams
 from imocap_core.sync import synchronise
@@ -54,11 +54,6 @@ def slow_motion(
     files = [f for f in sorted(folder.glob("*.npz")) if not only or f.stem in only]
     made = {f.stem: _shown_of_trials(f) for f in files}
     return slow_motion_rows(made, settings, factors)
-
-
-def training_performances(file: Path, seed: int) -> dict[str, Shown]:
-    """Performances of the training clips, by clip."""
-    return {f"performed {clip}": performances(file, clip, seed) for clip in PERFORMED}
 
 
 def slow_motion_rows(

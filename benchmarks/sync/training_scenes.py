@@ -14,10 +14,10 @@ from jaxtyping import Float
 from scipy.interpolate import CubicSpline
 
 from benchmarks.sync.scenes import SyncScene, filmed_scene
+from benchmarks.synthetic.captured import hip_middle, to_scene
+from benchmarks.synthetic.estimator import EstimatorErrors, estimate
+from benchmarks.synthetic.frame_sampling import sample_frames
 from imocap_core.conventions import EVAL_14
-from imocap_core.synthetic.captured import hip_middle, to_scene
-from imocap_core.synthetic.estimator import EstimatorErrors, estimate
-from imocap_core.synthetic.frame_sampling import sample_frames
 from imocap_core.synthetic.variation import PhaseSpan, pace
 
 CAPTURED_FPS, PROTOCOL_FPS, PROTOCOL_FRAMES = 30.0, 120.0, 2000

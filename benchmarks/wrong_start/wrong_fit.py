@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 import torch
@@ -31,7 +31,6 @@ from imocap_core.problem.observations import body_for, observations_of
 from imocap_core.rotations import exp
 
 WrongStart = Literal["facing", "depth", "sides"]
-WRONG_STARTS: tuple[WrongStart, ...] = get_args(WrongStart)
 
 
 @dataclass(frozen=True)

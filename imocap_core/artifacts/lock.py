@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+RETRY_S = 0.1
 UNWRITABLE = (errno.EROFS, errno.EACCES, errno.EPERM)
 
 if sys.platform == "win32":
@@ -35,7 +36,7 @@ else:
 
 
 @contextmanager
-def exclusive(file: Path, waiting: Callable[[], None], every_s: float = 0.1) -> Iterator[None]:
+def exclusive(file: Path, waiting: Callable[[], None]) -> Iterator[None]:
     """Lock `file` while the body runs; if another process has it, call `waiting` and wait.
 
     On a disk that cannot be written to there is nothing to lock: the body runs all the same.
@@ -52,5 +53,5 @@ def exclusive(file: Path, waiting: Callable[[], None], every_s: float = 0.1) -> 
         if not _try_lock(stream):
             waiting()
             while not _try_lock(stream):
-                time.sleep(every_s)
+                time.sleep(RETRY_S)
         yield

@@ -14,7 +14,8 @@ from imocap_core.biomechanics.joint_angles import (
     definition_of,
     distal_in_proximal,
 )
-from imocap_core.biomechanics.segments import SIDES, anatomical_axes
+from imocap_core.biomechanics.segments import anatomical_axes
+from imocap_core.conventions import SIDES
 
 STEP_RAD = 1e-5
 PELVIS = ANATOMICAL_JOINTS.index("pelvis")

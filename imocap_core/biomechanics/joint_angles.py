@@ -15,7 +15,8 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.biomechanics.cardan import continuous, yxy, yxz, zxy
-from imocap_core.biomechanics.segments import SIDES, Side, anatomical_axes
+from imocap_core.biomechanics.segments import anatomical_axes
+from imocap_core.conventions import SIDES, Side
 
 ZXY, YXY, YXZ = "zxy", "yxy", "yxz"
 WORLD = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])  # X = z, Y = y, Z = -x

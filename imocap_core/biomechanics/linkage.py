@@ -6,7 +6,6 @@ all coordinates at 0 the body stands in the anatomical position. Lengths are met
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,8 +20,8 @@ from imocap_core.biomechanics.joint_angles import (
     ZXY,
     JointDefinition,
 )
-from imocap_core.biomechanics.segments import SIDES, Side, rest_axes, turn_about
-from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.biomechanics.segments import rest_axes
+from imocap_core.conventions import SIDES, SMPL_JOINTS, Side
 
 X, Y, Z = np.eye(3)
 AXES = {ZXY: (Z, X, Y), YXZ: (Y, X, Z), YXY: (Y, -X, Y)}  # as `cardan` takes rotations apart
@@ -151,26 +150,3 @@ def _name(segment: str, prefix: str) -> str:
 
 def _index(joint: str, prefix: str) -> int:
     return SMPL_JOINTS.index(joint if joint in SMPL_JOINTS else prefix + joint)
-
-
-def posed(
-    links: Mapping[str, Link], values: Mapping[str, Float[np.ndarray, " T"]]
-) -> dict[str, tuple[Float[np.ndarray, "T 3 3"], Float[np.ndarray, "T 3"]]]:
-    """Forward kinematics: every segment's axes and origin in the ground's axes.
-
-    values: coordinates over time, radians and metres.
-    """
-    poses: dict[str, tuple[np.ndarray, np.ndarray]] = {}
-    for name, link in links.items():
-        count = len(next(iter(values.values())))
-        R, origin = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
-        if link.parent is not None:
-            R, origin = poses[link.parent]
-        moved = np.tile(link.place_m, (count, 1))
-        for axis, translation in enumerate(link.translations):
-            moved[:, axis] += values[translation]
-        origin = origin + np.einsum("tij,tj->ti", R, moved)
-        for coordinate in link.rotations:
-            R = R @ turn_about(coordinate.axis, values[coordinate.name])
-        poses[name] = R, origin
-    return poses

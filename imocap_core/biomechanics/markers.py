@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.biomechanics.segments import SIDES
+from imocap_core.conventions import SIDES
 
 LEAST_WEIGHTS = (0.9, 0.8, 0.6)  # skinning weights of the segment's joint, the first that one has
 OFF_RAY_M = 0.03  # a vertex further from the ray is none that the ray meets

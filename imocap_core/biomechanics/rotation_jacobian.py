@@ -20,14 +20,13 @@ from imocap_core.biomechanics.segments import (
     LIMBS,
     MIRROR,
     TRUNK,
-    Side,
     forearm_axis,
     joint_index,
     segment_rest_axes,
     twist_about,
     twist_gradient,
 )
-from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
+from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS, Side
 
 SEGMENTS = {**TRUNK, **LIMBS}
 OTHER = {"left_": "right_", "right_": "left_"}

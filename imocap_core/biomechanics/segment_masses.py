@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from imocap_core.biomechanics.linkage import Link
-from imocap_core.biomechanics.segments import SIDES
 from imocap_core.body.mass import LIMB_SEGMENTS, MIDDLE_SEGMENTS
+from imocap_core.conventions import SIDES
 
 DENSITY_KG_M3 = 1000.0  # of a whole body, about that of water
 JOINTS_OF = {  # whose vertices make up a segment

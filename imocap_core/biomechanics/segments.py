@@ -14,15 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
+from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS, Side
 
-Side = Literal["left", "right"]
-SIDES: tuple[Side, ...] = ("left", "right")
 RIGHT, UP, FORWARD = (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)  # of the rest pose
 MIRROR = np.diag([-1.0, 1.0, 1.0])
 FOREARM = ("elbow", "wrist")

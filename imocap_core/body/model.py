@@ -18,8 +18,7 @@ from torch import Tensor
 
 from imocap_core.body.kinematics import check_tree, joint_positions, world_rotations
 from imocap_core.body.layouts import layout_points
-from imocap_core.body.points import PointSet, place_points
-from imocap_core.body.protocols import Landmark
+from imocap_core.body.points import Landmark, PointSet, place_points
 from imocap_core.body.skinning import skin, weighted_rest
 
 
@@ -38,7 +37,6 @@ class Model:
     J_regressor: rest joints from rest vertices. weights: skinning weights, rows sum to 1.
     landmarks: named surface points, each a weighted mean of vertices.
     face_parts, part_names: the part of a person to which each face belongs (skin, hair, ...).
-    hand_pca: mean and components of "left" and "right" axis-angle hand poses.
     """
 
     name: str
@@ -55,9 +53,6 @@ class Model:
     landmarks: Mapping[str, Landmark] = field(default_factory=dict)
     face_parts: Int[Tensor, " F"] | None = None
     part_names: tuple[str, ...] = ()
-    hand_pca: Mapping[str, tuple[Float[Tensor, "45"], Float[Tensor, "_ 45"]]] = field(
-        default_factory=dict
-    )
 
     def __post_init__(self) -> None:
         """Check the shapes of the arrays; ValueError names every one that does not fit."""

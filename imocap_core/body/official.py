@@ -67,11 +67,6 @@ def load_body(
             digest=_digest(arrays),
             num_betas=_betas(kind, shapes),
             posedirs=None if posedirs is None or posedirs.size == 0 else tensor(posedirs),
-            hand_pca={
-                side: (tensor(arrays[f"hands_mean{s}"]), tensor(arrays[f"hands_components{s}"]))
-                for side, s in (("left", "l"), ("right", "r"))
-                if f"hands_mean{s}" in arrays and f"hands_components{s}" in arrays
-            },
         )
         return replace(model, landmarks=_landmarks(arrays, names))  # of arrays that fit together
     except (ValueError, IndexError) as error:

@@ -7,8 +7,6 @@ monocular fits), so the mean has to ignore outliers.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Bool, Float
 from numpy.typing import ArrayLike
@@ -16,27 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from imocap_core.robust import geman_mcclure_weight
 
-
-@dataclass(frozen=True)
-class RotationMean:
-    """Mean ``R``, the final robust ``weights``, and the angle of each rotation to ``R``, NaN where
-    the rotation was missing."""
-
-    R: Float[np.ndarray, "3 3"]
-    weights: Float[np.ndarray, " N"]
-    angles_deg: Float[np.ndarray, " N"]
-    status: str
-
-
-@dataclass(frozen=True)
-class VectorMean:
-    """The ``mean``, the final robust ``weights``, and the distance of each vector to ``mean``, NaN
-    where the vector was missing."""
-
-    mean: Float[np.ndarray, " D"]
-    weights: Float[np.ndarray, " N"]
-    distances: Float[np.ndarray, " N"]
-    status: str
+ITERATIONS = 50
 
 
 def nearest_rotation(M: Float[np.ndarray, "... 3 3"]) -> Float[np.ndarray, "... 3 3"]:
@@ -63,8 +41,7 @@ def mean_rotation(
     weights: ArrayLike | None = None,
     *,
     scale_deg: float = 10.0,
-    iterations: int = 50,
-) -> RotationMean:
+) -> Float[np.ndarray, "3 3"]:
     """Robust single rotation averaging: Geman-McClure mean of rotations (N, 3, 3).
 
     Starts at the projected entrywise median (Lee and Civera, "Robust single rotation averaging",
@@ -76,6 +53,9 @@ def mean_rotation(
         weights: (N,) prior weights, or None for equal ones.
         scale_deg: Geman-McClure scale, degrees.
 
+    Returns:
+        The mean; the identity where no rotation counts.
+
     Raises:
         ValueError: wrong shapes.
     """
@@ -84,29 +64,24 @@ def mean_rotation(
         raise ValueError(f"R: expected rotations of shape (N, 3, 3), got {R.shape}")
     prior, valid = _prior(weights, np.isfinite(R.sum(axis=(1, 2))))
     if not valid.any():
-        nowhere = np.full(len(R), np.nan)
-        return RotationMean(np.eye(3), np.zeros(len(R)), nowhere, "no valid rotation to average")
+        return np.eye(3)
     used, share = R[valid], prior[valid]
     mean = nearest_rotation(_weighted_median(used, share))
     scale = max(scale_deg, float(np.median(angle_deg(used, mean))))
-    robust, status = share, f"not converged after {iterations} iterations"
-    for _ in range(iterations):
+    for _ in range(ITERATIONS):
         robust = share * geman_mcclure_weight(angle_deg(used, mean), scale)
         new = nearest_rotation(np.einsum("n,nij->ij", robust, used))
         moved = float(angle_deg(mean, new))
         mean = new
         if moved < 1e-6 and scale == scale_deg:
-            status = "converged"
             break
         scale = max(scale_deg, 0.7 * scale)
-    angles, final = np.full(len(R), np.nan), np.zeros(len(R))
-    angles[valid], final[valid] = angle_deg(used, mean), robust
-    return RotationMean(mean, final, angles, status)
+    return mean
 
 
 def mean_vector(
-    x: ArrayLike, weights: ArrayLike | None = None, *, scale: float, iterations: int = 50
-) -> VectorMean:
+    x: ArrayLike, weights: ArrayLike | None = None, *, scale: float
+) -> Float[np.ndarray, " D"]:
     """Geman-McClure mean of vectors (N, D).
 
     Starts at the coordinatewise median and shrinks the scale like `mean_rotation`.
@@ -116,6 +91,9 @@ def mean_vector(
         weights: (N,) prior weights, or None for equal ones.
         scale: Geman-McClure scale, in the unit of the vectors.
 
+    Returns:
+        The mean; 0 where no vector counts.
+
     Raises:
         ValueError: wrong shapes.
     """
@@ -124,24 +102,19 @@ def mean_vector(
         raise ValueError(f"x: expected vectors of shape (N, D), got {x.shape}")
     prior, valid = _prior(weights, np.isfinite(x.sum(axis=1)))
     if not valid.any():
-        nowhere = np.full(len(x), np.nan)
-        return VectorMean(np.zeros(x.shape[1]), np.zeros(len(x)), nowhere, "no vector to average")
+        return np.zeros(x.shape[1])
     used, share = x[valid], prior[valid]
     mean = _weighted_median(used, share)
     width = max(scale, float(np.median(np.linalg.norm(used - mean, axis=1))))
-    robust, status = share, f"not converged after {iterations} iterations"
-    for _ in range(iterations):
+    for _ in range(ITERATIONS):
         robust = share * geman_mcclure_weight(np.linalg.norm(used - mean, axis=1), width)
         new = (robust @ used) / robust.sum()
         moved = float(np.linalg.norm(new - mean))
         mean = new
         if moved < 1e-9 * max(1.0, scale) and width == scale:
-            status = "converged"
             break
         width = max(scale, 0.7 * width)
-    distances, final = np.full(len(x), np.nan), np.zeros(len(x))
-    distances[valid], final[valid] = np.linalg.norm(used - mean, axis=1), robust
-    return VectorMean(mean, final, distances, status)
+    return mean
 
 
 def _prior(

@@ -28,6 +28,7 @@ FocalSource = Literal["given", "rotation", "structure", "assumed"]
 STATIC_PX = 0.6  # movement below which a camera is static, for pictures 1000 pixels large
 FOCAL_RANGE = (0.35, 5.0)  # of the larger side of the picture
 MIN_MOVEMENT = 0.05  # of the larger side: less movement does not determine the focal length
+FOCAL_FRAMES = 30  # that moved most
 FOCAL_STEP = 1.15  # the focal length is determined if changing it by this factor raises the error
 EXPLAINED_SHARE = 0.6  # of the background that a rotation must explain
 
@@ -221,9 +222,7 @@ def rotation_key_from_frame(
     return R, error
 
 
-def solve_focal(
-    matches: Sequence[Matches], size: tuple[int, int], *, frames: int = 30
-) -> float | None:
+def solve_focal(matches: Sequence[Matches], size: tuple[int, int]) -> float | None:
     """Self-calibration of a rotating camera: the focal length (px) that makes the homographies
     rotations; None when the matches do not determine it.
 
@@ -234,7 +233,7 @@ def solve_focal(
     """
     moved = [_movement(match) for match in matches]
     least = MIN_MOVEMENT * max(size)
-    chosen = [matches[i] for i in np.argsort(moved)[-frames:] if moved[i] > least]
+    chosen = [matches[i] for i in np.argsort(moved)[-FOCAL_FRAMES:] if moved[i] > least]
     if len(chosen) < 3:
         return None
 

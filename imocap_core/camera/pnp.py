@@ -19,6 +19,8 @@ from imocap_core.camera.pose_refinement import PointEvidence, errors_px, refine,
 from imocap_core.camera.projection import normalised
 
 MIN_POINTS = 6
+ITERATIONS = 40
+CANDIDATES = 48  # runs of frames of one length that propose a translation
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,6 @@ class CameraPose:
     R: Float[np.ndarray, "3 3"]
     t: Float[np.ndarray, "3"]
     median_px: float
-    inlier_share: float
     ok: bool
     status: str
 
@@ -44,10 +45,7 @@ def pnp_over_frames(
     R_start: Float[np.ndarray, "3 3"],
     *,
     scale_px: float = 10.0,
-    inlier_px: float = 30.0,
-    free_rotation: bool = True,
     max_turn_deg: float = 30.0,
-    iterations: int = 40,
 ) -> CameraPose:
     """Camera pose from 3D joints and their pixels in all frames.
 
@@ -57,10 +55,9 @@ def pnp_over_frames(
         confidence: (T, J) weights; 0 leaves a point out.
         K: intrinsic matrix.
         R_start: rotation, camera from world, at which to start. It is fixed while the translation
-            is solved, and is the result if ``free_rotation`` is off or if the refinement turns the
-            camera by more than ``max_turn_deg`` (it has then left the basin of attraction).
+            is solved, and is the result if the refinement turns the camera by more than
+            ``max_turn_deg`` (it has then left the basin of attraction).
         scale_px: Geman-McClure scale.
-        inlier_px: error up to which a point counts in ``inlier_share``.
 
     Raises:
         ValueError: shapes that do not fit together.
@@ -69,37 +66,18 @@ def pnp_over_frames(
     if len(evidence.weight) < MIN_POINTS:
         count = len(evidence.weight)
         status = f"{count} usable points, at least {MIN_POINTS} are needed"
-        return CameraPose(np.array(R_start), np.zeros(3), np.inf, 0.0, False, status)
+        return CameraPose(np.array(R_start), np.zeros(3), np.inf, False, status)
     t = _translation(evidence, R_start, scale_px)
-    R_fixed, t_fixed, _ = refine(evidence, R_start, t, scale_px, iterations, turn=False)
-    if not free_rotation:
-        return _judge(evidence, R_fixed, t_fixed, inlier_px, "rotation fixed")
-    R, t, converged = refine(evidence, R_fixed, t_fixed, scale_px, iterations, turn=True)
+    R_fixed, t_fixed, _ = refine(evidence, R_start, t, scale_px, ITERATIONS, turn=False)
+    R, t, converged = refine(evidence, R_fixed, t_fixed, scale_px, ITERATIONS, turn=True)
     turn_deg = float(angle_deg(R_fixed, R))
     if turn_deg > max_turn_deg:
         status = (
             f"refinement rotated the camera by {turn_deg:.0f} degrees, so its start is returned"
         )
-        return _judge(evidence, R_fixed, t_fixed, inlier_px, status)
-    status = "converged" if converged else f"not converged after {iterations} iterations"
-    return _judge(evidence, R, t, inlier_px, status)
-
-
-def translation_given_rotation(
-    x_world: ArrayLike,
-    xy_px: ArrayLike,
-    confidence: ArrayLike,
-    K: Float[np.ndarray, "3 3"],
-    R: Float[np.ndarray, "3 3"],
-    *,
-    scale_px: float = 10.0,
-    inlier_px: float = 30.0,
-) -> CameraPose:
-    """`pnp_over_frames` with the rotation fixed throughout; same shapes."""
-    return pnp_over_frames(
-        x_world, xy_px, confidence, K, R,
-        scale_px=scale_px, inlier_px=inlier_px, free_rotation=False,
-    )  # fmt: skip
+        return _judge(evidence, R_fixed, t_fixed, status)
+    status = "converged" if converged else f"not converged after {ITERATIONS} iterations"
+    return _judge(evidence, R, t, status)
 
 
 def _gather(
@@ -140,7 +118,7 @@ def _linear_translation(
 
 
 def _translation(
-    evidence: PointEvidence, R: Float[np.ndarray, "3 3"], scale_px: float, candidates: int = 48
+    evidence: PointEvidence, R: Float[np.ndarray, "3 3"], scale_px: float
 ) -> Float[np.ndarray, "3"]:
     """Best of linear translations of all frames and of short runs of frames, by robust cost.
 
@@ -150,7 +128,7 @@ def _translation(
     frames = np.unique(evidence.frame)
     groups = [frames]
     for length in sorted({1, min(8, len(frames)), max(1, len(frames) // 4)}):
-        starts = np.linspace(0, len(frames) - length, min(candidates, len(frames)))
+        starts = np.linspace(0, len(frames) - length, min(CANDIDATES, len(frames)))
         groups += [frames[s : s + length] for s in np.unique(starts.astype(int))]
     best_t, best_cost = np.zeros(3), np.inf
     for group in groups:
@@ -169,13 +147,10 @@ def _judge(
     evidence: PointEvidence,
     R: Float[np.ndarray, "3 3"],
     t: Float[np.ndarray, "3"],
-    inlier_px: float,
     status: str,
 ) -> CameraPose:
-    """The pose with its median error and the share of points within ``inlier_px``."""
-    errors = errors_px(evidence, R, t)
-    share = float(evidence.weight @ (errors <= inlier_px) / evidence.weight.sum())
-    median = float(np.median(errors))
+    """The pose with its median error."""
+    median = float(np.median(errors_px(evidence, R, t)))
     ok = bool(np.isfinite(median) and np.isfinite(t).all())
     reason = status if ok else "most points are behind the camera"
-    return CameraPose(R, t, median, share, ok, reason)
+    return CameraPose(R, t, median, ok, reason)

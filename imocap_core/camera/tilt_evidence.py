@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.body.mass import centre_of_mass
-from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.conventions import SIDES, SMPL_JOINTS
 
 ROLL_DOF, PITCH_DOF, BALANCE_DOF, TRUNK_DOF, PLANE_DOF = (
     2.0,
@@ -35,7 +35,6 @@ PLANTED_M_S = 0.2  # speed at which a foot counts a quarter as planted
 LEAST_PLANTED = 0.1  # feet that count less are left out
 PLANE_QUANTILE = 0.5
 
-SIDES = ("left", "right")
 PELVIS, NECK = SMPL_JOINTS.index("pelvis"), SMPL_JOINTS.index("neck")
 BALLS = [SMPL_JOINTS.index(f"{side}_foot") for side in SIDES]
 ANKLES = [SMPL_JOINTS.index(f"{side}_ankle") for side in SIDES]

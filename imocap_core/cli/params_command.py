@@ -12,7 +12,7 @@ from imocap_core.cli.json_output import print_json
 from imocap_core.cli.options import Json, root_of
 
 if TYPE_CHECKING:
-    from imocap_core.library.parameters import ParameterValue
+    from imocap_core.params.table import Parameter
 
 
 def group_names(incomplete: str) -> list[str]:
@@ -48,7 +48,7 @@ def params_command(
         typer.echo(textwrap.fill(row.doc, width, initial_indent="    ", subsequent_indent="    "))
 
 
-def _facts(row: ParameterValue) -> str:
+def _facts(row: Parameter) -> str:
     default = [] if row.value == row.default else [f"default {_yaml(row.default)}"]
     return "; ".join([part for part in (row.unit, row.bounds) if part] + default)
 

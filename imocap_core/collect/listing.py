@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict
 
 from imocap_core.collect.choice import LEAST_S, Decision
 from imocap_core.collect.occurrences import Occurrence
 from imocap_core.collect.shots import Shot
-from imocap_core.errors import WorkFailed
 from imocap_core.identifiers import Id
 from imocap_core.whole_files import write_whole
 
@@ -96,16 +95,6 @@ class CollectedList(_Listed):
     def chosen(self) -> list[ListedOccurrence]:
         """The occurrences that are videos of the action."""
         return [occurrence for occurrence in self.occurrences if occurrence.chosen]
-
-
-def read_collected(file: Path) -> CollectedList:
-    """WorkFailed where the file is not such a list."""
-    try:
-        return CollectedList.model_validate_json(file.read_bytes())
-    except (ValidationError, OSError) as error:
-        raise WorkFailed(
-            f"{file}: is no list of `imocap collect` ({error}); run it again"
-        ) from None
 
 
 def write_collected(file: Path, collected: CollectedList) -> None:

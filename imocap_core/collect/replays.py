@@ -45,7 +45,6 @@ class Replay:
     """
 
     rate: float
-    residual: float
     frames: Int[np.ndarray, " N"]
     repeated: Int[np.ndarray, " N"]
     scale: float
@@ -100,12 +99,11 @@ def _repeated(
         index, distance = _at_constant_rate(x, scale * y + shift, moving)
         position = np.interp(index / POSITIONS_PER_FRAME, np.arange(len(complete)), complete)
         rate = _slope(moving, position)
-    residual = float(np.median(distance) / size)
     aside = np.linalg.norm((x - scale * y[index] - shift).mean(axis=1), axis=-1)
-    if residual > NEAR or np.median(aside) > CENTRE * size or rate <= 0:
+    if np.median(distance) > NEAR * size or np.median(aside) > CENTRE * size or rate <= 0:
         return None
     repeated = np.rint(position).astype(int)
-    return Replay(rate, residual, moving, repeated, scale, shift, mirrored)
+    return Replay(rate, moving, repeated, scale, shift, mirrored)
 
 
 def _at_constant_rate(

@@ -105,9 +105,3 @@ def _lifted(
         confidence,
         box,
     )
-
-
-def height_px(track: ShotTrack) -> float:
-    """Median diagonal of the person's box in pixels, about the height of who stands."""
-    box = track.box_px[np.isfinite(track.box_px).all(axis=1)]
-    return float(np.median(np.hypot(box[:, 2] - box[:, 0], box[:, 3] - box[:, 1])))

@@ -43,11 +43,10 @@ def moment_sentences(
     values: Float[np.ndarray, "N J"],
     names: Sequence[str],
     unit: str,
-    count: int = 3,
 ) -> list[str]:
-    """Where a spread or a difference (N, J) is largest: the joints, and when."""
+    """Where a spread or a difference (N, J) is largest: three joints, and when."""
     peak = np.nanmax(np.where(np.isfinite(values), values, -np.inf), axis=0)
-    order = [j for j in np.argsort(-peak)[:count] if np.isfinite(peak[j])]
+    order = [j for j in np.argsort(-peak)[:3] if np.isfinite(peak[j])]
     return [
         f"* {in_words(names[j])}: {number(float(peak[j]))} {unit} at "
         f"{phase_s[int(np.nanargmax(values[:, j]))]:.2f} s"

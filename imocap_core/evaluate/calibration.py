@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from imocap_core.artifacts.schemas import Uncertainty, VideoMotion
-from imocap_core.conventions import EVAL_12, SMPL_JOINTS
+from imocap_core.conventions import EVAL_12, EVAL_INDICES, SMPL_JOINTS
 from imocap_core.evaluate.truth import true_joints, video_truth
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.calibration import (
@@ -24,7 +24,6 @@ NORMALISED = ("normalised_error", "normalised_depth_error", "normalised_across_e
 COVERED = {"covered_50_share": 0.5, "covered_80_share": 0.8, "covered_90_share": 0.9}
 METRICS = (*NORMALISED, *COVERED, "coverage_error")
 CAMERA_ERROR, NORMALISED_CAMERA_ERROR = "camera_rotation_error_deg", "normalised_camera_error"
-EVAL_INDICES = [SMPL_JOINTS.index(name) for name in EVAL_12]
 
 
 def normalised_rows(

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from imocap_core.biomechanics.joint_angles import MIDDLE, PAIRED
 from imocap_core.biomechanics.markers import marker_vertices
-from imocap_core.biomechanics.segments import SIDES
+from imocap_core.conventions import SIDES
 from imocap_core.io.writers.c3d import C3dEvent, C3dTrial
 from imocap_core.result.events import contact_events
 from imocap_core.result.video import VideoResult

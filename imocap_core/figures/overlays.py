@@ -17,6 +17,7 @@ from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
 from imocap_core.figures.style import DPI, QUIET, headline, new_figure
 from imocap_core.render import Light, draw_mesh
 
+RADIUS_PX = 3  # of a keypoint's dot
 Image = UInt8[np.ndarray, "_ _ 3"]  # height, width, RGB
 
 CELL_PX = (216, 270)
@@ -94,11 +95,10 @@ def draw_keypoints(
     xy_px: Float[np.ndarray, "K 2"],
     confidence: Float[np.ndarray, " K"],
     names: Sequence[str],
-    radius_px: int = 3,
 ) -> Image:
     """Dots in cell pixels: orange left, blue right, fainter with lower confidence."""
     drawn = cell.copy()
-    reach = radius_px + 3  # pixels from a dot's centre that it can touch
+    reach = RADIUS_PX + 3  # pixels from a dot's centre that it can touch
     for point, trust, name in zip(xy_px, confidence, names, strict=True):
         if trust > 0 and np.isfinite(point).all():
             x, y = round(float(point[0])), round(float(point[1]))
@@ -108,8 +108,8 @@ def draw_keypoints(
                 continue
             mark = part.copy()
             centre = (x - left, y - top)
-            cv2.circle(mark, centre, radius_px + 1, (25, 28, 32), -1, cv2.LINE_AA)
-            cv2.circle(mark, centre, radius_px, _side_rgb(name), -1, cv2.LINE_AA)
+            cv2.circle(mark, centre, RADIUS_PX + 1, (25, 28, 32), -1, cv2.LINE_AA)
+            cv2.circle(mark, centre, RADIUS_PX, _side_rgb(name), -1, cv2.LINE_AA)
             share = 0.3 + 0.7 * min(float(trust), 1.0)
             part[:] = cv2.addWeighted(mark, share, part, 1 - share, 0)
     return drawn

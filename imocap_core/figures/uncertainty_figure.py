@@ -10,14 +10,13 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from imocap_core.artifacts.schemas import Keypoints, SyncSummary, Table, Uncertainty
-from imocap_core.conventions import EVAL_12, SMPL_JOINTS
+from imocap_core.conventions import EVAL_12, EVAL_INDICES
 from imocap_core.figures.style import ACCENT, grid, headline, new_figure
 from imocap_core.figures.sync_summary import common_moments, positions_on_axis, retimed
 
 CERTAIN_TO_UNCERTAIN = LinearSegmentedColormap.from_list(
     "uncertain", ["#f4f6f8", "#f0d3b8", "#d98b4a", "#a3432c", "#5a1f1a"]
 )
-EVAL_INDICES = [SMPL_JOINTS.index(name) for name in EVAL_12]
 
 
 def uncertainty_figure(

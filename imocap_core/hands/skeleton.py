@@ -17,8 +17,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.body.model import Shaped
+from imocap_core.conventions import SIDES
 
-SIDES = ("left", "right")
 FINGERS = ("index", "middle", "pinky", "ring", "thumb")  # SMPL+H's order
 ANGLES = 21
 POINTS = 21

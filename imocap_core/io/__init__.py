@@ -6,7 +6,6 @@ writers/      exports: BVH, GLB, TRC, CSV, npz, MCAP
 video         frames of video files, and H.264 out
 prefetch      a generator that runs a few items ahead, in a thread
 truth         truth.npz, for scoring only; pose2sim_truth: a calibrated rig's files
-h36m          Human3.6M as VideoPose3D prepares it
 npz           named arrays of npz files, checked
 object_npz    Python objects in npz files; pickles: results stored as pickles
 """

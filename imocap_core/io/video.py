@@ -153,7 +153,6 @@ def write_h264(
     fps: float,
     *,
     crf: int = 20,
-    preset: str = "veryfast",
     faststart: bool = False,
 ) -> int:
     """Write RGB frames as an mp4 (H.264, or what `film_encoder` is); returns their number.
@@ -173,7 +172,7 @@ def write_h264(
         encoder = film_encoder()
         stream: Any = container.add_stream(encoder, rate=Fraction(fps).limit_denominator(1001))
         stream.pix_fmt = "yuv420p"
-        speed = {"preset": preset} if encoder == "libx264" else ENCODERS[encoder]
+        speed = {"preset": "veryfast"} if encoder == "libx264" else ENCODERS[encoder]
         stream.options = {"crf": str(crf), "threads": "1", "flags": "+bitexact", **speed}
         for picture in frames:
             if count == 0:

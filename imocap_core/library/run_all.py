@@ -56,11 +56,6 @@ class ActionEnd:
     attempts: int = 0
     stages: tuple[StageEnd, ...] = ()
 
-    @property
-    def digests(self) -> dict[str, str]:
-        """Stage -> digest of its result."""
-        return {end.stage: end.digest for end in self.stages}
-
 
 @dataclass
 class Listener:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
@@ -83,8 +82,3 @@ class Lifter(nn.Module):
             others - others[..., :1, :],
             self.logits(x.mean(1)).float(),
         )
-
-
-def count_weights(network: nn.Module) -> int:
-    """Number of parameters of the network."""
-    return sum(torch.numel(p) for p in network.parameters())

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from imocap_core.conventions import SIDES
+
 LIMBS = {"shoulder": ("elbow", "wrist"), "hip": ("knee", "ankle")}  # trunk's ends: what they carry
 TRUNK = tuple(LIMBS)  # whose marks are corrected
-SIDES = ("left", "right")
 POINTS = (*(f"{side}_{p}" for side in SIDES for end in TRUNK for p in (end, *LIMBS[end])), "nose")
 FEATURES = 12
 

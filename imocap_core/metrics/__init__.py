@@ -14,6 +14,4 @@ Reading order:
     calibration     errors in units of the claimed standard deviation
     scoring         all of them for one video, as rows of a table
     body_scoring    the same for whole-body and world metrics
-    detections      error statistics of a 2D keypoint detector
-    detector_bias   the same by kind of keypoint, as the parameters of a simulated detector
 """

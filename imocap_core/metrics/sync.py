@@ -127,16 +127,11 @@ def offset_frames(
     return float(np.median(offset)) if len(offset) else float("nan")
 
 
-def is_offset(
-    reference_frame: Real[np.ndarray, " T"],
-    frames: Real[np.ndarray, " T"],
-    within_frames: float = 0.5,
-) -> bool:
-    """Whether a map is one constant offset: every frame's offset within `within_frames` of the
-    median."""
+def is_offset(reference_frame: Real[np.ndarray, " T"], frames: Real[np.ndarray, " T"]) -> bool:
+    """Whether a map is one constant offset: every frame's within half a frame of the median."""
     offset = np.asarray(reference_frame, dtype=np.float64) - np.asarray(frames)
     offset = offset[np.isfinite(offset)]
-    return bool(len(offset) and np.abs(offset - np.median(offset)).max() <= within_frames)
+    return bool(len(offset) and np.abs(offset - np.median(offset)).max() <= 0.5)
 
 
 def matched_share(errors: SyncErrors) -> float:

@@ -18,9 +18,8 @@ from scipy.spatial.transform import Rotation
 from imocap_core.body import Model
 from imocap_core.body.kinematics import world_rotations
 from imocap_core.camera.ground_plane import Ground
-from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
+from imocap_core.conventions import SIDES, SMPL_JOINTS, SMPL_PARENTS
 
-SIDES = ("left", "right")
 CLEARANCE_M = 0.03  # of a hand's middle, lying flat
 STEEPEST_UP = 0.35  # sine by which a hand may point upwards to clear the ground
 BACKWARDS = 2.0  # weight of its back, beside where it points, in where a lifted hand goes: wrists

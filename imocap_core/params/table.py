@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
@@ -17,18 +17,15 @@ NAMES = {float: "number", int: "whole number", str: "text", bool: "true or false
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter. value: its default, or the value in force; bounds: in words."""
+    """One parameter. value: that in force, or the default; bounds: in words; doc: its meaning."""
 
     group: str
     name: str
     value: Any
+    default: Any
     unit: str
     bounds: str
     doc: str
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain data, as for JSON."""
-        return asdict(self)
 
 
 def parameter_table(group: str | None = None, params: Params | None = None) -> list[Parameter]:
@@ -42,7 +39,7 @@ def parameter_table(group: str | None = None, params: Params | None = None) -> l
         raise ValueError(f"no group of parameters {group!r} (the groups are: {', '.join(groups)})")
     values = params or Params()
     wanted = groups if group is None else [group]
-    return [row for name in wanted for row in _rows(name, getattr(values, name))]
+    return [row for name in wanted for row in _rows(name, values)]
 
 
 def group_doc(group: str) -> str:
@@ -50,13 +47,15 @@ def group_doc(group: str) -> str:
     return inspect.cleandoc(type(getattr(Params(), group)).__doc__ or "")
 
 
-def _rows(group: str, values: Any) -> Iterator[Parameter]:
+def _rows(group: str, params: Params) -> Iterator[Parameter]:
+    values, defaults = getattr(params, group), getattr(Params(), group)
     hints = get_type_hints(type(values), include_extras=True)
     for f in fields(values):
         yield Parameter(
             group=group,
             name=f.name,
             value=getattr(values, f.name),
+            default=getattr(defaults, f.name),
             unit=f.metadata["unit"],
             bounds=_bounds(hints[f.name]),
             doc=f.metadata["doc"],

@@ -52,30 +52,6 @@ def without_frames(
     )
 
 
-def choose_performer(
-    people: Sequence[Float[np.ndarray, "_ K 3"]],
-    size: tuple[int, int],
-    fps: float,
-    *,
-    min_confidence: float,
-    max_gap_s: float = 1.0,
-) -> PerformerKeypoints:
-    """Track everybody and return the performer.
-
-    The performer is the track with the largest product of presence, size in the picture, and
-    motion.
-
-    Args:
-        people: per frame, the poses (P, K, 3) of everybody detected: x, y, confidence.
-        size: (width, height) of the picture.
-        min_confidence: joints below it are missing.
-        max_gap_s: tracks may be interrupted for so long. Tracks that end and begin again where the
-            person is predicted are joined if the gap is at most five times as long.
-    """
-    ranked = ranked_tracks(people, size, fps, min_confidence=min_confidence, max_gap_s=max_gap_s)
-    return performer_of(ranked, 0, people)
-
-
 def ranked_tracks(
     people: Sequence[Float[np.ndarray, "_ K 3"]],
     size: tuple[int, int],
@@ -84,7 +60,17 @@ def ranked_tracks(
     min_confidence: float,
     max_gap_s: float = 1.0,
 ) -> list[tuple[float, PersonTrack]]:
-    """Everybody's tracks with their scores, the largest first (arguments: `choose_performer`)."""
+    """Everybody's tracks with their scores, the largest first.
+
+    A score is the product of presence, size in the picture, and motion.
+
+    Args:
+        people: per frame, the poses (P, K, 3) of everybody detected: x, y, confidence.
+        size: (width, height) of the picture.
+        min_confidence: joints below it are missing.
+        max_gap_s: tracks may be interrupted for so long. Tracks that end and begin again where the
+            person is predicted are joined if the gap is at most five times as long.
+    """
     cleaned = [distinct_people(frame, min_confidence) for frame in people]
     max_gap = max(1, round(max_gap_s * fps))
     tracks = join_tracks(follow(cleaned, max_gap), 5 * max_gap)

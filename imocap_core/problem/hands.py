@@ -24,10 +24,10 @@ from imocap_core.artifacts.schemas import (
 from imocap_core.body import Model
 from imocap_core.body.kinematics import world_rotations
 from imocap_core.camera.projection import warp
-from imocap_core.conventions import SMPL_JOINTS, SMPL_PARENTS
+from imocap_core.conventions import SIDES, SMPL_JOINTS, SMPL_PARENTS
 from imocap_core.hands.assemble import ArmsAndHands, point_weights
 from imocap_core.hands.fit import FittedHands
-from imocap_core.hands.skeleton import SIDES, HandSkeleton, hand_skeleton
+from imocap_core.hands.skeleton import HandSkeleton, hand_skeleton
 from imocap_core.motion.multiview.timeline import Timeline, make_timeline
 from imocap_core.params import HandsParams
 from imocap_core.problem.lenses import undistorted_px

@@ -9,13 +9,8 @@ from jaxtyping import Float
 
 from imocap_core.artifacts.schemas import Table, Uncertainty, VideoMotion
 from imocap_core.artifacts.schemas.evaluate import Cell
-from imocap_core.conventions import EVAL_12, SMPL_JOINTS
-from imocap_core.evaluate.calibration import (
-    EVAL_INDICES,
-    METRICS,
-    NORMALISED_CAMERA_ERROR,
-    joint_errors_mm,
-)
+from imocap_core.conventions import EVAL_12, EVAL_INDICES, SMPL_JOINTS
+from imocap_core.evaluate.calibration import METRICS, NORMALISED_CAMERA_ERROR, joint_errors_mm
 from imocap_core.io.truth import Truth
 from imocap_core.metrics.calibration import normalised_errors
 from imocap_core.metrics.scoring import ALL_VIDEOS, ScoreRow

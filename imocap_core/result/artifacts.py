@@ -118,13 +118,6 @@ def artifacts_of_stages(
     return Artifacts(action, stored.get, advice or f"run it with: imocap run {action}")
 
 
-def given_artifacts(action: str, *artifacts: Artifact) -> Artifacts:
-    """Artifacts that are at hand as values."""
-    values = Artifacts(action, lambda stage: None, f"run it with: imocap run {action}")
-    values._decoded.update({type(artifact): artifact for artifact in artifacts})
-    return values
-
-
 def _inputs(stored: Stored) -> dict[str, str]:
     """Stage -> content digest of what a result was made from; empty where it does not say."""
     return json.loads(stored.content.provenance.get("inputs", "{}"))

@@ -12,8 +12,7 @@ from imocap_core.biomechanics.events import (
     speed_spreads_m_s,
 )
 from imocap_core.biomechanics.motion_event import MotionEvent
-from imocap_core.biomechanics.segments import SIDES
-from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.conventions import SIDES, SMPL_JOINTS
 from imocap_core.result.video import VideoResult
 from imocap_core.result.video_angles import VideoAngles
 
@@ -43,9 +42,9 @@ def contact_events(video: VideoResult, up: str = "y") -> list[MotionEvent]:
     return sorted(_contacts(video, up), key=lambda event: event.index)
 
 
-def contact_frames(video: VideoResult, up: str = "y") -> dict[str, list[tuple[int, int]]]:
+def contact_frames(video: VideoResult) -> dict[str, list[tuple[int, int]]]:
     """First and last frame of every contact of each foot, by side."""
-    return foot_contacts(*_feet(video, up), video.fps)
+    return foot_contacts(*_feet(video, "y"), video.fps)
 
 
 def _speed_spreads(video: VideoResult, paths_m: dict[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -88,17 +88,6 @@ def inside(positions: Float[np.ndarray, " T"], length: int) -> Bool[np.ndarray, 
     return np.asarray((positions > END_FRAMES) & (positions < length - 1 - END_FRAMES))
 
 
-def positions_in(
-    phase: Float[np.ndarray, " T"], other: Float[np.ndarray, " S"]
-) -> Float[np.ndarray, " T"]:
-    """Position of phases among another video's frames, fractional; NaN outside its range."""
-    frames = np.arange(len(other), dtype=np.float64)
-    if not np.isfinite(other).all():
-        return np.full(len(phase), np.nan)
-    rising = other + 1e-9 * frames  # of frames of equal phase, any will do
-    return np.interp(phase, rising, frames, left=np.nan, right=np.nan)
-
-
 def _connected(count: int, reference: int, maps: Sequence[WeightedMap]) -> np.ndarray:
     """Which videos (M,) a chain of maps connects with the reference."""
     table = np.zeros((count, count))

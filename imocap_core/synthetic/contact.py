@@ -15,13 +15,13 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
-from imocap_core.conventions import SMPL_JOINTS, sideless
+from imocap_core.conventions import SIDES, SMPL_JOINTS, sideless
 from imocap_core.synthetic.yoga import Key
 
 # points of the skin that must stay above the floor, and their clearance
 _SKIN_M = {"big_toe": 0.008, "small_toe": 0.008, "heel": 0.004}
 _SKIN_M |= {"middle_tip": 0.008, "thumb_tip": 0.008, "index1": 0.015, "pinky1": 0.015}
-SKIN: tuple[str, ...] = tuple(f"{side}_{name}" for side in ("left", "right") for name in _SKIN_M)
+SKIN: tuple[str, ...] = tuple(f"{side}_{name}" for side in SIDES for name in _SKIN_M)
 POINTS: tuple[str, ...] = SMPL_JOINTS + SKIN
 
 Forward = Callable[
@@ -35,7 +35,6 @@ ContactPlace = tuple[str, str]
 """(side, "front" | "back" | "return" | "hands" | "wide" | "forward")."""
 
 _INDEX = {name: i for i, name in enumerate(SMPL_JOINTS)}
-_SIDES = ("left", "right")
 _HAND_REACH_M = 0.17  # hands are planted this far in front of the balls of the feet
 _HAND_HALF_WIDTH_M = 0.19
 _FOOT_HALF_WIDTH_M = 0.09
@@ -92,7 +91,7 @@ def contact_places(
     joints_rest: rest joints, metres. sole_height: lowest point of the rest surface, metres.
     """
     plan: dict[ContactPlace, np.ndarray] = {}
-    for side, sign in zip(_SIDES, (1.0, -1.0), strict=True):
+    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         ankle, ball = (joints_rest[_INDEX[f"{side}_{name}"]] for name in ("ankle", "foot"))
         height = ball[1] - sole_height
         length = np.hypot(*(ball - ankle)[[0, 2]])
@@ -101,7 +100,7 @@ def contact_places(
         reach = plan[side, "front"][2] + _HAND_REACH_M
         plan[side, "hands"] = np.array([sign * _HAND_HALF_WIDTH_M, _CLEARANCE_M["wrist"], reach])
         plan[side, "back"] = np.array([x, max(height, 0.03), reach - _STRIDE_M])
-    for side, sign in zip(_SIDES, (1.0, -1.0), strict=True):
+    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         near = plan[side, "front"]
         plan[side, "wide"] = near + np.array([sign * _WIDE_M, 0.0, 0.0])
         plan[side, "forward"] = near + np.array([sign * 0.3 * _WIDE_M, 0.0, _STEP_M])
@@ -124,7 +123,7 @@ def contact_targets(
     before = np.clip(np.searchsorted(key_times, time_s, side="right") - 1, 0, len(keys) - 2)
     share = (time_s - key_times[before]) / (key_times[before + 1] - key_times[before])
     share = np.clip(share, 0.0, 1.0)[:, None]
-    for side in _SIDES:
+    for side in SIDES:
         ankle, ball, wrist, hand = (
             _INDEX[f"{side}_{n}"] for n in ("ankle", "foot", "wrist", "hand")
         )

@@ -10,8 +10,8 @@ from jaxtyping import Bool, Float
 
 from imocap_core.body import Shaped, load_free_body
 from imocap_core.camera.projection import camera_from_world, project_camera
-from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.hands.skeleton import SIDES, hand_skeleton
+from imocap_core.conventions import SIDES, SMPL_JOINTS
+from imocap_core.hands.skeleton import hand_skeleton
 from imocap_core.synthetic.cameras import CameraPlacement, FilmCamera, aim_camera
 from imocap_core.synthetic.demo_body import contact_forward
 from imocap_core.synthetic.detector import detect

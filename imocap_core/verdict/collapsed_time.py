@@ -23,7 +23,6 @@ class Collapse:
     first: int
     last: int
     moment: float
-    moved: float  # how far the pose in the picture changes meanwhile, in body sizes
 
 
 def collapses(
@@ -46,10 +45,9 @@ def collapses(
     least = max(LEAST_FRAMES, round(LEAST_S * fps))
     spans = []
     for first, last in runs(stopped, least - 1):
-        moved = pose_change(xy_px[first : last + 2], person_size(xy_px))
-        if moved > MOVED:
+        if pose_change(xy_px[first : last + 2], person_size(xy_px)) > MOVED:
             moment = float(np.median(position[first : last + 2]))
-            spans.append(Collapse(first, last + 1, moment, moved))
+            spans.append(Collapse(first, last + 1, moment))
     return spans
 
 

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.conventions import EVAL_12, SMPL_JOINTS
+from imocap_core.conventions import EVAL_INDICES, SMPL_JOINTS
 from imocap_core.runs import runs
 
 LEAST_DIFFERENCE_M = 0.15  # twice the mean difference between performances of one action
 USUAL_RATIO = 2.5  # times the action's median
 LEAST_S = 0.3
 GAP_S = 0.1
-JOINTS = [SMPL_JOINTS.index(name) for name in EVAL_12]
 HIPS = [SMPL_JOINTS.index(name) for name in ("left_hip", "right_hip")]
 
 
@@ -73,7 +72,7 @@ def nearest_distances(bodies: Mapping[str, PlacedBody]) -> dict[str, Float[np.nd
 
 
 def _root_relative(joints: Float[np.ndarray, "T 24 3"]) -> Float[np.ndarray, "T 12 3"]:
-    return joints[:, JOINTS] - joints[:, HIPS].mean(1, keepdims=True)
+    return joints[:, EVAL_INDICES] - joints[:, HIPS].mean(1, keepdims=True)
 
 
 def _at_phase(

@@ -21,11 +21,9 @@ from imocap_core.artifacts.schemas import (
     VideoMotion,
 )
 from imocap_core.body.layouts import layout_names
-from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.conventions import LIMB_BONES, SIDES, SMPL_JOINTS
 from imocap_core.verdict.findings import Finding
 
-LIMBS = (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
-SIDES = ("left", "right")
 ACROSS = 0.85  # of its length a bone must show
 LEAST_FRAMES, LEAST_LIMBS, LEAST_VIDEOS = 15, 3, 2
 # Two performers with bodies of their own, fitted as one: 0.089 and 0.156 apart, 5.5 and 5.8 times
@@ -46,7 +44,7 @@ def performer_findings(
     K = {camera.id: camera.K for camera in refined.motion.cameras}
     videos = [v for v in keypoints.videos if v.id not in refined.sync.excluded]
     errors = [limb_errors(v, cameras[v.id], motions[v.id], K[v.id]) for v in videos]
-    groups = two_bodies(np.array(errors).reshape(-1, len(LIMBS), 2))
+    groups = two_bodies(np.array(errors).reshape(-1, len(LIMB_BONES), 2))
     if groups is None:
         return []
     first, second = (
@@ -70,8 +68,8 @@ def limb_errors(
     """Median logarithm of detected over fitted length in the picture, by limb and side; NaN where
     it is seldom seen across."""
     names = layout_names(video.layout)
-    out = np.full((len(LIMBS), 2), np.nan)
-    for row, limb in enumerate(LIMBS):
+    out = np.full((len(LIMB_BONES), 2), np.nan)
+    for row, limb in enumerate(LIMB_BONES):
         for column, side in enumerate(SIDES):
             ends = [f"{side}_{end}" for end in limb]
             if not set(ends) <= set(names):

@@ -38,13 +38,10 @@ COMPARED = 300  # frames of the first video, at most
 class SameTake:
     """Moving frames of the one repeat those of the other.
 
-    rate: frames of the second a frame of the first; share: of the moving frames that are repeated;
-    residual: their median distance, in body sizes; certain: no two performances are as alike.
+    rate: frames of the second a frame of the first; certain: no two performances are as alike.
     """
 
     rate: float
-    share: float
-    residual: float
     mirrored: bool
     certain: bool
 
@@ -122,8 +119,7 @@ def _repeated(
         return None
     closer = (distance < CERTAIN * size).mean() >= NEAR_SHARE
     certain = bool(closer or _by_the_clock(frames[near], positions, rate, fps))
-    residual = float(np.median(distance) / size)
-    return SameTake(rate, float(near.mean()), residual, mirrored, certain)
+    return SameTake(rate, mirrored, certain)
 
 
 def moving_frames(xy_px: Float[np.ndarray, "T K 2"], fps: float) -> Int[np.ndarray, " _"]:

@@ -6,7 +6,7 @@ import base64
 from typing import Any
 
 import numpy as np
-from jaxtyping import Int16, Shaped
+from jaxtyping import Int16
 from numpy.typing import ArrayLike
 
 ALIGNED = 8
@@ -42,11 +42,6 @@ class Block:
     def base64(self) -> str:
         """Everything, as text for the page."""
         return base64.b64encode(b"".join(self._parts)).decode("ascii")
-
-
-def read_entry(entry: Entry, data: bytes) -> Shaped[np.ndarray, " N"]:
-    """The array of an entry, as the page reads it (flat)."""
-    return np.frombuffer(data, f"<{entry['$']}", entry["count"], entry["at"])
 
 
 def quantised(values: ArrayLike) -> tuple[Int16[np.ndarray, "..."], float]:

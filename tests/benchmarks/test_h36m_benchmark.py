@@ -9,14 +9,14 @@ import pytest
 
 from benchmarks.actions import h36m
 from benchmarks.actions.choice import Choice
+from benchmarks.actions.h36m_files import H36M_17
 from benchmarks.actions.prepare import chosen_names
+from benchmarks.synthetic.captured import CAMERA_PLACEMENTS, COCO18, place_camera
 from imocap_core.camera.projection import project
 from imocap_core.conventions import EVAL_12, EVAL_14, EVAL_17
 from imocap_core.errors import WorkFailed, WrongUse
-from imocap_core.io.h36m import H36M_17
-from imocap_core.synthetic.captured import CAMERA_PLACEMENTS, COCO18, place_camera
-from tests.io.test_h36m import write_h36m
-from tests.synthetic.test_captured import figure
+from tests.benchmarks.test_captured import figure
+from tests.benchmarks.test_h36m_files import write_h36m
 
 FRAMES = 320
 

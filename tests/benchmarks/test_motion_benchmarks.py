@@ -21,7 +21,7 @@ from imocap_core.io.detectors.openpose import read_openpose
 from imocap_core.io.estimators.joints_npz import read_joints_npz
 from imocap_core.pipeline.action import read_action
 from imocap_core.workspace import Workspace
-from tests.synthetic.test_captured import figure
+from tests.benchmarks.test_captured import figure
 
 SWING = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
 

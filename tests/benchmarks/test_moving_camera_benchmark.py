@@ -6,10 +6,10 @@ import pytest
 from benchmarks.moving_camera.films import KINDS, FilmRow, film_count
 from benchmarks.moving_camera.motions import CASES, METRICS, MotionRow
 from benchmarks.moving_camera.tables import markdown
+from benchmarks.synthetic.moving_yoga import every_frame, make_moving_clip, moving_pictures
+from benchmarks.synthetic.walking_cameras import CameraWalk, walk_camera
 from imocap_core.pipeline.make_demo import demo_body
 from imocap_core.synthetic.cameras import CameraPlacement
-from imocap_core.synthetic.moving_yoga import every_frame, make_moving_clip, moving_pictures
-from imocap_core.synthetic.walking_cameras import CameraWalk, walk_camera
 
 PATH = np.tile([0.0, 0.0, 0.9], (60, 1))
 VIEW = CameraPlacement(30.0, 4.5, 1.4, 1.0)

@@ -10,19 +10,19 @@ import pytest
 import torch
 
 from benchmarks.actions.captured import CapturedVideo
+from benchmarks.detector.detection_errors import DetectedClip
 from benchmarks.rendered import action as rendered_action
 from benchmarks.rendered.action import _with_body_joints, key_of, true_pose
 from benchmarks.rendered.jobs import RenderedChoice
 from benchmarks.rendered.measure import measure
 from benchmarks.rendered.tables import markdown, motion_table, proposal, sides_table
 from benchmarks.scoring.score_file import ActionScore
+from benchmarks.synthetic.performers import RetargetedMotion
 from imocap_core.body import load_free_body
 from imocap_core.errors import WrongUse
-from imocap_core.metrics.detections import DetectedClip
 from imocap_core.rotations import exp
-from imocap_core.synthetic.performers import RetargetedMotion
 from imocap_core.workspace import Workspace
-from tests.metrics.test_detections import NAMES, SPREAD, film
+from tests.benchmarks.test_detection_errors import NAMES, SPREAD, film
 
 METRICS = ("mpjpe_scaled_mm", "pa_mpjpe_mm", "sync_error_pct", "camera_rotation_error_deg")
 
@@ -57,7 +57,7 @@ def test_sides_that_no_film_shows_have_no_row() -> None:
 
 
 def test_the_proposal_gives_back_what_simulated_detections_were_made_with() -> None:
-    from imocap_core.metrics.detections import point_errors
+    from benchmarks.detector.detection_errors import point_errors
 
     given = films()
     table = proposal(given, point_errors(given, NAMES), NAMES)

@@ -20,7 +20,8 @@ from imocap_core.biomechanics.rotation_jacobian import (
     mirrored_rotation_covariance,
     rotation_jacobian,
 )
-from imocap_core.biomechanics.segments import SIDES, anatomical_axes
+from imocap_core.biomechanics.segments import anatomical_axes
+from imocap_core.conventions import SIDES
 from imocap_core.motion.mirror import TWINS
 
 DRAWS = 4000

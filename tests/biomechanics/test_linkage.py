@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
+from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from imocap_core.biomechanics.joint_angles import WORLD, joint_angles_deg
-from imocap_core.biomechanics.linkage import linkage, posed, segment_of_joint
+from imocap_core.biomechanics.linkage import Link, linkage, segment_of_joint
 from imocap_core.biomechanics.linkage_motion import linkage_coordinates, to_ground
-from imocap_core.biomechanics.segments import anatomical_axes
+from imocap_core.biomechanics.segments import anatomical_axes, turn_about
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.result.body import posed_joints
@@ -19,6 +22,29 @@ BODY = load_free_body()
 SHAPE = 0.8 * np.random.default_rng(0).normal(size=10)
 REST = posed_joints(BODY, SHAPE, np.zeros((1, 72)), np.zeros((1, 3)))[0]
 LINKS = linkage(REST)
+
+
+def posed(
+    links: Mapping[str, Link], values: Mapping[str, Float[np.ndarray, " T"]]
+) -> dict[str, tuple[Float[np.ndarray, "T 3 3"], Float[np.ndarray, "T 3"]]]:
+    """Forward kinematics: every segment's axes and origin in the ground's axes.
+
+    values: coordinates over time, radians and metres.
+    """
+    poses: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    for name, link in links.items():
+        count = len(next(iter(values.values())))
+        R, origin = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
+        if link.parent is not None:
+            R, origin = poses[link.parent]
+        moved = np.tile(link.place_m, (count, 1))
+        for axis, translation in enumerate(link.translations):
+            moved[:, axis] += values[translation]
+        origin = origin + np.einsum("tij,tj->ti", R, moved)
+        for coordinate in link.rotations:
+            R = R @ turn_about(coordinate.axis, values[coordinate.name])
+        poses[name] = R, origin
+    return poses
 
 
 def motion() -> tuple[np.ndarray, np.ndarray]:

@@ -19,7 +19,6 @@ Array = NDArray[np.float64]
 PRIOR = LevelPrior(2.0, 8.0, 5.0)
 FPS = 25.0
 LEVEL_CAMERA = np.diag([1.0, -1.0, -1.0])  # of a world with y up; looks along -z
-SOLE_M = 0.957  # the rest pelvis above the sole
 
 
 def posed(bends_deg: dict[str, tuple[float, float, float]], frames: int = 25) -> Array:

@@ -19,55 +19,48 @@ def rng():
 
 def test_one_rotation_is_its_own_mean(rng):
     R = Rotation.random(rng=rng).as_matrix()
-    estimate = mean_rotation(R[None])
-    assert np.allclose(estimate.R, R)
-    assert estimate.status == "converged"
+    assert np.allclose(mean_rotation(R[None]), R)
 
 
 def test_the_mean_turns_with_its_rotations(rng):
     R = noisy_rotations(rng, Rotation.random(rng=rng).as_matrix(), 40, 8.0)
     left, right = Rotation.random(2, rng=rng).as_matrix()
-    moved = mean_rotation(left @ R @ right).R
-    assert angle_deg(moved, left @ mean_rotation(R).R @ right) < 0.05
+    moved = mean_rotation(left @ R @ right)
+    assert angle_deg(moved, left @ mean_rotation(R) @ right) < 0.05
 
 
 def test_a_third_of_flipped_rotations_does_not_move_the_mean(rng):
     truth = Rotation.random(rng=rng).as_matrix()
     R = noisy_rotations(rng, truth, 120, 6.0)
     R[:40] = noisy_rotations(rng, truth @ np.diag([-1.0, 1.0, -1.0]), 40, 15.0)
-    estimate = mean_rotation(R)
-    assert angle_deg(estimate.R, truth) < 2.5
-    assert estimate.weights[:40].max() < 0.01 * estimate.weights[40:].max()
+    assert angle_deg(mean_rotation(R), truth) < 2.5
 
 
 def test_weights_count_like_repetitions(rng):
     R = noisy_rotations(rng, np.eye(3), 6, 10.0)
     weights = np.array([1.0, 2.0, 1.0, 3.0, 1.0, 1.0])
-    repeated = mean_rotation(np.repeat(R, weights.astype(int), axis=0), scale_deg=90.0).R
-    assert angle_deg(mean_rotation(R, weights, scale_deg=90.0).R, repeated) < 1e-4
+    repeated = mean_rotation(np.repeat(R, weights.astype(int), axis=0), scale_deg=90.0)
+    assert angle_deg(mean_rotation(R, weights, scale_deg=90.0), repeated) < 1e-4
 
 
 def test_missing_and_weightless_rotations_are_ignored(rng):
     R = noisy_rotations(rng, np.eye(3), 10, 3.0)
     dirty = np.concatenate([R, np.full((1, 3, 3), np.nan), R[:1] @ np.diag([-1.0, -1.0, 1.0])])
     weights = np.array([1.0] * 11 + [0.0])
-    estimate = mean_rotation(dirty, weights)
-    assert np.allclose(estimate.R, mean_rotation(R).R)
-    assert np.isnan(estimate.angles_deg[10])
-    assert np.isfinite(estimate.angles_deg[:10]).all()
+    assert np.allclose(mean_rotation(dirty, weights), mean_rotation(R))
 
 
-def test_nothing_to_average_is_said(rng):
-    assert "no valid rotation" in mean_rotation(np.full((3, 3, 3), np.nan)).status
-    assert "no vector" in mean_vector(np.full((3, 2), np.nan), scale=1.0).status
+def test_the_mean_of_nothing_is_the_identity():
+    np.testing.assert_array_equal(mean_rotation(np.full((3, 3, 3), np.nan)), np.eye(3))
+    np.testing.assert_array_equal(mean_vector(np.full((3, 2), np.nan), scale=1.0), np.zeros(2))
 
 
 def test_the_vector_mean_ignores_outliers_and_moves_with_its_vectors(rng):
     x = rng.normal(size=(100, 3)) * 0.1
     x[:30] += [5.0, -2.0, 9.0]
     estimate = mean_vector(x, scale=0.2)
-    assert np.linalg.norm(estimate.mean) < 0.05
-    assert np.allclose(mean_vector(x + 7.0, scale=0.2).mean, estimate.mean + 7.0, atol=1e-6)
+    assert np.linalg.norm(estimate) < 0.05
+    assert np.allclose(mean_vector(x + 7.0, scale=0.2), estimate + 7.0, atol=1e-6)
 
 
 def test_the_nearest_rotation_of_a_reflection_is_a_rotation(rng):

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from imocap_core.camera.averaging import angle_deg
-from imocap_core.camera.pnp import pnp_over_frames, translation_given_rotation
+from imocap_core.camera.pnp import pnp_over_frames
 from imocap_core.camera.projection import intrinsics, project
 
 K = intrinsics(640.0, (640, 360))
@@ -38,7 +38,6 @@ def test_without_noise_the_camera_is_exact_from_a_start_20_degrees_off(seed):
     assert estimate.ok, estimate.status
     assert angle_deg(estimate.R, R) < 1e-3
     assert np.allclose(estimate.t, t, atol=1e-4)
-    assert estimate.inlier_share == 1.0
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -54,16 +53,6 @@ def test_with_noise_and_a_third_of_the_frames_mismatched(seed):
     assert angle_deg(estimate.R, R) < 1.5
     assert np.linalg.norm(estimate.t - t) < 0.12
     assert estimate.median_px < 10.0
-
-
-def test_with_the_rotation_held_only_the_translation_moves():
-    rng = np.random.default_rng(3)
-    x_world = walking_body(rng)
-    R, t = true_camera(rng)
-    xy_px = project(x_world, K, R, t)
-    fixed = translation_given_rotation(x_world, xy_px, np.ones(xy_px.shape[:2]), K, R)
-    assert np.array_equal(fixed.R, R)
-    assert np.allclose(fixed.t, t, atol=1e-6)
 
 
 def test_a_refinement_that_leaves_the_basin_is_refused():

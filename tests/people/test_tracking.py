@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from imocap_core.people.performer import choose_performer
+from imocap_core.people.performer import performer_of, ranked_tracks
 from imocap_core.people.tracking import GATE, distinct_people, follow, pose_distance
 
 SIZE, FPS = (640, 360), 30.0
@@ -18,7 +18,8 @@ def person(x, y, scale=1.0, wave=0.0):
 
 
 def choose(frames, **options):
-    return choose_performer(frames, SIZE, FPS, min_confidence=0.05, **options)
+    ranked = ranked_tracks(frames, SIZE, FPS, min_confidence=0.05, **options)
+    return performer_of(ranked, 0, frames)
 
 
 def performer_at(t):

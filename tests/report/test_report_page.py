@@ -27,7 +27,6 @@ VERDICT = Verdict(
     (Finding("feet", "v1", "the foot slides", "sliding", "", 3, 9),),
 )
 SOURCES = "Files: v1 is side & front.mp4."
-NOT_METRICS = {"ms_per_frame", "seconds", "cost"}
 
 
 def _table(name: str, *columns: str) -> Table:

@@ -13,15 +13,28 @@ from typing import Any
 import numpy as np
 
 from imocap_core.artifacts.schemas import CameraMotion, Hands, Sync, VideoHands
+from imocap_core.artifacts.schemas.base import Artifact
 from imocap_core.body import load_free_body
 from imocap_core.io.video import write_h264
-from imocap_core.result.artifacts import given_artifacts
+from imocap_core.result.artifacts import Artifacts
 from imocap_core.result.read import read_result
 from imocap_core.result.result import ActionResult
 from imocap_core.viewer import html as viewer
-from imocap_core.viewer.block import Block, read_entry
+from imocap_core.viewer.block import Block, Entry
 from imocap_core.viewer.scene import scene
 from tests.report.made import SIZE, Made
+
+
+def read_entry(entry: Entry, data: bytes) -> np.ndarray:
+    """The array of an entry, as the page reads it (flat)."""
+    return np.frombuffer(data, f"<{entry['$']}", entry["count"], entry["at"])
+
+
+def given_artifacts(action: str, *artifacts: Artifact) -> Artifacts:
+    """Artifacts that are at hand as values."""
+    values = Artifacts(action, lambda stage: None, f"run it with: imocap run {action}")
+    values._decoded.update({type(artifact): artifact for artifact in artifacts})
+    return values
 
 
 @dataclass(frozen=True)

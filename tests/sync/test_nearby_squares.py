@@ -10,7 +10,7 @@ from imocap_core.sync.warp import nearby_squares
 from imocap_core.sync.warp.monotone import StepPrior, banded_posterior, monotone_posterior
 from imocap_core.sync.warp.nearby_squares import NearbySquares
 from imocap_core.sync.warp.rate_prior import rate_prior
-from imocap_core.sync.warp.smooth_rate import banded_rate_posterior, smooth_rate_posterior
+from imocap_core.sync.warp.smooth_rate import banded_rate_posterior
 
 N, S = 3 * FRAMES + 5, 260
 STEPS = StepPrior(12, 60, 0.05)
@@ -63,7 +63,10 @@ def test_warps_within_a_band_are_those_of_all_where_the_others_are_unlikely() ->
     cost, unmatched = 4.0 * costs(), np.full(N, 9.0)
     prior = rate_prior(usual=S / N, spread=0.35, persistence_s=1.0, max_rate=8.0, fps=30.0)
     dense, matched = monotone_posterior(cost, unmatched=unmatched, steps=STEPS)
-    smooth, smooth_matched = smooth_rate_posterior(cost, prior, unmatched=unmatched, skipped=0.1)
+    whole, smooth_matched = banded_rate_posterior(
+        whole_band(cost), prior, unmatched=unmatched, skipped=0.1
+    )
+    smooth = whole.dense()
     both = [BandedMap.of(dense, 1e-12), BandedMap.of(smooth, 1e-12)]
     bands = search_bands(both, 20)
     near = BandedMap.computed((N, S), bands, lambda t, s: cost[t, s])

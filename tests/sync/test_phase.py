@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from imocap_core.sync.phase import HARD_WEIGHT, WeightedMap, common_phase, positions_in
+from imocap_core.sync.phase import HARD_WEIGHT, WeightedMap, common_phase
+from tests.sync.phase_positions import positions_in
 
 FPS = 25.0
 

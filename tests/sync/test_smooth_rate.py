@@ -5,9 +5,10 @@ import itertools
 import numpy as np
 import pytest
 
+from imocap_core.sync.pairwise.banded import whole_band
 from imocap_core.sync.warp.monotone import monotone_posterior
 from imocap_core.sync.warp.rate_prior import RatePrior, rate_prior
-from imocap_core.sync.warp.smooth_rate import smooth_rate_posterior
+from imocap_core.sync.warp.smooth_rate import banded_rate_posterior
 
 PRIOR = RatePrior(
     np.array([0.5, 1.0, 2.0]),
@@ -36,8 +37,10 @@ def posterior_naive(cost: np.ndarray, prior: RatePrior, skipped: float) -> np.nd
 @pytest.mark.parametrize("skipped", [0.0, 0.7])
 def test_is_the_mean_over_all_warps(skipped: float) -> None:
     cost = 2.0 * np.random.default_rng(0).random((4, 5))
-    maps, matched = smooth_rate_posterior(cost, PRIOR, unmatched=np.inf, skipped=skipped)
-    np.testing.assert_allclose(maps, posterior_naive(cost, PRIOR, skipped), atol=1e-9)
+    maps, matched = banded_rate_posterior(
+        whole_band(cost), PRIOR, unmatched=np.inf, skipped=skipped
+    )
+    np.testing.assert_allclose(maps.dense(), posterior_naive(cost, PRIOR, skipped), atol=1e-9)
     np.testing.assert_allclose(matched, 1.0, atol=1e-6)
 
 
@@ -54,7 +57,7 @@ def test_a_false_hold_bends_the_warp_less_than_all_monotone_warps_do() -> None:
     cost = 0.2 * np.minimum((t[:, None] - t) ** 2, 60.0)
     cost[40:70] = 0.02 * np.minimum((40.0 - t) ** 2, 60.0)  # as if the pose stood still
     rates = rate_prior(usual=1.0, spread=0.2, persistence_s=2.0, max_rate=4.0, fps=30.0)
-    even, _ = smooth_rate_posterior(cost, rates, unmatched=40.0)
+    even = banded_rate_posterior(whole_band(cost), rates, unmatched=40.0)[0].dense()
     any_, _ = monotone_posterior(cost, unmatched=40.0)
     assert np.diff(even @ t)[5:-5].max() < 0.7 * np.diff(any_ @ t)[5:-5].max()
     assert np.abs(even @ t - t).mean() < 0.7 * np.abs(any_ @ t - t).mean()

@@ -12,11 +12,11 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 import torch
 
+from benchmarks.synthetic.arm_twist import natural_arm
 from imocap_core.body import load_free_body
 from imocap_core.body.mass import centre_of_mass
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.rotations import exp, log
-from imocap_core.synthetic.arm_twist import natural_arm
 
 J = {name: k for k, name in enumerate(SMPL_JOINTS)}
 MODEL = load_free_body()

@@ -1,7 +1,7 @@
 """Detection errors of each training window: of an unknown detector, or as measured of MediaPipe.
 
 Lengths are shares of the person's height in the picture. The measured errors are the preset
-`mediapipe` of imocap_core/synthetic/detector_presets.py, with random factors.
+`mediapipe` of benchmarks/synthetic/detector_presets.py, with random factors.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from benchmarks.synthetic.detector_presets import DETECTORS
 from imocap_core.lifter.network import RATE_HZ
 from imocap_core.lifter.points import COMMON
 from imocap_core.synthetic.detector import hold
-from imocap_core.synthetic.detector_presets import DETECTORS
 from imocap_core.synthetic.keypoint_errors import error_factors, offset_target
 
 MEASURED = 0.5  # share of windows

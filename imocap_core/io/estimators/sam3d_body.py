@@ -13,15 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.io.estimators.estimates import PerformerBoxes, field
 from imocap_core.io.estimators.frame_lists import PersonInFrame, of_performer
 from imocap_core.io.estimators.joints_npz import JointsEstimate
 from imocap_core.io.npz import load_arrays, numbers, rows_for_frames
 from imocap_core.io.sam3d_files import NAMES, POINTS_3D, saved_people
-
-# Index among the 70 of SMPL's joints.
-SMPL_POINTS = tuple(k for k, name in enumerate(NAMES) if name in SMPL_JOINTS)
 
 
 def read_sam3d_body(path: Path, performer: PerformerBoxes) -> JointsEstimate:

@@ -7,7 +7,7 @@ pose in which that rig rests, so that programs which retarget by name take it as
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from imocap_core.io.writers.clip_body import Skin
     from imocap_core.io.writers.motion_clip import MotionClip
 
-RigName = Literal["smpl", "mixamo", "ue5", "rigify"]
 FINGERS = ("thumb", "index", "middle", "ring", "pinky")
 
 

@@ -69,10 +69,6 @@ class CoarseFits:
         """The fit of lowest objective of a video."""
         return min(self.rows(video), key=lambda row: self.costs[row])
 
-    def best_cost(self, video: int, frames: int) -> float:
-        """Its objective a compared frame, of a video of so many frames."""
-        return self.costs[self.best_row(video)] / len(range(0, frames, self.stride))
-
 
 @dataclass(frozen=True)
 class MonocularFit:

@@ -16,6 +16,7 @@ from imocap_core.rotations import geodesic_angle
 from imocap_core.rotations import mean as chordal_mean
 
 CONSENSUS_RAD = 0.35  # angle to the consensus at which a root orientation counts a quarter
+ROUNDS = 4  # of the consensus
 PATH_SCALE_M = 0.15  # Geman-McClure scale of the root paths' distances
 
 
@@ -43,7 +44,7 @@ class Cameras:
 
 
 def cameras_from_motion(
-    aligned: AlignedMotions, K: Float[Tensor, "M 3 3"], reference: int, *, rounds: int = 4
+    aligned: AlignedMotions, K: Float[Tensor, "M 3 3"], reference: int
 ) -> Cameras:
     """Rigid alignment of all videos' motions (section 3.2, "Initialization").
 
@@ -57,13 +58,13 @@ def cameras_from_motion(
     R = torch.eye(3).to(R_root).repeat(videos, 1, 1)
     weight = aligned.weight.clone()
     consensus, trust = R_root[reference], weight[reference]
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         for v in range(videos):
             relative = R_root[v] @ consensus.transpose(-1, -2)
             share = weight[v] * trust
             if bool((share > 0).any()):
                 average = mean_rotation(relative.cpu().numpy(), share.cpu().numpy())
-                R[v] = torch.as_tensor(average.R).to(R)
+                R[v] = torch.as_tensor(average).to(R)
         R = R @ R[reference].transpose(-1, -2)
         R[reference] = torch.eye(3).to(R)
         in_world = R.transpose(-1, -2)[:, None] @ R_root
@@ -84,7 +85,7 @@ def _translations(aligned: AlignedMotions, R: Tensor, reference: int) -> Tensor:
         usable = share[v].cpu().numpy()
         if not (usable > 0).any():
             usable = np.ones_like(usable)
-        rows.append(mean_vector(shift[v].cpu().numpy(), usable, scale=PATH_SCALE_M).mean)
+        rows.append(mean_vector(shift[v].cpu().numpy(), usable, scale=PATH_SCALE_M))
     t = torch.as_tensor(np.stack(rows)).to(R)
     t[reference] = 0.0
     return t

@@ -184,9 +184,7 @@ def prediction_of(
     tested = stretches(len(height_px), observation.fps) % 2 == 1
     scale_px = CAMERA_SCALE * float(np.median(height_px))
     visible = np.where(tested[:, None], 0.0, weight)
-    camera = pnp_over_frames(
-        xyz_m, observation.xy_px, visible, K, R_start, scale_px=scale_px, inlier_px=2 * scale_px
-    )
+    camera = pnp_over_frames(xyz_m, observation.xy_px, visible, K, R_start, scale_px=scale_px)
     if not camera.ok:
         return Prediction(np.full(weight.shape, np.nan), np.zeros_like(weight))
     xy_px = project_camera(xyz_m @ camera.R.T + camera.t, K)

@@ -92,7 +92,6 @@ def refine_by_pnp(
             cameras.K[v].cpu().numpy(),
             R[v].cpu().numpy(),
             scale_px=robust_scale * sigma,
-            inlier_px=2 * robust_scale * sigma,
         )
         if pose.ok:
             R[v], t[v] = torch.as_tensor(pose.R).to(R), torch.as_tensor(pose.t).to(t)

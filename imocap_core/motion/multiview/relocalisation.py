@@ -118,7 +118,7 @@ def _translated(scene: Scene, state: MotionState, cameras: Cameras, videos: list
             share.append(aligned.weight[v] * aligned.weight[u])
         shifts, shares = torch.cat(shift).cpu().numpy(), torch.cat(share).cpu().numpy()
         if (shares > 0).any():
-            t[v] = torch.as_tensor(mean_vector(shifts, shares, scale=PATH_SCALE_M).mean).to(t)
+            t[v] = torch.as_tensor(mean_vector(shifts, shares, scale=PATH_SCALE_M)).to(t)
     return replace(cameras, t=t)
 
 

@@ -15,12 +15,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.body import Model
-from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.conventions import LIMB_BONES, SIDES, SMPL_JOINTS
 from imocap_core.motion.solver.normal import NormalEquations
 from imocap_core.motion.state import MotionState
 
-LIMBS = (("hip", "knee"), ("knee", "ankle"), ("shoulder", "elbow"), ("elbow", "wrist"))
-SIDES = ("left", "right")
 LENGTH_COUNTS = (2.0, 2.0, 2.0, 2.0, 1.0, 1.0, 1.0)  # of each of `length_rates` in a body
 
 
@@ -101,6 +99,8 @@ def length_rates(model: Model) -> Float[Tensor, "7 n"]:
         growth = points[end][1] - points[start][1]
         return (bone / torch.linalg.vector_norm(bone)) @ growth
 
-    limbs = [torch.stack([rate(f"{s}_{a}", f"{s}_{b}") for s in SIDES]).mean(0) for a, b in LIMBS]
+    limbs = [
+        torch.stack([rate(f"{s}_{a}", f"{s}_{b}") for s in SIDES]).mean(0) for a, b in LIMB_BONES
+    ]
     widths = [rate(f"right_{part}", f"left_{part}") for part in ("hip", "shoulder")]
     return torch.stack([*limbs, *widths, rate("hip", "shoulder")])

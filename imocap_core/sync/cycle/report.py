@@ -23,11 +23,6 @@ class CycleReport:
     change: tuple[float, ...]
     status: str
 
-    @property
-    def iterations(self) -> int:
-        """Number of iterations."""
-        return len(self.change)
-
 
 def convergence_report(
     method: str, residuals: Sequence[float], tolerance: float, detail: str = ""

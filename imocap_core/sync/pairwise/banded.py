@@ -99,11 +99,9 @@ class BandedMap:
         """Every row times a number."""
         return self.mapped(lambda rows, _, values: values * factor[rows, None])
 
-    def per_row(
-        self, number: Callable[[np.ndarray], np.ndarray], elsewhere: float = 0.0
-    ) -> Float[np.ndarray, " N"]:
-        """A number of each row from its entries, such as their sum."""
-        out = np.full(self.shape[0], elsewhere)
+    def per_row(self, number: Callable[[np.ndarray], np.ndarray]) -> Float[np.ndarray, " N"]:
+        """A number of each row from its entries, such as their sum; 0 where it has none."""
+        out = np.zeros(self.shape[0])
         for rows, _, values in self:
             out[rows] = number(values)
         return out

@@ -9,6 +9,8 @@ from jaxtyping import Float
 
 from imocap_core.sync.blocks import Blocks
 
+RIGID_PAIRS = 20  # of joints, by which sizes are compared
+
 
 def check_poses(
     poses: Sequence[Float[np.ndarray, "..."]],
@@ -52,9 +54,7 @@ def joint_weights_of(
     return weights
 
 
-def body_scales(
-    poses: Sequence[Float[np.ndarray, "_T J 3"]], *, bones: int = 20
-) -> Float[np.ndarray, " M"]:
+def body_scales(poses: Sequence[Float[np.ndarray, "_T J 3"]]) -> Float[np.ndarray, " M"]:
     """Relative size of the body in each video, geometric mean 1.
 
     Monocular estimates differ in scale. The most rigid pairs of joints, those whose distance
@@ -72,7 +72,7 @@ def body_scales(
     variation = sum(np.nanstd(length[:, usable], axis=0) for length in lengths) / np.maximum(
         median.sum(axis=0), 1e-12
     )
-    rigid = np.argsort(variation, kind="stable")[:bones]
+    rigid = np.argsort(variation, kind="stable")[:RIGID_PAIRS]
     log_scale = np.median(np.log(np.maximum(median[:, rigid], 1e-12)), axis=1)
     return np.asarray(np.exp(log_scale - log_scale.mean()))
 

@@ -70,9 +70,9 @@ def camera_directions(count: int = DIRECTIONS) -> Float[np.ndarray, "D 2 3"]:
     return np.stack([right, np.cross(forward, right)], axis=1)
 
 
-def unbiased_directions(count: int = UNBIASED_DIRECTIONS) -> Float[np.ndarray, "_D 2 3"]:
+def unbiased_directions() -> Float[np.ndarray, "_D 2 3"]:
     """Camera directions that are their own mirror image."""
-    axes = camera_directions(count)
+    axes = camera_directions(UNBIASED_DIRECTIONS)
     return np.concatenate([axes, axes * REFLECTED_AXES])
 
 

@@ -136,26 +136,6 @@ class _Message:
         return _Message(self.inside / total, self.before / total, self.after / total)
 
 
-def smooth_rate_posterior(
-    cost: Float[np.ndarray, "N S"],
-    prior: RatePrior,
-    *,
-    unmatched: float | Float[np.ndarray, " N"],
-    skipped: float = 0.0,
-) -> tuple[Float[np.ndarray, "N S"], Float[np.ndarray, " N"]]:
-    """P(frame t lies at position s) over all warps of slowly changing rate, rows summing to 1; and
-    P(matched).
-
-    Args:
-        cost, unmatched: as in `monotone_posterior`.
-        skipped: cost of a position of the other video before the warp's start or after its end.
-    """
-    posterior, matched = banded_rate_posterior(
-        whole_band(cost), prior, unmatched=unmatched, skipped=skipped
-    )
-    return posterior.values[0], matched
-
-
 def banded_rate_posterior(
     cost: BandedMap,
     prior: RatePrior,
@@ -163,7 +143,13 @@ def banded_rate_posterior(
     unmatched: float | Float[np.ndarray, " N"],
     skipped: float = 0.0,
 ) -> tuple[BandedMap, Float[np.ndarray, " N"]]:
-    """`smooth_rate_posterior` over the warps within a band, which every frame must have."""
+    """P(frame t lies at position s) over all warps of slowly changing rate, rows summing to 1; and
+    P(matched).
+
+    Args:
+        cost, unmatched: as in `banded_posterior`; every frame must have a band.
+        skipped: cost of a position of the other video before the warp's start or after its end.
+    """
     joint = cost.mapped(lambda rows, columns, values: np.empty_like(values))
     outside, frames = np.empty(cost.shape[0]), frames_of(cost.bands)
     for t, inside, no_match in _state_posteriors(cost, prior, unmatched, skipped):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from imocap_core.metrics.detections import DetectedClip, point_errors, swapped_share
+from benchmarks.detector.detection_errors import DetectedClip, point_errors, swapped_share
 from imocap_core.synthetic.detector import persistent_noise
 
 NAMES = ("nose", "left_shoulder", "left_elbow", "left_wrist", "right_shoulder", "right_elbow",

@@ -6,10 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imocap_core.camera.projection import project
-from imocap_core.conventions import EVAL_12
-from imocap_core.metrics.position import mpjpe_mm, pa_mpjpe_mm
-from imocap_core.synthetic.captured import (
+from benchmarks.synthetic.captured import (
     CAMERA_PLACEMENTS,
     COCO18,
     JOINT_INDEX,
@@ -19,11 +16,14 @@ from imocap_core.synthetic.captured import (
     stature_m,
     to_scene,
 )
-from imocap_core.synthetic.detector_presets import DETECTORS, detect_person
-from imocap_core.synthetic.estimator import TREE, EstimatorErrors, estimate
-from imocap_core.synthetic.frame_sampling import base_frames, sample_frames
+from benchmarks.synthetic.detector_presets import DETECTORS, detect_person
+from benchmarks.synthetic.estimator import TREE, EstimatorErrors, estimate
+from benchmarks.synthetic.frame_sampling import base_frames, sample_frames
+from benchmarks.synthetic.trials import align_trials, correspondence
+from imocap_core.camera.projection import project
+from imocap_core.conventions import EVAL_12
+from imocap_core.metrics.position import mpjpe_mm, pa_mpjpe_mm
 from imocap_core.synthetic.keypoint_errors import with_offsets
-from imocap_core.synthetic.trials import align_trials, correspondence
 from tools.calibrate_estimator import TARGET_MM, camera_clips, errors_mm
 
 DATA = Path(os.environ.get("IMOCAP_DATA", Path(__file__).parents[3] / "shared" / "data"))

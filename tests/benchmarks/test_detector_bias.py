@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.detector.detection_errors import DetectedClip
+from benchmarks.detector.detector_bias import detector_bias, swapped_body_share
 from imocap_core.conventions import OTHER
-from imocap_core.metrics.detections import DetectedClip
-from imocap_core.metrics.detector_bias import detector_bias, swapped_body_share
 from imocap_core.synthetic.detector import DetectorErrors, detect
 from imocap_core.synthetic.keypoint_errors import KeypointErrors
 

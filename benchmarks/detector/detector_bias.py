@@ -1,7 +1,7 @@
 """Systematic errors of a detector by kind of keypoint ("wrist" of both sides).
 
-Beside the statistics of imocap_core/metrics/detections.py: the share of the way towards another
-keypoint by which a keypoint is displaced, the offset that stays the same for a whole clip, and the
+Beside the statistics of detection_errors.py: the share of the way towards another keypoint by
+which a keypoint is displaced, the offset that stays the same for a whole clip, and the
 duration of outliers. They are the parameters of a simulated detector.
 """
 
@@ -13,8 +13,8 @@ from itertools import groupby
 
 import numpy as np
 
+from benchmarks.detector.detection_errors import DetectedClip, correlation_in_time
 from imocap_core.conventions import point_towards, sideless, swap_side
-from imocap_core.metrics.detections import DetectedClip, correlation_in_time
 
 GAUSSIAN = 1.4826  # standard deviation over median distance from zero
 FAR = 0.06  # of the height from the clip's usual offset: an outlier

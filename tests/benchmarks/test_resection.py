@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from benchmarks.actions.resection import resect
 from imocap_core.camera.projection import intrinsics, project
-from imocap_core.camera.resection import resect
 
 K = intrinsics(1145.0, (1000, 1002)) + np.array([[0, 0, 12.0], [0, 0, 14.0], [0, 0, 0]])
 R = Rotation.from_euler("xyz", [100, 10, 40], degrees=True).as_matrix()

@@ -14,8 +14,8 @@ from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
+from benchmarks.synthetic.captured import hip_middle, to_scene
 from imocap_core.sync.warp.dtw import dtw, positions_of_rows
-from imocap_core.synthetic.captured import hip_middle, to_scene
 
 SMOOTH_FRAMES = 2.0  # smoothing of the path, for sub-frame positions
 SKIP_SHARE = 1.0  # of the mean distance: cost of a frame before or after the common part

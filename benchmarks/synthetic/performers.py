@@ -14,11 +14,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from benchmarks.synthetic.captured_stance import CapturedSkeleton, NeutralStance
+from benchmarks.synthetic.retargeting import fit_to_trunk_and_joints, trunk_and_joints
 from imocap_core.body.model import Model
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.kinematics import Body
-from imocap_core.synthetic.captured_stance import CapturedSkeleton, NeutralStance
-from imocap_core.synthetic.retargeting import fit_to_trunk_and_joints, trunk_and_joints
 
 BONES = {"knee": "hip", "ankle": "knee", "elbow": "shoulder", "wrist": "elbow"}  # far end: near end
 LENGTH_SPREAD_M = 0.005

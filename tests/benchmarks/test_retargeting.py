@@ -6,14 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from imocap_core.body import load_free_body
-from imocap_core.conventions import SMPL_JOINTS
-from imocap_core.motion.kinematics import Body
-from imocap_core.motion.prior import load_pose_prior
-from imocap_core.rotations import exp, log
-from imocap_core.synthetic.arm_twist import ELEVATION_DEG, TWIST_DEG, natural_arm
-from imocap_core.synthetic.captured_rotations import rotations_between, trunk_bone_rotations
-from imocap_core.synthetic.captured_stance import (
+from benchmarks.synthetic.arm_twist import ELEVATION_DEG, TWIST_DEG, natural_arm
+from benchmarks.synthetic.captured_rotations import rotations_between, trunk_bone_rotations
+from benchmarks.synthetic.captured_stance import (
     CapturedSkeleton,
     NeutralStance,
     angles_rad,
@@ -21,11 +16,16 @@ from imocap_core.synthetic.captured_stance import (
     neutral_stance,
     standing_frames,
 )
-from imocap_core.synthetic.retargeting import (
+from benchmarks.synthetic.retargeting import (
     SPINE_SHARES,
     fit_to_trunk_and_joints,
     trunk_and_joints,
 )
+from imocap_core.body import load_free_body
+from imocap_core.conventions import SMPL_JOINTS
+from imocap_core.motion.kinematics import Body
+from imocap_core.motion.prior import load_pose_prior
+from imocap_core.rotations import exp, log
 
 FRAMES = 40
 WORLD_FROM_BODY = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # z up from y up

@@ -15,8 +15,8 @@ from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
+from benchmarks.synthetic.captured import JOINT_INDEX, hip_middle
 from imocap_core.conventions import EVAL_14
-from imocap_core.synthetic.captured import JOINT_INDEX, hip_middle
 
 # Joint and its parent ("": the middle of the hips), parents first.
 TREE: tuple[tuple[str, str], ...] = (

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import torch
 
+from benchmarks.synthetic.large_room import HEIGHT_M, KINDS, large_room
+from benchmarks.synthetic.performers import RetargetedMotion
+from benchmarks.synthetic.rendered import film_motion, render_frames, true_points_px, viewed_side
 from imocap_core.body import Shaped, load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.rotations import exp
 from imocap_core.synthetic.cameras import CameraPlacement
-from imocap_core.synthetic.large_room import HEIGHT_M, KINDS, large_room
-from imocap_core.synthetic.performers import RetargetedMotion
-from imocap_core.synthetic.rendered import film_motion, render_frames, true_points_px, viewed_side
 
 FRAMES = 8
 SIZE = (160, 120)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imocap_core.io.h36m import FILE_2D, FILE_3D, H36M_17, read_h36m
+from benchmarks.actions.h36m_files import FILE_2D, FILE_3D, H36M_17, read_h36m
 from imocap_core.io.object_npz import read_object
 
 

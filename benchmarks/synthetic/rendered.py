@@ -9,15 +9,15 @@ import numpy as np
 import torch
 from jaxtyping import Float, UInt8
 
+from benchmarks.synthetic.captured import place_camera
+from benchmarks.synthetic.large_room import large_room
+from benchmarks.synthetic.performers import RetargetedMotion
 from imocap_core.body import Shaped
 from imocap_core.camera.projection import camera_from_world, project_camera
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.render import draw_mesh
 from imocap_core.synthetic.cameras import CameraPlacement, FilmCamera
-from imocap_core.synthetic.captured import place_camera
 from imocap_core.synthetic.demo_body import outfit
-from imocap_core.synthetic.large_room import large_room
-from imocap_core.synthetic.performers import RetargetedMotion
 from imocap_core.synthetic.scene import backdrop, cast_shadow, render_plate
 
 SENSOR_NOISE = 2.0  # grey levels

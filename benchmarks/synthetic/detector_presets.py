@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from benchmarks.synthetic.captured import COCO18
 from imocap_core.conventions import OTHER
-from imocap_core.synthetic.captured import COCO18
 from imocap_core.synthetic.detector import Detections, DetectorErrors, detect
 from imocap_core.synthetic.keypoint_errors import KeypointErrors
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from imocap_core.synthetic.captured_stance import CapturedSkeleton, NeutralStance
+from benchmarks.synthetic.captured_stance import CapturedSkeleton, NeutralStance
 
 
 def rotations_from_stance(

@@ -11,8 +11,8 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
+from benchmarks.synthetic.captured_rotations import shortest_rotations
 from imocap_core.rotations import exp
-from imocap_core.synthetic.captured_rotations import shortest_rotations
 
 ELEVATION_DEG = (-75.0, -45.0, -15.0, 15.0, 45.0)
 TWIST_DEG = (5.0, -8.0, -33.0, -56.0, -75.0)

@@ -3,11 +3,11 @@
 import numpy as np
 import torch
 
+from benchmarks.synthetic.performers import BONES, limb_lengths_m, perform, shape_of_limbs
 from imocap_core.body import load_free_body
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.rotations import exp, log
-from imocap_core.synthetic.performers import BONES, limb_lengths_m, perform, shape_of_limbs
-from tests.synthetic.test_retargeting import (
+from tests.benchmarks.test_retargeting import (
     WORLD_FROM_BODY,
     captured,
     performed,

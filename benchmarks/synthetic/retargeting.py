@@ -23,6 +23,14 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from benchmarks.synthetic.arm_twist import natural_arm
+from benchmarks.synthetic.captured_rotations import rotations_from_stance
+from benchmarks.synthetic.captured_stance import (
+    NEAR_END,
+    CapturedSkeleton,
+    NeutralStance,
+    angles_rad,
+)
 from imocap_core.body.model import Shaped
 from imocap_core.conventions import SMPL_JOINTS
 from imocap_core.motion.kinematics import Body
@@ -38,14 +46,6 @@ from imocap_core.motion.terms import (
     Term,
 )
 from imocap_core.rotations import exp, log
-from imocap_core.synthetic.arm_twist import natural_arm
-from imocap_core.synthetic.captured_rotations import rotations_from_stance
-from imocap_core.synthetic.captured_stance import (
-    NEAR_END,
-    CapturedSkeleton,
-    NeutralStance,
-    angles_rad,
-)
 
 # Of spine1, spine2, spine3: flexion (about x), axial rotation (y), side bend (z).
 SPINE_SHARES = np.array([[0.45, 0.15, 0.35], [0.30, 0.35, 0.35], [0.25, 0.50, 0.30]])

@@ -9,6 +9,8 @@ import numpy as np
 import torch
 from jaxtyping import Float, UInt8
 
+from benchmarks.synthetic.furniture import furniture
+from benchmarks.synthetic.walking_cameras import CameraWalk, walk_camera
 from imocap_core.body import Shaped
 from imocap_core.camera.projection import camera_from_world, project_camera
 from imocap_core.camera.zooming import lens_of
@@ -16,9 +18,7 @@ from imocap_core.render import draw_mesh
 from imocap_core.synthetic.cameras import YOGA_CAMERAS, FilmCamera, stature_px
 from imocap_core.synthetic.demo_body import outfit
 from imocap_core.synthetic.detector import Detections, detect
-from imocap_core.synthetic.furniture import furniture
 from imocap_core.synthetic.scene import cast_shadow, raycast, room
-from imocap_core.synthetic.walking_cameras import CameraWalk, walk_camera
 from imocap_core.synthetic.yoga_clip import LAYOUT, DemoClip, make_yoga_clip
 
 BOXES = 6

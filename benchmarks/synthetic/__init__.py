@@ -1,0 +1,1 @@
+"""Made data of the benchmarks: performances of captured motion, cameras, rooms, detectors."""
