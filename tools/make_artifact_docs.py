@@ -38,7 +38,7 @@ one protobuf message `imocap.NdArray {name, dtype, shape, data}` on the topic of
 in the header (`/videos/0/theta`); how it was made, as metadata; and files for the report, as
 attachments. Letters in a shape are sizes shared by the fields of one value; `*` is any size.
 Missing values are NaN.
-How files are written, checked and identified: [decisions/store.md](decisions/store.md).
+How files are written, checked and identified: [decisions.md](decisions.md#the-store).
 """
 
 
