@@ -155,9 +155,8 @@ def test_a_page_without_the_place_is_refused_before_anything_runs(tmp_path: Path
 
 def test_every_documented_table_has_its_place() -> None:
     for name in ("protocol-released-fine_tuned-4v", "trials-fine_tuned-4v", "rendered-4v",
-                 "stability", "wrong_start", "degraded", "detector", "collect", "screening",
-                 "performers", "moving_camera", "ablations-trials",
-                 "ablations-protocol-released", "solver", "speed", "cost"):  # fmt: skip
+                 "stability", "wrong_start", "degraded", "collect", "screening", "performers",
+                 "moving_camera", "ablations-trials", "solver", "speed", "cost"):  # fmt: skip
         assert len(docs.pages_of(ROOT, name)) == 1, name
 
 
