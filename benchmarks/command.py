@@ -48,7 +48,7 @@ def benchmark_command(
         bool, typer.Option("--small", help="rendered: pictures of 320 x 240, not 640 x 480.")
     ] = False,
     docs: Annotated[
-        bool, typer.Option("--docs", help="Put the table into docs/measurements and README.md.")
+        bool, typer.Option("--docs", help="Put the table into docs/measurements.md or README.md.")
     ] = False,
 ) -> None:
     """Measure accuracy, ablations or speed."""

@@ -21,6 +21,7 @@ SYNC, SYNC_MS, MATCHED = "sync_error_pct", "sync_error_ms", "matched_share"
 CAMERA = "camera_rotation_error_deg"
 ROOT = "root_path_aligned_error_mm"
 ABSENT = "–"
+DETAILS = "<!-- details -->"  # a report's line; the documentation shows what precedes it
 
 
 def mean_and_error(values: Sequence[float]) -> tuple[float, float]:

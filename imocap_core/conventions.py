@@ -65,7 +65,7 @@ SMPLX_JOINTS: tuple[str, ...] = (
     *SMPLH_JOINTS[22:],
 )
 
-# The evaluation joints (docs/paper.md): the 12 of the authors' tables, then two common supersets.
+# The evaluation joints (docs/metrics.md): the 12 of the authors' tables, then two common supersets.
 # Each is the name of an SMPL joint, or of a point of `body.Model.points`.
 EVAL_12: tuple[str, ...] = (
     "right_ankle",

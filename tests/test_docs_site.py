@@ -64,13 +64,17 @@ def test_every_link_leads_to_a_file() -> None:
     assert broken == []
 
 
+def is_module(path: str) -> bool:
+    return (ROOT / path / "__init__.py").is_file() or (ROOT / f"{path}.py").is_file()
+
+
 @pytest.mark.parametrize("file", GUIDE, ids=lambda file: str(file.relative_to(ROOT)))
 def test_every_file_and_module_that_a_page_names_exists(file: Path) -> None:
     text = file.read_text(encoding="utf-8")
     named = set(re.findall(rf"`((?:{FOLDERS})/[\w/.-]+)`", text))
     modules = {name.replace(".", "/") for name in re.findall(r"`(imocap_core(?:\.\w+)+)`", text)}
     missing = {name for name in named if not (ROOT / name).exists()}
-    missing |= {m for m in modules if not (ROOT / m).is_dir() and not (ROOT / f"{m}.py").is_file()}
+    missing |= {m for m in modules if not is_module(m) and not is_module(m.rpartition("/")[0])}
     assert missing == set()
 
 
@@ -95,7 +99,6 @@ def test_links_out_of_the_pages_become_text(hooks: ModuleType) -> None:
     text = "[a](../pipeline.yaml), [R](../README.md#y), [b](sync.md#x), [`c`](../stages/a.py)"
     assert hooks.within_site(text, 0) == "a, [R](readme.md#y), [b](sync.md#x), `c`"
     assert hooks.within_site("[a](../sync.md) [b](../../LICENSE)", 1) == "[a](../sync.md) b"
-    assert hooks.within_site("[d](decisions/)", 0) == "[d](decisions/index.md)"
 
 
 def test_links_of_the_pages_at_the_top_work_among_the_others(hooks: ModuleType) -> None:
@@ -105,8 +108,8 @@ def test_links_of_the_pages_at_the_top_work_among_the_others(hooks: ModuleType) 
         "![p](images/a.png) [s](sync.md) [l](../LICENSE) [w](https://e.org) [x](#limits)"
     )
     assert hooks.within_site(moved, 0).split()[2] == "l"
-    moved = hooks.moved_into_docs("[c](CONTRIBUTING.md) [d](docs/decisions/)")
-    assert hooks.within_site(moved, 0) == "[c](contributing.md) [d](decisions/index.md)"
+    moved = hooks.moved_into_docs("[c](CONTRIBUTING.md) [d](docs/decisions.md)")
+    assert hooks.within_site(moved, 0) == "[c](contributing.md) [d](decisions.md)"
 
 
 def test_viewers_take_the_place_of_their_pictures_where_they_were_made(

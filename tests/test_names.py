@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from tools.check_names import FILLERS, faults, main
+from tools.check_names import FILLERS, faults, main, words_of_pages
 
 
 @pytest.mark.parametrize(
@@ -37,6 +39,13 @@ def test_one_class_name_has_one_meaning() -> None:
     assert faults(twice) == ["a.py:1, b.py:1: 2 classes are called Take: one name, one meaning"]
     private = {path: source.replace("Take", "_Take") for path, source in twice.items()}
     assert faults(private) == []
+
+
+def test_every_page_counts_once_but_not_the_changelog(tmp_path: Path) -> None:
+    (tmp_path / "docs").mkdir()
+    for page in ("README.md", "CHANGELOG.md", "docs/sync.md", "docs/picture.txt"):
+        (tmp_path / page).write_text("# One page\n\n| a |\n")
+    assert words_of_pages(tmp_path) == 2 * 6
 
 
 def test_the_project_keeps_the_rule() -> None:

@@ -16,7 +16,7 @@ from imocap_core.pipeline.graph import read_pipeline, settings
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
 STAGES = yaml.safe_load((ROOT / "pipeline.yaml").read_text(encoding="utf-8"))["stages"]
-JOINT_SOLVE = "motion.multiview.smpl_ba.recover_motion"
+JOINT_SOLVE = "imocap_core.motion.multiview.smpl_ba.recover_motion"
 # Of Python or of files: dotted names that the page may use besides functions and parameters.
 DOTTED = re.compile(r"`([a-z]\w*(?:\.\w+)+)`")
 FILES = re.compile(r"`((?:tools|tests|stages|benchmarks|imocap_core)/[\w/.]+)`")
@@ -29,8 +29,8 @@ def rows() -> list[list[str]]:
 
 
 def named(path: str) -> Any:
-    """What a dotted path from imocap_core on names; LookupError when there is no such thing."""
-    words = path.split(".")
+    """What a dotted path in imocap_core names; LookupError when there is no such thing."""
+    words = path.removeprefix("imocap_core.").split(".")
     for cut in range(len(words), 0, -1):
         module = ".".join(["imocap_core", *words[:cut]])
         try:
@@ -39,10 +39,10 @@ def named(path: str) -> Any:
             continue
         for word in words[cut:]:
             if not hasattr(thing, word):
-                raise LookupError(f"imocap_core.{path}: {module} has no {word}")
+                raise LookupError(f"{path}: {module} has no {word}")
             thing = getattr(thing, word)
         return thing
-    raise LookupError(f"imocap_core.{path}: no such module")
+    raise LookupError(f"{path}: no such module")
 
 
 def check_parameter(text: str) -> None:

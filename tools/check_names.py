@@ -1,4 +1,5 @@
-"""Names that say how a value came about and not what it is are refused, and classes named twice.
+"""Names that say how a value came about and not what it is are refused, classes named twice, and a
+documentation that has grown.
 
     python -m tools.check_names      # 0: clean; 1: one line a fault
 
@@ -15,6 +16,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDERS = ("imocap", "imocap_core", "stages", "benchmarks", "tools")
+PAGES = ("*.md", "docs/**/*.md", "benchmarks/*.md", "actions/*.md", "artifacts/*.md")
+PAGES += ("imocap_core/**/*.md",)
+MOST_WORDS = 39_500  # of all pages but the changelog, as `wc -w` counts; may only fall
 FILLERS = frozenset({"found", "seen", "own", "said", "told", "kept", "at", "like", "known"})
 
 
@@ -57,9 +61,17 @@ def faults(files: dict[str, str]) -> list[str]:
     return lines
 
 
+def words_of_pages(root: Path) -> int:
+    """Words of the documentation but the changelog, Markdown's signs included."""
+    files = {file for pattern in PAGES for file in root.glob(pattern)} - {root / "CHANGELOG.md"}
+    return sum(len(file.read_text(encoding="utf-8").split()) for file in files)
+
+
 def main() -> int:
     files = [file for folder in FOLDERS for file in sorted((ROOT / folder).rglob("*.py"))]
     lines = faults({f.relative_to(ROOT).as_posix(): f.read_text(encoding="utf-8") for f in files})
+    if (words := words_of_pages(ROOT)) > MOST_WORDS:
+        lines.append(f"documentation: {words} words, at most {MOST_WORDS}: cut before you add")
     print("\n".join(lines) if lines else f"names: {len(files)} files, no filler, no class twice")
     return 1 if lines else 0
 

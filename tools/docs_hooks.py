@@ -18,7 +18,6 @@ FROM_ROOT = {
     "CONTRIBUTING.md": "contributing.md",
     "CHANGELOG.md": "changelog.md",
 }
-FOLDERS = ("decisions", "measurements")  # links to them lead to their index pages
 GALLERY = ROOT / "build" / "gallery"
 VIEWER = re.compile(r"<!-- viewer (\w+) -->\n.*?<!-- /viewer -->", re.S)
 FRAME = """<iframe src="gallery/{name}.html" title="The viewer on {name}" loading="lazy"
@@ -78,8 +77,6 @@ def within_site(text: str, depth: int) -> str:
 
     def adapted(link: re.Match[str]) -> str:
         picture, words, target = link.groups()
-        if target.rstrip("/") in FOLDERS:
-            return f"[{words}]({target.rstrip('/')}/index.md)"
         if not target.startswith(up + "../"):
             return link[0]
         name, hash_, anchor = target.removeprefix(up + "../").partition("#")

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import inspect
 import re
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, get_args
-
-from pydantic.fields import FieldInfo
+from types import NoneType, UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
 
 from imocap_core.artifacts import schemas
 from imocap_core.artifacts.schemas.base import Shape, Value, dtype_of
@@ -38,7 +38,7 @@ one protobuf message `imocap.NdArray {name, dtype, shape, data}` on the topic of
 in the header (`/videos/0/theta`); how it was made, as metadata; and files for the report, as
 attachments. Letters in a shape are sizes shared by the fields of one value; `*` is any size.
 Missing values are NaN.
-How files are written, checked and identified: [decisions/store.md](decisions/store.md).
+How files are written, checked and identified: [the store](decisions.md#the-store).
 """
 
 
@@ -51,7 +51,7 @@ def document() -> str:
         for kind in _with_parts(artifact, described):
             if kind is not artifact:
                 parts.append(f"\n### `{kind.__name__}`\n")
-            parts.append(f"\n{inspect.cleandoc(kind.__doc__ or '')}\n\n{_table(kind)}")
+            parts.append(f"\n{inspect.cleandoc(kind.__doc__ or '')}\n\n{_fields(kind)}")
     return "".join(parts)
 
 
@@ -73,22 +73,27 @@ def _classes(annotation: Any) -> list[type[Value]]:
     return [kind for part in get_args(annotation) for kind in _classes(part)]
 
 
-def _table(kind: type[Value]) -> str:
-    comments = _comments(kind)
-    rows = [
-        f"| `{name}` | {_type(field)} | {comments.get(name, '')} |\n"
+def _fields(kind: type[Value]) -> str:
+    comments = {name: f": {text}" for name, text in _comments(kind).items()}
+    return "".join(
+        f"* **`{name}`** {_type(field.annotation, field.metadata)}{comments.get(name, '')}\n"
         for name, field in kind.model_fields.items()
-    ]
-    return "| field | type | |\n|---|---|---|\n" + "".join(rows)
+    )
 
 
-def _type(field: FieldInfo) -> str:
-    shapes = [part for part in field.metadata if isinstance(part, Shape)]
+def _type(annotation: Any, marks: Sequence[Any] = ()) -> str:
+    """A type in words: an array by its dtype and shape, anything optional by what it may be."""
+    shapes = [mark for mark in marks if isinstance(mark, Shape)]
     if shapes:
-        dtype = dtype_of(field.annotation).name
-        return f"{dtype} {shapes[0]}"
-    text = getattr(field.annotation, "__name__", "") if not get_args(field.annotation) else ""
-    text = text or str(field.annotation)
+        return f"{dtype_of(annotation).name} {shapes[0]}"
+    inner = get_args(annotation)
+    if get_origin(annotation) is Annotated:
+        return _type(inner[0], inner[1:])
+    if get_origin(annotation) in (Union, UnionType):
+        kinds = [_type(part) for part in inner if part is not NoneType]
+        return " or ".join([*kinds, "None"] if NoneType in inner else kinds)
+    text = str(annotation) if inner else annotation.__name__
+    text = re.sub(r"Annotated\[(\w+), FieldInfo\(.*\)\]", r"\1", text)
     return "`" + re.sub(r"\b(?:\w+\.)+(\w+)", r"\1", text).replace("|", "or") + "`"
 
 

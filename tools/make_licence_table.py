@@ -1,4 +1,4 @@
-"""Write the table of docs/licences.md: the licences of all packages that `make` installs.
+"""Write the list of docs/licences.md: the licences of all packages that `make` installs.
 
     .venv/bin/python tools/make_licence_table.py
 
@@ -14,8 +14,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 FILE = ROOT / "docs" / "licences.md"
 PIN = re.compile(r"(?m)^([A-Za-z0-9._-]+)==([^\s;]+)")
-ROW = re.compile(r"(?m)^\| `([^`]+)` \| (\S+) \| (.+) \|$")
-HEAD = "| package | version | licence |\n|---|---|---|\n"
+ROW = re.compile(r"(?m)^\* `([^`]+)` (\S+), (.+)$")
+HEAD = "## Packages, versions, licences\n\n"
 
 
 def licence_of(name: str) -> str:
@@ -36,14 +36,14 @@ def rows_of(text: str) -> dict[str, tuple[str, str]]:
 
 
 def document(pins: dict[str, str], page: str) -> str:
-    """The page with its table made anew; rows of packages that are not installed here stay."""
+    """The page with its list made anew; rows of packages that are not installed here stay."""
     before, lines = rows_of(page), []
     for name in sorted(pins, key=str.lower):
         try:
             licence = licence_of(name)
         except metadata.PackageNotFoundError:
             licence = before.get(name, ("", ""))[1]
-        lines.append(f"| `{name}` | {pins[name]} | {licence or 'not declared'} |\n")
+        lines.append(f"* `{name}` {pins[name]}, {licence or 'not declared'}\n")
     return page[: page.index(HEAD)] + HEAD + "".join(lines)
 
 

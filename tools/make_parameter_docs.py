@@ -18,7 +18,8 @@ HEAD = """\
 
 For one run: `imocap run yoga --set sync.max_rate=8`. For an action: `params: {sync: {max_rate: 8}}`
 in its action.yaml. For a folder: the same in its `pipeline.yaml`. The nearest wins, in this order;
-unknown names and values outside their bounds are refused. `imocap params` prints these tables.
+unknown names and values outside their bounds are refused. `imocap params` prints all of this.
+Each parameter has its default, its unit and the values that it may take.
 """
 
 
@@ -30,14 +31,16 @@ def document() -> str:
 def _section(group: str) -> str:
     rows = "".join(_row(row) for row in parameter_table(group))
     doc = re.sub(r"\b(\w+\.md)\b", r"[\1](\1)", group_doc(group))
-    head = f"\n## {group}\n\n{doc}\n\n| name | default | unit | values | what it does |\n"
-    return head + "|---|---|---|---|---|\n" + rows
+    return f"\n## {group}\n\n{doc}\n\n{rows}"
 
 
 def _row(row: Parameter) -> str:
     value = row.value if isinstance(row.value, str) else json.dumps(row.value)
     doc = re.sub(r"\((\w+\.md)\)", r"([\1](\1))", row.doc)
-    return f"| `{row.name}` | `{value}` | {row.unit} | {row.bounds} | {doc} |\n"
+    bounds = row.bounds.removeprefix("number ").replace("whole number", "integer")
+    unit = f" {row.unit}" if row.unit else ""
+    allowed = "" if isinstance(row.value, bool) else f"; {bounds}"
+    return f"* **`{row.name}`** `{value}`{unit}{allowed}. {doc}\n"
 
 
 if __name__ == "__main__":

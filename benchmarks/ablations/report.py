@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.table import Table
 
 from benchmarks.ablations.measure import measure
-from benchmarks.ablations.tables import markdown, summary
+from benchmarks.ablations.tables import markdown
 from benchmarks.actions.choice import Choice
 from benchmarks.docs import check_marks, docs_sentences
 from benchmarks.names import BenchmarkOptions
@@ -26,5 +26,5 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
     text = markdown(table)
     lines = [text, f"Written to {folder}"]
     if options.docs:
-        lines += docs_sentences(workspace.root, label, text, summary(table))
+        lines += docs_sentences(workspace.root, label, text)
     return [*lines]

@@ -15,6 +15,7 @@ from benchmarks.scoring.score_file import ActionScore
 from benchmarks.tables import (
     ABSENT,
     CAMERA,
+    DETAILS,
     PA,
     SCALED,
     SYNC,
@@ -55,8 +56,10 @@ def markdown(table: Ablations) -> str:
     parts = [
         f"# {table.title}",
         f"Made by `{table.command}`. Data: {table.data}. Means over videos, then actions, ± "
-        f"standard error over actions. {cost_sentence(_all_costs(table))} docs/metrics.md defines "
-        f"every number.{_missing(table)}",
+        f"standard error over actions. {cost_sentence(_all_costs(table))}{_missing(table)}",
+        _overview(table),
+        DETAILS,
+        "docs/metrics.md defines every number.",
         "## Every variant",
         "MPJPE is `mpjpe_scaled_mm`; the paper's numbers are on Human3.6M, so only differences "
         "between rows compare. Seconds and memory are means over actions of a run from nothing to "
@@ -77,12 +80,6 @@ def markdown(table: Ablations) -> str:
     ):
         parts += [f"## {title}", _by_action(table, metric, digits)]
     return "\n\n".join(parts) + "\n"
-
-
-def summary(table: Ablations) -> str:
-    """The sentences alone, for the front page."""
-    caption = f"`{table.command}`, paired over actions, mean ± standard error; data: {table.data}."
-    return f"{caption}{_missing(table)}\n\n" + _list(sentences(PAPER_CLAIMS, table.scores))
 
 
 def csv_text(table: Ablations) -> str:
@@ -117,6 +114,17 @@ def json_text(table: Ablations) -> str:
         "claims": sentences((*PAPER_CLAIMS, *OUR_CLAIMS), table.scores),
     }
     return json.dumps(parts, indent=1).replace("NaN", "null") + "\n"
+
+
+def _overview(table: Ablations) -> str:
+    """A row a variant: the means alone."""
+    columns = (*((metric, digits) for metric, _, digits in COLUMNS), (CAMERA, 1))
+    rows = [
+        [v.title, *(cell(mean_and_error(table.values(v, m))[0], d) for m, d in columns)]
+        for v in table.rows
+    ]
+    head = ["variant", "MPJPE, scaled (mm)", "P-MPJPE (mm)", "sync %", "cameras °"]
+    return markdown_table(head, rows)
 
 
 def _variants(table: Ablations) -> str:

@@ -30,7 +30,7 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
     write_numbers(scores, folder / "numbers.json")
     lines = [text, f"Written to {folder}"]
     if options.docs:
-        lines += docs_sentences(workspace.root, NAME, text, text)
+        lines += docs_sentences(workspace.root, NAME, text)
     return [*lines]
 
 

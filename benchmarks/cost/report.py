@@ -21,7 +21,7 @@ from benchmarks.cost.tables import (
 )
 from benchmarks.docs import check_marks, docs_sentences
 from benchmarks.names import BenchmarkOptions
-from benchmarks.tables import write_rows, write_texts
+from benchmarks.tables import DETAILS, write_rows, write_texts
 from imocap_core.errors import WrongUse
 from imocap_core.pipeline.runner import Display
 from imocap_core.workspace import Workspace
@@ -52,7 +52,7 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
         return [f"Measured: {', '.join(options.only)}", f"Written to {folder}"]
     text = text_of(folder)
     write_texts(folder, {"table.md": text})
-    written = docs_sentences(workspace.root, NAME, text, text) if options.docs else []
+    written = docs_sentences(workspace.root, NAME, text) if options.docs else []
     return [text, f"Written to {folder}", *written]
 
 
@@ -67,12 +67,13 @@ def text_of(folder: Path) -> str:
     parts = (
         "## Whole actions, measured and predicted",
         prediction_table(actions, models, held_out),
+        "## Many actions",
+        scale_text(costs, SIZE, MACHINES),
+        DETAILS,
         "## Processor time of each stage",
         model_table(models.processor_s, SECONDS),
         "## Stored by each stage",
         model_table(models.stored_mb, MEGABYTES),
-        "## Many actions",
-        scale_text(costs, SIZE, MACHINES),
         "## What a task pays for the other actions of its folder",
         bookkeeping_text(bookkeeping(folder)),
     )

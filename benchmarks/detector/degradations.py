@@ -81,9 +81,9 @@ def box_about(points: Float[np.ndarray, "N 2"], margin: float) -> list[tuple[int
 PLAIN = Degradation("plain", "as filmed")
 DEGRADATIONS = (
     PLAIN,
-    Degradation("legs", "black box over the legs for a third", hidden_legs),
-    Degradation("blur", "motion blur, 2 % of the picture's larger side", motion_blur),
+    Degradation("legs", "legs hidden", hidden_legs),
+    Degradation("blur", "blur", motion_blur),
     Degradation("half", "half the resolution", halved, scale=0.5),
-    Degradation("second", "a second person pasted in", second_person),
-    Degradation("dropped", "half of the frames dropped", dropped=DROPPED),
+    Degradation("second", "second person", second_person),
+    Degradation("dropped", "frames dropped", dropped=DROPPED),
 )

@@ -20,8 +20,8 @@ NAME = "detector"
 ACTIONS = ("balance_beam", "crowd")
 FRAMES, FRAMES_SMALL = 100, 40  # of each video
 HEAD = (
-    *("action", "footage", "frames", "performer followed %", "error, % of the height"),
-    *("PCK .2", "PCK .1", "swapped bodies", "people a frame", "ms a frame"),
+    *("action", "footage", "performer followed %", "error, % of the height"),
+    *("PCK .2", "PCK .1", "swapped bodies", "ms a frame"),
 )
 
 
@@ -49,7 +49,7 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
     write_texts(folder, {"table.md": text})
     lines = [text, f"Written to {folder}"]
     if options.docs:
-        lines += docs_sentences(workspace.root, NAME, text, text)
+        lines += docs_sentences(workspace.root, NAME, text)
     return [*lines]
 
 
@@ -59,10 +59,8 @@ def markdown(scores: Sequence[DetectorScore]) -> str:
         [
             score.action,
             score.footage,
-            str(score.frames),
             *(cell(v, 1) for v in (score.followed_pct, score.error_pct, score.pck_2, score.pck_1)),
             str(score.swapped),
-            cell(score.people, 1),
             cell(score.ms, 0),
         ]
         for score in scores

@@ -7,7 +7,7 @@ from rich.table import Table
 from benchmarks.actions.choice import Choice
 from benchmarks.docs import check_marks, docs_sentences
 from benchmarks.motion.measure import measure
-from benchmarks.motion.tables import markdown, summary
+from benchmarks.motion.tables import markdown
 from benchmarks.names import BenchmarkOptions
 from imocap_core.errors import WrongUse
 from imocap_core.pipeline.runner import Display
@@ -32,5 +32,5 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
     text = markdown(benchmark)
     lines = [text, f"Written to {folder}"]
     if options.docs:
-        lines += docs_sentences(workspace.root, choice.label, text, summary(benchmark))
+        lines += docs_sentences(workspace.root, choice.label, text)
     return [*lines]

@@ -13,6 +13,7 @@ from benchmarks.tables import (
     ABSENT,
     ALL_JOINTS,
     CAMERA,
+    DETAILS,
     MATCHED,
     PA,
     ROOT,
@@ -28,15 +29,7 @@ from benchmarks.tables import (
     missing_sentence,
 )
 
-SHORT = (  # metric, digits, heading
-    (SCALED, 1, "MPJPE, scaled (mm)"),
-    (PA, 1, "P-MPJPE (mm)"),
-    (ALL_JOINTS, 1, "MPJPE, 24 joints (mm)"),  # shown where the truth has them
-    (SYNC, 2, "sync error (%)"),
-    (CAMERA, 1, "cameras (°)"),
-)
-
-BODY = (  # the same
+BODY = (  # metric, digits, heading
     ("pelvis_rotation_error_deg", 1, "pelvis °"),
     ("chest_rotation_error_deg", 1, "chest °"),
     ("head_rotation_error_deg", 1, "head °"),
@@ -91,7 +84,11 @@ def markdown(benchmark: MotionBenchmark) -> str:
         f"# {benchmark.title}",
         f"Made by `{benchmark.command}`. Data: {benchmark.data}. Means over videos, then actions, "
         f"± standard error over actions. {cost_sentence([s.costs for s in scores])} "
-        "docs/metrics.md defines every number." + missing_sentence(benchmark.missing),
+        "MPJPE, scaled, mm on 12 joints, unless the column says otherwise."
+        + missing_sentence(benchmark.missing),
+        _overview(scores),
+        DETAILS,
+        "docs/metrics.md defines every number.",
         "## Against the paper",
         "MPJPE is `mpjpe_scaled_mm`, the one that the released evaluation computes. The paper's "
         "data are others (Human3.6M), so only differences between rows compare.",
@@ -105,22 +102,6 @@ def markdown(benchmark: MotionBenchmark) -> str:
     parts += ["## Correspondences and cameras", _sync_table(scores)]
     parts += ["## Trunk and motion, after the loop", _body_table(scores)]
     return "\n\n".join(parts) + "\n"
-
-
-def summary(benchmark: MotionBenchmark) -> str:
-    """A table of a few lines, for the front page."""
-    scores = benchmark.scores
-    columns = [c for c in SHORT if c[0] != ALL_JOINTS or _has_all_joints(scores)]
-    rows = [
-        [result, *(_mean(scores, result, metric, digits) for metric, digits, _ in columns)]
-        for result in RESULTS
-    ]
-    head = ["", *(heading for _, _, heading in columns)]
-    caption = (
-        f"`{benchmark.command}`: mean over {len(scores)} actions ± standard error. "
-        f"Data: {benchmark.data}.{missing_sentence(benchmark.missing)}"
-    )
-    return f"{caption}\n\n{markdown_table(head, rows)}"
 
 
 def csv_text(benchmark: MotionBenchmark) -> str:
@@ -146,6 +127,27 @@ def json_text(benchmark: MotionBenchmark) -> str:
     }
     plain = json.dumps({**asdict(benchmark), "means": means}, indent=1)
     return plain.replace("NaN", "null") + "\n"
+
+
+def _overview(scores: Sequence[ActionScore]) -> str:
+    """A row an action: all results, and of the last one what else a reader asks first."""
+    columns = [(result, result, SCALED, 1) for result in RESULTS if result != "estimator"]
+    after = [("P-MPJPE, after loop", PA, 1), ("sync %, after loop", SYNC, 2)]
+    columns += [(name, "after loop", m, d) for name, m, d in (*after, ("cameras °", CAMERA, 1))]
+    rows = [[s.action, *(cell(s.of(r, m), d) for _, r, m, d in columns)] for s in scores]
+    rows.append(["**mean**", *(_mean(scores, r, m, d) for _, r, m, d in columns)])
+    for row, gap in zip(rows, _gaps(scores), strict=True):
+        row.insert(5, cell(gap, 0))
+    head = ["action", *(name for name, *_ in columns)]
+    return markdown_table([*head[:5], "gap closed %", *head[5:]], rows)
+
+
+def _gaps(scores: Sequence[ActionScore]) -> list[float]:
+    """Gap closed by each action's result, and by the means over actions."""
+    bounds = ("monocular", "after loop", "oracle")
+    gaps = [gap_closed(*(score.of(result, SCALED) for result in bounds)) for score in scores]
+    means = [mean_and_error(_values(scores, result, SCALED))[0] for result in bounds]
+    return [*gaps, gap_closed(*means)]
 
 
 def _against_paper(benchmark: MotionBenchmark) -> str:

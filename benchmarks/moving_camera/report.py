@@ -40,6 +40,6 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
             motions.append(motion_row(display, workspace.root, seed, case))
     text = markdown(films, motions)
     write_texts(folder, {"table.md": text})
-    written = docs_sentences(workspace.root, NAME, text, text) if options.docs else []
+    written = docs_sentences(workspace.root, NAME, text) if options.docs else []
     shown = [table_of_rows(films)] if films else []
     return [text, *shown, f"Written to {folder}", *written]

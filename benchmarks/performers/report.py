@@ -34,7 +34,7 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
     text = markdown(rows)
     write_rows(folder, "results", rows)
     write_texts(folder, {"table.md": text})
-    written = docs_sentences(workspace.root, NAME, text, text) if options.docs else []
+    written = docs_sentences(workspace.root, NAME, text) if options.docs else []
     return [table_of_rows(rows), summary(rows), f"Written to {folder}", *written]
 
 

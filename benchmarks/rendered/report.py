@@ -20,5 +20,5 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
     text, folder = measure(workspace, choice, display, options.jobs)
     lines = [text, f"Written to {folder}"]
     if options.docs:
-        lines += docs_sentences(workspace.root, choice.label, text, text)
+        lines += docs_sentences(workspace.root, choice.label, text)
     return [*lines]

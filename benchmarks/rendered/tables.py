@@ -17,6 +17,7 @@ from benchmarks.scoring.score_file import RESULTS, ActionScore
 from benchmarks.tables import (
     ALL_JOINTS,
     CAMERA,
+    DETAILS,
     PA,
     SCALED,
     SYNC,
@@ -51,6 +52,7 @@ def markdown(
         f"{cost_sentence([s.costs for s in scores])} `estimator` is the detector's 3D alone."
         + missing_sentence(missing),
         motion_table(scores),
+        DETAILS,
         "## The detector's errors",
         f"{len(films)} films, {sum(len(f.true_px) for f in films)} frames. Lengths are hundredths "
         "of the person's standing height in the picture (1.7 cm on a person of 1.7 m). `spread`: "

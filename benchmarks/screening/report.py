@@ -40,7 +40,7 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
     (folder / "table.md").write_text(text, encoding="utf-8")
     lines = [text, f"Written to {folder}"]
     if options.docs:
-        lines += docs_sentences(workspace.root, NAME, text, text)
+        lines += docs_sentences(workspace.root, NAME, text)
     return [*lines]
 
 

@@ -22,7 +22,7 @@ from benchmarks.parallel import ForwardingDisplay
 from benchmarks.solver.growth import grow
 from benchmarks.solver.race import race
 from benchmarks.solver.scene import made_scene
-from benchmarks.tables import markdown_table
+from benchmarks.tables import DETAILS, markdown_table
 from imocap_core.errors import WrongUse
 from imocap_core.pipeline import runner
 from imocap_core.pipeline.runner import Display, Outcome
@@ -36,10 +36,10 @@ FROM_KEYPOINTS = tuple(stage for stage in STAGES if stage != "camera_motion")  #
 RACE_SIZE = (4, 40)  # videos, frames
 MOST_TIMES = 25.0  # a rival may take this many times Gauss-Newton's time
 HEADS = {
-    "stages": "From keypoints to the final motion: yoga, four videos of 146 to 186 frames",
+    "growth": "SMPL-BA by number of frames: synthetic scenes, two cores",
     "race": f"To the same objective: the common motion of {RACE_SIZE[0]} x {RACE_SIZE[1]} frames "
     "and its cameras, one core",
-    "growth": "SMPL-BA by number of frames: synthetic scenes, two cores",
+    "stages": "From keypoints to the final motion: yoga, four videos of 146 to 186 frames",
 }
 NOTES = {
     "stages": "Seconds on the clock and of the processor. camera_motion reads the videos and is "
@@ -116,13 +116,15 @@ def stage_rows(workspace: Workspace, display: Display) -> list[StageTimeRow]:
 def markdown(folder: Path) -> str:
     """The stored rows of every part that was measured."""
     parts = [
-        "## Speed of the solver",
+        "# Speed of the solver",
         "Made by `imocap benchmark solver`. Data: made by the project.",
     ]
     for part, head in HEADS.items():
+        if part == "race":
+            parts.append(DETAILS)
         file = folder / f"{part}.json"
         if file.is_file():
-            parts += [f"### {head}", NOTES[part], _table(json.loads(file.read_text()))]
+            parts += [f"## {head}", NOTES[part], _table(json.loads(file.read_text()))]
         else:
             parts.append(f"**Not measured: {part}.**")
     return "\n\n".join(parts)

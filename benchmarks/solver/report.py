@@ -19,5 +19,5 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
     text = measure(workspace, options.only, display, folder)
     lines = [text, f"Written to {folder}"]
     if options.docs:
-        lines += docs_sentences(workspace.root, "solver", text, text)
+        lines += docs_sentences(workspace.root, "solver", text)
     return [*lines]

@@ -13,7 +13,7 @@ from benchmarks.names import BenchmarkOptions
 from benchmarks.solver.race import one_core
 from benchmarks.speed import contests
 from benchmarks.speed.contest import RatioRow
-from benchmarks.tables import ABSENT, cell, markdown_table, write_rows, write_texts
+from benchmarks.tables import ABSENT, DETAILS, cell, markdown_table, write_rows, write_texts
 from imocap_core.errors import WrongUse
 from imocap_core.pipeline.runner import Display
 from imocap_core.workspace import Workspace
@@ -47,10 +47,10 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
         for name in options.only or parts:
             rows += parts[name]()
     folder = workspace.root / "artifacts" / "benchmark" / NAME
-    text = markdown(rows)
+    text = f"{summary(rows)}\n{DETAILS}\n\n{markdown(rows)}"
     write_rows(folder, "results", rows)
     write_texts(folder, {"table.md": text})
-    written = docs_sentences(workspace.root, NAME, text, summary(rows)) if options.docs else []
+    written = docs_sentences(workspace.root, NAME, text) if options.docs else []
     return [text, f"Written to {folder}", *written]
 
 

@@ -18,5 +18,5 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
     text, folder = measure(workspace, options.only, display, options.jobs)
     lines = [text, f"Written to {folder}"]
     if options.docs:
-        lines += docs_sentences(workspace.root, NAME, text, text)
+        lines += docs_sentences(workspace.root, NAME, text)
     return [*lines]

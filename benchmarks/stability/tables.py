@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from benchmarks.stability import pair_errors
-from benchmarks.tables import CAMERA, PA, SCALED, cell, markdown_table
+from benchmarks.tables import CAMERA, DETAILS, PA, SCALED, cell, markdown_table
 
 MPJPE, FRAMES = "mpjpe_mm", "sync_error_frames"
 COLUMNS = (
@@ -116,6 +116,7 @@ def markdown(actions: Sequence[ActionStability]) -> str:
     if missing:
         lines = [f"* {action.name}: {action.not_measured}" for action in missing]
         parts.append("**Not measured:**\n\n" + "\n".join(lines))
+    parts.append(DETAILS)
     for action in measured:
         parts += [f"## {action.name}", _variants(action.scores)]
     return "\n\n".join(parts) + "\n"

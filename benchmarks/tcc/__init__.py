@@ -1,7 +1,7 @@
 """Temporal Cycle-Consistency Learning (Dwibedi et al., CVPR 2019), trained on the clips to align.
 
 A network embeds every frame; cycle consistency between the clips is all that it learns from. The
-clips are then aligned by DTW on distances between embeddings. See docs/tcc.md.
+clips are then aligned by DTW on distances between embeddings. See docs/measurements.md.
 """
 
 from benchmarks.tcc.alignment import TccAlignment, align, align_by_tcc

@@ -10,7 +10,7 @@ import numpy as np
 @dataclass(frozen=True)
 class TccSettings:
     """Temperature and variance weight are those of the paper's released code; the schedule is short
-    because each training sees one action only (docs/tcc.md)."""
+    because each training sees one action only (docs/measurements.md)."""
 
     embedding: int  # channels D of the embedding
     taps: int  # frames of the window that is embedded, centred on its frame; odd

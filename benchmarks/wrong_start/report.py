@@ -45,5 +45,5 @@ def report(options: BenchmarkOptions, workspace: Workspace, display: Display) ->
         write_texts(folder, {"table.md": text})
     if not done:
         raise WorkFailed("\n".join(faults))
-    written = docs_sentences(workspace.root, NAME, text, text) if options.docs else []
+    written = docs_sentences(workspace.root, NAME, text) if options.docs else []
     return [text, table_of_rows(motions), *faults, f"Written to {folder}", *written]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from benchmarks.rendered.names import is_rendered
-from benchmarks.tables import markdown_table, missing_sentence
+from benchmarks.tables import DETAILS, markdown_table, missing_sentence
 from benchmarks.wrong_start.hypotheses import HypothesisRow
 from benchmarks.wrong_start.hypotheses import summary as hypothesis_summary
 from benchmarks.wrong_start.measure import WrongStartRow, summary
@@ -27,7 +27,7 @@ def markdown(
             parts.append(f"{_summary(title, part)}; {hypothesis_summary(among)}.")
     if missing:
         parts.append(missing_sentence(missing).strip())
-    return "\n\n".join([*parts, _results(rows)]) + "\n"
+    return "\n\n".join([*parts, DETAILS, _results(rows)]) + "\n"
 
 
 def _summary(title: str, rows: Sequence[WrongStartRow]) -> str:

@@ -9,7 +9,7 @@ from imocap_core.params.bounds import Positive, param
 
 @dataclass(frozen=True, kw_only=True)
 class EventParams:
-    """Cameras calibrated from the performer, where all videos show one event (event.md)."""
+    """Cameras calibrated from the performer, where all videos show one event (actions.md)."""
 
     bias_share: Positive = param(
         0.02,

@@ -49,8 +49,7 @@ class FitParams:
     size_prior: NonNegative = param(
         1000.0,
         "Weight of the squared change of size, which pictures do not tell either, in shape "
-        "coefficients: high, because how far performances differ is taken to be the same in "
-        "metres whatever the size, which favours small people near the camera.",
+        "coefficients. High, because small people near the camera cost less.",
     )
     limits: NonNegative = param(
         100.0, "Weight of the squared angle by which a knee or elbow bends backwards."

@@ -26,8 +26,7 @@ class InitialSmplParams:
     match_sigma: Positive = param(
         0.12,
         "Standard deviation of a keypoint's distance to the matched pose, as a share of the "
-        "keypoints' spread in the picture. It covers detector noise, bone lengths and the "
-        "library's coarseness.",
+        "keypoints' spread in the picture.",
     )
     step_m_s: Positive = param(
         2.0,
@@ -39,9 +38,8 @@ class InitialSmplParams:
     )
     hypotheses: Count = param(
         4,
-        "Distinct motions kept for each video at most (other starts, depth, facing or sides "
-        "reversed), of which the synchronisation takes the one that agrees with the other videos; "
-        "1: the fit of lowest cost alone. Videos with an `initial` estimate have one.",
+        "Distinct motions kept for each video at most, of which the synchronisation takes the one "
+        "that agrees with the other videos. Videos with an `initial` estimate have one.",
     )
     lifter: Literal["auto", "never"] = param(
         "auto",

@@ -96,8 +96,7 @@ class UncertaintyParams:
     lasting_error_mm: dict[str, NonNegative] = param(
         {"mediapipe33": 18.0, "blazepose33": 18.0},
         "Standard deviation of a joint's place along each axis that errors of a detector leave, "
-        "where they last as long as a view does; by keypoint layout. BlazePose's is that of real "
-        "people (films of made bodies: 8 to 12), MediaPipe's is the same.",
+        "where they last as long as a view does; by keypoint layout.",
         unit="mm",
     )
     weak_limit: Positive = param(

@@ -51,9 +51,8 @@ class SyncParams:
     )
     unmatched_level: Positive = param(
         1.0,
-        "How different poses may be before a match ends. Warp `posterior`: up to about 1 + 2 x "
-        "this times the usual squared distance, while the performer moves. Warp `dtw`: up to this "
-        "share of the way from matching to unrelated poses.",
+        "How different poses may be before a match ends: about 1 + 2 x this times the usual "
+        "squared distance (`dtw`: this share of the way from matching to unrelated poses).",
     )
     regularity: Share = param(
         0.5,
@@ -86,13 +85,12 @@ class SyncParams:
     outliers: Literal["exclude", "report", "ignore"] = param(
         "exclude",
         "A video that shows another action: `exclude` it from the joint solve, only `report` it, "
-        "or `ignore` it (no video is checked).",
+        "or check no video (`ignore`).",
     )
     mirrored: Literal["flip", "report", "ignore"] = param(
         "flip",
-        "A video that shows the mirror image of the action (a flipped picture or a left-handed "
-        "performer): `flip` it for the joint solve, only `report` it, or `ignore` it (no video is "
-        "checked).",
+        "A video that shows the mirror image of the action: `flip` it for the joint solve, only "
+        "`report` it, or check no video (`ignore`).",
     )
 
     def __post_init__(self) -> None:

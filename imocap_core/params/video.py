@@ -133,13 +133,11 @@ class CameraMotionParams:
     )
     lens: bool = param(
         True,
-        "Take a lens's radial distortion out of the keypoints where the camera's turning, or "
-        "straight lines of the scene where it stands, show it for certain. A `distortion` in "
-        "action.yaml is taken out in any case.",
+        "Take a lens's radial distortion out of the keypoints where the camera's turning or "
+        "straight lines show it. A `distortion` in action.yaml is taken out in any case.",
     )
     assumed_focal_factor: Positive = param(
         1.0,
         "Focal length divided by the picture's larger side, assumed where neither action.yaml nor "
-        "the camera's rotation gives the focal length. Phones have 0.8 to 0.9, television cameras "
-        "1 and more: for these, 1 is wrong by 15 % at most.",
+        "the camera's rotation gives it. Phones have 0.8 to 0.9, television cameras 1 and more.",
     )

@@ -74,7 +74,7 @@ class JointProblem:
         self, sync: SyncSummary, before: JointMotion, progress: Progress, *, afresh: bool
     ) -> JointMotion:
         """The motion with other correspondences, begun at an earlier one: afresh, or where that
-        stopped (docs/decisions/rounds.md)."""
+        stopped (docs/decisions.md)."""
         return recover_motion(
             self.synchronised(sync).scene,
             before.state,

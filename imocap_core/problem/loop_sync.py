@@ -2,8 +2,8 @@
 
 The first synchronisation knows monocular motions alone. One that is wrong is like no other: its
 video is not central, whatever it shows, and may look like another action. So the joint motion of
-the single pass decides again which videos take part (docs/decisions/screening.md) and which of them
-is the reference (docs/decisions/reference.md), and where it decides otherwise the loop begins
+the single pass decides again which videos take part (docs/decisions.md) and which of them
+is the reference (docs/decisions.md), and where it decides otherwise the loop begins
 there.
 """
 

@@ -2,7 +2,7 @@
 
 The first screening knows monocular motions, and one that went wrong may make its own video, or
 another, look like another action or mirrored. In a joint motion a wrong start has been put right,
-or has been left out, and it tells one from the other more clearly (docs/decisions/screening.md).
+or has been left out, and it tells one from the other more clearly (docs/decisions.md).
 """
 
 from __future__ import annotations

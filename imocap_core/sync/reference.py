@@ -4,7 +4,7 @@ one that shows most of them; of several that do, the one that goes most steadily
 Centralities of good videos lie close together, and noise decides between them; how much of the
 others a video shows it leaves alone. Of good videos any may be the reference (docs/sync.md); the
 loop chooses by joint motions, in which wrong monocular ones have been put right
-(docs/decisions/reference.md).
+(docs/decisions.md).
 """
 
 from __future__ import annotations

@@ -79,5 +79,5 @@ def test_the_table_says_what_was_not_measured(tmp_path: Path) -> None:
 
 
 def test_an_unknown_part_is_named(tmp_path: Path) -> None:
-    with pytest.raises(WrongUse, match="--only nothing: expected some of stages, race, growth"):
+    with pytest.raises(WrongUse, match="--only nothing: expected some of growth, race, stages"):
         measure(Workspace(ROOT), ["nothing"], None, tmp_path)  # type: ignore[arg-type]

@@ -16,6 +16,7 @@ from benchmarks.motion import tables as motion_tables
 from benchmarks.names import MEASUREMENTS, BenchmarkName, report_of
 from benchmarks.scoring.costs import Cost
 from benchmarks.scoring.score_file import RESULTS, ActionScore
+from benchmarks.tables import DETAILS
 from imocap_core.cli import main
 from imocap_core.errors import WrongUse
 
@@ -62,9 +63,9 @@ def test_all_joints_have_a_column_where_the_truth_has_them() -> None:
     numbers = {name: {**row, "mpjpe_24_mm": 61.5} for name, row in fewer.numbers.items()}
     for score, expected in ((fewer, False), (replace(fewer, numbers=numbers), True)):
         benchmark = motion_tables.MotionBenchmark("T", "c", "d", "fine_tuned", [score])
-        for text in (motion_tables.summary(benchmark), motion_tables.markdown(benchmark)):
-            assert ("24 joints" in text) == expected
-            assert ("61.5" in text) == expected
+        text = motion_tables.markdown(benchmark)
+        assert ("24 joints" in text) == expected
+        assert ("61.5" in text) == expected
 
 
 def test_generic_detections_stand_beside_the_paper_s_generic_row() -> None:
@@ -106,30 +107,45 @@ stays
 
 def test_a_table_takes_its_block_and_no_other() -> None:
     page = docs.replaced(PAGE, "trials-4v", "## New\n\n| a |")
-    assert page is not None
     assert "<!-- table trials-4v -->\n\n## New\n\n| a |\n\n<!-- end -->" in page
     assert "old" not in page
     assert "<!-- table trials -->\nstays\n<!-- end -->" in page
     assert docs.replaced(page, "trials-4v", "## New\n\n| a |") == page
-    assert docs.replaced(PAGE, "protocol", "x") is None
+    assert docs.replaced(PAGE, "protocol", "x") == PAGE
+
+
+def test_the_documentation_shows_a_report_to_its_details() -> None:
+    report = f"# T\n\nMade by `x`.\n\n## A\n\n| a |\n\n{DETAILS}\n\n## B\n\n| b |\n"
+    assert docs.essentials(report) == "Made by `x`.\n\n### A\n\n| a |"
+    assert docs.essentials("| a |\n") == "| a |"
+
+
+def test_the_overview_has_a_row_an_action_and_their_mean() -> None:
+    scores = [made_score("jump", 50.0), made_score("walk", 40.0)]
+    shown = docs.essentials(motion_tables.markdown(
+        motion_tables.MotionBenchmark("T", "c", "d", "fine_tuned", scores)
+    ))  # fmt: skip
+    assert "| jump | 70.0 | 50.0 | 50.0 | 30.0 | 50 | 25.0 | 0.50 | – |" in shown
+    assert "| **mean** | 70.0 ± 0.0 | 50.0 ± 0.0 | 45.0 ± 5.0 | 30.0 ± 0.0 | 62 |" in shown
+    assert "estimator" not in shown
 
 
 def made_page(root: Path, text: str) -> Path:
-    page = root / docs.PAGES / "measured.md"
+    page = root / docs.PAGES[0]
     page.parent.mkdir(parents=True)
     page.write_text(text)
-    (page.parent / "another.md").write_text("# No marks\n")
     return page
 
 
-def test_the_page_gets_the_table_and_the_front_page_the_summary(tmp_path: Path) -> None:
+def test_every_page_with_the_marks_gets_the_table(tmp_path: Path) -> None:
     page = made_page(tmp_path, PAGE)
     docs.check_marks(tmp_path, "trials")
-    assert docs.put_into_docs(tmp_path, "trials", "# T\n", "short") == [page]
-    assert "## T" in page.read_text()
-    (tmp_path / docs.FRONT).write_text(PAGE)
-    assert len(docs.put_into_docs(tmp_path, "trials", "# T\n", "short")) == 2
-    assert "short" in (tmp_path / docs.FRONT).read_text()
+    front = tmp_path / docs.PAGES[1]
+    front.write_text("# No marks\n")
+    assert docs.put_into_docs(tmp_path, "trials", "# T\n\n| a |\n") == [page]
+    assert "-->\n\n| a |\n\n<!-- end -->" in page.read_text()
+    front.write_text(PAGE)
+    assert docs.put_into_docs(tmp_path, "trials", "# T\n\n| a |\n") == [page, front]
 
 
 def test_a_page_without_the_place_is_refused_before_anything_runs(tmp_path: Path) -> None:
@@ -138,10 +154,10 @@ def test_a_page_without_the_place_is_refused_before_anything_runs(tmp_path: Path
 
 
 def test_every_documented_table_has_its_place() -> None:
-    for name in ("protocol-released-fine_tuned-4v", "trials-fine_tuned-4v", "yoga", "solver",
-                 "rendered-4v", "detector", "stability", "ablations-trials",
-                 "ablations-protocol-released", "speed", "cost"):  # fmt: skip
-        assert docs.page_of(ROOT, name) is not None
+    for name in ("protocol-released-fine_tuned-4v", "trials-fine_tuned-4v", "rendered-4v",
+                 "stability", "wrong_start", "degraded", "collect", "screening", "performers",
+                 "moving_camera", "ablations-trials", "solver", "speed", "cost"):  # fmt: skip
+        assert len(docs.pages_of(ROOT, name)) == 1, name
 
 
 HEADLINES = {
@@ -153,8 +169,7 @@ HEADLINES = {
 
 def means(name: str) -> dict[str, str]:
     """The mean of every result and of the sync error in a measured table, as it stands there."""
-    page = docs.page_of(ROOT, name)
-    assert page is not None
+    (page,) = docs.pages_of(ROOT, name)
     rows: dict[str, str] = {}
     block = page.read_text().split(f"<!-- table {name} -->")[1].split(docs.END)[0]
     for line in block.splitlines():
@@ -172,10 +187,8 @@ def test_the_headline_numbers_are_the_measured_ones(name: str) -> None:
     measured = means(label)
     results = [measured[key] for key in ("monocular", "single pass", "after loop", "oracle")]
     sync = measured.get("sync %, after loop") or measured["sync %"]
-    guide, front = (ROOT / "docs" / "benchmark.md").read_text(), (ROOT / "README.md").read_text()
-    (row,) = (
-        line for line in guide.splitlines() if f"[{name}](measurements/" in line and "**" in line
-    )
+    guide, front = (ROOT / docs.PAGES[0]).read_text(), (ROOT / "README.md").read_text()
+    (row,) = (line for line in guide.splitlines() if line.startswith(f"| `{name}` | "))
     assert [cell.strip(" *") for cell in row.split("|")[3:-1]] == [
         *results, f"{measured['gap closed %']} %", f"{sync} %"
     ]  # fmt: skip
@@ -191,12 +204,11 @@ def test_the_command_puts_its_table_into_the_page(
     page = made_page(tmp_path, "<!-- table ablations-trials -->\n<!-- end -->\n")
     monkeypatch.setattr(ablations_report, "measure", lambda *_: (None, tmp_path))
     monkeypatch.setattr(ablations_report, "markdown", lambda _: "# Found\n\n| [a] |\n")
-    monkeypatch.setattr(ablations_report, "summary", lambda _: "short")
     monkeypatch.setattr("sys.argv", ["imocap"])
     assert (
         main(["--root", str(tmp_path), "benchmark", "ablations", "--on", "trials", "--docs"]) == 0
     )
-    assert "## Found\n\n| [a] |" in page.read_text()
+    assert "-->\n\n| [a] |\n\n<!-- end -->" in page.read_text()
     assert "| [a] |" in capsys.readouterr().out
 
 

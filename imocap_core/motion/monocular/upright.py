@@ -36,7 +36,7 @@ def balance_terms(
 
     Both are those of ``state`` and constant in the term. It is for an action's only video: several
     tell together how far a body leans, and who balances on one leg would be drawn off the truth
-    (`docs/ground.md`).
+    (`docs/motion.md`).
     """
     if weights.balance == 0:
         return []

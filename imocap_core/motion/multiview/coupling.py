@@ -110,7 +110,7 @@ def position_coupling(
     rotation and shift of each frame.
 
     With rotations coupled one by one, the deviations of all joints above a hand add up. This
-    correlates them: what they come to together is bounded (docs/decisions/deviations.md).
+    correlates them: what they come to together is bounded (docs/decisions.md).
 
     Args:
         state: its shapes are the targets'; weight: of the layout's keypoints, 1/m^2.

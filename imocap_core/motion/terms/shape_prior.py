@@ -3,7 +3,7 @@
 Images tell proportions, not size: a small person near the camera looks like a tall one far away.
 Nor do they tell a torso's form: bodies with the same limbs, hips, shoulders and height of the trunk
 differ in where the spine runs. Errors of keypoints and poses would leak into both, so size and the
-directions of shape that no keypoint tells have weights of their own (docs/decisions/body_size.md).
+directions of shape that no keypoint tells have weights of their own (docs/decisions.md).
 """
 
 from __future__ import annotations
