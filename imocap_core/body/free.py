@@ -16,7 +16,7 @@ import numpy as np
 import torch
 
 from imocap_core.body.model import Model
-from imocap_core.body.points import Landmark
+from imocap_core.body.protocols import Landmark
 from imocap_core.conventions import SMPL_JOINTS, SMPLH_JOINTS
 
 

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float, Int
 
-from imocap_core.body.points import Landmark
+from imocap_core.body.protocols import Landmark
 
 _EYE_OFFSET_M = (0.031, 0.038)  # from the tip of the nose: sideways and up, of a mean adult
 _EYE_REACH_M = 0.008

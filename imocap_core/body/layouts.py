@@ -8,13 +8,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from importlib import resources
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from imocap_core.body.points import PointSet, make_points
+from imocap_core.body.protocols import ModelArrays
 from imocap_core.conventions import EVAL_12, EVAL_14, EVAL_17, SMPL_JOINTS, SMPLH_JOINTS
-
-if TYPE_CHECKING:
-    from imocap_core.body.model import Model
 
 _RUN = re.compile(r"^\((\w+)\) \* (\d+)$")
 _FIXED: dict[str, tuple[str, ...]] = {
@@ -66,7 +64,7 @@ def hand_columns(layout: str) -> list[list[int]] | None:
     return [[names.index(name) for name in hand] for hand in hands]
 
 
-def layout_points(model: Model, layout: str) -> PointSet:
+def layout_points(model: ModelArrays, layout: str) -> PointSet:
     """The points of a layout on a body, without those that the body does not have (see
     `PointSet.columns`). ValueError when the body has none of them."""
     available = [
@@ -114,7 +112,7 @@ def _expand(layout: str) -> Iterator[Keypoint]:
 Mixes = tuple[Mapping[int, float], Mapping[int, float]]
 
 
-def _locate(model: Model, point: str) -> Mixes | None:
+def _locate(model: ModelArrays, point: str) -> Mixes | None:
     """A point as (mix of joints, mix of vertices), or None when the body does not have it."""
     by_name = [{"joints": {point: 1.0}}, {"landmarks": {point: 1.0}}]
     alternatives: Sequence[dict[str, dict[str, float]]] = _table()["points"].get(point, by_name)

@@ -18,7 +18,8 @@ from torch import Tensor
 
 from imocap_core.body.kinematics import check_tree, joint_positions, world_rotations
 from imocap_core.body.layouts import layout_points
-from imocap_core.body.points import Landmark, PointSet, place_points
+from imocap_core.body.points import PointSet, place_points
+from imocap_core.body.protocols import Landmark
 from imocap_core.body.skinning import skin, weighted_rest
 
 

@@ -15,18 +15,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from imocap_core.body.kinematics import ancestors
-
-if TYPE_CHECKING:
-    from imocap_core.body.model import Model, Posed, Shaped
-
-Landmark = tuple[tuple[int, float], ...]  # (vertex, weight) pairs whose weights sum to 1
+from imocap_core.body.protocols import ModelArrays, PosedArrays, ShapedArrays
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +65,7 @@ class PointSet:
             return self.moved_by.shape[1]
         return 1 + max(self.moved_by.any(0).nonzero()[:, 0].tolist(), default=0)
 
-    def levers(self, shaped: Shaped) -> Float[Tensor, "... K J 3"]:
+    def levers(self, shaped: ShapedArrays) -> Float[Tensor, "... K J 3"]:
         """Levers of a shape, before pose blend shapes."""
         count = shaped.coefficients.shape[-1]
         directions = self.levers_shapedirs[..., :count]
@@ -96,7 +91,7 @@ def pick_points(points: PointSet, names: Sequence[str]) -> PointSet:
 
 
 def make_points(
-    model: Model,
+    model: ModelArrays,
     names: Sequence[str],
     joint_shares: Sequence[Mapping[int, float]],
     vertex_shares: Sequence[Mapping[int, float]],
@@ -165,7 +160,7 @@ def _table(rows: Sequence[Mapping[int, float]], width: int) -> Float[Tensor, "K 
 
 
 def _build(
-    model: Model,
+    model: ModelArrays,
     names: tuple[str, ...],
     joint_shares: Float[Tensor, "K J"],
     shares: Float[Tensor, "K U"],
@@ -218,7 +213,7 @@ def pose_features(R_local: Float[Tensor, "... J 3 3"]) -> Float[Tensor, "... P"]
     return (R_local[..., 1:, :, :] - identity).flatten(-3)
 
 
-def posed_levers(posed: Posed, points: PointSet) -> Float[Tensor, "... K J 3"]:
+def posed_levers(posed: PosedArrays, points: PointSet) -> Float[Tensor, "... K J 3"]:
     """Levers with the pose blend shapes of this pose."""
     levers = points.levers(posed.shaped)
     if points.corrections is None:
@@ -250,7 +245,7 @@ def turn(
     return stacked.unflatten(-2, (-1, 3))
 
 
-def place_points(posed: Posed, points: PointSet) -> Float[Tensor, "... K 3"]:
+def place_points(posed: PosedArrays, points: PointSet) -> Float[Tensor, "... K 3"]:
     """World positions of the points, metres."""
     columns = posed_levers(posed, points).flatten(-2).transpose(-1, -2)
     placed = turn(rows_of(posed.R_world), columns).transpose(-1, -2)

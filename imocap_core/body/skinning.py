@@ -6,21 +6,17 @@ mean over its bones.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from imocap_core.body.points import pose_features, rows_of, turn
-
-if TYPE_CHECKING:
-    from imocap_core.body.model import Posed, Shaped
+from imocap_core.body.protocols import PosedArrays, ShapedArrays
 
 _BODIES_AT_ONCE = 4  # keeps a chunk's 12 numbers a vertex within the processor's cache
 
 
-def skin(posed: Posed) -> Float[Tensor, "... V 3"]:
+def skin(posed: PosedArrays) -> Float[Tensor, "... V 3"]:
     """Posed vertices, metres."""
     rest = posed.shaped.joints_rest
     shared = rest.ndim == 2 or (rest.shape[-3] == 1 and posed.R_world.ndim > 3)
@@ -29,13 +25,13 @@ def skin(posed: Posed) -> Float[Tensor, "... V 3"]:
     return _skin_each(posed)
 
 
-def _skin_shared(posed: Posed) -> Float[Tensor, "... V 3"]:
+def _skin_shared(posed: PosedArrays) -> Float[Tensor, "... V 3"]:
     """Many poses of one rest surface: one matrix product of all bones and weighted vertices."""
     rows = torch.cat((rows_of(posed.R_world), posed.joints.transpose(-1, -2)), dim=-1)
     return turn(rows, posed.shaped.weighted_rest).transpose(-1, -2)
 
 
-def weighted_rest(shaped: Shaped) -> Float[Tensor, "... P V"]:
+def weighted_rest(shaped: ShapedArrays) -> Float[Tensor, "... P V"]:
     """Rest vertices from each joint by their skinning weights, and the weights, P = 4 J.
 
     The same for all poses of a shape, and half of the work of skinning 32 of them.
@@ -47,7 +43,7 @@ def weighted_rest(shaped: Shaped) -> Float[Tensor, "... P V"]:
     return torch.cat((weighted, offsets), dim=-2)
 
 
-def _skin_each(posed: Posed) -> Float[Tensor, "... V 3"]:
+def _skin_each(posed: PosedArrays) -> Float[Tensor, "... V 3"]:
     """Bodies of different shapes, or with pose blend shapes: a few at a time."""
     shaped, model = posed.shaped, posed.shaped.model
     batch = posed.joints.shape[:-2]
